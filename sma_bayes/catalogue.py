@@ -1,0 +1,65 @@
+"""A named table of interchangeable things: response models, noise models, data formats.
+
+Each folder that holds one idea a file lists them in a `Catalogue`; packages outside join by entry point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib.metadata import entry_points
+from typing import Generic, TypeVar
+
+from sma_bayes.errors import UnknownNameError, near_matches
+
+T = TypeVar("T")
+
+
+class Catalogue(Mapping[str, T], Generic[T]):
+    """Read-only mapping from name to entry whose look-up failure lists near matches.
+
+    Parameters
+    ----------
+    kind : str
+        What the entries are, for messages: ``"noise model"``.
+    entries : mapping
+        The entries that ship with the package.
+    entry_point_group : str, optional
+        Group under which other distributions may add entries; read at the first look-up. A name that is
+        already taken is an error.
+    """
+
+    def __init__(self, kind: str, entries: Mapping[str, T], entry_point_group: str | None = None) -> None:
+        self.kind = kind
+        self._entries = dict(entries)
+        self._group = entry_point_group
+
+    def _load(self) -> dict[str, T]:
+        if self._group is not None:
+            group, self._group = self._group, None
+            for point in entry_points(group=group):
+                if point.name in self._entries:
+                    raise UnknownNameError(
+                        f"two packages provide the {self.kind} {point.name!r}",
+                        expected="one provider for each name",
+                        remedy=f"uninstall one of them; the second is {point.value}",
+                    )
+                self._entries[point.name] = point.load()
+        return self._entries
+
+    def __getitem__(self, name: str) -> T:
+        entries = self._load()
+        try:
+            return entries[name]
+        except KeyError:
+            raise UnknownNameError(
+                f"no {self.kind} is called {name!r}", expected=near_matches(name, entries)
+            ) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._load()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._load())
+
+    def __len__(self) -> int:
+        return len(self._load())

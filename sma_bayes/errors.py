@@ -1,0 +1,125 @@
+"""The one family of errors that a user can cause, and how each reads.
+
+Every message says what was found, where, what was expected and what to do. The command line turns any
+of them into one message and exit status 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+
+
+class SmaBayesError(Exception):
+    """Base of all errors caused by input, by the call or by the place where output goes.
+
+    Parameters
+    ----------
+    found : str
+        What was found, as a sentence without a full stop.
+    file : str or Path, optional
+        The file in which it was found.
+    row : int, optional
+        Line of that file, counted from 1.
+    column : str, optional
+        Column, key or option.
+    expected : str, optional
+        What would have been right.
+    remedy : str, optional
+        What to do about it.
+    """
+
+    def __init__(
+        self,
+        found: str,
+        *,
+        file: str | Path | None = None,
+        row: int | None = None,
+        column: str | None = None,
+        expected: str | None = None,
+        remedy: str | None = None,
+    ) -> None:
+        super().__init__(found)
+        self.found = found
+        self.file = None if file is None else str(file)
+        self.row = row
+        self.column = column
+        self.expected = expected
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        where = [
+            text
+            for text, given in (
+                (self.file, self.file is not None),
+                (f"row {self.row}", self.row is not None),
+                (f"column {self.column!r}", self.column is not None),
+            )
+            if given and text
+        ]
+        head = f"{', '.join(where)}: {self.found}" if where else self.found
+        lines = [head]
+        if self.expected:
+            lines.append(f"expected: {self.expected}")
+        if self.remedy:
+            lines.append(f"what to do: {self.remedy}")
+        return "\n".join(lines)
+
+    def __reduce__(self) -> tuple[object, ...]:  # survives the way back from a worker process
+        return _rebuild, (type(self), self.found, self.file, self.row, self.column, self.expected, self.remedy)
+
+
+def _rebuild(
+    kind: type[SmaBayesError],
+    found: str,
+    file: str | None,
+    row: int | None,
+    column: str | None,
+    expected: str | None,
+    remedy: str | None,
+) -> SmaBayesError:
+    return kind(found, file=file, row=row, column=column, expected=expected, remedy=remedy)
+
+
+class MeasurementError(SmaBayesError):
+    """A data file, or a value in it, can't be used."""
+
+
+class CampaignError(SmaBayesError):
+    """`campaign.toml` is wrong: a typo, a column that is not there, duplicate conditions."""
+
+
+class QuantityError(SmaBayesError):
+    """A unit is unknown or of the wrong kind."""
+
+
+class PriorError(SmaBayesError):
+    """A prior is missing, names an unknown parameter, or has the wrong dimension or numbers."""
+
+
+class UnknownNameError(SmaBayesError):
+    """A name is not in a catalogue."""
+
+
+class OutputError(SmaBayesError):
+    """The output folder can't be written, or holds something that must not be overwritten."""
+
+
+class ResumeError(SmaBayesError):
+    """What was left by an earlier run belongs to other data, priors, model or versions."""
+
+
+def near_matches(name: str, known: Iterable[str]) -> str:
+    """Sentence that lists the known names nearest to `name`, else all of them.
+
+    Examples
+    --------
+    >>> near_matches("forc", ["force", "displacement"])
+    "did you mean 'force'?"
+    """
+    known = sorted(known)
+    near = get_close_matches(name, known, n=3, cutoff=0.6)
+    if near:
+        return "did you mean " + " or ".join(repr(n) for n in near) + "?"
+    return "known: " + ", ".join(repr(n) for n in known)

@@ -1,0 +1,163 @@
+"""What is measured: names, symbols, canonical units, and the one place where units are converted.
+
+Inside the package every array is in its canonical unit. A specimen (stress, strain, modulus) uses the same
+three channels as a spring (force, displacement, stiffness): the model is the same, only name and unit differ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sma_bayes.errors import QuantityError, near_matches
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
+
+Floats = NDArray[np.float64]
+
+ARBITRARY: Final = "arbitrary"
+"""Unit of a quantity whose unit nobody knows any more; it is carried through and shown, never converted."""
+
+STANDARD_GRAVITY: Final = 9.80665
+"""Weight of a mass of 1 kg [N]; loads given in gram are masses hung on the spring (ISO 80000-3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A measured quantity.
+
+    Attributes
+    ----------
+    name, symbol, unit : str
+        Name in files and messages, symbol on axes, canonical unit.
+    meaning : str
+        One line for humans.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+
+
+TEMPERATURE: Final = Quantity("temperature", "T", "degC", "temperature of the alloy")
+
+QUANTITIES: Final[dict[str, Quantity]] = {
+    q.name: q
+    for q in (
+        TEMPERATURE,
+        Quantity("time", "t", "s", "time since the start of the record"),
+        Quantity("force", "F", "N", "force of the spring"),
+        Quantity("displacement", "X", "m", "displacement of the moving end"),
+        Quantity("stiffness", "K", "N/m", "slope dF/dX along the actuation path"),
+        Quantity("stress", "σ", "Pa", "stress in the specimen"),
+        Quantity("strain", "ε", "1", "strain of the specimen"),
+        Quantity("modulus", "E", "Pa", "slope of stress over strain along the actuation path"),
+        Quantity("current", "I", "A", "heating current"),
+        Quantity("ambient_temperature", "Ta", "degC", "temperature of the surroundings"),
+        Quantity("drive", "u", "1", "drive signal; positive while the alloy is heated"),
+        Quantity("cycle", "N", "1", "number of the thermal cycle, from 1"),
+        Quantity("branch", "", "1", "heating or cooling"),
+    )
+}
+
+CHANNELS: Final = ("force", "displacement", "stiffness")
+"""Response channels, in the order in which they are stored and reported."""
+
+SPECIMEN_QUANTITY: Final = {"force": "stress", "displacement": "strain", "stiffness": "modulus"}
+"""What a channel is called where a specimen was tested instead of a spring."""
+
+
+@lru_cache(maxsize=1)
+def _registry() -> UnitRegistry:
+    from pint import UnitRegistry
+
+    return UnitRegistry(cache_folder=None)
+
+
+def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") -> Floats:
+    """Convert values from one unit to another.
+
+    Parameters
+    ----------
+    values : float or ndarray
+        Values in `unit`.
+    unit, to : str
+        Units that pint knows, or ``"arbitrary"`` for both.
+    what : str
+        Name for messages.
+
+    Returns
+    -------
+    ndarray
+        Values in `to`.
+
+    Raises
+    ------
+    QuantityError
+        If a unit is unknown or of another kind.
+
+    Examples
+    --------
+    >>> float(convert(25.0, "mm", "m"))
+    0.025
+    >>> float(convert(273.15, "kelvin", "degC"))
+    0.0
+    """
+    array = np.asarray(values, dtype=float)
+    if unit == to:
+        return array.copy()
+    if ARBITRARY in (unit, to):
+        raise QuantityError(
+            f"{what} is in {unit!r}, which can't be turned into {to!r}",
+            expected="a unit, or 'arbitrary' on both sides",
+            remedy="declare the same kind of unit everywhere this quantity is given",
+        )
+    import pint
+
+    ureg = _registry()
+    try:
+        source = ureg.Unit(unit)
+    except (pint.errors.UndefinedUnitError, AttributeError, ValueError, TypeError, AssertionError):
+        raise QuantityError(
+            f"unit {unit!r} of {what} is not known",
+            expected=f"a unit such as {to!r}, or 'arbitrary'",
+            remedy=f"correct the unit; {near_matches(unit, ('degC', 'kelvin', 'degF', 'N', 'mm', 'percent', to))}",
+        ) from None
+    try:
+        return np.asarray(ureg.Quantity(array, source).to(to).magnitude, dtype=float)
+    except pint.errors.DimensionalityError:
+        raise QuantityError(
+            f"unit {unit!r} of {what} is of the wrong kind",
+            expected=f"a unit that can be turned into {to!r}",
+            remedy="correct the unit or map the column to another quantity",
+        ) from None
+
+
+def unit_text(unit: str) -> str:
+    """Unit as shown to people: ``degC`` becomes ``°C``, ``arbitrary`` stays a word.
+
+    Examples
+    --------
+    >>> unit_text("1/degC"), unit_text("1"), unit_text("arbitrary")
+    ('1/°C', '', 'arbitrary unit')
+    """
+    if unit == "1":
+        return ""
+    return unit.replace("degC", "°C").replace(ARBITRARY, "arbitrary unit")
+
+
+def per(unit: str) -> str:
+    """Reciprocal of a unit.
+
+    Examples
+    --------
+    >>> per("degC"), per("1")
+    ('1/degC', '1')
+    """
+    return "1" if unit == "1" else f"1/{unit}"
