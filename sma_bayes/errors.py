@@ -67,7 +67,15 @@ class SmaBayesError(Exception):
         return "\n".join(lines)
 
     def __reduce__(self) -> tuple[object, ...]:  # survives the way back from a worker process
-        return _rebuild, (type(self), self.found, self.file, self.row, self.column, self.expected, self.remedy)
+        return _rebuild, (
+            type(self),
+            self.found,
+            self.file,
+            self.row,
+            self.column,
+            self.expected,
+            self.remedy,
+        )
 
 
 def _rebuild(

@@ -1,0 +1,1 @@
+"""Warm start, ensembles, convergence, evidence."""

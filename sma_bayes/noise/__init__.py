@@ -1,0 +1,1 @@
+"""Noise models: how observations scatter about the response."""

@@ -1,0 +1,1 @@
+"""The published tables, and a twin campaign made from them."""

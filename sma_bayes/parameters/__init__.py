@@ -1,0 +1,1 @@
+"""Parameters, their priors and the coordinates in which they are sampled."""

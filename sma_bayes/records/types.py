@@ -137,7 +137,9 @@ class Record:
         frozen = {k: _read_only(v) for k, v in inputs.items()}
         channels = {c: _read_only(self.observed[c]) for c in CHANNELS if c in self.observed}
         if len(channels) != len(self.observed):
-            raise MeasurementError(f"unknown channel among {sorted(self.observed)}", expected=", ".join(CHANNELS))
+            raise MeasurementError(
+                f"unknown channel among {sorted(self.observed)}", expected=", ".join(CHANNELS)
+            )
         for name, values in (*frozen.items(), *channels.items()):
             if values.shape != n:
                 raise MeasurementError(f"{name} has shape {values.shape}, temperature has {n}")

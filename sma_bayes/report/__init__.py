@@ -1,0 +1,1 @@
+"""Figures, tables and the report: every number with its unit."""

@@ -1,0 +1,1 @@
+"""Response models: what a spring does at a temperature."""
