@@ -127,7 +127,7 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
         raise QuantityError(
             f"unit {unit!r} of {what} is not known",
             expected=f"a unit such as {to!r}, or 'arbitrary'",
-            remedy=f"correct the unit; {near_matches(unit, ('degC', 'kelvin', 'degF', 'N', 'mm', 'percent', to))}",
+            remedy=near_matches(unit, ("degC", "kelvin", "degF", "N", "mm", "percent", to)),
         ) from None
     try:
         return np.asarray(ureg.Quantity(array, source).to(to).magnitude, dtype=float)
