@@ -1,0 +1,98 @@
+"""Gaussian noise that remembers the sample before: AR(1) in sample index."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.noise.independent import HALF_LN_2PI
+from sma_bayes.noise.types import Steps, sd_fact
+from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.quantities import Floats
+
+
+def memory_log_density(e: Floats, phi: Floats) -> Floats:
+    """Log density of each sample of a stationary series with memory `phi` of the sample before.
+
+    ``e[0] ~ N(0, 1)``, ``e[i] | e[i-1] ~ N(phi[i] e[i-1], 1 - phi[i]**2)``.
+
+    Parameters
+    ----------
+    e : ndarray, shape (..., n)
+    phi : ndarray, broadcasts with (..., n)
+        Zero where a new memory starts.
+    """
+    variance = 1.0 - phi * phi
+    step = e.copy()
+    step[..., 1:] -= np.broadcast_to(phi, e.shape)[..., 1:] * e[..., :-1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = -0.5 * step * step / variance - 0.5 * np.log(variance) - HALF_LN_2PI
+    return np.where(variance > 0.0, value, -np.inf)
+
+
+def memory_innovations(e: Floats, phi: Floats) -> Floats:
+    """Series with its memory taken out, of unit variance."""
+    step = e.copy()
+    step[..., 1:] -= np.broadcast_to(phi, e.shape)[..., 1:] * e[..., :-1]
+    return np.asarray(step / np.sqrt(1.0 - phi * phi))
+
+
+def memory_draw(rng: np.random.Generator, phi: Floats) -> Floats:
+    """Stationary series of unit variance with memory `phi` (..., n)."""
+    e = rng.standard_normal(phi.shape)
+    scale = np.sqrt(1.0 - phi * phi)
+    for i in range(1, phi.shape[-1]):
+        e[..., i] = phi[..., i] * e[..., i - 1] + scale[..., i] * e[..., i]
+    return e
+
+
+@dataclass(frozen=True)
+class AR1:
+    """``e[i] = phi e[i-1] + sqrt(1 - phi**2) N(0, 1)``; `sd` is the standard deviation of the series itself.
+
+    For samples at equal steps. Each sweep starts afresh.
+    """
+
+    name = "ar1"
+    title = "AR(1) in sample index"
+    needs_time = False
+
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
+        phi = ParameterFact(
+            f"{channel}_phi", "1", f"correlation of neighbouring noise of {channel}", "phi", channel
+        )
+        return (sd_fact(channel, unit), phi)
+
+    def _phi(self, shape: Floats, steps: Steps) -> Floats:
+        return np.where(steps.first, 0.0, shape[..., 0, None])
+
+    def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return memory_log_density(e, self._phi(shape, steps))
+
+    def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        # sums of squares and of neighbouring products are all that a constant memory needs
+        phi = shape[..., 0]
+        starts = steps.first
+        follows = ~starts
+        n = e.shape[-1]
+        m = int(follows.sum())
+        squares = e * e
+        all_squares = squares.sum(axis=-1)
+        start_squares = squares[..., starts].sum(axis=-1)
+        before = squares[..., :-1] @ follows[1:].astype(float)
+        cross = (e[..., 1:] * e[..., :-1]) @ follows[1:].astype(float)
+        variance = 1.0 - phi * phi
+        with np.errstate(divide="ignore", invalid="ignore"):
+            quadratic = (
+                start_squares
+                + (all_squares - start_squares - 2.0 * phi * cross + phi * phi * before) / variance
+            )
+            value = -0.5 * quadratic - 0.5 * m * np.log(variance) - n * HALF_LN_2PI
+        return np.where(variance > 0.0, value, -np.inf)
+
+    def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return memory_innovations(e, self._phi(shape, steps))
+
+    def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
+        return memory_draw(rng, self._phi(shape, steps))

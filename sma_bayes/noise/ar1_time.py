@@ -1,0 +1,47 @@
+"""Gaussian noise that forgets in time: AR(1) for unequal steps (Ornstein-Uhlenbeck)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.noise.ar1 import memory_draw, memory_innovations, memory_log_density
+from sma_bayes.noise.types import Steps, sd_fact
+from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.quantities import Floats
+
+
+@dataclass(frozen=True)
+class AR1Time:
+    """``corr(e(t), e(t + dt)) = exp(-dt/tau)``; `sd` is the standard deviation of the series itself.
+
+    For samples at unequal steps. Two samples at the same instant would be the same sample, so a step of zero
+    counts as a millionth of the correlation time.
+    """
+
+    name = "ar1_time"
+    title = "AR(1) in time"
+    needs_time = True
+
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
+        tau = ParameterFact(
+            f"{channel}_tau", time_unit, f"correlation time of the noise of {channel}", "tau", channel
+        )
+        return (sd_fact(channel, unit), tau)
+
+    def _phi(self, shape: Floats, steps: Steps) -> Floats:
+        lapse = np.maximum(steps.dt / shape[..., 0, None], 1e-6)
+        return np.where(steps.first, 0.0, np.exp(-lapse))
+
+    def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return memory_log_density(e, self._phi(shape, steps))
+
+    def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return np.asarray(self.log_density(e, shape, steps).sum(axis=-1))
+
+    def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return memory_innovations(e, self._phi(shape, steps))
+
+    def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
+        return memory_draw(rng, self._phi(shape, steps))

@@ -1,0 +1,97 @@
+"""What a noise model is, and what it knows of the samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Steps:
+    """How samples follow each other.
+
+    Attributes
+    ----------
+    first : ndarray of bool, shape (n,)
+        True at the first sample of a sweep, which remembers nothing.
+    dt : ndarray, shape (n,)
+        Time since the sample before it [unit of time]; 1 for every sample where time was not recorded.
+    timed : bool
+        Whether time was recorded.
+    """
+
+    first: NDArray[np.bool_]
+    dt: Floats
+    timed: bool
+
+    @staticmethod
+    def of(record: Record) -> Steps:
+        """Steps of a record: a new memory starts with every segment."""
+        segment = record.inputs["segment"]
+        first = np.ones(record.n, dtype=bool)
+        first[1:] = np.diff(segment) != 0
+        timed = "time" in record.inputs
+        dt = np.ones(record.n)
+        if timed:
+            dt[1:] = np.diff(record.inputs["time"])
+            dt[first] = 1.0
+            dt = np.maximum(dt, 0.0)
+        return Steps(first, dt, timed)
+
+
+class NoiseModel(Protocol):
+    """Scatter of observations about the response, for one channel.
+
+    The residual of each sample is first divided by its standard deviation; a noise model is the density of
+    the standardised series ``e``. Its first parameter is always ``sd``; the others shape the series.
+    """
+
+    name: str
+    title: str
+    needs_time: bool
+
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
+        """Facts about the parameters of one channel, `sd` first."""
+        ...
+
+    def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        """Log density of each standardised residual given those before it.
+
+        Parameters
+        ----------
+        e : ndarray, shape (..., n)
+        shape : ndarray, shape (..., k)
+            The parameters after `sd`.
+        steps : Steps
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+        """
+        ...
+
+    def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        """Sum of `log_density` over the samples, shape (...), by the shortest way."""
+        ...
+
+    def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        """Residuals with the memory taken out: independent and of unit variance if the model is right."""
+        ...
+
+    def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
+        """Standardised series drawn from the model, shape (..., n) for `shape` (..., k)."""
+        ...
+
+
+def sd_fact(channel: str, unit: str) -> ParameterFact:
+    """The parameter that every noise model begins with."""
+    return ParameterFact(
+        f"{channel}_sd", unit, f"standard deviation of the noise of {channel}", "sd", channel
+    )

@@ -1,0 +1,292 @@
+"""Priors as TOML: what is believed about each parameter, on which branch, on whose word.
+
+A priors file has a table a branch (``both``, ``heating``, ``cooling``; the branch's own wins), in it a table a
+parameter, and ``noise`` for the parameters of the noise. Where a parameter is given as an array of tables, the
+first whose yardstick was observed is used::
+
+    [[both.A1]]
+    family = "lognormal"
+    median = 1.0
+    sigma = 1.0
+    relative_to = "span(displacement)"   # numbers are multiples of this
+    sign = "trend(displacement)"     # +1 or -1, from the record
+    source = "weakly informative"
+
+    [heating.B4]
+    fixed = 0.0
+    unit = "N"
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sma_bayes.errors import PriorError, QuantityError, near_matches
+from sma_bayes.parameters.distributions import FAMILIES, Distribution
+from sma_bayes.parameters.scales import RecordScales
+from sma_bayes.parameters.space import Parameter, ParameterFact
+from sma_bayes.quantities import convert
+from sma_bayes.records.types import Branch
+
+SCHEMA = "sma-bayes/priors/1"
+_TOP = ("schema", "model", "title", "source", "both", "heating", "cooling", "noise")
+_KEYS = ("family", "unit", "relative_to", "sign", "source", "fixed")
+
+
+@dataclass(frozen=True, slots=True)
+class PriorEntry:
+    """One belief about one parameter, as written."""
+
+    numbers: Mapping[str, float]
+    family: str
+    unit: str
+    relative_to: str
+    sign: str | float
+    source: str
+    fixed: float | None
+    where: str
+
+
+@dataclass(frozen=True)
+class PriorSet:
+    """All that a priors file says.
+
+    Attributes
+    ----------
+    title, source : str
+    entries : mapping
+        Branch (or ``noise``) to parameter to the beliefs in order of preference.
+    file : str
+        Where it was read.
+    text : str
+        The file as it is, for `sma-bayes priors` and for the fingerprint.
+    """
+
+    title: str
+    source: str
+    model: str
+    entries: Mapping[str, Mapping[str, tuple[PriorEntry, ...]]]
+    file: str
+    text: str
+
+    def parameter(
+        self, fact: ParameterFact, branch: Branch, scales: RecordScales, *, noise: bool = False
+    ) -> Parameter:
+        """Parameter with the prior that is in force for a branch.
+
+        Raises
+        ------
+        PriorError
+            If there is no prior, its unit is of the wrong kind, or its numbers are wrong.
+        """
+        tables = ("noise",) if noise else (branch.value, "both")
+        for table in tables:
+            beliefs = self.entries.get(table, {}).get(fact.prior_key, ())
+            for belief in beliefs:
+                try:
+                    scale, shift = _yardstick(belief, fact, scales)
+                except KeyError:
+                    continue
+                except PriorError as error:
+                    raise PriorError(
+                        error.found, file=self.file, column=belief.where, expected=error.expected
+                    ) from None
+                return self._build(fact, belief, scales, scale, shift)
+        raise PriorError(
+            f"no prior for {fact.name} on the {branch.value} branch",
+            file=self.file,
+            column=f"{tables[0]}.{fact.prior_key}",
+            expected="a family with its numbers, and a yardstick that was observed or a unit",
+            remedy="add a table for it, or start again from what `sma-bayes priors` prints",
+        )
+
+    def _build(
+        self, fact: ParameterFact, belief: PriorEntry, scales: RecordScales, scale: float, shift: float
+    ) -> Parameter:
+        if belief.unit:
+            try:
+                zero, one = (
+                    float(v) for v in convert(np.array([0.0, 1.0]), belief.unit, fact.unit, what=fact.name)
+                )
+            except QuantityError as error:
+                raise PriorError(
+                    error.found,
+                    file=self.file,
+                    column=belief.where,
+                    expected=error.expected,
+                    remedy=error.remedy,
+                ) from None
+            scale, shift = scale * (one - zero), shift + zero
+        given = dict(belief.numbers)
+        if belief.sign:
+            given["sign"] = self._sign(belief, scales)
+        if belief.fixed is not None:
+            fixed = shift + scale * belief.fixed
+            return Parameter(
+                fact.name, fact.unit, fact.meaning, FAMILIES["normal"](fixed, 1.0), belief.source, fixed
+            )
+        kind = FAMILIES[belief.family]
+        try:
+            prior: Distribution = kind(**given).rescaled(scale, shift)
+        except PriorError as error:
+            raise PriorError(
+                error.found, file=self.file, column=belief.where, expected=error.expected, remedy=error.remedy
+            ) from None
+        except TypeError:
+            wanted = [f.name for f in fields(kind)]
+            raise PriorError(
+                f"{belief.family} was given {', '.join(sorted(given)) or 'no numbers'}",
+                file=self.file,
+                column=belief.where,
+                expected=", ".join(wanted),
+            ) from None
+        return Parameter(fact.name, fact.unit, fact.meaning, prior, belief.source)
+
+    def _sign(self, belief: PriorEntry, scales: RecordScales) -> float:
+        if isinstance(belief.sign, float):
+            return belief.sign
+        kind, _, rest = belief.sign.partition("(")
+        if kind == "trend" and rest.endswith(")"):
+            return scales.trend.get(rest.rstrip(")"), 1.0)
+        raise PriorError(
+            f"sign = {belief.sign!r}", file=self.file, column=belief.where, expected="1, -1 or trend(channel)"
+        )
+
+    def check_names(self, known: Iterable[str], known_noise: Iterable[str]) -> None:
+        """Refuse a prior for a parameter that nothing has.
+
+        Raises
+        ------
+        PriorError
+            Naming the file, the table and near matches.
+        """
+        known, known_noise = list(known), list(known_noise)
+        for table, beliefs in self.entries.items():
+            names = known_noise if table == "noise" else known
+            for name in beliefs:
+                if name not in names:
+                    raise PriorError(
+                        f"no parameter is called {name!r}",
+                        file=self.file,
+                        column=f"{table}.{name}",
+                        expected=near_matches(name, names),
+                    )
+
+
+def priors_folder() -> Path:
+    """Folder of the priors that ship with the package: inside it when installed, beside it in a checkout."""
+    here = Path(__file__).resolve().parents[1]
+    inside = here / "priors"
+    return inside if inside.is_dir() else here.parent / "priors"
+
+
+def shipped_priors() -> tuple[str, ...]:
+    """Names of the priors that ship with the package."""
+    return tuple(sorted(p.stem for p in priors_folder().glob("*.toml")))
+
+
+def read_priors(name_or_path: str | Path) -> PriorSet:
+    """Read a priors file, or a set that ships with the package, by name.
+
+    Raises
+    ------
+    PriorError
+        If the file is missing, is not TOML, or says something that can't be understood.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml" and path.name == str(name_or_path):
+        if path.name not in shipped_priors():
+            raise PriorError(
+                f"no priors are called {str(name_or_path)!r}",
+                expected=near_matches(str(name_or_path), shipped_priors()) + ", or the path of a .toml file",
+            )
+        path = priors_folder() / f"{path.name}.toml"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise PriorError(
+            f"can't be read: {error.strerror}", file=path, expected="a priors file",
+            remedy="`sma-bayes priors > priors.toml` writes one to edit",
+        ) from None  # fmt: skip
+    return parse_priors(text, str(path))
+
+
+@lru_cache(maxsize=32)
+def parse_priors(text: str, file: str) -> PriorSet:
+    """Understand the text of a priors file; see `read_priors`."""
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise PriorError(f"is not valid TOML: {error}", file=file, remedy="correct that line") from None
+    if document.get("schema") != SCHEMA:
+        raise PriorError(
+            f"schema = {document.get('schema')!r}", file=file, column="schema", expected=f"{SCHEMA!r}"
+        )
+    for key in document:
+        if key not in _TOP:
+            raise PriorError(f"unknown key {key!r}", file=file, column=key, expected=near_matches(key, _TOP))
+    entries: dict[str, dict[str, tuple[PriorEntry, ...]]] = {}
+    for table in ("both", "heating", "cooling", "noise"):
+        entries[table] = {
+            name: tuple(_entry(file, f"{table}.{name}", b) for b in (beliefs if isinstance(beliefs, list) else [beliefs]))
+            for name, beliefs in dict(document.get(table, {})).items()
+        }  # fmt: skip
+    return PriorSet(
+        str(document.get("title", "")),
+        str(document.get("source", "")),
+        str(document.get("model", "")),
+        entries,
+        file,
+        text,
+    )
+
+
+def _entry(file: str, where: str, belief: Any) -> PriorEntry:
+    if not isinstance(belief, dict):
+        raise PriorError(
+            f"is {belief!r}", file=file, column=where, expected="a table with family and numbers"
+        )
+    fixed = belief.get("fixed")
+    family = belief.get("family", "")
+    known: Sequence[str] = _KEYS
+    if fixed is None:
+        if family not in FAMILIES:
+            raise PriorError(
+                f"family = {family!r}", file=file, column=where, expected=near_matches(str(family), FAMILIES)
+            )
+        known = (*_KEYS, *(f.name for f in fields(FAMILIES[family])))
+    for key, value in belief.items():
+        if key not in known:
+            raise PriorError(
+                f"unknown key {key!r}", file=file, column=where, expected=near_matches(key, known)
+            )
+        if key in ("family", "unit", "relative_to", "source"):
+            if not isinstance(value, str):
+                raise PriorError(f"{key} = {value!r}", file=file, column=where, expected="a text")
+        elif key != "sign" and (
+            isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value)
+        ):
+            raise PriorError(f"{key} = {value!r}", file=file, column=where, expected="a finite number")
+    sign = belief.get("sign", "")
+    return PriorEntry(
+        numbers={k: float(v) for k, v in belief.items() if k not in _KEYS},
+        family=str(family),
+        unit=str(belief.get("unit", "")),
+        relative_to=str(belief.get("relative_to", "")),
+        sign=sign if isinstance(sign, str) else float(sign),
+        source=str(belief.get("source", "")),
+        fixed=None if fixed is None else float(fixed),
+        where=where,
+    )
+
+
+def _yardstick(belief: PriorEntry, fact: ParameterFact, scales: RecordScales) -> tuple[float, float]:
+    return scales.resolve(belief.relative_to, fact.channel) if belief.relative_to else (1.0, 0.0)

@@ -1,0 +1,207 @@
+"""Parameters and the space that they span."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sma_bayes.errors import PriorError, near_matches
+from sma_bayes.parameters.distributions import Distribution, LogNormal, Normal
+from sma_bayes.quantities import Floats
+
+_HALF_LN_2PI = 0.9189385332046727
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterFact:
+    """What a model states about one of its parameters; belief about it is a prior's business.
+
+    Attributes
+    ----------
+    name : str
+        Symbol in the equations: ``B3``.
+    unit : str
+    meaning : str
+        One line for humans.
+    prior_key : str
+        Name under which a priors file speaks of it; ``B3``, or ``sd`` for ``force_sd``.
+    channel : str
+        Channel that the parameter belongs to, empty for none.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    prior_key: str = ""
+    channel: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter with what is believed about it before the data.
+
+    Attributes
+    ----------
+    name, unit, meaning : str
+    prior : Distribution
+        In `unit`.
+    source : str
+        Where the prior comes from.
+    fixed : float or None
+        Value at which the parameter is held; it is then not sampled.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    prior: Distribution
+    source: str = ""
+    fixed: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterSpace:
+    """Ordered parameters, with the map between sampled coordinates ``z`` and parameters ``theta``.
+
+    ``theta`` (..., P) holds all parameters, ``z`` (..., D) only those that are not fixed.
+    """
+
+    parameters: tuple[Parameter, ...]
+    _free: NDArray[np.intp] = field(init=False, repr=False)
+    _gaussian: NDArray[np.intp] = field(init=False, repr=False)
+    _other: NDArray[np.intp] = field(init=False, repr=False)
+    _mean: Floats = field(init=False, repr=False)
+    _sd: Floats = field(init=False, repr=False)
+    _log_plus: NDArray[np.intp] = field(init=False, repr=False)
+    _log_minus: NDArray[np.intp] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        names = [p.name for p in self.parameters]
+        if len(set(names)) != len(names):
+            raise PriorError(f"a parameter is named twice among {names}")
+        set_ = object.__setattr__
+        set_(
+            self,
+            "_free",
+            np.array([i for i, p in enumerate(self.parameters) if p.fixed is None], dtype=np.intp),
+        )
+        priors = [p.prior for p in self.free]
+        gaussian = [i for i, d in enumerate(priors) if isinstance(d, Normal | LogNormal)]
+        set_(self, "_gaussian", np.array(gaussian, dtype=np.intp))
+        set_(self, "_other", np.array([i for i in range(len(priors)) if i not in gaussian], dtype=np.intp))
+        moments = [(d.mean, d.sd) if isinstance(d, Normal) else (np.log(d.median), d.sigma)
+                   for d in priors if isinstance(d, Normal | LogNormal)]  # fmt: skip
+        set_(self, "_mean", np.array([m for m, _ in moments]))
+        set_(self, "_sd", np.array([s for _, s in moments]))
+        signs = {i: d.sign for i, d in enumerate(priors) if isinstance(d, LogNormal)}
+        set_(self, "_log_plus", np.array([i for i, s in signs.items() if s > 0], dtype=np.intp))
+        set_(self, "_log_minus", np.array([i for i, s in signs.items() if s < 0], dtype=np.intp))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters, fixed ones included."""
+        return tuple(p.name for p in self.parameters)
+
+    @property
+    def free(self) -> tuple[Parameter, ...]:
+        """Parameters that are sampled, in the order of ``z``."""
+        return tuple(self.parameters[i] for i in self._free)
+
+    @property
+    def free_index(self) -> NDArray[np.intp]:
+        """Positions of the sampled parameters in ``theta``."""
+        return self._free
+
+    @property
+    def dimension(self) -> int:
+        """Number of sampled parameters D."""
+        return int(self._free.size)
+
+    def index(self, name: str) -> int:
+        """Position of a parameter in ``theta``."""
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise PriorError(f"no parameter {name!r}", expected=near_matches(name, self.names)) from None
+
+    def to_physical(self, z: Floats) -> Floats:
+        """Parameters ``theta`` (..., P) at the sampled coordinates ``z`` (..., D)."""
+        z = np.asarray(z, dtype=float)
+        theta = np.empty((*z.shape[:-1], len(self.parameters)))
+        for i, p in enumerate(self.parameters):
+            if p.fixed is not None:
+                theta[..., i] = p.fixed
+        x = z.copy()
+        with np.errstate(over="ignore"):
+            x[..., self._log_plus] = np.exp(z[..., self._log_plus])
+            x[..., self._log_minus] = -np.exp(z[..., self._log_minus])
+            for i in self._other:
+                x[..., i] = self.free[i].prior.transform.to_physical(z[..., i])
+        theta[..., self._free] = x
+        return theta
+
+    def to_sampled(self, theta: Floats) -> Floats:
+        """Sampled coordinates (..., D) of the parameters ``theta`` (..., P)."""
+        theta = np.asarray(theta, dtype=float)
+        return np.stack(
+            [p.prior.transform.to_sampled(theta[..., i]) for i, p in zip(self._free, self.free, strict=True)],
+            axis=-1,
+        )
+
+    def derivative(self, z: Floats) -> Floats:
+        """Derivative of each sampled parameter with respect to its coordinate, shape (..., D)."""
+        parts = []
+        for i, p in enumerate(self.free):
+            sign = p.prior.sign if isinstance(p.prior, LogNormal) else 1.0
+            parts.append(sign * np.exp(p.prior.transform.log_jacobian(np.asarray(z)[..., i])))
+        return np.stack(parts, axis=-1)
+
+    def log_prior(self, z: Floats) -> Floats:
+        """Log density of the prior in the sampled coordinates, shape (...); Jacobian included."""
+        z = np.asarray(z, dtype=float)
+        u = (z[..., self._gaussian] - self._mean) / self._sd
+        value = -0.5 * np.einsum("...i,...i->...", u, u)
+        value = value - (np.log(self._sd).sum() + _HALF_LN_2PI * self._sd.size)
+        for i in self._other:
+            prior = self.free[i].prior
+            transform = prior.transform
+            value = (
+                value
+                + prior.log_density(transform.to_physical(z[..., i]))
+                + transform.log_jacobian(z[..., i])
+            )
+        return np.asarray(value)
+
+    def draw(self, rng: np.random.Generator, size: int) -> Floats:
+        """Draws from the prior in sampled coordinates, shape (size, D)."""
+        p = rng.random((size, self.dimension))
+        columns = [d.prior.transform.to_sampled(d.prior.quantile(p[:, i])) for i, d in enumerate(self.free)]
+        return np.stack(columns, axis=-1) if columns else np.empty((size, 0))
+
+    def prior_sd(self) -> Floats:
+        """Standard deviation of the prior in each sampled coordinate, shape (D,).
+
+        For families that are not normal in their coordinate it is taken from the quantiles at the midpoints
+        of 2000 equal slices of probability.
+        """
+        p = (np.arange(2000) + 0.5) / 2000
+        sd = np.empty(self.dimension)
+        sd[self._gaussian] = self._sd
+        for i in self._other:
+            prior = self.free[i].prior
+            sd[i] = np.std(prior.transform.to_sampled(prior.quantile(p)))
+        return sd
+
+    def prior_centre(self) -> Floats:
+        """Median of the prior in each sampled coordinate, shape (D,)."""
+        return np.array(
+            [float(p.prior.transform.to_sampled(p.prior.quantile(np.array(0.5)))) for p in self.free]
+        )
+
+
+def free_names(parameters: Sequence[Parameter]) -> tuple[str, ...]:
+    """Names of the parameters that are sampled."""
+    return tuple(p.name for p in parameters if p.fixed is None)

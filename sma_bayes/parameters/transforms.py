@@ -1,0 +1,78 @@
+"""Maps between a parameter and the unbounded coordinate in which it is sampled."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.special import expit, log_expit
+
+from sma_bayes.quantities import Floats
+
+
+class Transform(Protocol):
+    """A smooth map from the real line onto the support of a parameter."""
+
+    def to_physical(self, z: Floats) -> Floats:
+        """Parameter at the sampled coordinate `z`."""
+        ...
+
+    def to_sampled(self, x: Floats) -> Floats:
+        """Sampled coordinate of the parameter `x`; not finite outside the support."""
+        ...
+
+    def log_jacobian(self, z: Floats) -> Floats:
+        """Natural logarithm of ``|dx/dz|`` at `z`."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """``x = z``."""
+
+    def to_physical(self, z: Floats) -> Floats:
+        return np.asarray(z, dtype=float)
+
+    def to_sampled(self, x: Floats) -> Floats:
+        return np.asarray(x, dtype=float)
+
+    def log_jacobian(self, z: Floats) -> Floats:
+        return np.zeros_like(z)
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """``x = sign * exp(z)``."""
+
+    sign: float = 1.0
+
+    def to_physical(self, z: Floats) -> Floats:
+        return np.asarray(self.sign * np.exp(z))
+
+    def to_sampled(self, x: Floats) -> Floats:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.log(self.sign * np.asarray(x)))
+
+    def log_jacobian(self, z: Floats) -> Floats:
+        return np.asarray(z, dtype=float)
+
+
+@dataclass(frozen=True, slots=True)
+class Logit:
+    """``x = low + (high - low)/(1 + exp(-z))``."""
+
+    low: float
+    high: float
+
+    def to_physical(self, z: Floats) -> Floats:
+        return np.asarray(self.low + (self.high - self.low) * expit(z))
+
+    def to_sampled(self, x: Floats) -> Floats:
+        x = np.asarray(x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.log((x - self.low) / (self.high - x)))
+
+    def log_jacobian(self, z: Floats) -> Floats:
+        return np.asarray(math.log(self.high - self.low) + log_expit(z) + log_expit(-np.asarray(z)))

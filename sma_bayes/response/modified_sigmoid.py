@@ -1,0 +1,290 @@
+"""The modified sigmoid: force, displacement and stiffness against temperature, Eqs. (2), (4) and (7).
+
+    F = B4 + B1/(1 + exp(-B2 (T - B3)))        X = A4 + A1/(1 + exp(-A2 (T - A3)))
+
+    K = dF/dX = (B1 B2)/(A1 A2) * [cosh(A2 (T - A3)/2) / cosh(B2 (T - B3)/2)]**2
+
+The last line is Eq. (7) with the exponentials gathered into hyperbolic cosines, which neither overflow nor
+cancel when their logarithms are taken.
+
+References
+----------
+"Modified sigmoid based model and experimental analysis of shape memory alloy spring as variable stiffness
+actuator", Smart Structures and Systems (Techno-Press, 2019), Eqs. (1)-(8). The paper calls A2 and B2 rates in
+m/degC and N/degC, A3 and B3 initial temperatures; in the equations A2 and B2 are in 1/degC, A3 and B3 are
+the temperatures of the midpoints, and A4, B4 the values far below them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit
+
+from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.quantities import ARBITRARY, CHANNELS, Floats, per
+
+LN4 = float(np.log(4.0))
+
+
+def sigmoid(temperature: Floats, amplitude: Floats, rate: Floats, midpoint: Floats, offset: Floats) -> Floats:
+    """Sigmoid of Eqs. (2) and (4).
+
+    Parameters
+    ----------
+    temperature : ndarray
+        T [degC]. All arguments broadcast.
+    amplitude, rate, midpoint, offset : ndarray
+        A1, A2 [1/degC], A3 [degC], A4, or B1 to B4.
+
+    Returns
+    -------
+    ndarray
+        ``offset + amplitude/(1 + exp(-rate (temperature - midpoint)))``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> float(sigmoid(np.array(50.0), 2.0, 0.3, 50.0, 1.0))
+    2.0
+    """
+    return np.asarray(offset + amplitude * expit(rate * (temperature - midpoint)))
+
+
+def sigmoid_slope(temperature: Floats, amplitude: Floats, rate: Floats, midpoint: Floats) -> Floats:
+    """Derivative of `sigmoid` with respect to temperature."""
+    s = expit(rate * (temperature - midpoint))
+    return np.asarray(amplitude * rate * s * (1.0 - s))
+
+
+def log_cosh_squared(x: Floats) -> Floats:
+    """Natural logarithm of ``4 cosh(x/2)**2``, exact for any size of `x`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> float(log_cosh_squared(np.array(-1e4)))
+    10000.0
+    """
+    size = np.abs(x)
+    return np.asarray(size + 2.0 * np.log1p(np.exp(-size)))
+
+
+def log_stiffness_shape(temperature: Floats, a2: Floats, a3: Floats, b2: Floats, b3: Floats) -> Floats:
+    """Logarithm of the part of Eq. (7) that changes with temperature, ``[cosh(A2 (T-A3)/2)/cosh(B2 (T-B3)/2)]**2``."""
+    return log_cosh_squared(a2 * (temperature - a3)) - log_cosh_squared(b2 * (temperature - b3))
+
+
+def log_stiffness(
+    temperature: Floats, a1: Floats, a2: Floats, a3: Floats, b1: Floats, b2: Floats, b3: Floats
+) -> Floats:
+    """Natural logarithm of the magnitude of the stiffness, Eq. (7).
+
+    Parameters
+    ----------
+    temperature : ndarray
+        T [degC]. All arguments broadcast.
+    a1, a2, a3, b1, b2, b3 : ndarray
+        A1 [m], A2 [1/degC], A3 [degC], B1 [N], B2 [1/degC], B3 [degC]; A1, A2, B1, B2 not zero.
+
+    Returns
+    -------
+    ndarray
+        ``ln abs(K)`` with K in N/m. It is finite where K itself would overflow.
+    """
+    scale = np.log(np.abs(b1 * b2)) - np.log(np.abs(a1 * a2))
+    return np.asarray(scale + log_stiffness_shape(temperature, a2, a3, b2, b3))
+
+
+def stiffness(
+    temperature: Floats, a1: Floats, a2: Floats, a3: Floats, b1: Floats, b2: Floats, b3: Floats
+) -> Floats:
+    """Stiffness of Eq. (7): the slope dF/dX along the actuation path [N/m]; see `log_stiffness`."""
+    ratio = (b1 * b2) / (a1 * a2)
+    with np.errstate(over="ignore"):
+        return np.asarray(ratio * np.exp(log_stiffness_shape(temperature, a2, a3, b2, b3)))
+
+
+_MEANING = {
+    "A1": "span of the displacement sigmoid",
+    "A2": "rate of the displacement sigmoid",
+    "A3": "temperature of the midpoint of the displacement sigmoid",
+    "A4": "displacement far below A3",
+    "B1": "span of the force sigmoid",
+    "B2": "rate of the force sigmoid",
+    "B3": "temperature of the midpoint of the force sigmoid",
+    "B4": "force far below B3",
+}
+_NEEDS = {
+    "displacement": ("A1", "A2", "A3", "A4"),
+    "force": ("B1", "B2", "B3", "B4"),
+    "stiffness": ("A1", "A2", "A3", "B1", "B2", "B3"),
+}
+
+
+@dataclass(frozen=True)
+class ModifiedSigmoid:
+    """The modified sigmoid for a given set of channels.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        What is predicted: any of force, displacement, stiffness. Displacement needs A1 to A4, force B1 to B4,
+        stiffness A1 to A3 and B1 to B3.
+    """
+
+    channels: tuple[str, ...] = CHANNELS
+    name = "modified_sigmoid"
+    reference = "Eqs. (2), (4) and (7) of the published model"
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Parameters that the channels need, in the order of ``theta``."""
+        needed = {name for channel in self.channels for name in _NEEDS[channel]}
+        return tuple(name for name in _MEANING if name in needed)
+
+    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
+        """Facts about the parameters.
+
+        Parameters
+        ----------
+        units : mapping of str to str
+            Unit of temperature and of the observed channels; where only stiffness was observed the units of
+            force and displacement are taken from its own.
+        """
+        per_kelvin = per(units["temperature"])
+        of = {
+            "1": lambda letter: channel_unit(units, "displacement" if letter == "A" else "force"),
+            "2": lambda letter: per_kelvin,
+            "3": lambda letter: units["temperature"],
+            "4": lambda letter: channel_unit(units, "displacement" if letter == "A" else "force"),
+        }
+        return tuple(
+            ParameterFact(
+                name,
+                of[name[1]](name[0]),
+                _MEANING[name],
+                prior_key=name,
+                channel="displacement" if name[0] == "A" else "force",
+            )
+            for name in self.parameter_names
+        )
+
+    def _get(self, theta: Floats) -> dict[str, Floats]:
+        theta = np.asarray(theta)
+        return {name: theta[..., i, None] for i, name in enumerate(self.parameter_names)}
+
+    def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Response of each channel.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (..., P)
+            One parameter vector, all walkers or all draws, in the order of `parameter_names`.
+        inputs : mapping of str to ndarray, shape (n,)
+            ``temperature`` is used.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (..., n)
+        """
+        t = inputs["temperature"]
+        p = self._get(theta)
+        out = {}
+        for channel in self.channels:
+            if channel == "force":
+                out[channel] = sigmoid(t, p["B1"], p["B2"], p["B3"], p["B4"])
+            elif channel == "displacement":
+                out[channel] = sigmoid(t, p["A1"], p["A2"], p["A3"], p["A4"])
+            else:
+                out[channel] = stiffness(t, p["A1"], p["A2"], p["A3"], p["B1"], p["B2"], p["B3"])
+        return out
+
+    def slope(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Derivative of each channel with respect to temperature, shape (..., n)."""
+        t = inputs["temperature"]
+        p = self._get(theta)
+        out = {}
+        for channel in self.channels:
+            if channel == "force":
+                out[channel] = sigmoid_slope(t, p["B1"], p["B2"], p["B3"])
+            elif channel == "displacement":
+                out[channel] = sigmoid_slope(t, p["A1"], p["A2"], p["A3"])
+            else:
+                k = stiffness(t, p["A1"], p["A2"], p["A3"], p["B1"], p["B2"], p["B3"])
+                rise = p["A2"] * np.tanh(0.5 * p["A2"] * (t - p["A3"]))
+                fall = p["B2"] * np.tanh(0.5 * p["B2"] * (t - p["B3"]))
+                out[channel] = k * (rise - fall)
+        return out
+
+    def jacobian(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Derivative of each channel with respect to each parameter, shape (..., n, P), in closed form."""
+        t = inputs["temperature"]
+        p = self._get(theta)
+        at = {name: i for i, name in enumerate(self.parameter_names)}
+        shape = (*np.broadcast_shapes(p[self.parameter_names[0]].shape, t.shape), len(at))
+        out = {}
+        for channel in self.channels:
+            j = np.zeros(shape)
+            if channel == "stiffness":
+                k = stiffness(t, p["A1"], p["A2"], p["A3"], p["B1"], p["B2"], p["B3"])
+                for letter, side in (("A", 1.0), ("B", -1.0)):
+                    size, rate, middle = (p[f"{letter}{i}"] for i in (1, 2, 3))
+                    slope = np.tanh(0.5 * rate * (t - middle))
+                    j[..., at[f"{letter}1"]] = -side * k / size
+                    j[..., at[f"{letter}2"]] = side * k * ((t - middle) * slope - 1.0 / rate)
+                    j[..., at[f"{letter}3"]] = -side * k * rate * slope
+            else:
+                letter = "B" if channel == "force" else "A"
+                size, rate, middle = (p[f"{letter}{i}"] for i in (1, 2, 3))
+                s = expit(rate * (t - middle))
+                steep = size * s * (1.0 - s)
+                j[..., at[f"{letter}1"]] = s
+                j[..., at[f"{letter}2"]] = steep * (t - middle)
+                j[..., at[f"{letter}3"]] = -steep * rate
+                j[..., at[f"{letter}4"]] = 1.0
+            out[channel] = j
+        return out
+
+
+def channel_unit(units: Mapping[str, str], channel: str) -> str:
+    """Unit of a channel, worked out from the unit of stiffness where it was not observed itself.
+
+    Examples
+    --------
+    >>> channel_unit({"stiffness": "N/cm"}, "displacement")
+    'cm'
+    >>> channel_unit({"force": "N", "displacement": "m"}, "stiffness")
+    'N/m'
+    """
+    if channel in units:
+        return units[channel]
+    if "stiffness" in units:
+        whole = units["stiffness"]
+        if whole == ARBITRARY:
+            return ARBITRARY
+        over, _, under = whole.partition("/")
+        return over if channel == "force" else (under or "1")
+    force, displacement = units.get("force", "N"), units.get("displacement", "m")
+    if channel == "stiffness":
+        if ARBITRARY in (force, displacement):
+            return ARBITRARY
+        return force if displacement == "1" else f"{force}/{displacement}"
+    return {"force": force, "displacement": displacement}[channel]
+
+
+def shape_of(a2: Floats, b2: Floats, tolerance: float = 1e-6) -> Sequence[str]:
+    """What Eq. (7) does far from the midpoints: a bounded sigmoid only where A2 equals B2.
+
+    Returns
+    -------
+    list of str
+        ``hump`` where A2 < B2 (K falls to zero at both ends), ``unbounded`` where A2 > B2, else ``sigmoid``.
+    """
+    difference = (np.abs(a2) - np.abs(b2)) / np.maximum(np.abs(a2), np.abs(b2))
+    return [
+        "sigmoid" if abs(d) <= tolerance else ("unbounded" if d > 0 else "hump")
+        for d in np.atleast_1d(difference).tolist()
+    ]
