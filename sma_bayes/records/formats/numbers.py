@@ -1,0 +1,191 @@
+"""From the cells of a column to numbers: missing values are counted, any other text is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sma_bayes.errors import MeasurementError
+from sma_bayes.quantities import Floats
+from sma_bayes.records.formats.table import Cells, counted, rows_finding
+from sma_bayes.records.types import Finding, Ints
+
+_COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+
+# float() accepts 1_000, a Python habit that no instrument has; with a decimal comma a point can only group
+# thousands, which would be read a thousand times too small. Both become a character that float() refuses.
+_STRICT = {".": str.maketrans({"_": "?"}), ",": str.maketrans({"_": "?", ",": ".", ".": "?"})}
+
+
+def numbers(
+    cells: Cells,
+    row: Ints,
+    *,
+    file: Path,
+    column: str,
+    missing: Sequence[float | str] = (),
+    decimal: str = ".",
+) -> tuple[Floats, tuple[Finding, ...]]:
+    """Numbers of one column; NaN where a value is missing.
+
+    Parameters
+    ----------
+    cells : Cells, length n
+        Cells as a format gave them.
+    row : ndarray of int, shape (n,)
+        Source line of each cell.
+    file : Path
+        For messages.
+    column : str
+        For messages.
+    missing : sequence of float or str
+        Codes of a missing value.
+    decimal : str
+        Decimal mark.
+
+    Returns
+    -------
+    values : ndarray, shape (n,)
+    findings : tuple of Finding
+        Counts of empty cells, missing-value codes, and of NaN and infinity written out in the file.
+
+    Raises
+    ------
+    MeasurementError
+        If a cell holds text that is neither a number nor a code, or if no number is left.
+
+    Examples
+    --------
+    >>> values, seen = numbers(["1.5", "", "ERR"], np.array([2, 3, 4]), file=Path("a.csv"), column="F",
+    ...                        missing=["ERR"])
+    >>> values.tolist(), [f.kind for f in seen]
+    ([1.5, nan, nan], ['empty', 'missing-code'])
+    """
+    values, empty = _parse(cells, row, file, column, missing, decimal)
+    coded = _coded(cells, values, missing)
+    nan = np.isnan(values) & ~empty & ~coded
+    infinite = np.isinf(values) & ~coded
+    told = (
+        ("empty", empty & ~coded, "empty"),
+        ("missing-code", coded, f"with a missing-value code ({', '.join(map(str, missing))})"),
+        ("nan", nan, "saying NaN"),
+        ("infinite", infinite, "saying infinity"),
+    )
+    findings = tuple(
+        rows_finding(
+            kind,
+            f"{counted(row[mask], 'cell')} {what} in {column!r}, taken as missing",
+            row[mask],
+            column=column,
+        )
+        for kind, mask, what in told
+        if mask.any()
+    )
+    values[coded | infinite] = np.nan
+    if not np.isfinite(values).any():
+        raise MeasurementError(
+            f"no number in {len(row)} rows",
+            file=file,
+            column=column,
+            expected="at least one value that is not missing",
+            remedy="map another column, or correct the missing-value codes and the limits of the rows",
+        )
+    return values, findings
+
+
+def looks_numeric(cell: object) -> bool:
+    """Whether a cell can be read as a number under one decimal mark or the other.
+
+    Examples
+    --------
+    >>> [looks_numeric(c) for c in ("1.5", "1,5", "1e3", "heating", "", None)]
+    [True, True, True, False, False, False]
+    """
+    if not isinstance(cell, str):
+        return isinstance(cell, int | float)
+    try:
+        float(cell.translate(_STRICT["."]))
+    except ValueError:
+        return _COMMA_NUMBER.fullmatch(cell.strip()) is not None
+    return True
+
+
+def is_blank(cell: object) -> bool:
+    """Whether a cell is empty."""
+    return cell is None or (isinstance(cell, str) and not cell.strip())
+
+
+def _parse(
+    cells: Cells, row: Ints, file: Path, column: str, missing: Sequence[float | str], decimal: str
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Values of the cells, and which of them are empty; codes that are texts become NaN."""
+    if isinstance(cells, np.ndarray):
+        return np.array(cells, dtype=float), np.zeros(len(cells), dtype=bool)
+    plain = decimal == "." and not any("_" in c for c in cells if isinstance(c, str))
+    strict = cells if plain else [_strict(c, decimal) for c in cells]
+    try:
+        values = np.fromiter(map(float, strict), np.float64, len(cells))  # type: ignore[arg-type]
+    except (ValueError, TypeError):
+        return _parse_each(cells, row, file, column, missing, decimal)
+    return values, np.zeros(len(cells), dtype=bool)
+
+
+def _strict(cell: object, decimal: str) -> object:
+    return cell.translate(_STRICT[decimal]) if isinstance(cell, str) else cell
+
+
+def _parse_each(
+    cells: Sequence[object],
+    row: Ints,
+    file: Path,
+    column: str,
+    missing: Sequence[float | str],
+    decimal: str,
+) -> tuple[Floats, NDArray[np.bool_]]:
+    values = np.full(len(cells), np.nan)
+    empty = np.zeros(len(cells), dtype=bool)
+    codes = {code for code in missing if isinstance(code, str)}
+    wrong: list[int] = []
+    for i, cell in enumerate(cells):
+        try:
+            values[i] = float(_strict(cell, decimal))  # type: ignore[arg-type]
+        except (ValueError, TypeError):
+            if is_blank(cell):
+                empty[i] = True
+            elif str(cell).strip() not in codes:
+                wrong.append(i)
+    if wrong:
+        raise _not_a_number(str(cells[wrong[0]]).strip(), row[wrong], file, column, decimal)
+    return values, empty
+
+
+def _coded(cells: Cells, values: Floats, missing: Sequence[float | str]) -> NDArray[np.bool_]:
+    codes = [code for code in missing if not isinstance(code, str)]
+    mask = np.isin(values, codes)
+    texts = {code for code in missing if isinstance(code, str)}
+    if texts and not isinstance(cells, np.ndarray):
+        mask |= np.fromiter((isinstance(c, str) and c.strip() in texts for c in cells), bool, len(cells))
+    return mask
+
+
+def _not_a_number(text: str, rows: Ints, file: Path, column: str, decimal: str) -> MeasurementError:
+    more = f" (and {rows.size - 1} more in this column)" if rows.size > 1 else ""
+    if decimal == "." and _COMMA_NUMBER.fullmatch(text):
+        remedy = 'if the comma is a decimal mark, set decimal = "," in [reading]'
+    else:
+        remedy = (
+            f"correct the cell, list {text!r} under `missing` in [reading], map another column, or leave the "
+            "line out with `skip_rows`, `first_row` or `last_row`"
+        )
+    return MeasurementError(
+        f"found {text!r}{more}",
+        file=file,
+        row=int(rows[0]),
+        column=column,
+        expected="a number",
+        remedy=remedy,
+    )

@@ -1,0 +1,112 @@
+"""LabVIEW measurement files, the binary form: TDMS."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sma_bayes.errors import MeasurementError, near_matches
+from sma_bayes.quantities import Floats
+from sma_bayes.records.formats.table import Cells, Format, Reading, Table, sample_rows
+
+WAVEFORM_TIME = "waveform time"
+"""Column made from the start offset and increment that a waveform channel carries [s]."""
+
+
+def recognises(path: Path, head: bytes) -> bool:
+    """Whether the file begins with the tag of a TDMS segment."""
+    return head.startswith(b"TDSm")
+
+
+def read(path: Path, reading: Reading) -> Table:
+    """Read a TDMS file.
+
+    Parameters
+    ----------
+    path : Path
+    reading : Reading
+        ``group`` picks one group of channels.
+
+    Returns
+    -------
+    Table
+        A column is called by its channel, and by ``group/channel`` where several groups are read. Time stamps
+        become seconds since the first one. Where the channels of a group are waveforms with one common
+        increment, a column `WAVEFORM_TIME` is added.
+
+    Raises
+    ------
+    MeasurementError
+        If the file is damaged, has no channels, or no such group.
+    """
+    groups = _groups(path)
+    if reading.group is not None and reading.group not in groups:
+        raise MeasurementError(
+            f"the file has no group {reading.group!r}",
+            file=path,
+            expected=near_matches(reading.group, groups),
+            remedy="correct `group` in [reading]",
+        )
+    chosen = groups if reading.group is None else {reading.group: groups[reading.group]}
+    names: list[str] = []
+    columns: list[Cells] = []
+    for group, channels in chosen.items():
+        prefix = f"{group}/" if len(chosen) > 1 else ""
+        for name, values in channels.items():
+            names.append(prefix + name)
+            columns.append(values)
+    if not any(len(column) for column in columns):
+        raise MeasurementError("the file has no channel with data", file=path, expected="at least one")
+    return Table(tuple(names), tuple(columns), sample_rows(max(map(len, columns))))
+
+
+def _groups(path: Path) -> dict[str, dict[str, Cells]]:
+    """Columns of every group, by group and channel."""
+    from nptdms import TdmsFile
+
+    try:
+        with TdmsFile.read(path) as file:
+            groups = {group.name: group.channels() for group in file.groups()}
+            return {
+                name: {**{c.name: _cells(c[:]) for c in channels}, **_waveform_time(channels)}
+                for name, channels in groups.items()
+                if channels
+            }
+    except (ValueError, KeyError, EOFError, TypeError, IndexError, OverflowError) as error:
+        raise MeasurementError(
+            f"the file is damaged: {error}",
+            file=path,
+            expected="a TDMS file that LabVIEW opens",
+            remedy="open and save it again, or export it as text",
+        ) from None
+
+
+def _cells(values: Any) -> Cells:
+    array = np.asarray(values)
+    if np.issubdtype(array.dtype, np.datetime64):
+        return _seconds(array)
+    if np.issubdtype(array.dtype, np.number):
+        return array.astype(float)
+    return [str(value) for value in array]
+
+
+def _seconds(stamps: Any) -> Floats:
+    elapsed = stamps - stamps[:1]
+    return np.asarray(elapsed / np.timedelta64(1, "ns"), dtype=float) * 1e-9
+
+
+def _waveform_time(channels: Sequence[Any]) -> dict[str, Cells]:
+    """Time of each sample [s], shape (n,), where all channels agree on it."""
+    clocks = {
+        (len(c), c.properties.get("wf_start_offset", 0.0), c.properties.get("wf_increment")) for c in channels
+    }
+    if len(clocks) != 1:
+        return {}
+    n, start, step = clocks.pop()
+    return {WAVEFORM_TIME: start + step * np.arange(n)} if step else {}
+
+
+FORMAT = Format("LabVIEW TDMS file", recognises, read)

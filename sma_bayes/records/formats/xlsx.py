@@ -1,0 +1,107 @@
+"""Workbooks: XLSX."""
+
+from __future__ import annotations
+
+import warnings
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TypeAlias
+
+from sma_bayes.errors import MeasurementError, near_matches
+from sma_bayes.records.formats.layout import shape_of, spread, tabulate
+from sma_bayes.records.formats.numbers import is_blank
+from sma_bayes.records.formats.table import Format, Reading, Table
+
+_Sheet: TypeAlias = list[list[object]]
+
+
+def recognises(path: Path, head: bytes) -> bool:
+    """Whether the file is a zip archive that holds a workbook."""
+    if not head.startswith(b"PK\x03\x04"):
+        return False
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return "xl/workbook.xml" in archive.namelist()
+    except zipfile.BadZipFile:
+        return path.suffix.lower() in (".xlsx", ".xlsm")
+
+
+def read(path: Path, reading: Reading) -> Table:
+    """Read one sheet of a workbook; formulas give the values that were saved with them.
+
+    Parameters
+    ----------
+    path : Path
+    reading : Reading
+        ``sheet`` says which sheet where several hold cells.
+
+    Returns
+    -------
+    Table
+        Columns are counted from A, source lines are the rows of the sheet.
+
+    Raises
+    ------
+    MeasurementError
+        If the workbook is damaged, the sheet is not there or not told, or the sheet has no rows of numbers.
+    """
+    sheets = _sheets(path)
+    rows = _chosen(sheets, reading.sheet, path)
+    body = rows[reading.skip_rows :]
+    sample = [body[i] for i in spread(len(body)) if not all(is_blank(cell) for cell in body[i])]
+    return tabulate(enumerate(body, start=reading.skip_rows + 1), shape_of(sample), reading, path)
+
+
+def _sheets(path: Path) -> dict[str, _Sheet]:
+    """Cells of every sheet by its title."""
+    import openpyxl
+    from openpyxl.utils.exceptions import InvalidFileException
+
+    try:
+        with warnings.catch_warnings():
+            # parts of a workbook that openpyxl drops (drawings, validation rules) hold no cells
+            warnings.simplefilter("ignore", UserWarning)
+            book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+            return {sheet.title: _cells(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
+    except (zipfile.BadZipFile, InvalidFileException, KeyError, ValueError, EOFError, SyntaxError) as error:
+        # SyntaxError is the base of the XML parser's errors
+        raise MeasurementError(
+            f"the workbook is damaged: {error}",
+            file=path,
+            expected="a workbook that a spreadsheet program opens",
+            remedy="open and save it again, or export the sheet as CSV",
+        ) from None
+
+
+def _cells(rows: Iterable[tuple[object, ...]]) -> _Sheet:
+    """Cells of a sheet, each row as long as the longest."""
+    cells = [[_cell(value) for value in row] for row in rows]
+    width = max(map(len, cells), default=0)
+    return [row + [None] * (width - len(row)) for row in cells]
+
+
+def _cell(value: object) -> object:
+    # a truth value would pass for the number 0 or 1
+    return str(value).upper() if isinstance(value, bool) else value
+
+
+def _chosen(sheets: dict[str, _Sheet], wanted: str | int | None, path: Path) -> _Sheet:
+    filled = {title: rows for title, rows in sheets.items() if rows}
+    titles = list(sheets)
+    if wanted is None and len(filled) == 1:
+        return next(iter(filled.values()))
+    if isinstance(wanted, int) and 1 <= wanted <= len(titles):
+        return sheets[titles[wanted - 1]]
+    if isinstance(wanted, str) and wanted in sheets:
+        return sheets[wanted]
+    if wanted is None:
+        found = "the workbook has no cells" if not filled else f"the workbook has {len(filled)} sheets"
+        expected = "one sheet: " + ", ".join(repr(title) for title in filled or titles)
+    else:
+        found = f"the workbook has no sheet {wanted!r}"
+        expected = near_matches(str(wanted), titles)
+    raise MeasurementError(found, file=path, expected=expected, remedy="set `sheet` in [reading]")
+
+
+FORMAT = Format("Excel workbook", recognises, read)
