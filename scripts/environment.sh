@@ -43,6 +43,6 @@ keep_environment() {
     fi
     if [ "$(cat "$folder/installed" 2>/dev/null)" != "$stamp" ]; then
         echo "installing sma_bayes into $folder" >&2
-        "$folder/bin/python" -m pip install --quiet "${@:3}" && echo "$stamp" >"$folder/installed"
+        "$folder/bin/python" -m pip install -qq "${@:3}" && echo "$stamp" >"$folder/installed"
     fi
 }
