@@ -34,17 +34,19 @@ class Catalogue(Mapping[str, T], Generic[T]):
         self._group = entry_point_group
 
     def _load(self) -> dict[str, T]:
-        if self._group is not None:
-            group, self._group = self._group, None
-            for point in entry_points(group=group):
-                if point.name in self._entries:
-                    raise UnknownNameError(
-                        f"two packages provide the {self.kind} {point.name!r}",
-                        expected="one provider for each name",
-                        remedy=f"uninstall one of them; the second is {point.value}",
-                    )
-                self._entries[point.name] = point.load()
-        return self._entries
+        if self._group is None:
+            return self._entries
+        entries = dict(self._entries)
+        for point in entry_points(group=self._group):
+            if point.name in entries:
+                raise UnknownNameError(
+                    f"two packages provide the {self.kind} {point.name!r}",
+                    expected="one provider for each name",
+                    remedy=f"uninstall one of them; the second is {point.value}",
+                )
+            entries[point.name] = point.load()
+        self._entries, self._group = entries, None
+        return entries
 
     def __getitem__(self, name: str) -> T:
         entries = self._load()

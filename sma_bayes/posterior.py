@@ -64,6 +64,8 @@ class Posterior:
     space : ParameterSpace
     layout : tuple of Place
         One for each record.
+    steps : tuple of Steps
+        How the samples of each record follow each other.
     """
 
     records: tuple[Record, ...]
@@ -71,10 +73,10 @@ class Posterior:
     noise: NoiseModel
     space: ParameterSpace
     layout: tuple[Place, ...]
-    _steps: tuple[Steps, ...] = field(init=False, repr=False)
+    steps: tuple[Steps, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_steps", tuple(Steps.of(r) for r in self.records))
+        object.__setattr__(self, "steps", tuple(Steps.of(r) for r in self.records))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -117,7 +119,7 @@ class Posterior:
         theta = np.atleast_2d(theta)
         total = np.zeros(len(theta))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            for record, place, steps in zip(self.records, self.layout, self._steps, strict=True):
+            for record, place, steps in zip(self.records, self.layout, self.steps, strict=True):
                 for part in _chunks(len(theta), record.n):
                     for channel, e, log_scale in self._whitened(theta[part], record, place):
                         shape = theta[part][:, place.noise[channel][1:]]
@@ -134,7 +136,7 @@ class Posterior:
         """
         theta = np.atleast_2d(theta)
         out = []
-        for record, place, steps in zip(self.records, self.layout, self._steps, strict=True):
+        for record, place, steps in zip(self.records, self.layout, self.steps, strict=True):
             found: dict[str, Floats] = {c: np.empty((len(theta), record.n)) for c in record.channels}
             for part in _chunks(len(theta), record.n):
                 for channel, e, _, scale in self._whitening(theta[part], record, place):
@@ -150,7 +152,7 @@ class Posterior:
         """
         theta = np.atleast_2d(theta)
         out = []
-        for record, place, steps in zip(self.records, self.layout, self._steps, strict=True):
+        for record, place, steps in zip(self.records, self.layout, self.steps, strict=True):
             out.append({
                 channel: self.noise.innovations(e, theta[:, place.noise[channel][1:]], steps)
                 for channel, e, _, _ in self._whitening(theta, record, place)
@@ -172,7 +174,7 @@ class Posterior:
         slope = self.model.slope(theta[..., place.model], r.inputs) if shared is not None else {}
         for channel in r.channels:
             at = place.noise[channel]
-            series = self.noise.draw(rng, theta[:, at[1:]], self._steps[record])
+            series = self.noise.draw(rng, theta[:, at[1:]], self.steps[record])
             out[channel] = clean[channel] + theta[:, at[0], None] * series
             if shared is not None:
                 out[channel] = out[channel] + slope[channel] * shared

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.noise.independent import HALF_LN_2PI
-from sma_bayes.noise.types import Steps, sd_fact
+from sma_bayes.noise.types import NoiseModel, Steps, sd_fact
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 
@@ -45,6 +45,16 @@ def memory_draw(rng: np.random.Generator, phi: Floats) -> Floats:
     for i in range(1, phi.shape[-1]):
         e[..., i] = phi[..., i] * e[..., i - 1] + scale[..., i] * e[..., i]
     return e
+
+
+def best_memory(noise: NoiseModel, residual: Floats, candidates: Floats, steps: Steps) -> Floats:
+    """The candidate of greatest likelihood for a single shape parameter, with the `sd` that goes with it."""
+    e = np.broadcast_to(residual, (candidates.size, residual.size))
+    shape = candidates[:, None]
+    sd = np.sqrt(np.mean(noise.innovations(e, shape, steps) ** 2, axis=1))
+    likelihood = noise.total_log_density(e / sd[:, None], shape, steps) - residual.size * np.log(sd)
+    best = int(np.argmax(likelihood))
+    return np.array([sd[best], candidates[best]])
 
 
 @dataclass(frozen=True)
@@ -93,6 +103,17 @@ class AR1:
 
     def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return memory_innovations(e, self._phi(shape, steps))
+
+    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
+        phi = shape[:, 0, None, None]
+        first, after = rows[:, steps.first], np.flatnonzero(~steps.first)
+        now, before = rows[:, after], rows[:, after - 1]
+        cross = now @ before.T
+        follow = now @ now.T - phi * (cross + cross.T) + phi * phi * (before @ before.T)
+        return np.asarray(first @ first.T + follow / np.maximum(1.0 - phi * phi, 1e-300))
+
+    def estimate(self, residual: Floats, steps: Steps) -> Floats:
+        return best_memory(self, residual, np.tanh(np.linspace(-1.0, 4.0, 201)), steps)
 
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         return memory_draw(rng, self._phi(shape, steps))

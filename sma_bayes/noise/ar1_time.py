@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.noise.ar1 import memory_draw, memory_innovations, memory_log_density
+from sma_bayes.noise.ar1 import best_memory, memory_draw, memory_innovations, memory_log_density
 from sma_bayes.noise.types import Steps, sd_fact
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
@@ -42,6 +42,17 @@ class AR1Time:
 
     def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return memory_innovations(e, self._phi(shape, steps))
+
+    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
+        white = memory_innovations(
+            np.broadcast_to(rows, (len(shape), *rows.shape)), self._phi(shape, steps)[:, None, :]
+        )
+        return np.asarray(white @ np.swapaxes(white, 1, 2))
+
+    def estimate(self, residual: Floats, steps: Steps) -> Floats:
+        step = steps.dt[~steps.first]
+        typical = float(np.median(step[step > 0])) if np.any(step > 0) else 1.0
+        return best_memory(self, residual, typical * np.geomspace(0.1, 3e3, 201), steps)
 
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         return memory_draw(rng, self._phi(shape, steps))

@@ -33,5 +33,11 @@ class Independent:
     def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return e
 
+    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
+        return np.broadcast_to(rows @ rows.T, (len(shape), len(rows), len(rows)))
+
+    def estimate(self, residual: Floats, steps: Steps) -> Floats:
+        return np.array([np.sqrt(np.mean(residual**2))])
+
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         return rng.standard_normal((*shape.shape[:-1], steps.dt.size))

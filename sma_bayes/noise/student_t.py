@@ -42,6 +42,21 @@ class StudentT:
         # by probability, so that they are unit normal if the model is right; from the lower tail for its digits
         return np.asarray(-np.sign(e) * ndtri(stdtr(shape[..., 0, None], -np.abs(e))))
 
+    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
+        nu = shape[:, 0, None, None]
+        return np.asarray((nu + 1.0) / (nu + 3.0) * (rows @ rows.T))  # Fisher information of a t location
+
+    def estimate(self, residual: Floats, steps: Steps) -> Floats:
+        nu = np.array([1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0, 200.0])[:, None]
+        variance = np.full(nu.shape, np.mean(residual**2))
+        for _ in range(50):  # expectation-maximisation for the scale, at each number of degrees of freedom
+            weight = (nu + 1.0) / (nu + residual**2 / variance)
+            variance = np.mean(weight * residual**2, axis=1, keepdims=True)
+        likelihood = self.log_density(residual / np.sqrt(variance), nu, steps).sum(axis=1)
+        likelihood -= 0.5 * residual.size * np.log(variance[:, 0])
+        best = int(np.argmax(likelihood))
+        return np.array([np.sqrt(variance[best, 0]), nu[best, 0]])
+
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         n = steps.dt.size
         nu = shape[..., 0, None]

@@ -85,6 +85,27 @@ class NoiseModel(Protocol):
         """Residuals with the memory taken out: independent and of unit variance if the model is right."""
         ...
 
+    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
+        """Inner products of series, weighted by the information that noise of unit sd leaves.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (m, n)
+            Series along the samples.
+        shape : ndarray, shape (W, k)
+
+        Returns
+        -------
+        ndarray, shape (W, m, m)
+            ``rows @ inv(R) @ rows.T`` for Gaussian noise of correlation R; its expectation under the noise's own
+            density otherwise.
+        """
+        ...
+
+    def estimate(self, residual: Floats, steps: Steps) -> Floats:
+        """Maximum-likelihood estimate of all parameters from one series of residuals (n,): `sd`, then the shape."""
+        ...
+
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         """Standardised series drawn from the model, shape (..., n) for `shape` (..., k)."""
         ...

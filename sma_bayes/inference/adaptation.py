@@ -1,0 +1,305 @@
+"""Fit a proposal to a density: Laplace approximation, then importance draws that refine it.
+
+How good a proposal is shows in its importance weights: the efficiency ``(sum w)**2 / (n sum w**2)`` is the share
+of draws that count, and the greatest weight tells whether there is mass that the proposal hardly visits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from sma_bayes.inference.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
+from sma_bayes.inference.laplace import Density, Mode
+from sma_bayes.inference.proposals import (
+    AnyProposal,
+    Coordinates,
+    FactorisedMixture,
+    MixedProposal,
+    Mixture,
+    PlainCoordinates,
+    Proposal,
+    StudentMixture,
+)
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Ints
+
+DRAWS = 1000
+"""Importance draws of one round."""
+ROUNDS = 6
+"""Greatest number of rounds for one set of coordinates."""
+GOOD = 0.6
+"""Efficiency at which refining stops."""
+USABLE = 0.3
+"""Efficiency below which a proposal does not carry a run alone."""
+GREATEST_SHARE = 30.0
+"""Greatest importance weight, as a multiple of the mean weight, of a proposal that carries a run alone."""
+DF = 15.0
+"""Degrees of freedom of the narrow components."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weights:
+    """Importance weights of draws from a proposal.
+
+    Attributes
+    ----------
+    log_weight : ndarray, shape (n,)
+        Log of density over proposal; minus infinity for draws of no weight.
+    """
+
+    log_weight: Floats
+
+    @property
+    def normalised(self) -> Floats:
+        """Weights that sum to one."""
+        if not np.isfinite(self.log_weight).any():
+            return np.full(self.log_weight.size, 1.0 / self.log_weight.size)
+        w = np.exp(self.log_weight - self.log_weight.max())
+        return np.asarray(w / w.sum())
+
+    @property
+    def efficiency(self) -> float:
+        """Effective share of the draws, between 0 and 1."""
+        if not np.isfinite(self.log_weight).any():
+            return 0.0
+        return float(1.0 / (self.log_weight.size * np.sum(self.normalised**2)))
+
+    @property
+    def greatest(self) -> float:
+        """Greatest weight as a multiple of the mean weight."""
+        return float(self.normalised.max() * self.log_weight.size)
+
+    def log_evidence(self) -> tuple[float, float]:
+        """Log of the integral of the density, and its standard error."""
+        n = self.log_weight.size
+        value = float(logsumexp(self.log_weight)) - float(np.log(n))
+        return value, float(np.sqrt(max(1.0 / max(self.efficiency, 1e-12) - 1.0, 0.0) / n))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Adapted:
+    """A fitted proposal and what its own draws say of it.
+
+    Attributes
+    ----------
+    proposal : Proposal or MixedProposal
+    weights : Weights
+        Of the last round of draws.
+    evaluations : int
+    """
+
+    proposal: AnyProposal
+    weights: Weights
+    evaluations: int
+
+    @property
+    def carries(self) -> bool:
+        """Whether an independence move with this proposal is enough by itself."""
+        return self.weights.efficiency >= USABLE and self.weights.greatest <= GREATEST_SHARE
+
+
+def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator) -> Adapted:
+    """Fit a proposal to a density whose modes are known.
+
+    Parameters
+    ----------
+    density : Density
+        A `Posterior`, for which coordinates are built, or any other density, taken as it is.
+    modes : sequence of Mode
+        Best first.
+    rng : numpy.random.Generator
+    """
+    fitted = [_adapt_mode(density, mode, rng) for mode in modes]
+    if len(fitted) == 1:
+        return fitted[0]
+    evidence = np.array([f.weights.log_evidence()[0] for f in fitted])
+    share = np.exp(evidence - evidence.max())
+    share = np.maximum(share / share.sum(), 0.02)
+    parts = tuple(f.proposal for f in fitted if isinstance(f.proposal, Proposal))
+    proposal = MixedProposal(share / share.sum(), parts)
+    _, weights = _weigh(density, proposal, rng, 2 * DRAWS)
+    return Adapted(proposal, weights, sum(f.evaluations for f in fitted) + 2 * DRAWS)
+
+
+def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapted:
+    wide = StudentMixture.from_covariances(np.ones(1), mode.z[None], 4.0 * mode.covariance[None], 4.0)
+    if not isinstance(density, Posterior):
+        return _adapt_plain(density, mode, wide, rng)
+    count = int(np.sum(density.space.free_index < len(density.model.parameter_names)))
+    best: Adapted | None = None
+    for inner in (PlainCoordinates(), PredictiveCoordinates.at(density, mode.z)):
+        if inner is None or count == 0:
+            continue
+        try:
+            coordinates = NoiseScaledCoordinates.about(density, mode.z, inner, count)
+            narrow = _start(coordinates, mode, density, rng)
+        except np.linalg.LinAlgError:
+            continue
+        found = _refine(density, Proposal(coordinates, narrow, wide), rng)
+        if best is None or found.weights.efficiency > best.weights.efficiency:
+            best = Adapted(
+                found.proposal, found.weights, found.evaluations + (best.evaluations if best else 0)
+            )
+        if best.weights.efficiency >= GOOD and best.carries:
+            break
+    return best or _adapt_plain(density, mode, wide, rng)
+
+
+def _adapt_plain(density: Density, mode: Mode, wide: StudentMixture, rng: np.random.Generator) -> Adapted:
+    """Proposals in the density's own coordinates: one component, and several where one does not fit."""
+    one = StudentMixture.from_covariances(np.ones(1), mode.z[None], mode.covariance[None], DF)
+    found = _refine(density, Proposal(PlainCoordinates(), one, wide), rng)
+    if found.weights.efficiency >= USABLE:
+        return found
+    several = _refine(density, Proposal(PlainCoordinates(), _spread(one, rng, 6), wide), rng, draws=4 * DRAWS)
+    return several if several.weights.efficiency > found.weights.efficiency else found
+
+
+def _start(
+    coordinates: NoiseScaledCoordinates, mode: Mode, posterior: Posterior, rng: np.random.Generator
+) -> Mixture:
+    """Unit normal in the scaled coordinates of the model; for each channel's noise a fit to its marginal."""
+    m = coordinates.count
+    place = {int(f): i for i, f in enumerate(posterior.space.free_index)}
+    blocks = [np.arange(m)]
+    parts = [StudentMixture.from_covariances(np.ones(1), np.zeros((1, m)), np.eye(m)[None], DF)]
+    centre = mode.z[m:]
+    for record_place in posterior.layout:
+        for at in record_place.noise.values():
+            block = np.array([place[int(i)] for i in at if int(i) in place], dtype=np.int64)
+            if block.size == 0:
+                continue
+            covariance = mode.covariance[np.ix_(block, block)]
+            first = StudentMixture.from_covariances(np.ones(1), mode.z[None, block], covariance[None], 5.0)
+            blocks.append(block)
+            parts.append(_fit_noise_block(coordinates, centre, block - m, first, rng))
+    return FactorisedMixture(tuple(blocks), tuple(parts))
+
+
+def _fit_noise_block(
+    coordinates: NoiseScaledCoordinates,
+    centre: Floats,
+    block: Ints,
+    mixture: StudentMixture,
+    rng: np.random.Generator,
+) -> StudentMixture:
+    """Fit the noise parameters of one channel to the linearised marginal, the others held at the mode."""
+    for attempt in range(ROUNDS):
+        x = mixture.draw(rng, DRAWS // 2)
+        noise_z = np.tile(centre, (len(x), 1))
+        noise_z[:, block] = x
+        weights = Weights(coordinates.log_noise_marginal(noise_z) - mixture.log_density(x))
+        if weights.efficiency >= 0.8:
+            break
+        if attempt == 0 and block.size > 1:
+            mixture = _spread(mixture, rng, 4)
+        mixture = mixture.refitted(x, _tempered(weights), rounds=6)
+    return mixture
+
+
+def _refine(density: Density, proposal: Proposal, rng: np.random.Generator, draws: int = DRAWS) -> Adapted:
+    """Rounds of importance draws, each refitting the narrow part, until the efficiency is good or stays."""
+    best = Adapted(proposal, Weights(np.full(1, -np.inf)), 0)
+    evaluations = worse = 0
+    for _ in range(ROUNDS):
+        z, weights = _weigh(density, proposal, rng, draws)
+        evaluations += draws
+        worse = 0 if weights.efficiency > 1.1 * best.weights.efficiency else worse + 1
+        if weights.efficiency > best.weights.efficiency:
+            best = Adapted(proposal, weights, evaluations)
+        if weights.efficiency >= GOOD or worse >= 2:
+            break
+        usable = np.isfinite(weights.log_weight)
+        if usable.sum() < 2 * z.shape[1]:
+            break
+        u, _, back = proposal.coordinates.forward(z[usable])
+        tempered = _tempered(Weights(weights.log_weight[usable])) * back
+        if tempered.sum() <= 0:
+            break
+        tempered = tempered / tempered.sum()
+        narrow = proposal.narrow.refitted(u, tempered, rounds=6)
+        wide = _widened(proposal.wide, z[usable], tempered)
+        proposal = Proposal(proposal.coordinates, narrow, wide, proposal.share)
+    return Adapted(best.proposal, best.weights, evaluations)
+
+
+def _widened(wide: StudentMixture, z: Floats, weight: Floats) -> StudentMixture:
+    """Wide component with the covariance that it had or four times that of weighted draws, whichever is larger."""
+    mean = weight @ z
+    centred = z - mean
+    covariance = 4.0 * (centred * weight[:, None]).T @ centred
+    before = wide.root[0] @ wide.root[0].T * wide.df / (wide.df - 2.0)
+    if np.linalg.slogdet(covariance)[1] < np.linalg.slogdet(before)[1]:
+        return wide
+    return StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], wide.df)
+
+
+def _tempered(weights: Weights) -> Floats:
+    """Weights raised to the greatest power that leaves a tenth of the draws in effect."""
+    low, high = 0.0, 1.0
+    if weights.efficiency >= 0.1:
+        return weights.normalised
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        if Weights(middle * weights.log_weight).efficiency >= 0.1:
+            low = middle
+        else:
+            high = middle
+    return Weights(low * weights.log_weight).normalised
+
+
+def _weigh(
+    density: Density, proposal: AnyProposal, rng: np.random.Generator, size: int
+) -> tuple[Floats, Weights]:
+    z, log_q = proposal.draw(rng, size)
+    usable = np.isfinite(log_q)
+    log_weight = np.full(size, -np.inf)
+    if usable.any():
+        log_weight[usable] = density.log_prob(z[usable]) - log_q[usable]
+    return z, Weights(log_weight)
+
+
+def _spread(mixture: StudentMixture, rng: np.random.Generator, count: int) -> StudentMixture:
+    """Several components drawn from one, so that a fit can bend around a curved density."""
+    means = mixture.draw(rng, count)
+    return StudentMixture(
+        np.full(count, 1.0 / count), means, np.repeat(mixture.root[:1], count, axis=0), mixture.df
+    )
+
+
+def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.random.Generator) -> Adapted:
+    """Fit a proposal to draws that another move made, with as many components as they support.
+
+    Parameters
+    ----------
+    density : Density
+    z : ndarray, shape (N, D)
+        Draws, roughly from the density.
+    modes : sequence of Mode
+        The first supplies the wide component.
+    rng : numpy.random.Generator
+    """
+    chosen = z[rng.choice(len(z), size=min(len(z), 8000), replace=False)]
+    covariance = np.cov(chosen.T).reshape(z.shape[1], z.shape[1])
+    wide = StudentMixture.from_covariances(np.ones(1), chosen.mean(axis=0)[None], 4.0 * covariance[None], 4.0)
+    weight = np.full(len(chosen), 1.0 / len(chosen))
+    best: Adapted | None = None
+    evaluations = 0
+    for components in (1, 4, 12):
+        means = chosen[rng.choice(len(chosen), size=components, replace=False)]
+        start = StudentMixture.from_covariances(
+            np.ones(components), means, np.repeat(covariance[None] / components, components, axis=0), DF
+        )
+        proposal = Proposal(PlainCoordinates(), start.refitted(chosen, weight, rounds=40), wide)
+        _, weights = _weigh(density, proposal, rng, 2 * DRAWS)
+        evaluations += 2 * DRAWS
+        if best is None or weights.efficiency > best.weights.efficiency:
+            best = Adapted(proposal, weights, evaluations)
+    if best is None:
+        return adapt(density, modes, rng)
+    return Adapted(best.proposal, best.weights, evaluations)

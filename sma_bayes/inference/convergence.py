@@ -1,0 +1,159 @@
+"""Convergence: rank-normalised split R-hat, and bulk and tail effective sample size.
+
+Formulae of A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Bürkner, "Rank-normalization, folding, and
+localization: an improved R-hat for assessing convergence of MCMC", Bayesian Analysis 16 (2021) 667,
+doi 10.1214/20-BA1221; arviz computes the same, one parameter at a time, and tests compare.
+
+A chain here is one *independent ensemble* with its walkers joined end to end. Walkers of one ensemble are not
+independent of each other, so they are never counted as chains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.special import ndtri
+
+from sma_bayes.quantities import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What draws must reach before they are called converged.
+
+    Attributes
+    ----------
+    rhat : float
+        Greatest R-hat of any parameter.
+    ess : float
+        Least bulk and tail effective sample size of any parameter.
+    """
+
+    rhat: float = 1.01
+    ess: float = 1000.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Convergence:
+    """Diagnostics of draws.
+
+    Attributes
+    ----------
+    rhat, ess_bulk, ess_tail : ndarray, shape (D,)
+        R-hat is the greater of the rank-normalised and the folded one.
+    converged : bool
+        Whether every parameter reached the target.
+    """
+
+    rhat: Floats
+    ess_bulk: Floats
+    ess_tail: Floats
+    converged: bool
+
+
+def assess(draws: Floats, target: Target) -> Convergence:
+    """Diagnose draws of independent ensembles.
+
+    Parameters
+    ----------
+    draws : ndarray, shape (G, S, W, D)
+        Ensembles, steps, walkers, parameters.
+    target : Target
+
+    Returns
+    -------
+    Convergence
+        R-hat is taken both over halves in walkers and over halves in steps; the worse counts, so that neither
+        a stuck walker nor a drift of the whole ensemble goes unseen.
+    """
+    groups, steps, walkers, d = draws.shape
+    by_walker = np.swapaxes(draws, 1, 2).reshape(groups, walkers * steps, d)
+    by_step = draws.reshape(groups, steps * walkers, d)
+    rhat = np.maximum(rank_rhat(by_walker), rank_rhat(by_step))
+    bulk, tail = ess_bulk(by_walker), ess_tail(by_walker)
+    with np.errstate(invalid="ignore"):
+        converged = bool(np.all(rhat <= target.rhat) and np.all(np.minimum(bulk, tail) >= target.ess))
+    return Convergence(rhat, bulk, tail, converged)
+
+
+def rank_rhat(chains: Floats) -> Floats:
+    """Rank-normalised split R-hat, the greater of bulk and folded; `chains` (C, N, D) gives (D,)."""
+    halves = _split(chains)
+    folded = np.abs(halves - np.median(halves, axis=(0, 1)))
+    return np.maximum(_rhat(_normal_scores(halves)), _rhat(_normal_scores(folded)))
+
+
+def ess_bulk(chains: Floats) -> Floats:
+    """Effective sample size of the rank-normalised draws; `chains` (C, N, D) gives (D,)."""
+    return _ess(_normal_scores(_split(chains)))
+
+
+def ess_tail(chains: Floats) -> Floats:
+    """Lesser of the effective sample sizes of the 5 % and 95 % quantiles; `chains` (C, N, D) gives (D,)."""
+    halves = _split(chains)
+    low, high = np.quantile(chains, (0.05, 0.95), axis=(0, 1))
+    return np.minimum(_ess((halves <= low).astype(float)), _ess((halves <= high).astype(float)))
+
+
+def _split(chains: Floats) -> Floats:
+    half = chains.shape[1] // 2
+    return np.concatenate([chains[:, :half], chains[:, -half:]])
+
+
+def _normal_scores(chains: Floats) -> Floats:
+    """Normal quantiles of the ranks over all chains (Blom's formula); ties share their mean rank."""
+    c, n, d = chains.shape
+    flat = chains.reshape(c * n, d)
+    out = np.empty_like(flat)
+    size = c * n
+    for k in range(d):
+        column = flat[:, k]
+        order = np.argsort(column, kind="stable")
+        in_order = column[order]
+        new = np.empty(size, dtype=bool)
+        new[0] = True
+        np.not_equal(in_order[1:], in_order[:-1], out=new[1:])
+        group = np.cumsum(new) - 1
+        starts = np.flatnonzero(new)
+        ends = np.append(starts[1:], size)
+        out[order, k] = (0.5 * (starts + ends + 1))[group]
+    return np.asarray(ndtri((out - 0.375) / (size + 0.25))).reshape(c, n, d)
+
+
+def _rhat(chains: Floats) -> Floats:
+    n = chains.shape[1]
+    within = chains.var(axis=1, ddof=1).mean(axis=0)
+    between = chains.mean(axis=1).var(axis=0, ddof=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.sqrt((n - 1) / n + between / within))
+
+
+def _ess(chains: Floats) -> Floats:
+    """Effective sample size by Geyer's initial monotone sequence."""
+    c, n, d = chains.shape
+    centred = chains - chains.mean(axis=1, keepdims=True)
+    length = next_fast_len(2 * n, real=True)
+    spectrum = rfft(centred, n=length, axis=1)
+    autocovariance = irfft(np.abs(spectrum) ** 2, n=length, axis=1)[:, :n] / n
+    mean_variance = autocovariance[:, 0].mean(axis=0) * n / (n - 1.0)
+    total = mean_variance * (n - 1.0) / n
+    if c > 1:
+        total = total + chains.mean(axis=1).var(axis=0, ddof=1)
+    out = np.empty(d)
+    for k in range(d):
+        if not total[k] > 0:
+            out[k] = np.nan
+            continue
+        rho = 1.0 - (mean_variance[k] - autocovariance[:, :, k].mean(axis=0)) / total[k]
+        rho[0] = 1.0
+        pairs = rho[: 2 * (n // 2)].reshape(-1, 2).sum(axis=1)
+        negative = np.flatnonzero(pairs < 0)
+        stop = int(negative[0]) if negative.size else pairs.size
+        monotone = np.minimum.accumulate(pairs[:stop])
+        tau = -1.0 + 2.0 * float(monotone.sum())
+        if stop < pairs.size and rho[2 * stop] > 0:
+            tau += rho[2 * stop]  # the first half of the pair that ended the sequence
+        out[k] = c * n / max(tau, 1.0 / np.log10(c * n))
+    return out

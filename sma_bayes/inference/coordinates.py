@@ -1,0 +1,326 @@
+"""Coordinates in which a posterior of this package is nearly normal.
+
+Two maps are joined. `PredictiveCoordinates` put the response at a few chosen samples in place of the parameters
+behind it: measurements have nearly normal errors, so the posterior is nearly normal in what the model predicts
+even where it is a banana in the parameters (A2 close to B2). As many samples are chosen, by pivoted QR of the
+whitened Jacobian at a mode, as there are directions that the data determine.
+
+`NoiseScaledCoordinates` measure these, or the parameters themselves, in units of the spread that they have
+given the parameters of the noise. With a long memory a curve is uncertain in proportion to the noise, and the
+posterior is a funnel; in these coordinates it is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import qr
+
+from sma_bayes.inference.proposals import Bools, Coordinates
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Ints
+
+ITERATIONS = 12
+TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class PredictiveCoordinates:
+    """Map ``u(z)``: chosen predictions, directions left to the prior, noise parameters.
+
+    Attributes
+    ----------
+    posterior : Posterior
+    centre : ndarray, shape (D,)
+        Mode about which the samples were chosen.
+    points : tuple
+        For each record, channel to the chosen sample numbers.
+    scale : ndarray, shape (r,)
+        By which each chosen prediction is divided: the sd of its noise at the mode.
+    rest : ndarray, shape (m - r, m)
+        Rows: combinations of the model's m sampled parameters that are kept as they are.
+    """
+
+    posterior: Posterior
+    centre: Floats
+    points: tuple[Mapping[str, Ints], ...]
+    scale: Floats
+    rest: Floats
+    _width: Floats = field(init=False, repr=False)
+    _start: Floats = field(init=False, repr=False)
+    _slope: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        set_(self, "_width", self.posterior.space.prior_sd()[: self.count])
+        value, jacobian = self._evaluate(self.centre[None, : self.count])
+        set_(self, "_start", value[0])
+        set_(self, "_slope", np.linalg.inv(jacobian[0]))
+
+    @property
+    def count(self) -> int:
+        """Number m of sampled parameters of the model; they come first in ``z``."""
+        return int(self.rest.shape[1])
+
+    @staticmethod
+    def at(posterior: Posterior, centre: Floats) -> PredictiveCoordinates | None:
+        """Choose coordinates about a mode; None where the model has no sampled parameter."""
+        space, model = posterior.space, posterior.model
+        count = int(np.sum(space.free_index < len(model.parameter_names)))
+        if count == 0:
+            return None
+        theta = space.to_physical(centre)
+        chain = space.derivative(centre)[:count] * space.prior_sd()[:count]
+        free = space.free_index[:count]
+        rows, labels, scales = [], [], []
+        for r, (record, place) in enumerate(zip(posterior.records, posterior.layout, strict=True)):
+            jacobian = model.jacobian(theta[place.model], record.inputs)
+            for channel in record.channels:
+                sd = float(theta[place.noise[channel][0]])
+                rows.append(jacobian[channel][:, free] * chain / sd)
+                labels += [(r, channel, i) for i in range(record.n)]
+                scales += [sd] * record.n
+        whitened = np.nan_to_num(np.concatenate(rows))
+        _, singular, vt = np.linalg.svd(whitened, full_matrices=False)
+        rank = int(np.sum(singular > 1.0))  # directions that the data determine better than the prior
+        _, _, pivot = qr(whitened.T, mode="economic", pivoting=True, check_finite=False)
+        chosen = sorted(pivot[:rank].tolist())
+        points: list[dict[str, Ints]] = [{} for _ in posterior.records]
+        for index in chosen:
+            r, channel, i = labels[index]
+            points[r][channel] = np.append(points[r].get(channel, np.empty(0, dtype=np.int64)), i)
+        ordered = [
+            labels.index((r, c, int(i))) for r, p in enumerate(points) for c, at in p.items() for i in at
+        ]
+        rest = vt[rank:] / space.prior_sd()[:count] if rank < count else np.empty((0, count))
+        try:
+            return PredictiveCoordinates(posterior, centre, tuple(points), np.array(scales)[ordered], rest)
+        except np.linalg.LinAlgError:
+            return None
+
+    def _evaluate(self, model_z: Floats) -> tuple[Floats, Floats]:
+        """Coordinates (W, m) of the model's parameters, and their derivative (W, m, m)."""
+        space, model = self.posterior.space, self.posterior.model
+        z = np.tile(self.centre, (len(model_z), 1))
+        z[:, : self.count] = model_z
+        theta = space.to_physical(z)
+        chain = space.derivative(z)[:, None, : self.count]
+        free = space.free_index[: self.count]
+        values, slopes = [], []
+        with np.errstate(over="ignore", invalid="ignore"):
+            for record, place, points in zip(
+                self.posterior.records, self.posterior.layout, self.points, strict=True
+            ):
+                for channel, at in points.items():
+                    inputs = {"temperature": record.temperature[at]}
+                    values.append(model.predict(theta[:, place.model], inputs)[channel])
+                    slopes.append(model.jacobian(theta[:, place.model], inputs)[channel][..., free] * chain)
+        value = np.concatenate([*values], axis=1) / self.scale
+        slope = np.concatenate([*slopes], axis=1) / self.scale[:, None]
+        kept = np.broadcast_to(self.rest, (len(z), *self.rest.shape))
+        return (
+            np.concatenate([value, model_z @ self.rest.T], axis=1),
+            np.concatenate([slope, kept], axis=1),
+        )
+
+    @property
+    def model_derivative(self) -> Floats:
+        """Derivative of the model's coordinates ``z`` with respect to those of this map, at the centre (m, m)."""
+        return self._slope
+
+    def forward(self, z: Floats) -> tuple[Floats, Floats, Bools]:
+        """Coordinates, log Jacobian, and whether `inverse` leads back to the same point."""
+        value, slope = self._evaluate(z[:, : self.count])
+        u = np.concatenate([value, z[:, self.count :]], axis=1)
+        usable = np.isfinite(u).all(axis=1)
+        log_jacobian = np.full(len(z), -np.inf)
+        log_jacobian[usable] = _log_determinant(slope[usable])
+        again, _, found = self.inverse(np.where(usable[:, None], u, 0.0))
+        with np.errstate(invalid="ignore"):
+            close = np.abs(again - z)[:, : self.count] <= 1e-6 * self._width
+        return np.where(usable[:, None], u, 0.0), log_jacobian, usable & found & close.all(axis=1)
+
+    def inverse(self, u: Floats) -> tuple[Floats, Floats, Bools]:
+        """Points by Newton's method from the mode, their log Jacobian, and which were found."""
+        m = self.count
+        z = np.concatenate([np.empty((len(u), m)), u[:, m:]], axis=1)
+        x = self.centre[:m] + (u[:, :m] - self._start) @ self._slope.T
+        x = np.clip(x, self.centre[:m] - 6.0 * self._width, self.centre[:m] + 6.0 * self._width)
+        log_jacobian = np.full(len(u), -np.inf)
+        found = np.zeros(len(u), dtype=bool)
+        active = np.arange(len(u))
+        for _ in range(ITERATIONS):
+            value, slope = self._evaluate(x[active])
+            usable = np.isfinite(value).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
+            log_determinant = np.full(len(active), -np.inf)
+            log_determinant[usable] = _log_determinant(slope[usable])
+            usable &= np.isfinite(log_determinant)
+            active, value, slope = active[usable], value[usable], slope[usable]
+            if active.size == 0:
+                break
+            step = np.linalg.solve(slope, (u[active, :m] - value)[..., None])[..., 0]
+            length = np.abs(step / self._width).max(axis=1)
+            done = length < TOLERANCE
+            found[active[done]] = True
+            log_jacobian[active[done]] = log_determinant[usable][done]
+            x[active] += step * np.minimum(1.0, 0.5 / np.maximum(length, 1e-300))[:, None]
+            active = active[~done]
+            if active.size == 0:
+                break
+        z[:, :m] = x
+        return z, log_jacobian, found
+
+
+def _log_determinant(slope: Floats) -> Floats:
+    _, value = np.linalg.slogdet(slope)
+    return np.asarray(value)
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseScaledCoordinates:
+    """Coordinates of the model's parameters, relative to their spread given those of the noise.
+
+    With the response linearised about the mode, the coordinates ``w`` of the model are normal given the noise:
+    precision ``H = J' R**-1 J + P`` and mean ``w0 + H**-1 (J' R**-1 r + p)``, where J is the derivative of the
+    response, r the residual at the mode, R the covariance of the noise, and P, p the prior's part. The new
+    coordinates are ``L' (w - mean)`` with ``H = L L'``; those of the noise are kept.
+
+    Attributes
+    ----------
+    inner : Coordinates
+        Map of the model's parameters, such as `PredictiveCoordinates`.
+    posterior : Posterior
+    count : int
+        Number m of sampled parameters of the model.
+    start : ndarray, shape (m,)
+        ``w`` at the mode.
+    jacobian : tuple of dict
+        For each record, channel to rows of ``J'`` with the residual as the last row, (m + 1, n), each divided
+        by the scale of the whitened residual at the mode relative to the sd of its noise.
+    prior_precision, prior_pull : ndarray, shape (m, m) and (m,)
+    """
+
+    inner: Coordinates
+    posterior: Posterior
+    count: int
+    start: Floats
+    jacobian: tuple[Mapping[str, Floats], ...]
+    prior_precision: Floats
+    prior_pull: Floats
+
+    @staticmethod
+    def about(posterior: Posterior, centre: Floats, inner: Coordinates, count: int) -> NoiseScaledCoordinates:
+        """Linearise about a mode; `count` is the number of sampled parameters of the model."""
+        space, model = posterior.space, posterior.model
+        slope = inner.model_derivative if isinstance(inner, PredictiveCoordinates) else np.eye(count)
+        start = inner.forward(centre[None])[0][0, :count]
+        theta = space.to_physical(centre)
+        chain = space.derivative(centre)[:count]
+        rows = []
+        for record, place in zip(posterior.records, posterior.layout, strict=True):
+            j = model.jacobian(theta[place.model], record.inputs)
+            mu = model.predict(theta[place.model], record.inputs)
+            steep = model.slope(theta[place.model], record.inputs)
+            blocks = {}
+            for channel in record.channels:
+                sd = theta[place.noise[channel][0]]
+                relative = np.sqrt(1.0 + (steep[channel] * record.temperature_sd / sd) ** 2)
+                down = (j[channel][:, space.free_index[:count]] * chain) @ slope
+                residual = record.observed[channel] - mu[channel]
+                blocks[channel] = np.concatenate([down.T, residual[None]]) / relative
+            rows.append(blocks)
+        sd = space.prior_sd()[:count]
+        precision = slope.T @ (slope / sd[:, None] ** 2)
+        pull = slope.T @ ((space.prior_centre()[:count] - centre[:count]) / sd**2)
+        return NoiseScaledCoordinates(inner, posterior, count, start, tuple(rows), precision, pull)
+
+    def _normal_equations(self, noise_z: Floats) -> tuple[Floats, Floats, Floats]:
+        """Precision (W, m, m), pull (W, m) and weighted sum of squares at the mode (W,), given the noise."""
+        m = self.count
+        z = np.concatenate([np.zeros((len(noise_z), m)), noise_z], axis=1)
+        theta = self.posterior.space.to_physical(z)
+        precision = np.tile(self.prior_precision, (len(z), 1, 1))
+        pull = np.tile(self.prior_pull, (len(z), 1))
+        squares = np.zeros(len(z))
+        noise = self.posterior.noise
+        for blocks, place, steps in zip(
+            self.jacobian, self.posterior.layout, self.posterior.steps, strict=True
+        ):
+            for channel, rows in blocks.items():
+                at = place.noise[channel]
+                gram = noise.weighted_gram(rows, theta[:, at[1:]], steps) / theta[:, at[0], None, None] ** 2
+                precision += gram[:, :m, :m]
+                pull += gram[:, :m, m]
+                squares += gram[:, m, m]
+        return precision, pull, squares
+
+    def log_noise_marginal(self, noise_z: Floats) -> Floats:
+        """Log posterior of the noise parameters (W,), the model's integrated out of the linearised posterior.
+
+        Up to a constant: ``prior - (ln |R| + ln |H| + r' R**-1 r - b' H**-1 b)/2``.
+        """
+        with np.errstate(all="ignore"):
+            precision, pull, squares = self._normal_equations(noise_z)
+            z = np.concatenate([np.zeros((len(noise_z), self.count)), noise_z], axis=1)
+            theta = self.posterior.space.to_physical(z)
+            value = self.posterior.log_prior(z) - 0.5 * squares
+            noise = self.posterior.noise
+            for record, place, steps in zip(
+                self.posterior.records, self.posterior.layout, self.posterior.steps, strict=True
+            ):
+                none = np.zeros((len(z), record.n))
+                for at in place.noise.values():
+                    value += noise.total_log_density(none, theta[:, at[1:]], steps)
+                    value -= record.n * np.log(theta[:, at[0]])
+            usable = np.isfinite(precision).all(axis=(1, 2)) & np.isfinite(value)
+            out = np.full(len(z), -np.inf)
+            _, volume = np.linalg.slogdet(precision[usable])
+            gain = np.linalg.solve(precision[usable], pull[usable][..., None])[..., 0]
+            out[usable] = value[usable] - 0.5 * volume + 0.5 * np.einsum("wi,wi->w", pull[usable], gain)
+        return out
+
+    def _conditional(self, noise_z: Floats) -> tuple[Floats, Floats, Bools]:
+        """Mean (W, m) of the model's coordinates given the noise, root L' (W, m, m) of their precision, usable."""
+        with np.errstate(all="ignore"):
+            precision, pull, _ = self._normal_equations(noise_z)
+            usable: Bools = np.asarray(
+                np.isfinite(precision).all(axis=(1, 2)) & np.isfinite(pull).all(axis=1)
+            )
+        precision[~usable], pull[~usable] = self.prior_precision + np.eye(self.count), 0.0
+        size = np.sqrt(np.einsum("wii->wi", precision))
+        unit = precision / (size[:, :, None] * size[:, None, :])
+        try:
+            root = np.linalg.cholesky(unit)
+        except (
+            np.linalg.LinAlgError
+        ):  # noise so extreme that rounding eats the precision: those rows are left out
+            poor = np.linalg.eigvalsh(unit)[:, 0] < 1e-10
+            usable &= ~poor
+            unit[poor] = np.eye(self.count)
+            root = np.linalg.cholesky(unit)
+        upper = np.swapaxes(root, 1, 2)
+        shift = np.linalg.solve(upper, np.linalg.solve(root, (pull / size)[..., None]))[..., 0] / size
+        return np.asarray(self.start + shift), upper * size[:, None, :], usable
+
+    def forward(self, z: Floats) -> tuple[Floats, Floats, Bools]:
+        """Coordinates, log Jacobian, and whether `inverse` leads back to the same point."""
+        w, log_jacobian, back = self.inner.forward(z)
+        mean, root, usable = self._conditional(z[:, self.count :])
+        v = np.einsum("wij,wj->wi", root, w[:, : self.count] - mean)
+        diagonal = np.einsum("wii->wi", root)
+        return (
+            np.concatenate([v, z[:, self.count :]], axis=1),
+            log_jacobian + np.log(diagonal).sum(axis=1),
+            back & usable,
+        )
+
+    def inverse(self, u: Floats) -> tuple[Floats, Floats, Bools]:
+        """Points, log Jacobian there, and which were found."""
+        noise_z = u[:, self.count :]
+        mean, root, usable = self._conditional(noise_z)
+        w = mean + np.linalg.solve(root, u[:, : self.count, None])[..., 0]
+        z, log_jacobian, found = self.inner.inverse(np.concatenate([w, noise_z], axis=1))
+        return z, log_jacobian + np.log(np.einsum("wii->wi", root)).sum(axis=1), found & usable

@@ -1,0 +1,425 @@
+"""Ensembles: independent groups of walkers, run until the draws reach a stated target.
+
+The plan of a run, each stage only where the one before does not suffice:
+
+1. climb to the modes from the least-squares optima, fit a proposal to each (`adaptation`);
+2. independence moves with that proposal, in at least four groups that share nothing but the proposal;
+3. where the proposal does not carry (low efficiency, a single weight too large) or the target is missed,
+   explore with differential evolution from dispersed starts, fit again to what was found, and go on with both
+   kinds of move together.
+
+A run stops when every parameter has reached the target on R-hat and effective sample size, never on a count of
+steps. If the greatest allowed effort is spent first, the draws are returned and called not converged.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import emcee
+import numpy as np
+from emcee.moves import Move
+from emcee.state import State
+
+from sma_bayes.inference.adaptation import GREATEST_SHARE, USABLE, Adapted, Weights, adapt, adapt_to_draws
+from sma_bayes.inference.checkpoint import Block, Checkpoint
+from sma_bayes.inference.convergence import Convergence, Target, assess
+from sma_bayes.inference.laplace import Density, Mode, climb
+from sma_bayes.inference.moves import IndependenceMove, differential_evolution
+from sma_bayes.quantities import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How ensembles are run.
+
+    Attributes
+    ----------
+    target : Target
+    groups : int
+        Independent ensembles, at least 4.
+    walkers : int
+        Walkers of a group; raised to twice the dimension where that is more.
+    block, burn : int
+        Steps of a block of independence moves, and steps dropped at the start.
+    explore_block : int
+        Steps of a block with differential evolution.
+    evaluations : int
+        Greatest number of evaluations of the density.
+    """
+
+    target: Target = Target()
+    groups: int = 4
+    walkers: int = 64
+    block: int = 24
+    burn: int = 4
+    explore_block: int = 250
+    evaluations: int = 6_000_000
+
+    def __post_init__(self) -> None:
+        if self.groups < 4:
+            raise ValueError(f"{self.groups} groups: at least 4 independent ensembles are needed for R-hat")
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """What ensembles give.
+
+    Attributes
+    ----------
+    z : ndarray, shape (G, S, W, D)
+        Ensembles, steps, walkers, sampled coordinates; burn-in removed.
+    log_prob : ndarray, shape (G, S, W)
+    convergence : Convergence
+    acceptance : float
+        Share of accepted proposals.
+    evaluations : int
+        Evaluations of the density, all stages together.
+    method : str
+        ``independence`` or ``independence and differential evolution``.
+    modes : tuple of Mode
+    efficiency, greatest_weight : float
+        Of the importance weights of all proposals (see `Weights`).
+    ln_evidence, ln_evidence_sd : float
+        Log of the integral of likelihood times prior, by importance sampling with the proposals of the run, and
+        its standard error.
+    """
+
+    z: Floats
+    log_prob: Floats
+    convergence: Convergence
+    acceptance: float
+    evaluations: int
+    method: str
+    modes: tuple[Mode, ...]
+    efficiency: float
+    greatest_weight: float
+    ln_evidence: float
+    ln_evidence_sd: float
+
+
+Progress = Callable[[str], None]
+
+
+def sample(
+    density: Density,
+    starts: Sequence[Floats],
+    width: Floats,
+    seed: np.random.SeedSequence,
+    plan: Plan | None = None,
+    *,
+    checkpoint: Path | None = None,
+    fingerprint: str = "",
+    progress: Progress | None = None,
+) -> Draws:
+    """Sample a density with independent ensembles.
+
+    Parameters
+    ----------
+    density : Density
+    starts : sequence of ndarray, shape (D,)
+        Points from which modes are climbed to. `dispersed_starts` finds some for a density without a warm start.
+    width : ndarray, shape (D,)
+        Greatest plausible standard deviation of each coordinate: that of the prior.
+    seed : numpy.random.SeedSequence
+        Decides every draw.
+    plan : Plan, optional
+    checkpoint : Path, optional
+        File to which blocks of steps are written and from which an interrupted run goes on. The draws are the
+        same to the bit as those of a run that was not interrupted.
+    fingerprint : str
+        Of the density, for the checkpoint.
+    progress : callable, optional
+        Told in a few words what is going on.
+    """
+    return _Run(density, width, seed, plan or Plan(), checkpoint, fingerprint, progress).go(starts)
+
+
+def dispersed_starts(
+    density: Density, rng: np.random.Generator, width: Floats, count: int = 12
+) -> list[Floats]:
+    """Best of many draws from the prior that are at least a fifth of the prior's width from one another."""
+    z = density.draw_prior(rng, 2000)
+    z = z[np.argsort(-density.log_prob(z), kind="stable")]
+    chosen: list[Floats] = []
+    for point in z:
+        if all(np.max(np.abs(point - other) / width) > 0.2 for other in chosen):
+            chosen.append(point)
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+class _Run:
+    """One call of `sample`: the stages, and what they share."""
+
+    def __init__(
+        self,
+        density: Density,
+        width: Floats,
+        seed: np.random.SeedSequence,
+        plan: Plan,
+        checkpoint: Path | None,
+        fingerprint: str,
+        progress: Progress | None,
+    ) -> None:
+        self.density = density
+        self.width = width
+        self.plan = plan
+        self.walkers = max(plan.walkers, 2 * width.size + 2)
+        self.seed = seed
+        self.tell = progress or (lambda _: None)
+        self.evaluations = 0
+        self.checkpoint = None
+        if checkpoint is not None:
+            whole = hashlib.sha256(
+                f"{fingerprint} {seed.entropy} {seed.spawn_key} {plan}".encode()
+            ).hexdigest()
+            self.checkpoint = Checkpoint(checkpoint, whole)
+
+    # what is counted is what the density is asked, whoever asks
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.density.names
+
+    def log_prob(self, z: Floats) -> Floats:
+        self.evaluations += len(z)
+        return self.density.log_prob(z)
+
+    def go(self, starts: Sequence[Floats]) -> Draws:
+        adapt_seed, explore_seed, *group_seeds = self.seed.spawn(2 + 2 * self.plan.groups)
+        rng = np.random.default_rng(adapt_seed)
+        self.tell("climbing to the modes")
+        modes = self._modes(starts)
+        adapted = adapt(self.density, modes, rng)
+        self.evaluations += adapted.evaluations
+        if adapted.carries:
+            draws = self._independence(adapted, modes, group_seeds[: self.plan.groups])
+            if draws is not None:
+                return draws
+        return self._explore(
+            adapted, modes, np.random.default_rng(explore_seed), group_seeds[self.plan.groups :]
+        )
+
+    def _modes(self, starts: Sequence[Floats]) -> tuple[Mode, ...]:
+        found = []
+        for start in starts:
+            mode = climb(self.density, start, self.width)
+            if mode is not None:
+                found.append(mode)
+                self.evaluations += mode.evaluations
+        if not found:
+            raise ValueError("the density is zero at every start")
+
+        def mass(mode: Mode) -> float:
+            return mode.log_prob + 0.5 * float(np.linalg.slogdet(mode.covariance)[1])
+
+        found.sort(key=mass, reverse=True)
+        kept: list[Mode] = []
+        for mode in found:
+            if mass(mode) < mass(found[0]) - 20.0:
+                continue
+            apart = (np.linalg.solve(m.covariance, mode.z - m.z) @ (mode.z - m.z) for m in kept)
+            if all(distance > 1.0 for distance in apart):
+                kept.append(mode)
+        return tuple(kept)
+
+    def _independence(
+        self, adapted: Adapted, modes: tuple[Mode, ...], seeds: Sequence[np.random.SeedSequence]
+    ) -> Draws | None:
+        """Independence moves alone; None if they turn out not to suffice."""
+        plan = self.plan
+        groups = [
+            _Group(self, f"independence-{g}", adapted, seed, None, plan.block) for g, seed in enumerate(seeds)
+        ]
+        for blocks in range(1, 9):
+            self.tell(f"independence moves, block {blocks}")
+            for group in groups:
+                group.advance()
+            weights = Weights(np.concatenate([group.log_weight for group in groups]))
+            if weights.efficiency < USABLE or weights.greatest > GREATEST_SHARE * max(1.0, 0.25 * blocks):
+                return None
+            chains = np.stack([group.chain[plan.burn :] for group in groups])
+            convergence = assess(chains, plan.target)
+            if convergence.converged:
+                return self._draws(groups, plan.burn, convergence, modes, weights, "independence")
+        return None
+
+    def _explore(
+        self,
+        adapted: Adapted,
+        modes: tuple[Mode, ...],
+        rng: np.random.Generator,
+        seeds: Sequence[np.random.SeedSequence],
+    ) -> Draws:
+        """Differential evolution from dispersed starts, then both kinds of move with a proposal fitted to it."""
+        plan = self.plan
+        explore_seeds = [s.spawn(2) for s in seeds]
+        evolution = differential_evolution(self.width.size)
+        groups = [
+            _Group(self, f"explore-{g}", adapted, s[0], evolution, plan.explore_block, modes=modes)
+            for g, s in enumerate(explore_seeds)
+        ]
+        for block in range(1, 5):
+            self.tell(f"exploring with differential evolution, block {block}")
+            for group in groups:
+                group.advance()
+            half = len(groups[0].chain) // 2
+            if assess(np.stack([g.chain[half:] for g in groups]), Target(1.1, 200.0)).converged:
+                break
+        z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
+        fitted = adapt_to_draws(self.density, z, modes, rng)
+        self.evaluations += fitted.evaluations
+        if fitted.weights.efficiency > adapted.weights.efficiency:
+            adapted = fitted
+        share = 0.5 if adapted.weights.efficiency > 0.05 else 0.1
+        groups = [
+            _Group(
+                self, f"mixed-{g}", adapted, s[1], evolution, plan.explore_block,
+                independence=share, start=groups[g].chain[-1],
+            )
+            for g, s in enumerate(explore_seeds)
+        ]  # fmt: skip
+        block = 0
+        while True:
+            block += 1
+            self.tell(f"both kinds of move, block {block}")
+            for group in groups:
+                group.advance()
+            burn = len(groups[0].chain) // 4
+            convergence = assess(np.stack([g.chain[burn:] for g in groups]), plan.target)
+            if convergence.converged or self.evaluations >= plan.evaluations:
+                weights = Weights(np.concatenate([g.log_weight for g in groups]))
+                return self._draws(
+                    groups, burn, convergence, modes, weights, "independence and differential evolution"
+                )
+
+    def _draws(
+        self,
+        groups: Sequence[_Group],
+        burn: int,
+        convergence: Convergence,
+        modes: tuple[Mode, ...],
+        weights: Weights,
+        method: str,
+    ) -> Draws:
+        ln_evidence, ln_evidence_sd = weights.log_evidence()
+        return Draws(
+            z=np.stack([g.chain[burn:] for g in groups]),
+            log_prob=np.stack([g.log_prob[burn:] for g in groups]),
+            convergence=convergence,
+            acceptance=float(np.mean([g.acceptance for g in groups])),
+            evaluations=self.evaluations,
+            method=method,
+            modes=modes,
+            efficiency=weights.efficiency,
+            greatest_weight=weights.greatest,
+            ln_evidence=ln_evidence,
+            ln_evidence_sd=ln_evidence_sd,
+        )
+
+
+class _Group:
+    """One ensemble, run a block at a time; blocks that a checkpoint holds are read instead of run."""
+
+    def __init__(
+        self,
+        run: _Run,
+        name: str,
+        adapted: Adapted,
+        seed: np.random.SeedSequence,
+        moves: list[tuple[Move, float]] | None,
+        steps: int,
+        *,
+        independence: float = 0.0,
+        start: Floats | None = None,
+        modes: Sequence[Mode] = (),
+    ) -> None:
+        self.run = run
+        self.name = name
+        self.steps = steps
+        self.move = IndependenceMove(adapted.proposal, steps if moves is None else 16)
+        chosen: list[tuple[Move, float]] = [(self.move, 1.0)]
+        if moves is not None:
+            chosen = [(move, share * (1.0 - independence)) for move, share in moves]
+            if independence > 0.0:
+                chosen.append((self.move, independence))
+        self.sampler = emcee.EnsembleSampler(
+            run.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True
+        )
+        start_seed, chain_seed = seed.spawn(2)
+        stream = np.random.RandomState(np.random.MT19937(chain_seed))
+        coords = (
+            start if start is not None else self._dispersed(adapted, np.random.default_rng(start_seed), modes)
+        )
+        self.state = State(coords, random_state=stream.get_state())
+        self._blocks: list[Block] = []
+        self._stored = iter(()) if run.checkpoint is None else run.checkpoint.blocks(name)
+
+    def _dispersed(self, adapted: Adapted, rng: np.random.Generator, modes: Sequence[Mode]) -> Floats:
+        """Starts with probability above zero: from the proposal, or, to explore, from modes and the prior."""
+        run = self.run
+        found: list[Floats] = []
+        count = 0
+        while count < run.walkers:
+            z = adapted.proposal.draw(rng, 2 * run.walkers)[0]
+            if modes:
+                which = rng.integers(len(modes), size=len(z))
+                root = np.stack([np.linalg.cholesky(m.covariance) for m in modes])
+                near = np.stack([m.z for m in modes])[which]
+                near = near + 2.0 * np.einsum("wij,wj->wi", root[which], rng.standard_normal(near.shape))
+                z = np.where(rng.random(len(z))[:, None] < 0.5, z, near)
+            z = z[np.isfinite(z).all(axis=1)]
+            z = z[np.isfinite(run.log_prob(z))] if len(z) else z
+            found.append(z)
+            count += len(z)
+        return np.concatenate(found)[: run.walkers]
+
+    def advance(self) -> None:
+        """Run one more block, or read it."""
+        block = next(self._stored, None)
+        if block is None:
+            block = self._sample()
+            if self.run.checkpoint is not None:
+                self.run.checkpoint.append(self.name, block)
+        self._blocks.append(block)
+        self.state = State(block.chain[-1], log_prob=block.log_prob[-1], random_state=block.random_state)
+
+    def _sample(self) -> Block:
+        self.move.start_block()
+        self.move.log_weights.clear()
+        self.sampler.reset()
+        for _ in self.sampler.sample(self.state, iterations=self.steps, skip_initial_state_check=True):
+            pass
+        weights = self.move.log_weights
+        return Block(
+            np.asarray(self.sampler.get_chain(), dtype=float),
+            np.asarray(self.sampler.get_log_prob(), dtype=float),
+            np.asarray(self.sampler.backend.accepted, dtype=float),
+            np.concatenate(weights) if weights else np.empty(0),
+            self.sampler.random_state,
+        )
+
+    @property
+    def chain(self) -> Floats:
+        """Steps so far, shape (S, W, D)."""
+        return np.concatenate([b.chain for b in self._blocks])
+
+    @property
+    def log_prob(self) -> Floats:
+        """Log-probability of the steps so far, shape (S, W)."""
+        return np.concatenate([b.log_prob for b in self._blocks])
+
+    @property
+    def log_weight(self) -> Floats:
+        """Importance weights of all independence proposals so far."""
+        return np.concatenate([b.log_weight for b in self._blocks])
+
+    @property
+    def acceptance(self) -> float:
+        """Share of accepted proposals."""
+        steps = sum(len(b.chain) for b in self._blocks)
+        return float(np.mean(sum(b.accepted for b in self._blocks)) / steps)

@@ -1,0 +1,290 @@
+"""Proposals of the independence move: mixtures of Student t in coordinates where the posterior is nearly normal.
+
+A proposal can be drawn from and its density evaluated anywhere, which is all that a Metropolis-Hastings step
+and an importance estimate need. Coordinates decide how good it is, never whether it is right: the density
+carries the Jacobian of the map, and a point that the map would not give back has no share in that part.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.special import gammaln, logsumexp
+
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Ints
+
+Bools = NDArray[np.bool_]
+
+
+class RandomStream(Protocol):
+    """What `numpy.random.Generator` and `numpy.random.RandomState` have in common."""
+
+    def standard_normal(self, size: tuple[int, ...]) -> Floats: ...
+
+    def chisquare(self, df: float, size: int) -> Floats: ...
+
+    def random(self, size: int) -> Floats: ...
+
+
+class Coordinates(Protocol):
+    """Invertible map ``u(z)`` into coordinates in which a density is nearly normal."""
+
+    def forward(self, z: Floats) -> tuple[Floats, Floats, Bools]:
+        """Coordinates (W, D), ``ln |du/dz|`` (W,), and whether `inverse` gives `z` back (W,)."""
+        ...
+
+    def inverse(self, u: Floats) -> tuple[Floats, Floats, Bools]:
+        """Points (W, D), ``ln |du/dz|`` there (W,), and whether a point was found (W,)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class PlainCoordinates:
+    """``u = z``."""
+
+    def forward(self, z: Floats) -> tuple[Floats, Floats, Bools]:
+        return z, np.zeros(len(z)), np.ones(len(z), dtype=bool)
+
+    def inverse(self, u: Floats) -> tuple[Floats, Floats, Bools]:
+        return u, np.zeros(len(u)), np.ones(len(u), dtype=bool)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StudentMixture:
+    """Mixture of multivariate Student t distributions.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (K,)
+    mean : ndarray, shape (K, D)
+    root : ndarray, shape (K, D, D)
+        Lower Cholesky factors of the scale matrices.
+    df : float
+        Degrees of freedom of every component.
+    """
+
+    weight: Floats
+    mean: Floats
+    root: Floats
+    df: float
+
+    @staticmethod
+    def from_covariances(weight: Floats, mean: Floats, covariance: Floats, df: float) -> StudentMixture:
+        """Mixture whose components have the given covariances, shape (K, D, D)."""
+        roots = np.stack([_root(c * (df - 2.0) / df) for c in covariance])
+        return StudentMixture(np.asarray(weight) / np.sum(weight), np.asarray(mean), roots, df)
+
+    @property
+    def dimension(self) -> int:
+        """D."""
+        return int(self.mean.shape[1])
+
+    def draw(self, rng: RandomStream, size: int) -> Floats:
+        """Draws, shape (size, D)."""
+        which = np.searchsorted(np.cumsum(self.weight)[:-1], rng.random(size), side="right")
+        normal = rng.standard_normal((size, self.dimension))
+        stretch = np.sqrt(self.df / rng.chisquare(self.df, size))
+        x = np.empty_like(normal)
+        for k in range(len(self.weight)):
+            mine = which == k
+            x[mine] = self.mean[k] + (normal[mine] @ self.root[k].T) * stretch[mine, None]
+        return x
+
+    def log_components(self, x: Floats) -> Floats:
+        """Log of weight times density of each component, shape (W, K)."""
+        d, df = self.dimension, self.df
+        norm = gammaln(0.5 * (df + d)) - gammaln(0.5 * df) - 0.5 * d * math.log(df * math.pi)
+        out = np.empty((len(x), len(self.weight)))
+        for k, (weight, mean, root) in enumerate(zip(self.weight, self.mean, self.root, strict=True)):
+            y = solve_triangular(root, (x - mean).T, lower=True, check_finite=False)
+            distance = np.einsum("ij,ij->j", y, y)
+            volume = float(np.log(np.diag(root)).sum())
+            out[:, k] = math.log(weight) + norm - volume - 0.5 * (df + d) * np.log1p(distance / df)
+        return out
+
+    def log_density(self, x: Floats) -> Floats:
+        """Log density, shape (W,)."""
+        parts = self.log_components(x)
+        return parts[:, 0] if parts.shape[1] == 1 else np.asarray(logsumexp(parts, axis=1))
+
+    def refitted(self, x: Floats, weight: Floats, *, rounds: int) -> StudentMixture:
+        """Fit to weighted points by expectation-maximisation; components that lose their points are dropped.
+
+        Parameters
+        ----------
+        x : ndarray, shape (W, D)
+        weight : ndarray, shape (W,)
+            Importance weights that sum to one.
+        rounds : int
+            Iterations; one suffices for a single component.
+        """
+        mixture = self
+        d, df = self.dimension, self.df
+        for _ in range(rounds):
+            parts = mixture.log_components(x)
+            share = np.exp(parts - logsumexp(parts, axis=1, keepdims=True)) * weight[:, None]
+            weights, means, roots = [], [], []
+            for k in range(share.shape[1]):
+                total = float(share[:, k].sum())
+                effective = total**2 / max(float((share[:, k] ** 2).sum()), 1e-300)
+                if effective < 2.0 * d or total < 1e-3:
+                    if share.shape[1] > 1:
+                        continue
+                    return mixture
+                mean = share[:, k] @ x / total
+                y = solve_triangular(mixture.root[k], (x - mixture.mean[k]).T, lower=True, check_finite=False)
+                tail = (df + d) / (df + np.einsum("ij,ij->j", y, y)) * share[:, k]
+                centred = x - mean
+                scale = (centred * tail[:, None]).T @ centred / total
+                weights.append(total)
+                means.append(mean)
+                roots.append(_root(scale))
+            if not weights:
+                return mixture
+            w = np.array(weights)
+            mixture = StudentMixture(w / w.sum(), np.stack(means), np.stack(roots), df)
+        return mixture
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FactorisedMixture:
+    """Independent mixtures for blocks of coordinates.
+
+    Attributes
+    ----------
+    blocks : tuple of ndarray of int
+        Coordinates of each block; together all of them, once.
+    parts : tuple of StudentMixture
+        One for each block.
+    """
+
+    blocks: tuple[Ints, ...]
+    parts: tuple[StudentMixture, ...]
+
+    def draw(self, rng: RandomStream, size: int) -> Floats:
+        """Draws, shape (size, D)."""
+        x = np.empty((size, sum(b.size for b in self.blocks)))
+        for block, part in zip(self.blocks, self.parts, strict=True):
+            x[:, block] = part.draw(rng, size)
+        return x
+
+    def log_density(self, x: Floats) -> Floats:
+        """Log density, shape (W,)."""
+        total = np.zeros(len(x))
+        for block, part in zip(self.blocks, self.parts, strict=True):
+            total += part.log_density(x[:, block])
+        return total
+
+    def refitted(self, x: Floats, weight: Floats, *, rounds: int) -> FactorisedMixture:
+        """Fit each block to weighted points, shape (W, D)."""
+        parts = tuple(
+            part.refitted(x[:, block], weight, rounds=rounds)
+            for block, part in zip(self.blocks, self.parts, strict=True)
+        )
+        return FactorisedMixture(self.blocks, parts)
+
+
+Mixture = StudentMixture | FactorisedMixture
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """A t mixture in suitable coordinates, with a wide component in plain ones.
+
+    The wide component keeps importance weights bounded where the density has tails that the narrow part lacks.
+
+    Attributes
+    ----------
+    coordinates : Coordinates
+    narrow : StudentMixture or FactorisedMixture
+        In ``u``.
+    wide : StudentMixture
+        In ``z``.
+    share : float
+        Of the wide component.
+    """
+
+    coordinates: Coordinates
+    narrow: Mixture
+    wide: StudentMixture
+    share: float = 0.05
+
+    def draw(self, rng: RandomStream, size: int) -> tuple[Floats, Floats]:
+        """Points (size, D) and their log density (size,); a point that could not be built has NaN coordinates."""
+        from_wide = rng.random(size) < self.share
+        z_wide = self.wide.draw(rng, size)
+        u = self.narrow.draw(rng, size)
+        z, log_jacobian, found = self.coordinates.inverse(u)
+        narrow = np.where(found, self.narrow.log_density(u) + log_jacobian, -np.inf)
+        if from_wide.any():
+            u_wide, jacobian_wide, back = self.coordinates.forward(z_wide[from_wide])
+            z = z.copy()
+            z[from_wide] = z_wide[from_wide]
+            narrow[from_wide] = np.where(back, self.narrow.log_density(u_wide) + jacobian_wide, -np.inf)
+            found = found | from_wide
+        z[~found] = np.nan
+        log_q = np.full(size, -np.inf)
+        log_q[found] = self._join(narrow[found], z[found])
+        return z, log_q
+
+    def log_density(self, z: Floats) -> Floats:
+        """Log density at any points, shape (W,)."""
+        u, log_jacobian, back = self.coordinates.forward(z)
+        with np.errstate(invalid="ignore"):
+            narrow = np.where(back, self.narrow.log_density(u) + log_jacobian, -np.inf)
+        return self._join(narrow, z)
+
+    def _join(self, narrow: Floats, z: Floats) -> Floats:
+        return np.asarray(
+            np.logaddexp(math.log1p(-self.share) + narrow, math.log(self.share) + self.wide.log_density(z))
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MixedProposal:
+    """Several proposals, one for each mode of a density.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (K,)
+    parts : tuple of Proposal
+    """
+
+    weight: Floats
+    parts: tuple[Proposal, ...]
+
+    def draw(self, rng: RandomStream, size: int) -> tuple[Floats, Floats]:
+        """Points (size, D) and their log density (size,); see `Proposal.draw`."""
+        which = np.searchsorted(np.cumsum(self.weight)[:-1], rng.random(size), side="right")
+        drawn = [part.draw(rng, size)[0] for part in self.parts]
+        z = np.stack(drawn)[which, np.arange(size)]
+        found = np.isfinite(z).all(axis=1)
+        log_q = np.full(size, -np.inf)
+        log_q[found] = self.log_density(z[found])
+        return z, log_q
+
+    def log_density(self, z: Floats) -> Floats:
+        """Log density at any points, shape (W,)."""
+        parts = np.stack([part.log_density(z) for part in self.parts])
+        return np.asarray(logsumexp(parts + np.log(self.weight)[:, None], axis=0))
+
+
+AnyProposal = Proposal | MixedProposal
+
+
+def _root(matrix: Floats) -> Floats:
+    """Cholesky factor; a matrix that is not quite positive definite is lifted by its own scale."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    correlation = matrix / np.outer(scale, scale)
+    for lift in (0.0, 1e-12, 1e-9, 1e-6, 1e-3):
+        try:
+            return np.asarray(np.linalg.cholesky(correlation + lift * np.eye(len(matrix))) * scale[:, None])
+        except np.linalg.LinAlgError:
+            continue
+    return np.diag(scale)

@@ -1,0 +1,384 @@
+"""Least-squares warm start: several starts, bounded, with the analytic Jacobian.
+
+This is what the paper stops at. Here it seeds the ensembles, gives the classic goodness of fit, and tells which
+directions of the parameter space the data leave free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.special import expit
+
+from sma_bayes.errors import MeasurementError
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.response.modified_sigmoid import log_stiffness_shape
+
+SCREENED = 512
+"""Prior draws of rates and midpoints that are screened, amplitudes and offsets solved for."""
+STARTS = 3
+"""Best screened draws that are refined."""
+SCREEN_SAMPLES = 128
+"""Samples of a record that the screening looks at, evenly spaced; refinement uses all."""
+BOUND_SD = 10.0
+"""Bounds of the refinement, in standard deviations of the prior about its centre."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoodnessOfFit:
+    """Classic statistics of one channel at the least-squares estimate.
+
+    Attributes
+    ----------
+    sse : float
+        Sum of squared residuals [unit of the channel squared].
+    rmse : float
+        ``sqrt(sse/(n - p))``, the residual standard error that the paper's tables call RMSE [unit of channel].
+    r2, adj_r2 : float
+        ``1 - sse/sst`` and ``1 - (sse/(n - p))/(sst/(n - 1))``.
+    n, p : int
+        Samples, and parameters of this channel's curve that were estimated.
+    """
+
+    sse: float
+    rmse: float
+    r2: float
+    adj_r2: float
+    n: int
+    p: int
+
+
+@dataclass(frozen=True, eq=False)
+class WarmStart:
+    """Least-squares estimate of the model's parameters.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (P,)
+        Estimate of all model parameters, fixed ones included.
+    sd : ndarray, shape (P,)
+        Standard errors from the Jacobian and the residual variance; 0 where fixed, infinite where the data
+        leave a parameter free.
+    fit : tuple of dict
+        For each record, channel to `GoodnessOfFit`.
+    residual : tuple of dict
+        For each record, channel to residuals (n,).
+    optima : tuple of ndarray
+        Distinct local optima, best first, as sampled coordinates of the model's free parameters.
+    rank : int
+        Numerical rank of the Jacobian.
+    free_directions : tuple of str
+        Combinations of parameters about which the data say less than the prior.
+    at_bound : tuple of str
+        Parameters that ended at a bound of the search.
+    """
+
+    theta: Floats
+    sd: Floats
+    fit: tuple[Mapping[str, GoodnessOfFit], ...]
+    residual: tuple[Mapping[str, Floats], ...]
+    optima: tuple[Floats, ...]
+    rank: int
+    free_directions: tuple[str, ...]
+    at_bound: tuple[str, ...]
+
+
+def warm_start(posterior: Posterior, rng: np.random.Generator) -> WarmStart:
+    """Fit the model by least squares, ignoring priors and noise model.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Priors only supply the starting points, the bounds and which parameters are fixed.
+    rng : numpy.random.Generator
+        For the starting points.
+
+    Raises
+    ------
+    MeasurementError
+        If there are fewer samples than parameters.
+    """
+    problem = _Problem(posterior)
+    if problem.free.size > problem.samples:
+        raise MeasurementError(
+            f"{problem.samples} samples can't determine {problem.free.size} parameters",
+            file=posterior.records[0].source or None,
+            expected=f"more than {problem.free.size} samples of {posterior.records[0].key}",
+            remedy="record more samples, or fix parameters in a priors file",
+        )
+    starts = [problem.inside(z) for z in _screen(posterior, rng)]
+    weights = {c: 1.0 / problem.spread[c] for c in problem.channels}
+    found = [problem.solve(z, weights) for z in starts]
+    if len(problem.channels) > 1 and "stiffness" in problem.channels:
+        # channels share parameters, so their weights matter: once more with those that the residuals ask for
+        best = min(found, key=lambda f: f[1])[0]
+        weights = problem.weights(best)
+        found = [problem.solve(z, weights) for z, _ in found]
+    found.sort(key=lambda f: f[1])
+    z, cost = found[0]
+    theta = problem.theta(z)
+    residual = problem.residuals(theta)
+    sd, rank, free_directions = problem.covariance(z, weights, cost)
+    return WarmStart(
+        theta=theta,
+        sd=sd,
+        fit=tuple(problem.goodness(i, residual[i]) for i in range(len(posterior.records))),
+        residual=residual,
+        optima=problem.distinct([f[0] for f in found]),
+        rank=rank,
+        free_directions=free_directions,
+        at_bound=problem.at_bound(z),
+    )
+
+
+class _Problem:
+    """The sum of squares and its Jacobian in sampled coordinates of the model's free parameters."""
+
+    def __init__(self, posterior: Posterior) -> None:
+        self.posterior = posterior
+        self.model = posterior.model
+        count = len(self.model.parameter_names)
+        space = posterior.space
+        self.free = space.free_index[space.free_index < count]
+        self.position = np.arange(self.free.size)  # model parameters come first in z as in theta
+        self.prior_sd = space.prior_sd()[: self.free.size]
+        self.centre = space.prior_centre()
+        self.low = self.centre[: self.free.size] - BOUND_SD * self.prior_sd
+        self.high = self.centre[: self.free.size] + BOUND_SD * self.prior_sd
+        self.channels = posterior.records[0].channels
+        self.samples = posterior.n * len(self.channels)
+        self.spread = {
+            c: float(np.std(np.concatenate([r.observed[c] for r in posterior.records]))) or 1.0
+            for c in self.channels
+        }
+
+    def inside(self, z: Floats) -> Floats:
+        margin = 1e-6 * (self.high - self.low)
+        return np.clip(z, self.low + margin, self.high - margin)
+
+    def _full(self, z: Floats) -> Floats:
+        full = self.centre.copy()
+        full[: self.free.size] = z
+        return full
+
+    def theta(self, z: Floats) -> Floats:
+        return np.asarray(self.posterior.space.to_physical(self._full(z))[: len(self.model.parameter_names)])
+
+    def residuals(self, theta: Floats) -> tuple[dict[str, Floats], ...]:
+        out = []
+        for record in self.posterior.records:
+            mu = self.model.predict(theta, record.inputs)
+            out.append({c: record.observed[c] - mu[c] for c in record.channels})
+        return tuple(out)
+
+    def weights(self, z: Floats) -> dict[str, float]:
+        residual = self.residuals(self.theta(z))
+        joined = {c: np.concatenate([r[c] for r in residual]) for c in self.channels}
+        return {c: 1.0 / max(float(np.std(joined[c])), 1e-9 * self.spread[c]) for c in self.channels}
+
+    def _vector(self, z: Floats, weights: Mapping[str, float]) -> Floats:
+        with np.errstate(over="ignore", invalid="ignore"):
+            residual = self.residuals(self.theta(z))
+        vector = np.concatenate([r[c] * weights[c] for r in residual for c in self.channels])
+        return np.asarray(np.nan_to_num(vector, nan=1e100, posinf=1e100, neginf=-1e100))
+
+    def _jacobian(self, z: Floats, weights: Mapping[str, float]) -> Floats:
+        chain = self.posterior.space.derivative(self._full(z))[: self.free.size]
+        theta = self.theta(z)
+        blocks = []
+        with np.errstate(over="ignore", invalid="ignore"):
+            for record in self.posterior.records:
+                j = self.model.jacobian(theta, record.inputs)
+                blocks += [-weights[c] * j[c][:, self.free] * chain for c in self.channels]
+        return np.asarray(np.nan_to_num(np.concatenate(blocks), nan=0.0, posinf=1e100, neginf=-1e100))
+
+    def solve(self, z: Floats, weights: Mapping[str, float]) -> tuple[Floats, float]:
+        if self.free.size == 0:
+            return z, float(0.5 * np.sum(self._vector(z, weights) ** 2))
+        result = least_squares(
+            self._vector,
+            z,
+            jac=self._jacobian,
+            bounds=(self.low, self.high),
+            method="trf",
+            x_scale=self.prior_sd,
+            ftol=1e-12,
+            xtol=1e-12,
+            gtol=1e-12,
+            max_nfev=200,
+            args=(weights,),
+        )
+        return np.asarray(result.x, dtype=float), float(result.cost)
+
+    def covariance(
+        self, z: Floats, weights: Mapping[str, float], cost: float
+    ) -> tuple[Floats, int, tuple[str, ...]]:
+        """Standard errors of all model parameters, rank of the Jacobian and the directions left free."""
+        sd = np.zeros(len(self.model.parameter_names))
+        if self.free.size == 0:
+            return sd, 0, ()
+        jacobian = self._jacobian(z, weights) * self.prior_sd
+        variance = 2.0 * cost / max(self.samples - self.free.size, 1)
+        _, singular, vt = np.linalg.svd(jacobian, full_matrices=False)
+        solid = singular > singular[0] * max(jacobian.shape) * 1e-12
+        inverse = np.where(solid, 1.0 / np.where(solid, singular, 1.0), np.inf)
+        chain = np.abs(self.posterior.space.derivative(self._full(z))[: self.free.size]) * self.prior_sd
+        with np.errstate(invalid="ignore"):
+            spread = np.where(np.abs(vt.T) > 1e-8, (vt.T * inverse) ** 2, 0.0).sum(axis=1)
+        sd[self.free] = np.sqrt(variance * spread) * chain
+        weak = singular < np.sqrt(variance)  # less information than the prior, of unit variance here
+        names = self.posterior.names
+        free_directions = tuple(_direction(vt[i], names, self.posterior) for i in np.flatnonzero(weak))
+        return sd, int(solid.sum()), free_directions
+
+    def goodness(self, record: int, residual: Mapping[str, Floats]) -> dict[str, GoodnessOfFit]:
+        fit = {}
+        names = self.model.parameter_names
+        estimated = {names[i] for i in self.free}
+        for channel, r in residual.items():
+            letter = {"force": "B", "displacement": "A", "stiffness": ""}[channel]
+            p = sum(1 for name in estimated if name.startswith(letter))
+            if channel == "stiffness":
+                p = sum(1 for name in estimated if name[1] != "4")
+            y = self.posterior.records[record].observed[channel]
+            sse, sst, n = float(r @ r), float(np.sum((y - y.mean()) ** 2)), r.size
+            fit[channel] = GoodnessOfFit(
+                sse=sse,
+                rmse=float(np.sqrt(sse / max(n - p, 1))),
+                r2=1.0 - sse / sst,
+                adj_r2=1.0 - (sse / max(n - p, 1)) / (sst / (n - 1)),
+                n=n,
+                p=p,
+            )
+        return fit
+
+    def distinct(self, candidates: list[Floats]) -> tuple[Floats, ...]:
+        """Candidates whose curves differ by more than a hundredth of the best residual's spread."""
+        weights = self.weights(candidates[0])
+        kept: list[tuple[Floats, Floats]] = []
+        for z in candidates:
+            vector = self._vector(z, weights)
+            if all(np.sqrt(np.mean((vector - other) ** 2)) > 1e-2 for _, other in kept):
+                kept.append((z, vector))
+        return tuple(z for z, _ in kept)
+
+    def at_bound(self, z: Floats) -> tuple[str, ...]:
+        near = 1e-3 * self.prior_sd
+        touching = (z - self.low < near) | (self.high - z < near)
+        return tuple(self.posterior.names[i] for i in np.flatnonzero(touching))
+
+
+def _direction(vector: Floats, names: tuple[str, ...], posterior: Posterior) -> str:
+    """Readable combination of parameters: ``0.71 ln A1 + 0.71 ln B1``."""
+    vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
+    terms = []
+    for value, name, parameter in zip(vector, names, posterior.space.free, strict=False):
+        if abs(value) >= 0.1:
+            kind = type(parameter.prior.transform).__name__
+            label = {"Log": f"ln {name}", "Logit": f"logit {name}"}.get(kind, name)
+            terms.append(f"{'-' if value < 0 else '+'} {abs(value):.2f} {label}")
+    return " ".join(terms).removeprefix("+ ")
+
+
+def _screen(posterior: Posterior, rng: np.random.Generator) -> list[Floats]:
+    """Starting points: the best of many prior draws, with amplitudes and offsets solved for in closed form."""
+    model, space = posterior.model, posterior.space
+    names = model.parameter_names
+    theta = space.to_physical(space.draw(rng, SCREENED))[:, : len(names)]
+    column = {name: theta[:, i].copy() for i, name in enumerate(names)}
+    fixed = {p.name: p.fixed for p in space.parameters if p.fixed is not None}
+    series = {"temperature": np.concatenate([r.temperature for r in posterior.records])}
+    for channel in posterior.records[0].channels:
+        series[channel] = np.concatenate([r.observed[channel] for r in posterior.records])
+    stride = max(1, series["temperature"].size // SCREEN_SAMPLES)
+    series = {k: v[::stride] for k, v in series.items()}
+    for letter, channel in (("A", "displacement"), ("B", "force")):
+        if channel in series:
+            _profile_sigmoid(column, letter, series["temperature"], series[channel], fixed)
+    if "stiffness" in series:
+        _profile_stiffness(column, series, fixed)
+    z = space.to_sampled(_assemble(column, posterior))[
+        :, : space.free_index[space.free_index < len(names)].size
+    ]
+    return list(z[:STARTS])
+
+
+def _assemble(column: Mapping[str, Floats], posterior: Posterior) -> Floats:
+    names = posterior.model.parameter_names
+    centre = posterior.space.to_physical(posterior.space.prior_centre())
+    theta = np.tile(centre, (STARTS, 1))
+    for i, name in enumerate(names):
+        theta[:, i] = column[name][:STARTS]
+    return theta
+
+
+def _sort_by(column: dict[str, Floats], names: list[str], sse: Floats) -> None:
+    order = np.argsort(np.where(np.isnan(sse), np.inf, sse), kind="stable")
+    for name in names:
+        column[name] = column[name][order]
+
+
+def _profile_sigmoid(
+    column: dict[str, Floats],
+    letter: str,
+    t: Floats,
+    y: Floats,
+    fixed: Mapping[str, float | None],
+) -> None:
+    """Solve amplitude and offset of one sigmoid for every draw, and sort the draws by their sum of squares."""
+    size, rate, middle, offset = (f"{letter}{i}" for i in (1, 2, 3, 4))
+    s = expit(column[rate][:, None] * (t - column[middle][:, None]))
+    sign = np.sign(column[size][0])
+    if offset in fixed:
+        amplitude = (s @ (y - column[offset][0])) / np.einsum("ij,ij->i", s, s)
+    else:
+        deviation = s - s.mean(axis=1, keepdims=True)
+        amplitude = (deviation @ (y - y.mean())) / np.maximum(
+            np.einsum("ij,ij->i", deviation, deviation), 1e-300
+        )
+    if size in fixed:
+        amplitude = column[size]
+    spread = float(np.ptp(y))
+    amplitude = (
+        sign * np.clip(sign * amplitude, 1e-3 * spread, 1e3 * spread) if size not in fixed else amplitude
+    )
+    column[size] = amplitude
+    if offset not in fixed:
+        column[offset] = y.mean() - amplitude * s.mean(axis=1)
+    r = y - column[offset][:, None] - amplitude[:, None] * s
+    _sort_by(column, [size, rate, middle, offset], np.einsum("ij,ij->i", r, r))
+
+
+def _profile_stiffness(
+    column: dict[str, Floats], series: Mapping[str, Floats], fixed: Mapping[str, float | None]
+) -> None:
+    """Solve the scale of Eq. (7) for every draw; force or displacement, where observed, are settled already."""
+    t, k = series["temperature"], series["stiffness"]
+    settled = {"A": "displacement" in series, "B": "force" in series}
+    if all(settled.values()):
+        return
+    for letter, done in settled.items():
+        if done:  # the best of them, for every draw of the other sigmoid
+            for i in (1, 2, 3):
+                column[f"{letter}{i}"][:] = column[f"{letter}{i}"][0]
+    log_shape = log_stiffness_shape(t, *(column[name][:, None] for name in ("A2", "A3", "B2", "B3")))
+    peak = log_shape.max(axis=1, keepdims=True)
+    shape = np.exp(log_shape - peak)
+    ratio = np.maximum((shape @ k) / np.einsum("ij,ij->i", shape, shape), 1e-6 * np.abs(k).max())
+    r = k - ratio[:, None] * shape
+    with np.errstate(over="ignore", under="ignore"):
+        wanted = ratio * np.exp(-peak[:, 0]) * np.abs(column["A2"] / column["B2"])  # |B1/A1|
+        wanted = np.clip(wanted, 1e-200, 1e200)
+    now = np.abs(column["B1"] / column["A1"])
+    movable = [
+        name for name, done in (("A1", settled["A"]), ("B1", settled["B"])) if not done and name not in fixed
+    ]
+    for name in movable:
+        power = (1.0 if name == "B1" else -1.0) / len(movable)
+        column[name] = column[name] * (wanted / now) ** power
+    names = [f"{letter}{i}" for letter in "AB" for i in (1, 2, 3)]
+    _sort_by(column, names, np.einsum("ij,ij->i", r, r))

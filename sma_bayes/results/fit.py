@@ -1,0 +1,108 @@
+"""What a fit is: the posterior, how it was started, its draws, and what they say in the parameters' own units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sma_bayes.inference.ensembles import Draws
+from sma_bayes.inference.noise_choice import NoiseChoice
+from sma_bayes.inference.warm_start import WarmStart
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Calibration, Record
+
+KEPT = 500
+"""Draws that are kept of each ensemble."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A sampled posterior.
+
+    Attributes
+    ----------
+    posterior : Posterior
+    warm_start : WarmStart
+    draws : Draws
+    noise_choice : NoiseChoice or None
+        None where the noise model was the user's choice.
+    seed : int
+    wall_s : dict of str to float
+        Time that each stage took.
+    z : ndarray, shape (G, N, D)
+        Kept draws in sampled coordinates, evenly thinned.
+    theta : ndarray, shape (G, N, P)
+        The same as parameters, before the uncertainty of calibrations is added.
+    """
+
+    posterior: Posterior
+    warm_start: WarmStart
+    draws: Draws
+    noise_choice: NoiseChoice | None
+    seed: int
+    wall_s: dict[str, float] = field(default_factory=dict)
+    z: Floats = field(init=False, repr=False)
+    theta: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        groups, steps, walkers, d = self.draws.z.shape
+        joined = np.swapaxes(self.draws.z, 1, 2).reshape(groups, walkers * steps, d)
+        keep = np.linspace(0, joined.shape[1] - 1, min(KEPT, joined.shape[1])).round().astype(int)
+        z = joined[:, keep]
+        object.__setattr__(self, "z", z)
+        object.__setattr__(self, "theta", self.posterior.space.to_physical(z))
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """Records that share this posterior."""
+        return self.posterior.records
+
+    @property
+    def converged(self) -> bool:
+        """Whether every parameter reached the target."""
+        return self.draws.convergence.converged
+
+    @property
+    def flat(self) -> Floats:
+        """Kept draws of all parameters, shape (G N, P)."""
+        return self.theta.reshape(-1, self.theta.shape[-1])
+
+    def calibration_draws(self, record: int = 0) -> dict[str, tuple[Floats, Floats]]:
+        """Gain and shift of each channel whose calibration is uncertain, one for each kept draw.
+
+        A true value is ``gain * value + shift``. The errors of scale and offset are the same for all samples of
+        a record, so they are not seen by the fit; they are drawn from what was declared and added to it.
+
+        Returns
+        -------
+        dict
+            Channel to two arrays of shape (G N,).
+        """
+        r = self.records[record]
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, *r.key.encode()]))
+        return {
+            channel: _calibration_error(calibration, rng, len(self.flat))
+            for channel, calibration in r.calibration.items()
+            if channel in r.channels and (calibration.relative_scale_sd > 0 or calibration.offset_sd > 0)
+        }
+
+    def calibrated(self, record: int = 0) -> Floats:
+        """Kept draws (G N, P) with the uncertainty of the calibration carried into spans and offsets."""
+        theta = self.flat.copy()
+        at = {name: i for i, name in enumerate(self.posterior.model.parameter_names)}
+        for channel, (gain, shift) in self.calibration_draws(record).items():
+            letter = {"displacement": "A", "force": "B"}.get(channel)
+            if letter is None:
+                continue
+            size, offset = at[f"{letter}1"], at[f"{letter}4"]
+            theta[:, size] *= gain
+            theta[:, offset] = gain * theta[:, offset] + shift
+        return theta
+
+
+def _calibration_error(c: Calibration, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
+    relative = c.relative_scale_sd * rng.standard_normal(size)
+    offset = c.offset_sd * rng.standard_normal(size)
+    return 1.0 + relative, offset - c.offset * relative
