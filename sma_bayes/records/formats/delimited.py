@@ -125,7 +125,7 @@ def _rows(lines: Sequence[str], delimiter: str, skipped: int) -> Iterator[Row]:
     if delimiter == WHITESPACE:
         yield from enumerate((line.split() for line in lines), start=skipped + 1)
         return
-    reader = csv.reader(lines, delimiter=delimiter)
+    reader = csv.reader((line + "\n" for line in lines), delimiter=delimiter)
     begin = skipped + 1
     for cells in reader:
         yield begin, cells
@@ -143,7 +143,7 @@ def _delimiter(lines: Sequence[str], reading: Reading, path: Path) -> tuple[str,
     }
     best = max(shapes, key=lambda d: (shapes[d].filled > 1, shapes[d].score))
     rivals = [d for d in shapes if shapes[d].score == shapes[best].score and shapes[d].filled > 1]
-    if len({shapes[d].filled for d in rivals}) > 1:
+    if len({(shapes[d].filled, shapes[d].numeric) for d in rivals}) > 1:
         raise MeasurementError(
             "the delimiter can't be told: " + " and ".join(repr(d) for d in rivals) + " fit equally well",
             file=path,

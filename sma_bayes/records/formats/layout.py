@@ -172,7 +172,7 @@ def _header(
     file: Path,
     resplit: Callable[[int], Iterable[Sequence[str]]] | None,
 ) -> tuple[tuple[str, ...] | None, tuple[Finding, ...]]:
-    """Names of the columns, and a finding about the other lines above the data."""
+    """Names of the columns, and findings about the lines above the data."""
     if not above:
         return None, ()
     at = len(above) - 1
@@ -180,8 +180,12 @@ def _header(
         at -= 1
     line, cells = above[at]
     names = _names(cells, shape)
-    for other in resplit(line) if names is None and resplit else ():
-        names = names or _names(other, shape)
+    findings: tuple[Finding, ...] = ()
+    if names is None and resplit:
+        names = next(filter(None, (_names(other, shape) for other in resplit(line))), None)
+        if names:
+            message = f"the header is split otherwise than the rows, into {', '.join(map(repr, names))}"
+            findings = (rows_finding("header", message, np.array([line])),)
     if names is None and header:
         raise MeasurementError(
             f"the header has {len(cells)} names, the rows have {shape.filled} columns",
@@ -193,15 +197,16 @@ def _header(
         )
     skipped = np.array([n for i, (n, _) in enumerate(above) if names is None or i != at], dtype=np.int64)
     if not skipped.size:
-        return names, ()
+        return names, findings
     what = "above the data" if names is None else f"around the header in line {line}"
     message = f"{counted(skipped, 'line')} {what}, neither names nor data, left out"
-    return names, (rows_finding("preamble", message, skipped),)
+    return names, (*findings, rows_finding("preamble", message, skipped))
 
 
 def _names(cells: Sequence[object], shape: Shape) -> tuple[str, ...] | None:
     """Column names if the cells fit the columns; columns that are never filled need none."""
-    names = ["" if cell is None else str(cell).strip() for cell in cells]
+    names = ["" if cell is None else " ".join(str(cell).split()) for cell in cells]
+    names[:1] = [name.lstrip("# ") for name in names[:1]]
     while len(names) > shape.width and not names[-1]:
         names.pop()
     if not shape.filled <= len(names) <= shape.width or not any(names):
@@ -219,7 +224,7 @@ def _collect(
     blank: list[int] = []
     cut: list[int] = []
     for line, row in rows:
-        if len(row) != shape.width or row[0] in ("", None):
+        if len(row) != shape.width or is_blank(row[0]):
             if all(is_blank(cell) for cell in row):
                 blank.append(line)
                 continue

@@ -71,7 +71,7 @@ def _variables(path: Path) -> dict[str, Any]:
             expected="version 7 or older",
             remedy="save it again in MATLAB with: save(file, '-v7')",
         ) from None
-    except (scipy.io.matlab.MatReadError, ValueError, TypeError, KeyError, OSError, zlib.error) as error:
+    except (scipy.io.matlab.MatReadError, ValueError, TypeError, LookupError, OSError, zlib.error) as error:
         raise MeasurementError(
             f"the file is damaged: {error}",
             file=path,

@@ -29,6 +29,7 @@ def numbers(
     column: str,
     missing: Sequence[float | str] = (),
     decimal: str = ".",
+    expected: str = "a number",
 ) -> tuple[Floats, tuple[Finding, ...]]:
     """Numbers of one column; NaN where a value is missing.
 
@@ -46,6 +47,8 @@ def numbers(
         Codes of a missing value.
     decimal : str
         Decimal mark.
+    expected : str
+        What a cell should hold, for messages.
 
     Returns
     -------
@@ -65,7 +68,7 @@ def numbers(
     >>> values.tolist(), [f.kind for f in seen]
     ([1.5, nan, nan], ['empty', 'missing-code'])
     """
-    values, empty = _parse(cells, row, file, column, missing, decimal)
+    values, empty = _parse(cells, row, file, column, missing, decimal, expected)
     coded = _coded(cells, values, missing)
     nan = np.isnan(values) & ~empty & ~coded
     infinite = np.isinf(values) & ~coded
@@ -120,7 +123,13 @@ def is_blank(cell: object) -> bool:
 
 
 def _parse(
-    cells: Cells, row: Ints, file: Path, column: str, missing: Sequence[float | str], decimal: str
+    cells: Cells,
+    row: Ints,
+    file: Path,
+    column: str,
+    missing: Sequence[float | str],
+    decimal: str,
+    expected: str,
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Values of the cells, and which of them are empty; codes that are texts become NaN."""
     if isinstance(cells, np.ndarray):
@@ -130,7 +139,7 @@ def _parse(
     try:
         values = np.fromiter(map(float, strict), np.float64, len(cells))  # type: ignore[arg-type]
     except (ValueError, TypeError):
-        return _parse_each(cells, row, file, column, missing, decimal)
+        return _parse_each(cells, row, file, column, missing, decimal, expected)
     return values, np.zeros(len(cells), dtype=bool)
 
 
@@ -145,6 +154,7 @@ def _parse_each(
     column: str,
     missing: Sequence[float | str],
     decimal: str,
+    expected: str,
 ) -> tuple[Floats, NDArray[np.bool_]]:
     values = np.full(len(cells), np.nan)
     empty = np.zeros(len(cells), dtype=bool)
@@ -159,7 +169,7 @@ def _parse_each(
             elif str(cell).strip() not in codes:
                 wrong.append(i)
     if wrong:
-        raise _not_a_number(str(cells[wrong[0]]).strip(), row[wrong], file, column, decimal)
+        raise _not_a_number(str(cells[wrong[0]]).strip(), row[wrong], file, column, decimal, expected)
     return values, empty
 
 
@@ -172,7 +182,9 @@ def _coded(cells: Cells, values: Floats, missing: Sequence[float | str]) -> NDAr
     return mask
 
 
-def _not_a_number(text: str, rows: Ints, file: Path, column: str, decimal: str) -> MeasurementError:
+def _not_a_number(
+    text: str, rows: Ints, file: Path, column: str, decimal: str, expected: str
+) -> MeasurementError:
     more = f" (and {rows.size - 1} more in this column)" if rows.size > 1 else ""
     if decimal == "." and _COMMA_NUMBER.fullmatch(text):
         remedy = 'if the comma is a decimal mark, set decimal = "," in [reading]'
@@ -186,6 +198,6 @@ def _not_a_number(text: str, rows: Ints, file: Path, column: str, decimal: str) 
         file=file,
         row=int(rows[0]),
         column=column,
-        expected="a number",
+        expected=expected,
         remedy=remedy,
     )

@@ -59,14 +59,14 @@ class Reading(BaseModel):
 
     format: str | None = None
     header: bool | None = None
-    skip_rows: int = Field(0, ge=0)
+    skip_rows: int = Field(default=0, ge=0)
     delimiter: str | None = None
     decimal: Literal[".", ","] = "."
     missing: Annotated[tuple[float | str, ...], Field(strict=False)] = ()
     quoted_rows: bool = False
     encoding: str | None = None
-    first_row: int | None = Field(None, ge=1)
-    last_row: int | None = Field(None, ge=1)
+    first_row: int | None = Field(default=None, ge=1)
+    last_row: int | None = Field(default=None, ge=1)
     sheet: str | int | None = None
     group: str | None = None
 
@@ -96,7 +96,8 @@ class Table:
     Attributes
     ----------
     names : tuple of str or None
-        Column names, None where the file has no header. A name may be empty or occur twice.
+        Column names, runs of blanks and line ends in them as one blank; None where the file has no header. A
+        name may be empty or occur twice.
     columns : tuple of Cells
         One entry a column. Formats without rows (MAT, TDMS) may hold columns of different lengths.
     row : ndarray of int, shape (n,)

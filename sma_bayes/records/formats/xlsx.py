@@ -59,10 +59,11 @@ def _sheets(path: Path) -> dict[str, _Sheet]:
     from openpyxl.utils.exceptions import InvalidFileException
 
     try:
-        with warnings.catch_warnings():
+        # opened here, because openpyxl judges a path by its suffix
+        with path.open("rb") as file, warnings.catch_warnings():
             # parts of a workbook that openpyxl drops (drawings, validation rules) hold no cells
             warnings.simplefilter("ignore", UserWarning)
-            book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+            book = openpyxl.load_workbook(file, read_only=True, data_only=True)
             return {sheet.title: _cells(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
     except (zipfile.BadZipFile, InvalidFileException, KeyError, ValueError, EOFError, SyntaxError) as error:
         # SyntaxError is the base of the XML parser's errors

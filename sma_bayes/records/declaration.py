@@ -1,0 +1,532 @@
+"""What a campaign file declares, checked: files, columns, units, conditions."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, Final, TypeVar
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+
+from sma_bayes.errors import CampaignError, SmaBayesError, near_matches
+from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, STANDARD_GRAVITY
+from sma_bayes.records.formats import Reading
+from sma_bayes.records.split import SplitSettings
+from sma_bayes.records.types import Condition
+
+CAMPAIGN_FILE: Final = "campaign.toml"
+
+UNITLESS: Final = ("cycle", "branch", "drive")
+"""Quantities whose column needs no unit."""
+
+CHANNEL_OF: Final = {quantity: channel for channel, quantity in SPECIMEN_QUANTITY.items()}
+"""Channel in which stress, strain and modulus are kept."""
+
+_NOT_IN_FILE_NAMES = re.compile(r'[\x00-\x1f<>:"/\\|?*]|^[ .]|[ .]$')
+_DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+
+M = TypeVar("M", bound=BaseModel)
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class Column(_Table):
+    """One entry of ``[columns]``: where a quantity stands in the file and how it becomes a quantity.
+
+    A reading becomes ``offset + scale * reading`` in the unit `to`; without scale and offset it is in `unit`.
+
+    Attributes
+    ----------
+    name : str, optional
+        Header of the column.
+    column : int, optional
+        Number of the column, from 1.
+    row_interval : float, optional
+        Time between two rows, for a file without a time column.
+    unit : str, optional
+        Unit of the reading, or ``"arbitrary"``.
+    scale, offset : float, optional
+        Calibration line.
+    to : str, optional
+        Unit after the calibration.
+    scale_sd, offset_sd : float, optional
+        Standard deviations of scale [to / unit] and of the line at `reference` [to].
+    reference : float
+        Reading at which the errors of scale and offset are independent [unit]: 0 where they were found one by
+        one, the mean of the calibration readings where a line was fitted to them by least squares.
+    sd : float, optional
+        Standard deviation of the error of one temperature reading [to, or unit].
+    missing : tuple of float or str
+        Codes of a missing value in this column.
+    valid : tuple of (float, float), optional
+        Readings outside these limits are missing [unit].
+    """
+
+    name: str | None = None
+    column: int | None = Field(default=None, ge=1)
+    row_interval: float | None = Field(default=None, gt=0)
+    unit: str | None = None
+    scale: float | None = None
+    offset: float | None = None
+    to: str | None = None
+    scale_sd: float | None = Field(default=None, ge=0)
+    offset_sd: float | None = Field(default=None, ge=0)
+    reference: float = 0.0
+    sd: float | None = Field(default=None, ge=0)
+    missing: Annotated[tuple[float | str, ...], Field(strict=False)] = ()
+    valid: Annotated[tuple[float, float], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Column:
+        if sum(value is not None for value in (self.name, self.column, self.row_interval)) != 1:
+            raise ValueError("exactly one of name, column, row_interval")
+        if self.scale == 0:
+            raise ValueError("a scale other than 0")
+        if self.to is not None and self.scale is None and self.offset is None:
+            raise ValueError("a scale or an offset beside `to`")
+        if self.reference and self.scale_sd is None:
+            raise ValueError("a scale_sd beside `reference`")
+        if self.valid and self.valid[0] >= self.valid[1]:
+            raise ValueError("valid = [low, high] with low below high")
+        return self
+
+    @property
+    def calibrated_unit(self) -> str:
+        """Unit after the calibration line."""
+        return self.to or self.unit or "1"
+
+
+class TimeWindow(_Table):
+    """Limits of time in ``[segmentation]`` [s]."""
+
+    time_from: float | None = None
+    time_to: float | None = None
+
+
+class ConditionTable(_Table):
+    """One ``[[condition]]``: its file, what was set on the rig, and what it has of its own."""
+
+    id: str
+    file: str
+    current_A: float | None = Field(default=None, ge=0)
+    load_g: float | None = Field(default=None, ge=0)
+    load_N: float | None = Field(default=None, ge=0)
+    stress_MPa: float | None = Field(default=None, ge=0)
+    frequency_mHz: float | None = Field(default=None, gt=0)
+    frequency_Hz: float | None = Field(default=None, gt=0)
+    duty_cycle_pct: float | None = Field(default=None, gt=0, le=100)
+    columns: dict[str, Any] = Field(default_factory=dict)
+    reading: dict[str, Any] = Field(default_factory=dict)
+    segmentation: dict[str, Any] = Field(default_factory=dict)
+
+    @field_validator("id")
+    @classmethod
+    def _names_files(cls, name: str) -> str:
+        if not 0 < len(name) <= 80 or _NOT_IN_FILE_NAMES.search(name) or _DEVICE_NAMES.fullmatch(name):
+            raise ValueError(
+                'an id that can stand in a file name: 1 to 80 characters, none of < > : " / \\ | ? *, '
+                "no blank or point at either end, no name of a device"
+            )
+        return name
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ConditionTable:
+        if sum(load is not None for load in (self.load_g, self.load_N, self.stress_MPa)) > 1:
+            raise ValueError("one of load_g, load_N, stress_MPa")
+        if self.frequency_mHz is not None and self.frequency_Hz is not None:
+            raise ValueError("one of frequency_mHz, frequency_Hz")
+        return self
+
+    def condition(self, *, specimen: bool) -> Condition:
+        """What was set on the rig, in canonical units.
+
+        Raises
+        ------
+        ValueError
+            If the load is not of the kind that the measured quantities need.
+        """
+        if specimen and (self.load_g is not None or self.load_N is not None):
+            raise ValueError("stress_MPa, because stress, strain or modulus of a specimen were measured")
+        if not specimen and self.stress_MPa is not None:
+            raise ValueError("load_g or load_N, because force, displacement or stiffness were measured")
+        loads = (
+            None if self.load_g is None else self.load_g * 1e-3 * STANDARD_GRAVITY,
+            self.load_N,
+            None if self.stress_MPa is None else self.stress_MPa * 1e6,
+        )
+        return Condition(
+            id=self.id,
+            current=self.current_A,
+            load=next((load for load in loads if load is not None), None),
+            frequency=self.frequency_Hz if self.frequency_mHz is None else self.frequency_mHz * 1e-3,
+            duty_cycle=None if self.duty_cycle_pct is None else self.duty_cycle_pct / 100,
+        )
+
+
+class _CampaignTable(_Table):
+    name: str | None = None
+    data: str | None = None
+
+
+class _Document(_Table):
+    campaign: dict[str, Any] = Field(default_factory=dict)
+    columns: dict[str, Any] = Field(default_factory=dict)
+    reading: dict[str, Any] = Field(default_factory=dict)
+    segmentation: dict[str, Any] = Field(default_factory=dict)
+    condition: list[dict[str, Any]] = Field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredCondition:
+    """One condition with everything that concerns it, what the whole campaign declares included.
+
+    Attributes
+    ----------
+    table : ConditionTable
+    declared_in : Path
+        File to name in messages about the declaration.
+    where : str
+        Place in that file, for messages.
+    path : Path
+        Data file.
+    columns : mapping of str to Column
+        Empty where the columns are to be known by their default names.
+    reading : Reading
+    window : TimeWindow
+    settings : SplitSettings
+    """
+
+    table: ConditionTable
+    declared_in: Path
+    where: str
+    path: Path
+    columns: Mapping[str, Column]
+    reading: Reading
+    window: TimeWindow
+    settings: SplitSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """A campaign as declared.
+
+    Attributes
+    ----------
+    name : str
+    source : Path
+        Campaign file, or the single data file.
+    content : bytes
+        Content of the campaign file; empty for a single data file.
+    conditions : tuple of DeclaredCondition
+    """
+
+    name: str
+    source: Path
+    content: bytes
+    conditions: tuple[DeclaredCondition, ...]
+
+
+def read_declaration(path: Path, data_dir: Path | None, settings: SplitSettings) -> Declaration:
+    """Read and check the declaration of a campaign, without opening its data files.
+
+    Parameters
+    ----------
+    path : Path
+        Folder with a ``campaign.toml``, a campaign file, or a single data file with default column names.
+    data_dir : Path or None
+        Folder of the data files, in place of the one that the campaign declares.
+    settings : SplitSettings
+        Settings for what the campaign leaves open.
+
+    Returns
+    -------
+    Declaration
+
+    Raises
+    ------
+    CampaignError
+        If the declaration is not there or wrong.
+    """
+    if path.is_dir():
+        path = _campaign_in(path)
+    if not path.is_file():
+        raise CampaignError(
+            "there is no such file or folder",
+            file=path,
+            expected=f"a folder with {CAMPAIGN_FILE}, a campaign file, or a data file",
+            remedy=_similar(path),
+        )
+    if path.suffix.lower() != ".toml":
+        return _single_file(path, settings)
+    content = path.read_bytes()
+    document = checked(_Document, _parsed(content, path), file=path, where="")
+    campaign = checked(_CampaignTable, document.campaign, file=path, where="campaign")
+    folder = data_dir if data_dir is not None else path.parent / (campaign.data or "")
+    if not document.condition:
+        raise CampaignError(
+            "no condition is declared",
+            file=path,
+            expected="at least one [[condition]] with id and file",
+            remedy="add a [[condition]] for each data file",
+        )
+    conditions = tuple(_conditions(document, path, folder, settings))
+    _refuse_equal_ids(conditions, path)
+    name = campaign.name or (path.parent.resolve().name if path.name == CAMPAIGN_FILE else path.stem)
+    return Declaration(name, path, content, conditions)
+
+
+def checked(model: type[M], values: Mapping[str, Any], *, file: Path, where: str) -> M:
+    """Validate one table of a campaign file.
+
+    Raises
+    ------
+    CampaignError
+        With the file, the key, what was found and what was expected.
+    """
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = str(first["loc"][0]) if first["loc"] else ""
+        place = ".".join(part for part in (where, key) if part) or None
+        if first["type"] == "extra_forbidden":
+            found, expected = f"unknown key {key!r}", near_matches(key, model.model_fields)
+        elif first["type"] == "missing" and len(first["loc"]) == 1:
+            found, expected = f"the key {key!r} is not there", f"{key} = ..."
+        else:
+            found = f"found {_as_toml(first['input'])}"
+            expected = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+        raise CampaignError(found, file=file, column=place, expected=expected) from None
+
+
+def require_channels(names: Mapping[str, object] | set[str], *, file: Path, where: str) -> None:
+    """Check that the quantities make a record.
+
+    Raises
+    ------
+    CampaignError
+        If there is no temperature or no channel, or if a spring's and a specimen's quantities are mixed.
+    """
+    spring, specimen = set(names) & set(CHANNELS), set(names) & set(CHANNEL_OF)
+    if spring and specimen:
+        raise CampaignError(
+            f"{', '.join(sorted(spring | specimen))} are declared together",
+            file=file,
+            column=where,
+            expected="force, displacement, stiffness of a spring, or stress, strain, modulus of a specimen",
+            remedy="keep one kind; `scale` and `to` turn a force into a stress by the area of the wire",
+        )
+    if "temperature" not in names or not spring | specimen:
+        lacking = "a channel" if "temperature" in names else "the temperature"
+        raise CampaignError(
+            f"{lacking} is not declared",
+            file=file,
+            column=where,
+            expected=f"temperature and at least one of {', '.join((*CHANNELS, *CHANNEL_OF))}",
+            remedy="declare its column under [columns]",
+        )
+
+
+def _campaign_in(folder: Path) -> Path:
+    path = folder / CAMPAIGN_FILE
+    if path.is_file():
+        return path
+    there = sorted(p.name for p in folder.iterdir() if p.is_file())
+    raise CampaignError(
+        f"the folder has no {CAMPAIGN_FILE}",
+        file=folder,
+        expected=f"{CAMPAIGN_FILE} beside the data files",
+        remedy="write one, or name a single data file with default column names; the folder holds "
+        + (", ".join(there[:10]) or "no files"),
+    )
+
+
+def _parsed(content: bytes, path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(content.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        row = content[: error.start].count(b"\n") + 1
+        raise CampaignError(
+            "the file is not UTF-8", file=path, row=row, expected="TOML in UTF-8", remedy="save it as UTF-8"
+        ) from None
+    except tomllib.TOMLDecodeError as error:
+        place = re.search(r"\(at line (\d+)", str(error))
+        raise CampaignError(
+            str(error),
+            file=path,
+            row=int(place.group(1)) if place else None,
+            expected="TOML; texts stand in quotation marks, decimals have a point",
+            remedy="correct the line",
+        ) from None
+
+
+def _single_file(path: Path, settings: SplitSettings) -> Declaration:
+    table = checked(ConditionTable, {"id": path.stem, "file": path.name}, file=path, where="file name")
+    condition = DeclaredCondition(table, path, "", path, {}, Reading(), TimeWindow(), settings)
+    return Declaration(path.stem, path, b"", (condition,))
+
+
+def _conditions(
+    document: _Document, path: Path, folder: Path, settings: SplitSettings
+) -> Iterator[DeclaredCondition]:
+    for number, values in enumerate(document.condition, start=1):
+        where = f"condition {values.get('id', number)!r}"
+        table = checked(ConditionTable, values, file=path, where=where)
+        columns = {
+            **_columns(document.columns, path, "columns"),
+            **_columns(table.columns, path, f"{where}.columns"),
+        }
+        if columns:
+            require_channels(columns, file=path, where=f"{where}.columns" if table.columns else "columns")
+        reading = {**document.reading, **table.reading}
+        limits, split = _segmentation({**document.segmentation, **table.segmentation})
+        data = folder / table.file
+        if not data.is_file():
+            raise CampaignError(
+                f"there is no file {str(data)!r}",
+                file=path,
+                column=f"{where}.file",
+                expected="a data file" + (" in the data folder" if folder != path.parent else ""),
+                remedy=_similar(data),
+            )
+        yield DeclaredCondition(
+            table=table,
+            declared_in=path,
+            where=where,
+            path=data,
+            columns=columns,
+            reading=checked(Reading, reading, file=path, where=_place("reading", table.reading, where)),
+            window=checked(TimeWindow, limits, file=path, where=_place("segmentation", limits, where)),
+            settings=_settings(split, settings, path, _place("segmentation", table.segmentation, where)),
+        )
+
+
+def _place(table: str, own: Mapping[str, object], where: str) -> str:
+    """Name of a table for messages: the condition's own where it has one."""
+    return f"{where}.{table}" if own else table
+
+
+def _columns(tables: Mapping[str, Any], path: Path, where: str) -> dict[str, Column]:
+    return {name: _column(name, values, path, f"{where}.{name}") for name, values in tables.items()}
+
+
+def _column(name: str, values: Any, path: Path, where: str) -> Column:
+    if name not in QUANTITIES:
+        raise CampaignError(
+            f"unknown quantity {name!r}", file=path, column=where, expected=near_matches(name, QUANTITIES)
+        )
+    if not isinstance(values, Mapping):
+        raise CampaignError(
+            f"found {_as_toml(values)}",
+            file=path,
+            column=where,
+            expected='a table such as { name = "header in the file", unit = "N" }',
+        )
+    column = checked(Column, values, file=path, where=where)
+    wrong = _misplaced(name, column)
+    if wrong:
+        raise CampaignError(wrong[0], file=path, column=where, expected=wrong[1])
+    return column
+
+
+def _misplaced(name: str, column: Column) -> tuple[str, str] | None:
+    """What in a column's table doesn't suit its quantity: what was found, what was expected."""
+    uncertain = column.scale_sd is not None or column.offset_sd is not None
+    if column.unit is None and name not in UNITLESS:
+        return "no unit", f'unit = "{QUANTITIES[name].unit}" or another unit of {name}, or "arbitrary"'
+    if column.row_interval is not None and name != "time":
+        return "row_interval", "row_interval for time only; other columns have a name or a number"
+    if column.sd is not None and name != "temperature":
+        return "sd", "sd for temperature only; noise of the channels is found in the data"
+    if uncertain and name not in CHANNELS and name not in CHANNEL_OF:
+        return "scale_sd or offset_sd", "these for force, displacement, stiffness, or stress, strain, modulus"
+    return None
+
+
+def _segmentation(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Limits of time, and the rest."""
+    limits = {key: value for key, value in values.items() if key in TimeWindow.model_fields}
+    return limits, {key: value for key, value in values.items() if key not in limits}
+
+
+def _settings(values: Mapping[str, Any], settings: SplitSettings, path: Path, where: str) -> SplitSettings:
+    """Settings of the splitting, with those that a campaign declares laid over the given ones."""
+    known = {field.name for field in fields(SplitSettings)}
+    for key in values:
+        if key not in known:
+            raise CampaignError(
+                f"unknown key {key!r}",
+                file=path,
+                column=where,
+                expected=near_matches(key, known | set(TimeWindow.model_fields)),
+            )
+    if not values:
+        return settings
+    declared = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
+    if isinstance(declared.get("fit_channels"), tuple):
+        declared["fit_channels"] = tuple(CHANNEL_OF.get(c, c) for c in declared["fit_channels"])
+    try:
+        return TypeAdapter(SplitSettings).validate_python({**asdict(settings), **declared}, strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise CampaignError(
+            f"found {_as_toml(first['input'])}",
+            file=path,
+            column=f"{where}.{first['loc'][0]}",
+            expected=first["msg"].removeprefix("Input should be "),
+        ) from None
+    except SmaBayesError as error:
+        raise CampaignError(
+            error.found, file=path, column=where, expected=error.expected, remedy=error.remedy
+        ) from None
+
+
+def _refuse_equal_ids(conditions: tuple[DeclaredCondition, ...], path: Path) -> None:
+    seen: dict[str, str] = {}
+    for condition in conditions:
+        name = condition.table.id
+        other = seen.get(name.casefold())
+        if other is not None:
+            how = "" if other == name else f", which differs from {other!r} only by case"
+            raise CampaignError(
+                f"two conditions have the id {name!r}{how}",
+                file=path,
+                column="condition.id",
+                expected="ids that differ, because they name files",
+                remedy="rename one of them",
+            )
+        seen[name.casefold()] = name
+
+
+def _similar(path: Path) -> str:
+    """What stands in the folder instead of a file that isn't there."""
+    if not path.parent.is_dir():
+        return f"there is no folder {str(path.parent)!r} either; correct it, or name the folder of the data"
+    there = [p.name for p in path.parent.iterdir()]
+    return near_matches(path.name, there) if there else "the folder is empty; name the folder of the data"
+
+
+def _as_toml(value: object) -> str:
+    """Value as it would stand in the campaign file, shortened."""
+    if isinstance(value, Mapping):
+        text = "{ " + ", ".join(f"{key} = {_as_toml(part)}" for key, part in value.items()) + " }"
+    elif isinstance(value, bool):
+        text = str(value).lower()
+    elif isinstance(value, str):
+        text = f'"{value}"'
+    else:
+        text = str(value)
+    return text if len(text) <= 200 else text[:197] + "..."

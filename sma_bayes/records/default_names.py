@@ -1,0 +1,89 @@
+"""Column names that need no declaration: ``temperature_C``, ``force_N`` and so on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from sma_bayes.errors import QuantityError
+from sma_bayes.quantities import QUANTITIES, convert
+
+EXAMPLES: Final = (
+    "time_s",
+    "temperature_C",
+    "force_N",
+    "displacement_mm",
+    "stiffness_N_per_m",
+    "current_A",
+    "ambient_temperature_C",
+    "cycle",
+    "branch",
+)
+"""The names as they are documented; any other unit may stand at their end."""
+
+_QUANTITY = "|".join(sorted(QUANTITIES, key=len, reverse=True))
+_HEADER = re.compile(rf"({_QUANTITY})(?:[ _]*[(\[](.+)[)\]]|[ _]+(.+))?", re.IGNORECASE)
+_UNITS = {
+    "C": "degC",
+    "°C": "degC",
+    "K": "kelvin",
+    "F": "degF",
+    "°F": "degF",
+    "pct": "percent",
+    "%": "percent",
+}
+_BARE = ("cycle", "branch", "drive")
+
+
+def recognised(header: str) -> tuple[str, str] | None:
+    """Quantity and unit that a column name tells.
+
+    Parameters
+    ----------
+    header : str
+        Name of a quantity, then its unit after an underscore or a blank or in brackets; ``per`` stands for a
+        fraction stroke, ``pct`` for percent.
+
+    Returns
+    -------
+    tuple of (quantity, unit), or None if the name isn't understood.
+
+    Examples
+    --------
+    >>> recognised("temperature_C"), recognised("stiffness_N_per_m"), recognised("Force [mN]")
+    (('temperature', 'degC'), ('stiffness', 'N/m'), ('force', 'mN'))
+    >>> recognised("cycle"), recognised("temperature_derivative"), recognised("force_degC")
+    (('cycle', '1'), None, None)
+    """
+    match = _HEADER.fullmatch(header.strip())
+    if match is None:
+        return None
+    quantity = match.group(1).lower()
+    written = match.group(2) or match.group(3)
+    if quantity in _BARE or written is None:
+        return (quantity, "1") if quantity in _BARE and written is None else None
+    unit = _UNITS.get(written.strip(), written.strip().replace("_per_", "/"))
+    try:
+        convert(1.0, unit, QUANTITIES[quantity].unit)
+    except QuantityError:
+        return None
+    return quantity, unit
+
+
+def described(found: Sequence[tuple[str, str, str]], unused: Sequence[str]) -> str:
+    """Sentence about what was recognised.
+
+    Parameters
+    ----------
+    found : sequence of (header, quantity, unit)
+    unused : sequence of str
+        Headers that were not.
+
+    Examples
+    --------
+    >>> described([("force_N", "force", "N")], ["note"])
+    "known by their names: 'force_N' as force [N]; not used: 'note'"
+    """
+    text = "known by their names: " + ", ".join(f"{h!r} as {q} [{u}]" for h, q, u in found)
+    return text + ("; not used: " + ", ".join(repr(h) for h in unused) if unused else "")

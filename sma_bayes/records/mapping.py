@@ -1,0 +1,329 @@
+"""From the columns of a file to a run: found by name or number, calibrated, in canonical units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from sma_bayes.errors import CampaignError, MeasurementError, QuantityError, near_matches
+from sma_bayes.quantities import ARBITRARY, QUANTITIES, Floats, convert
+from sma_bayes.records.declaration import CHANNEL_OF, Column, DeclaredCondition, require_channels
+from sma_bayes.records.default_names import EXAMPLES, described, recognised
+from sma_bayes.records.formats import Table, read_table
+from sma_bayes.records.formats.numbers import numbers
+from sma_bayes.records.formats.table import Cells, counted, rows_finding
+from sma_bayes.records.run import Run
+from sma_bayes.records.types import Branch, Calibration, Condition, Finding, Ints
+
+_BRANCH_SIGN = {Branch.HEATING.value: 1.0, Branch.COOLING.value: -1.0}
+_BRANCHES = "heating or cooling, or 1 or -1"
+
+
+def read_run(declared: DeclaredCondition) -> tuple[Run, tuple[Finding, ...]]:
+    """Read the run of one condition.
+
+    Parameters
+    ----------
+    declared : DeclaredCondition
+
+    Returns
+    -------
+    run : Run
+        In canonical units, NaN where a value is missing.
+    findings : tuple of Finding
+        What was left out, and what was taken as missing.
+
+    Raises
+    ------
+    MeasurementError
+        If the file or a value in it can't be used.
+    CampaignError
+        If a declared column is not there, or the load is not of the kind that was measured.
+    QuantityError
+        If a unit is unknown or of the wrong kind.
+    """
+    table = read_table(declared.path, declared.reading)
+    findings = list(table.findings)
+    columns = declared.columns
+    if not columns:
+        columns, seen = _by_default_names(table, declared)
+        findings.append(seen)
+    values: dict[str, Floats] = {}
+    for quantity, column in columns.items():
+        values[quantity], seen_here = _canonical(quantity, column, table, declared)
+        findings += seen_here
+    specimen = not CHANNEL_OF.keys().isdisjoint(columns)
+    run = Run(
+        condition=_condition(declared, specimen=specimen),
+        file=declared.table.file,
+        row=table.row[: _common_length(values, declared)],
+        columns={CHANNEL_OF.get(quantity, quantity): v for quantity, v in values.items()},
+        units={CHANNEL_OF.get(q, q): canonical_unit(q, column) for q, column in columns.items()},
+        specimen=specimen,
+        temperature_sd=_temperature_sd(columns["temperature"]),
+        calibration={
+            CHANNEL_OF.get(quantity, quantity): calibration
+            for quantity, column in columns.items()
+            if (calibration := _calibration(quantity, column)) is not None
+        },
+    )
+    run, cut = _within_window(run, declared)
+    return run, tuple(
+        replace(finding, condition=declared.table.id, file=declared.table.file)
+        for finding in (*findings, *cut)
+    )
+
+
+def canonical_unit(quantity: str, column: Column) -> str:
+    """Unit in which a quantity is kept: canonical, or as declared where there is nothing to convert."""
+    unit = column.calibrated_unit
+    return unit if unit == ARBITRARY or quantity == "drive" else QUANTITIES[quantity].unit
+
+
+def _by_default_names(table: Table, declared: DeclaredCondition) -> tuple[dict[str, Column], Finding]:
+    """Columns known by their default names, and a finding that says which."""
+    columns: dict[str, Column] = {}
+    found: list[tuple[str, str, str]] = []
+    for header in table.names or ():
+        known = recognised(header)
+        if known is None:
+            continue
+        quantity, unit = known
+        if quantity in columns:
+            raise CampaignError(
+                f"the columns {columns[quantity].name!r} and {header!r} are both a {quantity}",
+                file=declared.path,
+                expected=f"one {quantity}",
+                remedy="rename one of them, or write a campaign.toml that says which to take",
+            )
+        columns[quantity] = Column(name=header, unit=unit)
+        found.append((header, quantity, unit))
+    try:
+        require_channels(columns, file=declared.path, where="header")
+    except CampaignError as error:
+        headers = ", ".join(repr(name) for name in table.names or ()) or "no header"
+        raise CampaignError(
+            error.found.replace("declared", "among the columns"),
+            file=declared.path,
+            expected=f"column names such as {', '.join(EXAMPLES)}; the file has {headers}",
+            remedy="rename the columns, or write a campaign.toml with [columns]",
+        ) from None
+    unused = [name for name in table.names or () if name and recognised(name) is None]
+    return columns, Finding("recognised", described(found, unused))
+
+
+def _canonical(
+    quantity: str, column: Column, table: Table, declared: DeclaredCondition
+) -> tuple[Floats, tuple[Finding, ...]]:
+    """Values of one quantity in canonical unit, shape (n,)."""
+    findings: tuple[Finding, ...] = ()
+    if column.row_interval is not None:
+        reading = column.row_interval * np.arange(table.row.size, dtype=np.float64)
+    else:
+        index = _index(quantity, column, table, declared)
+        title = table.shown_names[index]
+        cells = table.columns[index]
+        row = table.row[: len(cells)]
+        is_branch = quantity == "branch"
+        reading, findings = numbers(
+            _signs(cells) if is_branch else cells,
+            row,
+            file=declared.path,
+            column=title,
+            missing=(*declared.reading.missing, *column.missing),
+            decimal=table.decimal or declared.reading.decimal,
+            expected=_BRANCHES if is_branch else "a number",
+        )
+        if is_branch:
+            _require_signs(reading, row, declared, title)
+        reading, outside = _within_limits(reading, row, column, title)
+        findings += outside
+    value = (1.0 if column.scale is None else column.scale) * reading + (column.offset or 0.0)
+    unit = canonical_unit(quantity, column)
+    try:
+        return convert(value, column.calibrated_unit, unit, what=quantity), findings
+    except QuantityError as error:
+        raise QuantityError(
+            error.found,
+            file=declared.declared_in,
+            column=f"{_place(quantity, declared)}.{'to' if column.to else 'unit'}",
+            expected=error.expected,
+            remedy=error.remedy,
+        ) from None
+
+
+def _index(quantity: str, column: Column, table: Table, declared: DeclaredCondition) -> int:
+    """Which column of the file a declared column is, from 0."""
+    there = ", ".join(repr(name) for name in table.shown_names)
+    where = _place(quantity, declared)
+    if column.column is not None:
+        if column.column <= len(table.columns):
+            return column.column - 1
+        raise CampaignError(
+            f"{declared.table.file!r} has no column {column.column}",
+            file=declared.declared_in,
+            column=where,
+            expected=f"a number from 1 to {len(table.columns)}: {there}",
+        )
+    name = " ".join((column.name or "").split())
+    found = [i for i, title in enumerate(table.names or ()) if title == name]
+    if len(found) == 1:
+        return found[0]
+    if table.names is None:
+        raise CampaignError(
+            f"{declared.table.file!r} has no header, so no column {name!r}",
+            file=declared.declared_in,
+            column=where,
+            expected=f"a number from 1 to {len(table.columns)}",
+            remedy="give the column by its number, { column = 2, unit = ... }; if there is a header, set "
+            "header = true and perhaps skip_rows in [reading]",
+        )
+    if found:
+        numbers_there = " and ".join(str(i + 1) for i in found)
+        raise CampaignError(
+            f"{declared.table.file!r} has {len(found)} columns called {name!r}",
+            file=declared.declared_in,
+            column=where,
+            expected="a name that occurs once",
+            remedy=f"give the column by its number: {numbers_there}",
+        )
+    raise CampaignError(
+        f"{declared.table.file!r} has no column {name!r}",
+        file=declared.declared_in,
+        column=where,
+        expected=near_matches(name, [title for title in table.names if title]),
+        remedy=f"correct the name; the columns are {there}",
+    )
+
+
+def _signs(cells: Cells) -> Cells:
+    """Column of branches with heating as +1 and cooling as -1; other cells as they are."""
+    if isinstance(cells, np.ndarray):
+        return cells
+    return [_BRANCH_SIGN.get(cell.strip().lower(), cell) if isinstance(cell, str) else cell for cell in cells]
+
+
+def _require_signs(values: Floats, row: Ints, declared: DeclaredCondition, title: str) -> None:
+    wrong = np.flatnonzero(np.isfinite(values) & (np.abs(values) != 1))
+    if wrong.size:
+        raise MeasurementError(
+            f"found {values[wrong[0]]:g}",
+            file=declared.path,
+            row=int(row[wrong[0]]),
+            column=title,
+            expected=_BRANCHES,
+            remedy="correct the cell; leave it empty where the branch isn't known",
+        )
+
+
+def _within_limits(
+    reading: Floats, row: Ints, column: Column, title: str
+) -> tuple[Floats, tuple[Finding, ...]]:
+    """Readings, NaN where outside the declared limits."""
+    if column.valid is None:
+        return reading, ()
+    low, high = column.valid
+    outside = (reading < low) | (reading > high)
+    if not outside.any():
+        return reading, ()
+    message = f"{counted(row[outside], 'reading')} of {title!r} outside {low:g} to {high:g}, taken as missing"
+    return np.where(outside, np.nan, reading), (
+        rows_finding("out-of-range", message, row[outside], column=title),
+    )
+
+
+def _affine(quantity: str, column: Column) -> tuple[float, float]:
+    """Slope and intercept of the conversion from the calibrated to the canonical unit."""
+    unit, to = column.calibrated_unit, canonical_unit(quantity, column)
+    zero, one = (float(v) for v in convert(np.array([0.0, 1.0]), unit, to, what=quantity))
+    return one - zero, zero
+
+
+def _temperature_sd(column: Column) -> float:
+    """Error of a temperature reading [canonical unit]."""
+    return 0.0 if column.sd is None else column.sd * _affine("temperature", column)[0]
+
+
+def _calibration(quantity: str, column: Column) -> Calibration | None:
+    """Uncertainty of a calibration line, in canonical unit.
+
+    The line is F = offset + scale r for a reading r. At the reference reading r0 the errors of scale and
+    offset are independent: dF = d(offset) + d(scale) (r - r0) = d(offset) + (d(scale) / scale) (F - F(r0)).
+    """
+    if column.scale_sd is None and column.offset_sd is None:
+        return None
+    slope, zero = _affine(quantity, column)
+    scale = 1.0 if column.scale is None else column.scale
+    at_reference = scale * column.reference + (column.offset or 0.0)
+    return Calibration(
+        relative_scale_sd=(column.scale_sd or 0.0) / abs(scale),
+        offset=slope * at_reference + zero,
+        offset_sd=slope * (column.offset_sd or 0.0),
+    )
+
+
+def _condition(declared: DeclaredCondition, *, specimen: bool) -> Condition:
+    try:
+        return declared.table.condition(specimen=specimen)
+    except ValueError as error:
+        raise CampaignError(
+            "the load is not of the kind that was measured",
+            file=declared.declared_in,
+            column=declared.where,
+            expected=str(error),
+            remedy="give the load in that form, or leave it out",
+        ) from None
+
+
+def _place(quantity: str, declared: DeclaredCondition) -> str:
+    """Where a column was declared, for messages."""
+    own = quantity in declared.table.columns
+    return f"{declared.where}.columns.{quantity}" if own else f"columns.{quantity}"
+
+
+def _common_length(values: Mapping[str, Floats], declared: DeclaredCondition) -> int:
+    lengths = {quantity: len(v) for quantity, v in values.items()}
+    if len(set(lengths.values())) > 1:
+        raise MeasurementError(
+            "columns of different lengths: " + ", ".join(f"{q} {n}" for q, n in lengths.items()),
+            file=declared.path,
+            expected="one value of each quantity a sample",
+            remedy="map columns that were recorded together",
+        )
+    return next(iter(lengths.values()))
+
+
+def _within_window(run: Run, declared: DeclaredCondition) -> tuple[Run, tuple[Finding, ...]]:
+    """Run between ``time_from`` and ``time_to``; rows without a time stay."""
+    low, high = declared.window.time_from, declared.window.time_to
+    if low is None and high is None:
+        return run, ()
+    limits = f"time_from = {low or 0:g} s, time_to = {'the end' if high is None else f'{high:g} s'}"
+    time = run.columns.get("time")
+    if time is None:
+        raise CampaignError(
+            f"{limits} without a time",
+            file=declared.declared_in,
+            column=f"{declared.where}.segmentation",
+            expected="a column of time",
+            remedy='declare time under [columns], for example { row_interval = 0.1, unit = "s" }, or use '
+            "first_row and last_row in [reading]",
+        )
+    out = np.zeros(run.n, dtype=bool)
+    if low is not None:
+        out |= time < low
+    if high is not None:
+        out |= time > high
+    if not out.any():
+        return run, ()
+    if out.all():
+        raise MeasurementError(
+            f"no row is left by {limits}",
+            file=declared.path,
+            expected=f"limits within {np.nanmin(time):g} s to {np.nanmax(time):g} s",
+            remedy="correct time_from and time_to in [segmentation]",
+        )
+    message = f"{counted(run.row[out], 'row')} outside {limits}, left out as declared"
+    return run.take(~out), (rows_finding("cut", message, run.row[out], dropped=int(out.sum())),)
