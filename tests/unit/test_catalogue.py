@@ -85,9 +85,6 @@ def test_two_providers_of_one_name_are_an_error(provide) -> None:
         numbers["one"]
 
 
-
-    strict=True, reason="the second look-up after a clash finds the catalogue as if all were well"
-)
 def test_a_clash_does_not_go_away_when_asked_again(provide) -> None:
     provide([EntryPoint("one", "math:tau", GROUP)])
     numbers = Catalogue("number", {"one": 1.0}, entry_point_group=GROUP)
