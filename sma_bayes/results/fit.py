@@ -25,6 +25,8 @@ class Fit:
     ----------
     posterior : Posterior
     warm_start : WarmStart
+    start : ndarray, shape (P,)
+        Parameters at the warm start, those of the noise estimated from its residuals.
     draws : Draws
     noise_choice : NoiseChoice or None
         None where the noise model was the user's choice.
@@ -39,6 +41,7 @@ class Fit:
 
     posterior: Posterior
     warm_start: WarmStart
+    start: Floats
     draws: Draws
     noise_choice: NoiseChoice | None
     seed: int

@@ -1,0 +1,157 @@
+"""Credible bands of the curves, pointwise and simultaneous, and predictive bands of a new measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.noise import Steps
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid, channel_unit, stiffness
+from sma_bayes.results.fit import Fit
+
+QUANTILES = {"q025": 0.025, "q05": 0.05, "q25": 0.25, "q50": 0.5, "q75": 0.75, "q95": 0.95, "q975": 0.975}
+LEVELS = {"50": 0.5, "90": 0.9, "95": 0.95}
+PREDICTIVE = {"pred_q05": 0.05, "pred_q50": 0.5, "pred_q95": 0.95}
+GRID = 161
+"""Temperatures at which a band is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Bands of one channel against temperature.
+
+    Attributes
+    ----------
+    channel, unit : str
+    temperature : ndarray, shape (m,)
+    curve : mapping of str to ndarray, shape (m,)
+        Pointwise quantiles of the curve, by the names in `QUANTILES`.
+    simultaneous : mapping of str to ndarray, shape (m,)
+        ``sim50_low``, ``sim50_high`` and so on: the whole curve lies inside with that probability.
+    predictive : mapping of str to ndarray, shape (m,)
+        Quantiles of a new measurement, by the names in `PREDICTIVE`; NaN where the channel was not measured
+        itself, so that its noise is not known.
+    extrapolated : ndarray of bool, shape (m,)
+        True beyond the observed temperatures.
+    derived : bool
+        True where the curve follows from other channels.
+    """
+
+    channel: str
+    unit: str
+    temperature: Floats
+    curve: Mapping[str, Floats]
+    simultaneous: Mapping[str, Floats]
+    predictive: Mapping[str, Floats]
+    extrapolated: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    derived: bool
+
+
+def band_channels(record: Record) -> tuple[str, ...]:
+    """Channels that have a band: the observed ones, and stiffness where force and displacement give it."""
+    observed = record.channels
+    if "stiffness" not in observed and {"force", "displacement"} <= set(observed):
+        return (*observed, "stiffness")
+    return observed
+
+
+def temperature_grid(record: Record, extrapolate: float = 0.0) -> Floats:
+    """Even temperatures over what was observed, and `extrapolate` [unit of temperature] beyond at both ends."""
+    low, high = float(record.temperature.min()), float(record.temperature.max())
+    return np.linspace(low - extrapolate, high + extrapolate, GRID)
+
+
+def curve_draws(fit: Fit, channel: str, temperature: Floats, record: int = 0) -> Floats:
+    """Curves of a channel, one for each kept draw, calibration included; shape (N, m)."""
+    theta = fit.calibrated(record)[:, fit.posterior.layout[record].model]
+    model = fit.posterior.model
+    if channel in model.channels:
+        with np.errstate(over="ignore"):
+            curve = model.predict(theta, {"temperature": temperature})[channel]
+        if channel == "stiffness":
+            for gain, shift in [fit.calibration_draws(record).get(channel, (None, None))]:
+                if gain is not None and shift is not None:
+                    curve = gain[:, None] * curve + shift[:, None]
+        return curve
+    return path_stiffness(model, theta, temperature)
+
+
+def path_stiffness(model: ModifiedSigmoid, theta: Floats, temperature: Floats) -> Floats:
+    """Stiffness of Eq. (7) from the parameters of force and displacement; shape (..., m)."""
+    at = {name: theta[..., i, None] for i, name in enumerate(model.parameter_names)}
+    return stiffness(temperature, at["A1"], at["A2"], at["A3"], at["B1"], at["B2"], at["B3"])
+
+
+def credible_band(fit: Fit, channel: str, record: int = 0, extrapolate: float = 0.0) -> Band:
+    """Bands of one channel of one record.
+
+    Parameters
+    ----------
+    fit : Fit
+    channel : str
+        One of `band_channels`.
+    record : int
+        Which of the records that share the posterior.
+    extrapolate : float
+        How far to go beyond the observed temperatures [unit of temperature]; what lies there is marked.
+    """
+    r = fit.records[record]
+    t = temperature_grid(r, extrapolate)
+    curve = curve_draws(fit, channel, t, record)
+    values = np.quantile(curve, list(QUANTILES.values()), axis=0)
+    outside = (t < r.temperature.min() - 1e-12) | (t > r.temperature.max() + 1e-12)
+    return Band(
+        channel=channel,
+        unit=channel_unit(r.units, channel),
+        temperature=t,
+        curve=dict(zip(QUANTILES, values, strict=True)),
+        simultaneous=simultaneous_band(curve),
+        predictive=_predictive(fit, channel, t, curve, record),
+        extrapolated=outside,
+        derived=channel not in r.channels,
+    )
+
+
+def simultaneous_band(curve: Floats) -> dict[str, Floats]:
+    """Bands that hold whole curves with the stated probability.
+
+    Pointwise quantiles of equal tails are widened until the wanted share of the draws lies inside at every
+    point (J. Besag, P. Green, D. Higdon, K. Mengersen, Statistical Science 10 (1995) 3, section 6.3). Ranks
+    make it independent of the scale of the channel.
+
+    Parameters
+    ----------
+    curve : ndarray, shape (N, m)
+        Draws of the curve.
+    """
+    count = len(curve)
+    in_order = np.sort(curve, axis=0)
+    rank = np.empty(curve.shape, dtype=np.int64)
+    np.put_along_axis(rank, np.argsort(curve, axis=0, kind="stable"), np.arange(count)[:, None], axis=0)
+    depth = np.minimum(rank, count - 1 - rank).min(axis=1)  # how deep a curve stays inside all others
+    deepest_first = np.sort(depth)[::-1]
+    out = {}
+    for name, level in LEVELS.items():
+        k = int(deepest_first[min(int(np.ceil(level * count)) - 1, count - 1)])
+        out[f"sim{name}_low"] = in_order[k]
+        out[f"sim{name}_high"] = in_order[count - 1 - k]
+    return out
+
+
+def _predictive(fit: Fit, channel: str, t: Floats, curve: Floats, record: int) -> dict[str, Floats]:
+    r, place = fit.records[record], fit.posterior.layout[record]
+    if channel not in r.channels:
+        return {name: np.full(t.size, np.nan) for name in PREDICTIVE}
+    rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 1, *f"{r.key} {channel}".encode()]))
+    at = place.noise[channel]
+    alone = Steps(np.ones(t.size, dtype=bool), np.ones(t.size), False)
+    noise = fit.flat[:, at[0], None] * fit.posterior.noise.draw(rng, fit.flat[:, at[1:]], alone)
+    if r.temperature_sd > 0:
+        steep = fit.posterior.model.slope(fit.flat[:, place.model], {"temperature": t})[channel]
+        noise = noise + steep * r.temperature_sd * rng.standard_normal(noise.shape)
+    values = np.quantile(curve + noise, list(PREDICTIVE.values()), axis=0)
+    return dict(zip(PREDICTIVE, values, strict=True))

@@ -1,0 +1,59 @@
+"""Which parameters the data move, and which merely repeat their prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.quantities import Floats
+from sma_bayes.results.fit import Fit
+
+IDENTIFIED = 0.9
+"""Contraction from which a parameter counts as identified: its variance is a tenth of the prior's or less."""
+
+
+@dataclass(frozen=True, slots=True)
+class Direction:
+    """A combination of parameters that the data leave to the prior.
+
+    Attributes
+    ----------
+    text : str
+        Such as ``0.71 ln A1 + 0.71 ln B1``, in units of each prior's standard deviation.
+    contraction : float
+    """
+
+    text: str
+    contraction: float
+
+
+def contraction(fit: Fit) -> Floats:
+    """``1 - posterior variance / prior variance`` of each sampled parameter, in its sampled coordinate, (D,).
+
+    Near 1 where the data speak, near 0 where the prior is repeated; negative where the posterior is wider.
+    """
+    z = fit.draws.z.reshape(-1, fit.draws.z.shape[-1])
+    return np.asarray(1.0 - z.var(axis=0) / fit.posterior.space.prior_sd() ** 2)
+
+
+def free_directions(fit: Fit) -> tuple[Direction, ...]:
+    """Combinations of parameters whose variance is more than half of the prior's."""
+    z = fit.draws.z.reshape(-1, fit.draws.z.shape[-1])
+    scaled = (z - z.mean(axis=0)) / fit.posterior.space.prior_sd()
+    variance, vector = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))
+    out = []
+    for k in np.flatnonzero(variance > 0.5)[::-1]:
+        v = vector[:, k] * np.sign(vector[np.argmax(np.abs(vector[:, k])), k])
+        out.append(Direction(_combination(v, fit), float(1.0 - variance[k])))
+    return tuple(out)
+
+
+def _combination(vector: Floats, fit: Fit) -> str:
+    words = {"Log": "ln {}", "Logit": "logit {}", "Identity": "{}"}
+    terms = [
+        f"{'-' if value < 0 else '+'} {abs(value):.2f} {words[type(p.prior.transform).__name__].format(p.name)}"
+        for value, p in zip(vector, fit.posterior.space.free, strict=True)
+        if abs(value) >= 0.1
+    ]
+    return " ".join(terms).removeprefix("+ ")

@@ -1,0 +1,111 @@
+"""The loop that heating and cooling make: hysteresis width, area, stiffness ratio, with their intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
+from sma_bayes.quantities import Floats
+from sma_bayes.response.modified_sigmoid import channel_unit
+from sma_bayes.results.fit import Fit
+
+MIDPOINT = {"force": "B3", "displacement": "A3"}
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A quantity with its 90 % interval.
+
+    Attributes
+    ----------
+    name, condition, branch, channel, unit : str
+        `branch` is empty where both make it.
+    q05, median, q95 : float
+    meaning : str
+    """
+
+    name: str
+    condition: str
+    branch: str
+    channel: str
+    unit: str
+    q05: float
+    median: float
+    q95: float
+    meaning: str
+
+
+def branch_quantities(fit: Fit, record: int = 0) -> list[Interval]:
+    """Least and greatest stiffness over the observed temperatures, and their ratio."""
+    r = fit.records[record]
+    if "stiffness" not in band_channels(r):
+        return []
+    unit = channel_unit(r.units, "stiffness")
+    curve = np.abs(curve_draws(fit, "stiffness", temperature_grid(r), record))
+    low, high = curve.min(axis=1), curve.max(axis=1)
+    where = "over the observed temperatures"
+    with np.errstate(divide="ignore"):
+        ratio = high / low
+    return [
+        _interval("least_stiffness", fit, record, "stiffness", unit, low, f"least stiffness {where}"),
+        _interval("greatest_stiffness", fit, record, "stiffness", unit, high, f"greatest stiffness {where}"),
+        _interval(
+            "stiffness_ratio", fit, record, "stiffness", "1", ratio, f"greatest over least stiffness {where}"
+        ),
+    ]
+
+
+def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0)) -> list[Interval]:
+    """Hysteresis width and loop area of one condition.
+
+    The width is the distance of the midpoints, heating less cooling; the area is the integral of heating less
+    cooling over the temperatures that both branches cover. The posteriors of the two branches are independent,
+    so their draws are paired as they come.
+    """
+    h, c = heating.records[records[0]], cooling.records[records[1]]
+    low = max(h.temperature.min(), c.temperature.min())
+    high = min(h.temperature.max(), c.temperature.max())
+    t_unit = h.units["temperature"]
+    out = []
+    for channel in band_channels(h):
+        if channel not in band_channels(c):
+            continue
+        if channel in MIDPOINT and MIDPOINT[channel] in heating.posterior.model.parameter_names:
+            a, b = (f.flat[:, f.posterior.space.index(MIDPOINT[channel])] for f in (heating, cooling))
+            size = min(a.size, b.size)
+            width = a[:size] - b[:size]
+            out.append(_interval(
+                "hysteresis_width", heating, records[0], channel, t_unit, width,
+                "temperature of the midpoint, heating less cooling", branch="",
+            ))  # fmt: skip
+        if high > low:
+            t = np.linspace(low, high, 161)
+            up = curve_draws(heating, channel, t, records[0])
+            down = curve_draws(cooling, channel, t, records[1])
+            size = min(len(up), len(down))
+            area = np.asarray(np.trapezoid(up[:size] - down[:size], t, axis=1))
+            unit = channel_unit(h.units, channel)
+            out.append(_interval(
+                "loop_area", heating, records[0], channel, f"{unit} {t_unit}" if unit != "1" else t_unit, area,
+                f"integral of heating less cooling from {low:.4g} to {high:.4g} {t_unit}", branch="",
+            ))  # fmt: skip
+    return out
+
+
+def _interval(
+    name: str,
+    fit: Fit,
+    record: int,
+    channel: str,
+    unit: str,
+    draws: Floats,
+    meaning: str,
+    *,
+    branch: str | None = None,
+) -> Interval:
+    r = fit.records[record]
+    q05, median, q95 = (float(v) for v in np.quantile(draws, (0.05, 0.5, 0.95)))
+    shown = r.branch.value if branch is None else branch
+    return Interval(name, r.condition.id, shown, channel, unit, q05, median, q95, meaning)

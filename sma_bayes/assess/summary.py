@@ -1,0 +1,152 @@
+"""Everything that is said of one record, as plain numbers with their units: the entries of `summary.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from sma_bayes.assess.bands import band_channels
+from sma_bayes.assess.checks import predictive_checks
+from sma_bayes.assess.correlation import Agreement, correlation_factors
+from sma_bayes.assess.identifiability import IDENTIFIED, contraction, free_directions
+from sma_bayes.assess.loops import branch_quantities
+from sma_bayes.assess.path import path_remark
+from sma_bayes.parameters.distributions import family_name, numbers
+from sma_bayes.quantities import Floats
+from sma_bayes.response.modified_sigmoid import channel_unit, shape_of
+from sma_bayes.results.fit import Fit
+
+
+def record_summary(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> dict[str, Any]:
+    """Summary of one record.
+
+    Parameters
+    ----------
+    fit : Fit
+    record : int
+        Which of the records that share the posterior.
+    replicated : mapping of str to ndarray
+        Replicated data, one series for each kept draw.
+    """
+    r = fit.records[record]
+    measured, again = correlation_factors(fit, dict(replicated), record)
+    start = fit.warm_start
+    noise_sd = {
+        c: float(np.median(fit.flat[:, at[0]])) for c, at in fit.posterior.layout[record].noise.items()
+    }
+    unit = r.units.get
+    return {
+        "condition": r.condition.id,
+        "branch": r.branch.value,
+        "key": r.key,
+        "settings": {k: v for k, v in asdict(r.condition).items() if k != "id" and v is not None},
+        "n": r.n,
+        "rows_averaged": r.rows_averaged,
+        "segments": int(np.unique(r.inputs["segment"]).size),
+        "channels": list(r.channels),
+        "quantities": {
+            c: {"name": r.quantity(c), "unit": channel_unit(r.units, c)} for c in band_channels(r)
+        },
+        "temperature": {
+            "unit": r.units["temperature"],
+            "lowest": float(r.temperature.min()),
+            "highest": float(r.temperature.max()),
+            "sd": r.temperature_sd,
+        },
+        "held": {c: {"mean": h.mean, "sd": h.sd, "unit": unit(c, "")} for c, h in r.held.items()},
+        "calibration": {c: asdict(k) for c, k in r.calibration.items()},
+        "converged": fit.converged,
+        "parameters": _parameters(fit, record),
+        "fit": {c: {k: v for k, v in asdict(g).items()} for c, g in start.fit[record].items()},
+        "jacobian_rank": start.rank,
+        "free_at_warm_start": list(start.free_directions),
+        "at_bound": list(start.at_bound),
+        "correlation": {c: _agreement(a) for c, a in measured.items()},
+        "correlation_replicated": {c: _agreement(a) for c, a in again.items()},
+        "free_directions": [asdict(d) for d in free_directions(fit)],
+        "shape": _shape(fit, record),
+        "path": asdict(path_remark(r, noise_sd)),
+        "quantities_of_branch": [asdict(q) for q in branch_quantities(fit, record)],
+        "checks": [asdict(c) for c in predictive_checks(fit, record)],
+        "noise": {
+            "name": fit.posterior.noise.name,
+            "title": fit.posterior.noise.title,
+            "chosen_by": "residuals of the warm start" if fit.noise_choice else "the user",
+            "reason": fit.noise_choice.reason if fit.noise_choice else "",
+            "lag1": dict(fit.noise_choice.lag1) if fit.noise_choice else {},
+            "bic": dict(fit.noise_choice.bic) if fit.noise_choice else {},
+        },
+        "sampler": {
+            "method": fit.draws.method,
+            "acceptance": fit.draws.acceptance,
+            "efficiency": fit.draws.efficiency,
+            "greatest_weight": fit.draws.greatest_weight,
+            "modes": len(fit.draws.modes),
+            "draws": int(np.prod(fit.draws.z.shape[:3])),
+        },
+        "ln_evidence": fit.draws.ln_evidence,
+        "ln_evidence_sd": fit.draws.ln_evidence_sd,
+        "shares_parameters_with": [x.key for i, x in enumerate(fit.records) if i != record],
+        "log_likelihood_evaluations": fit.draws.evaluations,
+        "wall_s": float(sum(fit.wall_s.values())),
+        "stages_s": dict(fit.wall_s),
+    }
+
+
+def _parameters(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
+    space = fit.posterior.space
+    theta = fit.calibrated(record)
+    moved = dict(zip(space.free_index.tolist(), contraction(fit).tolist(), strict=True))
+    diagnostics = dict(zip(space.free_index.tolist(), range(space.dimension), strict=True))
+    place = fit.posterior.layout[record]
+    out = {}
+    for i in [*place.model.tolist(), *(int(k) for at in place.noise.values() for k in at)]:
+        p = space.parameters[i]
+        q05, median, q95 = (float(v) for v in np.quantile(theta[:, i], (0.05, 0.5, 0.95)))
+        k = diagnostics.get(i)
+        c = fit.draws.convergence
+        out[p.name.partition("[")[0]] = {
+            "unit": p.unit,
+            "meaning": p.meaning,
+            "warm_start": float(fit.start[i]),
+            "warm_start_sd": float(fit.warm_start.sd[i]) if i < fit.warm_start.sd.size else None,
+            "mean": float(theta[:, i].mean()),
+            "sd": float(theta[:, i].std(ddof=1)),
+            "q05": q05,
+            "median": median,
+            "q95": q95,
+            "rhat": None if k is None else float(c.rhat[k]),
+            "ess_bulk": None if k is None else float(c.ess_bulk[k]),
+            "ess_tail": None if k is None else float(c.ess_tail[k]),
+            "contraction": moved.get(i),
+            "identified": moved.get(i, 0.0) >= IDENTIFIED,
+            "fixed": p.fixed is not None,
+            "prior": {"family": family_name(p.prior), **numbers(p.prior), "source": p.source},
+        }
+    return out
+
+
+def _agreement(a: Agreement) -> dict[str, dict[str, float]]:
+    return {
+        name: dict(
+            zip(
+                ("q05", "median", "q95"),
+                np.quantile(getattr(a, name), (0.05, 0.5, 0.95)).tolist(),
+                strict=True,
+            )
+        )
+        for name in ("r", "r2", "rmse")
+    }
+
+
+def _shape(fit: Fit, record: int) -> dict[str, float]:
+    """Posterior probability of each behaviour of Eq. (7) far from the midpoints."""
+    names = fit.posterior.model.parameter_names
+    if not {"A2", "B2"} <= set(names):
+        return {}
+    theta = fit.flat[:, fit.posterior.layout[record].model]
+    shapes = shape_of(theta[:, names.index("A2")], theta[:, names.index("B2")])
+    return {kind: shapes.count(kind) / len(shapes) for kind in ("hump", "unbounded", "sigmoid")}

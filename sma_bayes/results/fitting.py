@@ -1,0 +1,96 @@
+"""Fit one posterior: warm start, choice of the noise model, ensembles."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from sma_bayes.inference.ensembles import Plan, sample
+from sma_bayes.inference.noise_choice import choose_noise, noise_start
+from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.posterior import build_posterior
+from sma_bayes.records.types import Record
+from sma_bayes.results.fit import Fit
+
+AUTO = "auto"
+"""Name of the choice of the noise model from the residuals of the warm start."""
+
+
+def fit_records(
+    records: Sequence[Record],
+    priors: PriorSet,
+    *,
+    noise: str = AUTO,
+    seed: int = 0,
+    plan: Plan | None = None,
+    checkpoint: Path | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Fit:
+    """Sample the posterior of one record, or of several that share the model's parameters.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Of one branch.
+    priors : PriorSet
+    noise : str
+        Name of a noise model, or ``"auto"``.
+    seed : int
+        Decides every draw, together with the keys of the records; neither the other records of a campaign nor
+        the number of processes matter.
+    plan : Plan, optional
+    checkpoint : Path, optional
+        File for the chains; an interrupted run goes on from it.
+    progress : callable, optional
+        Told in a few words what is going on.
+
+    Raises
+    ------
+    MeasurementError, PriorError, UnknownNameError
+        If the records or the call can't be used.
+    """
+    wall: dict[str, float] = {}
+    clock = time.perf_counter()
+    with threadpool_limits(limits=1):  # linear algebra on several threads may round differently
+        first = build_posterior(records, NOISE_MODELS["independent" if noise == AUTO else noise], priors)
+        root = _seed(records, seed)
+        start_seed, sample_seed = root.spawn(2)
+        start = warm_start(first, np.random.default_rng(start_seed))
+        choice = choose_noise(first, start) if noise == AUTO else None
+        name = choice.name if choice else noise
+        posterior = (
+            first if name == first.noise.name else build_posterior(records, NOISE_MODELS[name], priors)
+        )
+        z = noise_start(posterior, start)
+        wall["warm_start"] = time.perf_counter() - clock
+        clock = time.perf_counter()
+        starts = [z]
+        for other in start.optima[1:]:
+            again = z.copy()
+            again[: other.size] = other
+            starts.append(again)
+        draws = sample(
+            posterior,
+            starts,
+            posterior.space.prior_sd(),
+            sample_seed,
+            plan,
+            checkpoint=checkpoint,
+            fingerprint=posterior.fingerprint() if checkpoint else "",
+            progress=progress,
+        )
+        wall["sample"] = time.perf_counter() - clock
+    return Fit(posterior, start, posterior.space.to_physical(z), draws, choice, seed, wall)
+
+
+def _seed(records: Sequence[Record], seed: int) -> np.random.SeedSequence:
+    digest = hashlib.sha256("\n".join(r.key for r in records).encode()).digest()
+    words = np.frombuffer(digest[:16], dtype=np.uint32).tolist()
+    return np.random.SeedSequence([seed, *words])

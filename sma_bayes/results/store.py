@@ -1,0 +1,257 @@
+"""Files that hold results: written whole or not at all.
+
+Posteriors are NetCDF with flat groups, as `arviz.from_netcdf` of arviz 0.23 and 1.x both open them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sma_bayes.errors import OutputError
+from sma_bayes.posterior import versions
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
+from sma_bayes.results.fit import Fit
+
+PRIOR_DRAWS = 500
+PRIOR_GRID = 81
+"""Draws from the prior that are stored, and temperatures of the curves that they give."""
+PREDICTIVE_DRAWS = 250
+"""Draws of each ensemble for which pointwise likelihood and replicated data are stored."""
+
+
+def write_file(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file under a temporary name beside its place, then move it there.
+
+    Parameters
+    ----------
+    path : Path
+    write : callable
+        Writes to the path that it is given.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written; nothing is left behind then.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        write(temporary)
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all; see `write_file`."""
+    write_file(path, lambda place: place.write_text(text, encoding="utf-8"))
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write JSON that other tools can read: no NaN, infinities as null."""
+    write_text(path, json.dumps(plain(document), indent=1, allow_nan=False) + "\n")
+
+
+def write_csv(path: Path, columns: Mapping[str, Any], digits: int = 9) -> None:
+    """Write columns of equal length as CSV with a header."""
+    names = list(columns)
+    values = [np.asarray(columns[name]) for name in names]
+    form = f"%.{digits}g"
+    rows = [",".join(names)]
+    for row in zip(*values, strict=True):
+        rows.append(",".join(_cell(v, form) for v in row))
+    write_text(path, "\n".join(rows) + "\n")
+
+
+def _cell(value: Any, form: str) -> str:
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if isinstance(value, int | np.integer):
+        return str(int(value))
+    if isinstance(value, float | np.floating):
+        return form % value if np.isfinite(value) else ""
+    text = str(value)
+    return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\n') else text
+
+
+def plain(value: Any) -> Any:
+    """Value as JSON knows it; what is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain(v) for v in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value if value is None else str(value)
+
+
+def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, Floats]) -> None:
+    """Write one record's posterior as NetCDF.
+
+    Parameters
+    ----------
+    path : Path
+    fit : Fit
+    record : int
+        Which of the records that share the posterior.
+    replicated : mapping of str to ndarray, shape (G N, n)
+        Replicated data, one series for each kept draw.
+    """
+    tree = _tree(fit, record, replicated)
+    write_file(path, lambda place: tree.to_netcdf(place, engine="h5netcdf", encoding=_encoding(tree)))
+
+
+def _tree(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> Any:
+    import xarray as xr
+
+    r = fit.records[record]
+    groups, kept, _ = fit.theta.shape
+    chain, draw = np.arange(groups), np.arange(kept)
+    stride = max(1, kept // PREDICTIVE_DRAWS)
+    few = draw[::stride]
+    theta = fit.calibrated(record).reshape(fit.theta.shape)
+    own = _own_parameters(fit, record)
+    posterior = xr.Dataset(
+        {
+            name: (("chain", "draw"), theta[:, :, i], {"unit": p.unit, "long_name": p.meaning, "prior": repr(p.prior),
+                                                       "prior_source": p.source})
+            for name, i in own.items()
+            for p in [fit.posterior.space.parameters[i]]
+        },
+        coords={"chain": chain, "draw": draw},
+    )  # fmt: skip
+    flat = fit.z.reshape(-1, fit.z.shape[-1])
+    log_prior = fit.posterior.log_prior(flat).reshape(groups, kept)
+    log_likelihood = fit.posterior.log_likelihood(fit.flat).reshape(groups, kept)
+    sample_stats = xr.Dataset(
+        {
+            "lp": (("chain", "draw"), log_prior + log_likelihood),
+            "log_prior": (("chain", "draw"), log_prior),
+            "log_likelihood": (("chain", "draw"), log_likelihood),
+        },
+        coords={"chain": chain, "draw": draw},
+    )
+    points = {
+        "row": ("obs", r.row),
+        **{k: ("obs", v, {"unit": r.units.get(k, "1")}) for k, v in r.inputs.items()},
+    }
+    some = fit.theta[:, ::stride].reshape(-1, fit.theta.shape[-1])
+    pointwise = fit.posterior.pointwise_log_likelihood(some)[record]
+    shape = (groups, few.size, r.n)
+    dims = ("chain", "draw", "obs")
+    few_coords = {"chain": chain, "draw": few, "obs": np.arange(r.n), **points}
+
+    def replicas(channel: str) -> Floats:
+        return replicated[channel].reshape(groups, kept, r.n)[:, ::stride].astype(np.float32)
+
+    prior, prior_predictive = _prior_groups(fit, record, own)
+    return xr.DataTree.from_dict(
+        {
+            "/": xr.Dataset(attrs=_attributes(fit, r)),
+            "posterior": posterior,
+            "sample_stats": sample_stats,
+            "log_likelihood": xr.Dataset(
+                {c: (dims, v.reshape(shape)) for c, v in pointwise.items()}, few_coords
+            ),
+            "log_prior": xr.Dataset(
+                {"log_prior": (("chain", "draw"), log_prior)}, {"chain": chain, "draw": draw}
+            ),
+            "posterior_predictive": xr.Dataset({c: (dims, replicas(c)) for c in r.channels}, few_coords),
+            "observed_data": xr.Dataset(
+                {
+                    c: ("obs", v, {"unit": r.units[c], "quantity": r.quantity(c)})
+                    for c, v in r.observed.items()
+                },
+                {"obs": np.arange(r.n), **points},
+            ),
+            "prior": prior,
+            "prior_predictive": prior_predictive,
+            "constant_data": xr.Dataset(points, {"obs": np.arange(r.n)}),
+        }
+    )
+
+
+def _prior_groups(fit: Fit, record: int, own: Mapping[str, int]) -> tuple[Any, Any]:
+    """Draws from the prior, and the curves that they give over the observed temperatures."""
+    import xarray as xr
+
+    r = fit.records[record]
+    rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 3, *r.key.encode()]))
+    theta = fit.posterior.space.to_physical(fit.posterior.draw_prior(rng, PRIOR_DRAWS))
+    grid = np.linspace(r.temperature.min(), r.temperature.max(), PRIOR_GRID)
+    curve = fit.posterior.predict(theta, {"temperature": grid}, record=record)
+    largest = float(np.finfo(np.float32).max)  # far tails of the prior overflow the number format of the file
+    coords = {"chain": [0], "draw": np.arange(PRIOR_DRAWS)}
+    draws = xr.Dataset({name: (("chain", "draw"), theta[None, :, i]) for name, i in own.items()}, coords)
+    curves = xr.Dataset(
+        {
+            c: (("chain", "draw", "temperature"), np.clip(v[None], -largest, largest).astype(np.float32))
+            for c, v in curve.items()
+        },
+        {**coords, "temperature": grid},
+    )
+    return draws, curves
+
+
+def _own_parameters(fit: Fit, record: int) -> dict[str, int]:
+    """Names and positions of the parameters that concern one record: shared ones, and its own noise."""
+    place = fit.posterior.layout[record]
+    positions = [*place.model.tolist(), *(int(i) for at in place.noise.values() for i in at)]
+    return {fit.posterior.space.parameters[i].name.partition("[")[0]: i for i in positions}
+
+
+def _attributes(fit: Fit, record: Record) -> dict[str, Any]:
+    return {
+        "title": f"posterior of {record.key}",
+        "condition": record.condition.id,
+        "branch": record.branch.value,
+        "model": fit.posterior.model.name,
+        "noise": fit.posterior.noise.name,
+        "seed": fit.seed,
+        "converged": int(fit.converged),
+        "sampler": f"emcee ensembles, {fit.draws.method}",
+        "fingerprint": fit.posterior.fingerprint(),
+        "versions": json.dumps(versions()),
+        "inference_library": "emcee",
+        "inference_library_version": versions()["emcee"],
+        "creation_library": "sma_bayes",
+        "creation_library_version": versions()["sma-bayes"],
+    }
+
+
+def _encoding(tree: Any) -> dict[str, dict[str, Any]]:
+    packed = {"zlib": True, "complevel": 1}
+    return {
+        node.path: {name: packed for name in node.data_vars}
+        for node in tree.subtree
+        if node.path in ("/log_likelihood", "/posterior_predictive")
+    }
+
+
+def _unwritable(path: Path, error: OSError) -> OutputError:
+    return OutputError(
+        f"can't be written: {error.strerror or error}",
+        file=path,
+        expected="room and permission",
+        remedy="free the disk or choose another --out; then repeat with --resume",
+    )

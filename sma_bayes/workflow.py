@@ -1,0 +1,335 @@
+"""The public functions, in the order in which a study goes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from sma_bayes import __version__
+from sma_bayes.assess.bands import Band, band_channels, credible_band
+from sma_bayes.assess.loops import loop_quantities
+from sma_bayes.assess.summary import record_summary
+from sma_bayes.errors import OutputError, ResumeError, SmaBayesError
+from sma_bayes.inference.ensembles import Plan
+from sma_bayes.inference.jobs import run
+from sma_bayes.parameters.priors_file import PriorSet, read_priors
+from sma_bayes.posterior import versions
+from sma_bayes.records.types import Branch, Campaign, Record
+from sma_bayes.results.fit import Fit
+from sma_bayes.results.fitting import AUTO, fit_records
+from sma_bayes.results.store import write_csv, write_json, write_posterior, write_text
+
+DEFAULT_PRIORS = "modified_sigmoid"
+
+Pool = Literal["none", "campaign"]
+Progress = Callable[[int, int, str], None]
+"""Told how many tasks are done, how many there are, and what is going on."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitOptions:
+    """What decides the numbers of a run.
+
+    Attributes
+    ----------
+    seed : int
+    noise : str
+        Name of a noise model, or ``auto``.
+    priors : PriorSet
+    pool : str
+        ``none``: each condition and branch has its own A and B; ``campaign``: one set a branch for all.
+    extrapolate : float
+        How far bands go beyond the observed temperatures [unit of temperature].
+    plan : Plan
+    """
+
+    priors: PriorSet
+    seed: int = 0
+    noise: str = AUTO
+    pool: Pool = "none"
+    extrapolate: float = 0.0
+    plan: Plan = Plan()
+
+
+def fit(
+    campaign: Campaign,
+    *,
+    seed: int = 0,
+    noise: str = AUTO,
+    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    pool: Pool = "none",
+    jobs: int | None = None,
+) -> dict[str, Fit]:
+    """Fit every record of a campaign, in memory.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        As `read_campaign` gives it.
+    seed : int
+        Decides every draw.
+    noise : str
+        Name of a noise model, or ``auto``: chosen from the residuals of the warm start.
+    priors : str, Path or PriorSet
+        Name of a shipped set or path of a priors file.
+    pool : {'none', 'campaign'}
+        With ``campaign`` one set of A and B a branch serves all conditions.
+    jobs : int, optional
+        Processes; by default one for each core.
+
+    Returns
+    -------
+    dict of str to Fit
+        By the key of the record, ``<condition>-<branch>``. Pooled records share one `Fit`.
+    """
+    options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, noise, pool)
+    groups = groups_of(campaign, pool)
+    tasks = [_Task(g, options, None) for g in groups]
+    out: dict[str, Fit] = {}
+    for group, found in zip(groups, run(_sample_task, tasks, jobs), strict=True):
+        out |= {record.key: found for record in group}
+    return out
+
+
+def fit_campaign(
+    campaign: Campaign,
+    out: str | Path,
+    *,
+    seed: int = 0,
+    noise: str = AUTO,
+    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    pool: Pool = "none",
+    jobs: int | None = None,
+    extrapolate: float = 0.0,
+    resume: bool = False,
+    figures: bool = True,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Fit every record of a campaign and write posteriors, bands, tables, figures and the report.
+
+    Parameters
+    ----------
+    campaign, seed, noise, priors, pool, jobs
+        See `fit`.
+    out : str or Path
+        Folder for the results. It must be new or empty, unless `resume` is set and it holds the same run.
+    extrapolate : float
+        How far bands go beyond the observed temperatures [unit of temperature]; what lies there is marked.
+    resume : bool
+        Go on with a run that was interrupted. The result is the same to the bit.
+    figures : bool
+        Whether figures and the report are made.
+    progress : callable, optional
+
+    Returns
+    -------
+    dict
+        What `summary.json` holds.
+
+    Raises
+    ------
+    OutputError
+        If `out` can't be written or holds something else.
+    ResumeError
+        If `out` holds a run with other data, priors, options or versions.
+    """
+    clock = time.perf_counter()
+    folder = Path(out)
+    options = FitOptions(
+        priors if isinstance(priors, PriorSet) else read_priors(priors), seed, noise, pool, extrapolate
+    )
+    claim_folder(folder, _identity(campaign, options), resume)
+    groups = groups_of(campaign, pool)
+    tasks = [_Task(g, options, folder) for g in groups]
+    tell = progress or (lambda done, total, message: None)
+    tell(0, len(tasks), "sampling")
+    outcomes: list[_Outcome] = []
+    for outcome in run(_whole_task, tasks, jobs):
+        outcomes.append(outcome)
+        tell(len(outcomes), len(tasks), f"sampled {', '.join(s['key'] for s in outcome.summaries)}")
+    records = [s for o in outcomes for s in o.summaries]
+    summary = {
+        "schema": "sma-bayes/fit/1",
+        "campaign": campaign.name,
+        "source": campaign.source,
+        "seed": seed,
+        "options": {"noise": noise, "pool": pool, "extrapolate": extrapolate, "priors": options.priors.title},
+        "versions": all_versions(),
+        "data_sha256": campaign.sha256,
+        "converged": all(r["converged"] for r in records),
+        "records": records,
+        "loops": _loops([o.fit for o in outcomes]),
+        "findings": [_finding(f) for f in campaign.findings],
+    }
+    write_text(folder / "priors.toml", options.priors.text)
+    stages = {"sample": time.perf_counter() - clock}
+    write_json(folder / "summary.json", {**summary, "stages_s": stages, "wall_s": stages["sample"]})
+    if figures:
+        from sma_bayes.report.build import build_report
+
+        before = time.perf_counter()
+        build_report(folder, jobs=jobs, progress=tell)
+        stages["report"] = time.perf_counter() - before
+    summary = {**summary, "stages_s": stages, "wall_s": time.perf_counter() - clock}
+    write_json(folder / "summary.json", summary)
+    return summary
+
+
+def groups_of(campaign: Campaign, pool: Pool) -> list[tuple[Record, ...]]:
+    """Records that share a posterior: one each, or all of a branch."""
+    if pool == "none":
+        return [(r,) for r in campaign.records]
+    branches = (tuple(r for r in campaign.records if r.branch is b) for b in Branch)
+    return [g for g in branches if g]
+
+
+def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> None:
+    """Make a folder ours, or check that it already is.
+
+    Raises
+    ------
+    OutputError
+        If it can't be made, is not empty, or holds another run and `resume` was not asked for.
+    ResumeError
+        If it holds a run of other data, priors, options or versions.
+    """
+    import json
+
+    mark = folder / "run.json"
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise OutputError("is a file", file=folder, expected="a folder", remedy="choose another --out")
+        if mark.exists():
+            found = json.loads(mark.read_text(encoding="utf-8"))
+            different = [k for k in identity if k != "schema" and found.get(k) != identity[k]]
+            if not resume:
+                raise OutputError(
+                    "holds another run" if different else "holds this run already",
+                    file=folder,
+                    expected="a new or empty folder",
+                    remedy="choose another --out, or add --resume to go on with that run",
+                )
+            if different:
+                raise ResumeError(
+                    f"holds a run that differs in {', '.join(different)}",
+                    file=folder,
+                    expected="the same data, priors, options and versions",
+                    remedy="resume with what the run was started with, or choose another --out",
+                )
+            return
+        if folder.exists() and any(folder.iterdir()):
+            raise OutputError(
+                "is not empty and holds no run of sma_bayes",
+                file=folder,
+                expected="a new or empty folder",
+                remedy="choose another --out",
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"can't be used: {error.strerror or error}", file=folder, expected="a folder that can be written",
+            remedy="choose another --out",
+        ) from None  # fmt: skip
+    write_json(mark, identity)
+
+
+def all_versions() -> dict[str, str]:
+    """Versions of Python, of this package and of what it computes and draws with."""
+    more = ("arviz", "corner", "h5netcdf", "matplotlib", "pandas", "pint", "xarray")
+    return {**versions(), **{name: version(name) for name in more}}
+
+
+def _identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
+    import hashlib
+
+    return {
+        "schema": "sma-bayes/run/1",
+        "data": campaign.sha256,
+        "priors": hashlib.sha256(options.priors.text.encode()).hexdigest(),
+        "seed": options.seed,
+        "noise": options.noise,
+        "pool": options.pool,
+        "extrapolate": options.extrapolate,
+        "version": __version__,
+        "versions": versions(),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    records: tuple[Record, ...]
+    options: FitOptions
+    folder: Path | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Outcome:
+    fit: Fit
+    summaries: list[dict[str, Any]]
+
+
+def _sample_task(task: _Task) -> Fit:
+    o = task.options
+    checkpoint = None
+    if task.folder is not None:
+        name = task.records[0].key if len(task.records) == 1 else f"all-{task.records[0].branch.value}"
+        checkpoint = task.folder / "checkpoints" / f"{name}.h5"
+    return fit_records(task.records, o.priors, noise=o.noise, seed=o.seed, plan=o.plan, checkpoint=checkpoint)
+
+
+def _whole_task(task: _Task) -> _Outcome:
+    """Sample, assess and write one posterior."""
+    found = _sample_task(task)
+    if task.folder is None:
+        raise SmaBayesError("no folder to write to")
+    summaries = []
+    for i, record in enumerate(found.records):
+        clock = time.perf_counter()
+        rng = np.random.default_rng(np.random.SeedSequence([task.options.seed, 4, *record.key.encode()]))
+        replicated = found.posterior.replicate(rng, found.flat, record=i)
+        summary = record_summary(found, i, replicated)
+        write_posterior(task.folder / "posterior" / f"{record.key}.nc", found, i, replicated)
+        for channel in band_channels(record):
+            band = credible_band(found, channel, i, task.options.extrapolate)
+            write_band(task.folder / "bands" / f"{record.key}-{channel}.csv", band, record)
+        summary["stages_s"]["assess"] = time.perf_counter() - clock
+        summary["wall_s"] += summary["stages_s"]["assess"]
+        summaries.append(summary)
+    return _Outcome(found, summaries)
+
+
+def write_band(path: Path, band: Band, record: Record) -> None:
+    """Write a band as CSV: temperature, quantiles of the curve and of a new measurement, simultaneous bands."""
+    unit = record.units["temperature"]
+    columns: dict[str, Any] = {f"temperature_{unit}": band.temperature}
+    columns |= band.curve
+    columns |= band.predictive
+    columns |= band.simultaneous
+    columns["extrapolated"] = band.extrapolated
+    write_csv(path, columns)
+
+
+def _loops(fits: Sequence[Fit]) -> list[dict[str, Any]]:
+    from dataclasses import asdict
+
+    place = {r.key: (f, i) for f in fits for i, r in enumerate(f.records)}
+    out = []
+    for key, (heating, i) in place.items():
+        record = heating.records[i]
+        other = f"{record.condition.id}-{Branch.COOLING.value}"
+        if record.branch is Branch.HEATING and other in place and key != other:
+            cooling, j = place[other]
+            out += [asdict(q) for q in loop_quantities(heating, cooling, (i, j))]
+    return out
+
+
+def _finding(finding: Any) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return asdict(finding)
