@@ -5,16 +5,16 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, Final, TypeVar, get_type_hints
 
 from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
-    TypeAdapter,
     ValidationError,
+    create_model,
     field_validator,
     model_validator,
 )
@@ -114,6 +114,13 @@ class TimeWindow(_Table):
 
     time_from: float | None = None
     time_to: float | None = None
+
+
+# one key for each setting of the splitting, whichever there are, with the settings' own types
+_SETTINGS: Final[dict[str, Any]] = {
+    name: (hint, None) for name, hint in get_type_hints(SplitSettings).items()
+}
+_SegmentationTable = create_model("_SegmentationTable", __base__=TimeWindow, **_SETTINGS)
 
 
 class ConditionTable(_Table):
@@ -392,7 +399,12 @@ def _conditions(
         if columns:
             require_channels(columns, file=path, where=f"{where}.columns" if table.columns else "columns")
         reading = {**document.reading, **table.reading}
-        limits, split = _segmentation({**document.segmentation, **table.segmentation})
+        window, split = _segmentation(
+            {**document.segmentation, **table.segmentation},
+            settings,
+            path,
+            _place("segmentation", table.segmentation, where),
+        )
         data = folder / table.file
         if not data.is_file():
             raise CampaignError(
@@ -409,8 +421,8 @@ def _conditions(
             path=data,
             columns=columns,
             reading=checked(Reading, reading, file=path, where=_place("reading", table.reading, where)),
-            window=checked(TimeWindow, limits, file=path, where=_place("segmentation", limits, where)),
-            settings=_settings(split, settings, path, _place("segmentation", table.segmentation, where)),
+            window=window,
+            settings=split,
         )
 
 
@@ -456,38 +468,18 @@ def _misplaced(name: str, column: Column) -> tuple[str, str] | None:
     return None
 
 
-def _segmentation(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Limits of time, and the rest."""
-    limits = {key: value for key, value in values.items() if key in TimeWindow.model_fields}
-    return limits, {key: value for key, value in values.items() if key not in limits}
-
-
-def _settings(values: Mapping[str, Any], settings: SplitSettings, path: Path, where: str) -> SplitSettings:
-    """Settings of the splitting, with those that a campaign declares laid over the given ones."""
-    known = {field.name for field in fields(SplitSettings)}
-    for key in values:
-        if key not in known:
-            raise CampaignError(
-                f"unknown key {key!r}",
-                file=path,
-                column=where,
-                expected=near_matches(key, known | set(TimeWindow.model_fields)),
-            )
-    if not values:
-        return settings
+def _segmentation(
+    values: Mapping[str, Any], settings: SplitSettings, path: Path, where: str
+) -> tuple[TimeWindow, SplitSettings]:
+    """Limits of time, and the given settings with those that a campaign declares laid over them."""
     declared = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
-    if isinstance(declared.get("fit_channels"), tuple):
-        declared["fit_channels"] = tuple(CHANNEL_OF.get(c, c) for c in declared["fit_channels"])
+    table = checked(_SegmentationTable, declared, file=path, where=where)
+    window = TimeWindow.model_validate(table.model_dump(include=set(TimeWindow.model_fields)))
+    changes = table.model_dump(exclude_unset=True, exclude=set(TimeWindow.model_fields))
+    if changes.get("fit_channels"):
+        changes["fit_channels"] = tuple(CHANNEL_OF.get(c, c) for c in changes["fit_channels"])
     try:
-        return TypeAdapter(SplitSettings).validate_python({**asdict(settings), **declared}, strict=True)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise CampaignError(
-            f"found {_as_toml(first['input'])}",
-            file=path,
-            column=f"{where}.{first['loc'][0]}",
-            expected=first["msg"].removeprefix("Input should be "),
-        ) from None
+        return window, replace(settings, **changes)
     except SmaBayesError as error:
         raise CampaignError(
             error.found, file=path, column=where, expected=error.expected, remedy=error.remedy
