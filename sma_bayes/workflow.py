@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -18,12 +20,15 @@ from sma_bayes.assess.summary import record_summary
 from sma_bayes.errors import OutputError, ResumeError, SmaBayesError
 from sma_bayes.inference.ensembles import Plan
 from sma_bayes.inference.jobs import run
+from sma_bayes.inference.noise_choice import choose_noise
+from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet, read_priors
-from sma_bayes.posterior import versions
+from sma_bayes.posterior import build_posterior, versions
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import AUTO, fit_records
-from sma_bayes.results.store import write_csv, write_json, write_posterior, write_text
+from sma_bayes.results.store import plain, write_csv, write_json, write_posterior, write_text
 
 DEFAULT_PRIORS = "modified_sigmoid"
 
@@ -54,7 +59,7 @@ class FitOptions:
     noise: str = AUTO
     pool: Pool = "none"
     extrapolate: float = 0.0
-    plan: Plan = Plan()
+    plan: Plan = field(default_factory=Plan)
 
 
 def fit(
@@ -165,7 +170,7 @@ def fit_campaign(
         "converged": all(r["converged"] for r in records),
         "records": records,
         "loops": _loops([o.fit for o in outcomes]),
-        "findings": [_finding(f) for f in campaign.findings],
+        "findings": [asdict(f) for f in campaign.findings],
     }
     write_text(folder / "priors.toml", options.priors.text)
     stages = {"sample": time.perf_counter() - clock}
@@ -199,8 +204,6 @@ def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> None:
     ResumeError
         If it holds a run of other data, priors, options or versions.
     """
-    import json
-
     mark = folder / "run.json"
     try:
         if folder.exists() and not folder.is_dir():
@@ -246,8 +249,6 @@ def all_versions() -> dict[str, str]:
 
 
 def _identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
-    import hashlib
-
     return {
         "schema": "sma-bayes/run/1",
         "data": campaign.sha256,
@@ -316,8 +317,6 @@ def write_band(path: Path, band: Band, record: Record) -> None:
 
 
 def _loops(fits: Sequence[Fit]) -> list[dict[str, Any]]:
-    from dataclasses import asdict
-
     place = {r.key: (f, i) for f in fits for i, r in enumerate(f.records)}
     out = []
     for key, (heating, i) in place.items():
@@ -329,7 +328,75 @@ def _loops(fits: Sequence[Fit]) -> list[dict[str, Any]]:
     return out
 
 
-def _finding(finding: Any) -> dict[str, Any]:
-    from dataclasses import asdict
+def pool_named(name: str) -> Pool:
+    """Check the name of a way to pool.
 
-    return asdict(finding)
+    Raises
+    ------
+    SmaBayesError
+        If it is none of them.
+    """
+    if name == "none":
+        return "none"
+    if name == "campaign":
+        return "campaign"
+    raise SmaBayesError(f"--pool {name!r}", expected="'none' or 'campaign'")
+
+
+def is_run_of(folder: Path, campaign: Campaign) -> bool:
+    """Whether a folder holds a run of this campaign by this version."""
+    try:
+        found = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return bool(found.get("data") == campaign.sha256 and found.get("versions") == versions())
+
+
+def inspect_campaign(campaign: Campaign) -> dict[str, Any]:
+    """Describe what was read, and the noise about a least-squares fit, without sampling.
+
+    Returns
+    -------
+    dict
+        What `sma-bayes inspect --json` prints (`sma-bayes/inspect/1`).
+    """
+    document: dict[str, Any] = plain({
+        "schema": "sma-bayes/inspect/1",
+        "campaign": campaign.name,
+        "source": campaign.source,
+        "data_sha256": campaign.sha256,
+        "records": [_described(r) for r in campaign.records],
+        "findings": [asdict(f) for f in campaign.findings],
+    })  # fmt: skip
+    return document
+
+
+def _described(record: Record) -> dict[str, Any]:
+    posterior = build_posterior([record], NOISE_MODELS["independent"], read_priors(DEFAULT_PRIORS))
+    start = warm_start(posterior, np.random.default_rng(0))
+    choice = choose_noise(posterior, start)
+    return {
+        "key": record.key,
+        "condition": record.condition.id,
+        "branch": record.branch.value,
+        "source": record.source,
+        "n": record.n,
+        "rows": [int(record.row.min()), int(record.row.max())],
+        "rows_averaged": record.rows_averaged,
+        "segments": int(np.unique(record.inputs["segment"]).size),
+        "temperature": {
+            "unit": record.units["temperature"],
+            "lowest": float(record.temperature.min()),
+            "highest": float(record.temperature.max()),
+        },
+        "channels": {
+            c: {"name": record.quantity(c), "unit": record.units[c], "noise_sd": start.fit[0][c].rmse}
+            for c in record.channels
+        },
+        "held": {
+            c: {"name": record.quantity(c), "unit": record.units.get(c, ""), "mean": h.mean, "sd": h.sd}
+            for c, h in record.held.items()
+        },
+        "noise": {"name": choice.name, "reason": choice.reason, "lag1": dict(choice.lag1)},
+        "fit": {c: asdict(g) for c, g in start.fit[0].items()},
+    }

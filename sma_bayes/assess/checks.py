@@ -1,4 +1,4 @@
-"""Posterior predictive checks: does the model with its noise make data like those that were measured?"""
+"""Posterior predictive checks: whether the model with its noise makes data like those that were measured."""
 
 from __future__ import annotations
 

@@ -16,7 +16,6 @@ from sma_bayes.inference.coordinates import NoiseScaledCoordinates, PredictiveCo
 from sma_bayes.inference.laplace import Density, Mode
 from sma_bayes.inference.proposals import (
     AnyProposal,
-    Coordinates,
     FactorisedMixture,
     MixedProposal,
     Mixture,

@@ -123,7 +123,7 @@ class Checkpoint:
         """
         steps, walkers, dimension = block.chain.shape
         try:
-            backend = HDFBackend(str(self.path), name=name)
+            backend = HDFBackend(str(self.path), name=name, compression="gzip", compression_opts=1)
             if not backend.initialized:
                 backend.reset(walkers, dimension)
             with self._open() as file:

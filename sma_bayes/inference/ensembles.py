@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import emcee
@@ -51,7 +51,7 @@ class Plan:
         Greatest number of evaluations of the density.
     """
 
-    target: Target = Target()
+    target: Target = field(default_factory=Target)
     groups: int = 4
     walkers: int = 64
     block: int = 24

@@ -1,0 +1,297 @@
+"""The command line: each verb is a call of one workflow function.
+
+Exit status: 0 done, 1 done but not converged, 2 the input or the call is wrong.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sma_bayes import __version__
+from sma_bayes.errors import SmaBayesError
+
+app = typer.Typer(
+    name="sma-bayes",
+    help="Bayesian stiffness of shape memory alloy springs: posteriors, credible bands, correlation factors.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Seed = Annotated[int, typer.Option(help="Decides every draw.", min=0)]
+Jobs = Annotated[int | None, typer.Option(help="Processes; by default one for each core.", min=1)]
+Priors = Annotated[str, typer.Option(help="Priors: the name of a shipped set, or a TOML file.")]
+Noise = Annotated[
+    str, typer.Option(help="Noise model, or 'auto': chosen from the residuals of the least-squares fit.")
+]
+PoolChoice = Annotated[
+    str,
+    typer.Option(help="'none': own A and B a condition; 'campaign': one set a branch for all conditions."),
+]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with the run that --out holds.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")]
+Json = Annotated[bool, typer.Option("--json", help="The summary as JSON on standard output.")]
+Data = Annotated[
+    Path | None, typer.Option(help="Folder of the data files, where it is not the campaign file's own.")
+]
+Extrapolate = Annotated[
+    float, typer.Option(help="How far bands go beyond the observed temperatures; marked there.", min=0.0)
+]
+Source = Annotated[
+    Path, typer.Argument(metavar="PATH", help="Campaign folder, campaign.toml, or a data file.")
+]
+Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Whether figures and report are made.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"sma-bayes {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Common to all verbs."""
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("sma-bayes-demo"),
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    noise: Noise = "auto",
+    resume: Resume = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Run the main job on a twin of the published campaign: 18 records, no other file, no network."""
+    from sma_bayes.paper.twin import twin_campaign
+    from sma_bayes.workflow import fit_campaign, is_run_of
+
+    campaign = twin_campaign(seed)
+    again = resume or is_run_of(out, campaign)
+    with _progress(quiet or as_json) as progress:
+        summary = fit_campaign(
+            campaign, out, seed=seed, noise=noise, jobs=jobs, resume=again, progress=progress
+        )
+    _finish(summary, out, quiet, as_json)
+
+
+@app.command()
+def inspect(
+    path: Source,
+    data: Data = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Show what was read: channels, units, conditions, cycles, branches, noise, findings."""
+    from sma_bayes.records.campaign import read_campaign
+    from sma_bayes.workflow import inspect_campaign
+
+    report = inspect_campaign(read_campaign(path, data_dir=data))
+    if as_json:
+        typer.echo(json.dumps(report, indent=1))
+    elif not quiet:
+        _show_inspection(report)
+
+
+@app.command()
+def priors(
+    model: Annotated[str, typer.Argument(help="Name of a shipped set.")] = "modified_sigmoid",
+    list_all: Annotated[bool, typer.Option("--list", help="List the shipped sets.")] = False,
+) -> None:
+    """Print the priors in force as TOML, to edit and pass back with --priors FILE."""
+    from sma_bayes.parameters.priors_file import read_priors, shipped_priors
+
+    if list_all:
+        for name in shipped_priors():
+            typer.echo(f"{name}: {read_priors(name).title}")
+        return
+    typer.echo(read_priors(model).text, nl=False)
+
+
+@app.command()
+def fit(
+    path: Source,
+    out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
+    data: Data = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    priors: Priors = "modified_sigmoid",
+    noise: Noise = "auto",
+    pool: PoolChoice = "none",
+    extrapolate: Extrapolate = 0.0,
+    figures: Figures = True,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Warm start, ensembles, diagnostics, bands, correlation factors, report."""
+    from sma_bayes.records.campaign import read_campaign
+    from sma_bayes.workflow import fit_campaign, pool_named
+
+    with _progress(quiet or as_json) as progress:
+        summary = fit_campaign(
+            read_campaign(path, data_dir=data),
+            out,
+            seed=seed,
+            noise=noise,
+            priors=priors,
+            pool=pool_named(pool),
+            jobs=jobs,
+            extrapolate=extrapolate,
+            resume=resume,
+            figures=figures,
+            progress=progress,
+        )
+    _finish(summary, out, quiet, as_json)
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that a fit has written.")],
+    jobs: Jobs = None,
+    quiet: Quiet = False,
+) -> None:
+    """Rebuild the HTML report, figures and LaTeX tables from what a folder holds."""
+    from sma_bayes.report.build import build_report
+
+    with _progress(quiet) as progress:
+        build_report(folder, jobs=jobs, progress=progress)
+    if not quiet:
+        typer.echo(f"report: {folder / 'report.html'}")
+
+
+def main() -> None:
+    """Run the command line, and turn the user's mistakes into one message and exit status 2."""
+    try:
+        app(standalone_mode=True)
+    except SmaBayesError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("interrupted; --resume goes on from here", file=sys.stderr)
+        sys.exit(130)
+
+
+@contextmanager
+def _progress(silent: bool) -> Iterator[Callable[[int, int, str], None] | None]:
+    """A progress bar on standard error; none where that is not a terminal."""
+    if silent or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("reading", total=None)
+
+        def tell(done: int, total: int, message: str) -> None:
+            bar.update(task, completed=done, total=total, description=message[:60])
+
+        yield tell
+
+
+def _finish(summary: dict[str, Any], out: Path, quiet: bool, as_json: bool) -> None:
+    if as_json:
+        from sma_bayes.results.store import plain
+
+        typer.echo(json.dumps(plain(summary), indent=1))
+    elif not quiet:
+        _show_fit(summary, out)
+    if not summary["converged"]:
+        raise typer.Exit(1)
+
+
+def _show_fit(summary: dict[str, Any], out: Path) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"{summary['campaign']}, seed {summary['seed']}", title_justify="left")
+    for name in ("record", "n", "noise", "converged", "worst R-hat", "least ESS", "r", "not identified"):
+        table.add_column(
+            name, justify="left" if name in ("record", "noise", "not identified", "r") else "right"
+        )
+    for r in summary["records"]:
+        sampled = [p for p in r["parameters"].values() if p["rhat"] is not None]
+        prior_driven = [n for n, p in r["parameters"].items() if not p["identified"] and not p["fixed"]]
+        factors = ", ".join(
+            f"{r['quantities'][c]['name']} {f['r']['median']:.4f}" for c, f in r["correlation"].items()
+        )
+        table.add_row(
+            r["key"],
+            str(r["n"]),
+            r["noise"]["name"],
+            "yes" if r["converged"] else "NO",
+            f"{max((p['rhat'] for p in sampled), default=float('nan')):.4f}",
+            f"{min((min(p['ess_bulk'], p['ess_tail']) for p in sampled), default=float('nan')):.0f}",
+            factors,
+            ", ".join(prior_driven) or "-",
+        )
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    console.print(table)
+    dropped = sum(f["dropped"] for f in summary["findings"])
+    if summary["findings"]:
+        console.print(
+            f"{len(summary['findings'])} findings about the data, {dropped} rows kept out: "
+            "see the report or `sma-bayes inspect`"
+        )
+    if not summary["converged"]:
+        names = ", ".join(r["key"] for r in summary["records"] if not r["converged"])
+        console.print(f"NOT CONVERGED: {names}. Their numbers must not be relied on.")
+    console.print(f"{summary['wall_s']:.1f} s; results in {out}", soft_wrap=True)
+
+
+def _show_inspection(report: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from sma_bayes.quantities import unit_text
+
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    table = Table(title=report["campaign"], title_justify="left")
+    for name in ("record", "file", "samples", "cycles", "temperature", "channels", "held constant", "noise"):
+        table.add_column(name)
+    for r in report["records"]:
+        t = r["temperature"]
+        table.add_row(
+            r["key"],
+            r["source"],
+            str(r["n"]) + (f" (means of up to {r['rows_averaged']} rows)" if r["rows_averaged"] > 1 else ""),
+            str(r["segments"]),
+            f"{t['lowest']:.4g} to {t['highest']:.4g} {unit_text(t['unit'])}",
+            ", ".join(f"{c['name']} [{unit_text(c['unit']) or '1'}]" for c in r["channels"].values()),
+            ", ".join(f"{h['name']} {h['mean']:.4g} {unit_text(h['unit'])}" for h in r["held"].values())
+            or "-",
+            r["noise"]["name"]
+            + " (lag 1: "
+            + ", ".join(f"{v:.2f}" for v in r["noise"]["lag1"].values())
+            + ")",
+        )
+    console.print(table)
+    if report["findings"]:
+        findings = Table(title="findings", title_justify="left")
+        for name in ("kind", "where", "rows", "kept out", "what"):
+            findings.add_column(name)
+        for f in report["findings"]:
+            rows = ", ".join(str(r) for r in f["rows"][:5]) + (" ..." if f["count"] > 5 else "")
+            where = " ".join(x for x in (f["condition"], f["branch"], f["column"]) if x)
+            findings.add_row(f["kind"], where, rows, str(f["dropped"]), f["message"])
+        console.print(findings)
+
+
+if __name__ == "__main__":
+    main()
