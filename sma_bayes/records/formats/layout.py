@@ -140,14 +140,15 @@ def _until_data(rows: Iterator[Row], shape: Shape, header: bool | None) -> tuple
     for line, cells in rows:
         if all(is_blank(cell) for cell in cells):
             continue
-        if header is None:
-            begins = _is_data(cells, shape)
-        else:  # told by the user: everything is data after the header and perhaps a line of units
-            begins = not header or bool(above and not _is_units(cells))
-        if begins:
+        if _is_data(cells, shape) if header is None else _follows(above, cells, header=header):
             return above, (line, cells)
         above.append((line, cells))
     return above, None
+
+
+def _follows(above: Sequence[Row], cells: Sequence[object], *, header: bool) -> bool:
+    """Whether data begin here, where the user told of a header: only it and a line of units stand above."""
+    return not header or bool(above and not _is_units(cells))
 
 
 def _is_data(cells: Sequence[object], shape: Shape) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from sma_bayes.errors import MeasurementError, near_matches
 from sma_bayes.quantities import Floats
 from sma_bayes.records.formats.table import Cells, Format, Reading, Table, sample_rows
+from sma_bayes.records.types import Finding
 
 WAVEFORM_TIME = "waveform time"
 """Column made from the start offset and increment that a waveform channel carries [s]."""
@@ -42,7 +43,7 @@ def read(path: Path, reading: Reading) -> Table:
     MeasurementError
         If the file is damaged, has no channels, or no such group.
     """
-    groups = _groups(path)
+    groups, findings = _groups(path)
     if reading.group is not None and reading.group not in groups:
         raise MeasurementError(
             f"the file has no group {reading.group!r}",
@@ -60,28 +61,40 @@ def read(path: Path, reading: Reading) -> Table:
             columns.append(values)
     if not any(len(column) for column in columns):
         raise MeasurementError("the file has no channel with data", file=path, expected="at least one")
-    return Table(tuple(names), tuple(columns), sample_rows(max(map(len, columns))))
+    return Table(tuple(names), tuple(columns), sample_rows(max(map(len, columns))), findings)
 
 
-def _groups(path: Path) -> dict[str, dict[str, Cells]]:
-    """Columns of every group, by group and channel."""
+def _groups(path: Path) -> tuple[dict[str, dict[str, Cells]], tuple[Finding, ...]]:
+    """Columns of every group, by group and channel, and whether the end of the file is lacking."""
     from nptdms import TdmsFile
 
     try:
         with TdmsFile.read(path) as file:
             groups = {group.name: group.channels() for group in file.groups()}
-            return {
+            columns: dict[str, dict[str, Cells]] = {
                 name: {**{c.name: _cells(c[:]) for c in channels}, **_waveform_time(channels)}
                 for name, channels in groups.items()
                 if channels
             }
-    except (ValueError, KeyError, EOFError, TypeError, IndexError, OverflowError) as error:
+            return columns, _incomplete(file.file_status)
+    except Exception as error:  # on a damaged file the parser raises whatever its fields lead to
         raise MeasurementError(
             f"the file is damaged: {error}",
             file=path,
             expected="a TDMS file that LabVIEW opens",
             remedy="open and save it again, or export it as text",
         ) from None
+
+
+def _incomplete(status: Any) -> tuple[Finding, ...]:
+    if not status.incomplete_final_segment:
+        return ()
+    lengths = ", ".join(
+        f"{path} {part.read_length} of {part.expected_length}"
+        for path, part in (status.channel_statuses or {}).items()
+    )
+    message = f"the last segment was not written to its end: {lengths} samples read"
+    return (Finding("truncated", message, count=1),)
 
 
 def _cells(values: Any) -> Cells:

@@ -82,6 +82,16 @@ def test_time_stamps_become_seconds(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.asarray(table.columns[0], dtype=float), [0, 0.25, 60], atol=1e-6)
 
 
+def test_a_file_that_breaks_off_is_read_as_far_as_it_goes_and_said(tmp_path: Path) -> None:
+    whole = write(tmp_path, ChannelObject("run", "T", np.arange(100.0))).read_bytes()
+    path = tmp_path / "cut.tdms"
+    path.write_bytes(whole[: -8 * 40])
+    table = read_table(path, Reading())
+    assert columns(table)["T"] == list(range(60))
+    assert [f.kind for f in table.findings] == ["truncated"]
+    assert "60 of 100 samples" in table.findings[0].message
+
+
 def test_a_damaged_file_and_one_without_data(tmp_path: Path) -> None:
     whole = write(tmp_path, ChannelObject("run", "T", np.arange(100.0))).read_bytes()
     path = tmp_path / "cut.tdms"
