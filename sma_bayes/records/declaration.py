@@ -27,6 +27,9 @@ from sma_bayes.records.types import Condition
 
 CAMPAIGN_FILE: Final = "campaign.toml"
 
+FILES_SHOWN: Final = 10
+"""So many files of a folder are listed in a message."""
+
 UNITLESS: Final = ("cycle", "branch", "drive")
 """Quantities whose column needs no unit."""
 
@@ -357,7 +360,7 @@ def _campaign_in(folder: Path) -> Path:
         file=folder,
         expected=f"{CAMPAIGN_FILE} beside the data files",
         remedy="write one, or name a single data file with default column names; the folder holds "
-        + (", ".join(there[:10]) or "no files"),
+        + (", ".join(there[:FILES_SHOWN]) or "no files"),
     )
 
 
@@ -507,8 +510,13 @@ def _similar(path: Path) -> str:
     """What stands in the folder instead of a file that isn't there."""
     if not path.parent.is_dir():
         return f"there is no folder {str(path.parent)!r} either; correct it, or name the folder of the data"
-    there = [p.name for p in path.parent.iterdir()]
-    return near_matches(path.name, there) if there else "the folder is empty; name the folder of the data"
+    there = sorted(p.name for p in path.parent.iterdir())
+    if not there:
+        return "the folder is empty; name the folder of the data"
+    near = near_matches(path.name, there)
+    if near.startswith("did you mean") or len(there) <= FILES_SHOWN:
+        return near
+    return f"the folder holds {', '.join(there[:FILES_SHOWN])} and {len(there) - FILES_SHOWN} more"
 
 
 def _as_toml(value: object) -> str:

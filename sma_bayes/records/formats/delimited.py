@@ -137,7 +137,7 @@ def _delimiter(lines: Sequence[str], reading: Reading, path: Path) -> tuple[str,
     sample = [lines[i] for i in spread(len(lines)) if lines[i].strip()]
     candidates = CANDIDATES if reading.delimiter is None else (reading.delimiter,)
     shapes = {
-        delimiter: shape_of([cells for line in sample for cells in _split([line], delimiter)])
+        delimiter: shape_of([cells for line in sample for cells in _split([line], delimiter)], reading)
         for delimiter in candidates
         if delimiter != reading.decimal
     }

@@ -54,20 +54,22 @@ def spread(n: int) -> range:
     return range(n - 1, -1, -max(1, n // SAMPLE))
 
 
-def shape_of(sample: Sequence[Sequence[object]]) -> Shape:
+def shape_of(sample: Sequence[Sequence[object]], reading: Reading) -> Shape:
     """Shape of the rows of data, from a sample of the rows of a file.
 
     Parameters
     ----------
     sample : sequence of rows
         Rows spread over the file, none of them blank.
+    reading : Reading
+        Codes of missing values count as numbers.
 
     Returns
     -------
     Shape
         With score 0 where no row has a number.
     """
-    numeric_of = [[looks_numeric(cell) for cell in row] for row in sample]
+    numeric_of = [[_is_number(cell, reading) for cell in row] for row in sample]
     widths = Counter(len(row) for row, is_number in zip(sample, numeric_of, strict=True) if any(is_number))
     if not widths:
         return Shape(0, 0, (), 0.0)
@@ -120,7 +122,7 @@ def tabulate(
         If there is no data, no header where one must be, or a row of another length.
     """
     rows = iter(rows)
-    above, first = _until_data(rows, shape, reading.header) if shape.numeric else ([], None)
+    above, first = _until_data(rows, shape, reading) if shape.numeric else ([], None)
     if first is None:
         raise MeasurementError(
             "no row of numbers",
@@ -134,13 +136,14 @@ def tabulate(
     return Table(names, columns, lines, (*findings, *more))
 
 
-def _until_data(rows: Iterator[Row], shape: Shape, header: bool | None) -> tuple[list[Row], Row | None]:
+def _until_data(rows: Iterator[Row], shape: Shape, reading: Reading) -> tuple[list[Row], Row | None]:
     """Rows above the data (not the blank ones), and the first row of data."""
     above: list[Row] = []
+    header = reading.header
     for line, cells in rows:
         if all(is_blank(cell) for cell in cells):
             continue
-        if _is_data(cells, shape) if header is None else _follows(above, cells, header=header):
+        if _is_data(cells, shape, reading) if header is None else _follows(above, cells, header=header):
             return above, (line, cells)
         above.append((line, cells))
     return above, None
@@ -151,13 +154,17 @@ def _follows(above: Sequence[Row], cells: Sequence[object], *, header: bool) -> 
     return not header or bool(above and not _is_units(cells))
 
 
-def _is_data(cells: Sequence[object], shape: Shape) -> bool:
+def _is_data(cells: Sequence[object], shape: Shape, reading: Reading) -> bool:
     if len(cells) < shape.filled:
         return False
     columns = [cells[i] for i in shape.numeric]
-    numbers = sum(looks_numeric(cell) for cell in columns)
+    numbers = sum(_is_number(cell, reading) for cell in columns)
     # a row with one bad cell is data, so that the cell is reported and not mistaken for a header
     return numbers > 0 and 2 * numbers >= sum(not is_blank(cell) for cell in columns)
+
+
+def _is_number(cell: object, reading: Reading) -> bool:
+    return looks_numeric(cell) or (isinstance(cell, str) and cell.strip() in reading.missing)
 
 
 def _is_units(cells: Sequence[object]) -> bool:

@@ -50,7 +50,7 @@ def read(path: Path, reading: Reading) -> Table:
     rows = _chosen(sheets, reading.sheet, path)
     body = rows[reading.skip_rows :]
     sample = [body[i] for i in spread(len(body)) if not all(is_blank(cell) for cell in body[i])]
-    return tabulate(enumerate(body, start=reading.skip_rows + 1), shape_of(sample), reading, path)
+    return tabulate(enumerate(body, start=reading.skip_rows + 1), shape_of(sample, reading), reading, path)
 
 
 def _sheets(path: Path) -> dict[str, _Sheet]:

@@ -197,6 +197,13 @@ def test_a_bad_cell_in_the_first_row_is_not_taken_for_a_header(tmp_path: Path) -
     assert (caught.value.row, caught.value.found) == (2, "found 'oops'")
 
 
+def test_a_first_row_of_missing_value_codes_is_not_taken_for_a_header(tmp_path: Path) -> None:
+    path = write(tmp_path, "t,T,F\n0.0,ERR,ERR\n0.1,ERR,ERR\n0.2,20,1\n0.3,21,2\n")
+    table = read_table(path, Reading(missing=("ERR",)))
+    assert table.names == ("t", "T", "F")
+    np.testing.assert_array_equal(column(table, 1, missing=["ERR"]), [np.nan, np.nan, 20, 21])
+
+
 def test_columns_that_nobody_asks_for_may_hold_text(tmp_path: Path) -> None:
     rows = "".join(f"2024-01-0{i} 12:00:0{i},run,{i}.5\n" for i in range(1, 6))
     table = read_table(write(tmp_path, "when,what,T\n" + rows), Reading())
