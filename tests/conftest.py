@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+
 ROOT = Path(__file__).resolve().parents[1]
+
+UNITS = {
+    "temperature": "degC", "time": "s", "force": "N", "displacement": "m", "stiffness": "N/m"
+}  # fmt: skip
+SPRING = {
+    "A1": 0.02, "A2": 0.30, "A3": 48.0, "A4": 0.001, "B1": 2.5, "B2": 0.35, "B3": 52.0, "B4": 0.5
+}  # fmt: skip
+"""A plausible spring, in canonical units."""
 
 
 @pytest.fixture(scope="session")
@@ -16,3 +29,46 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("real measurements are not at ../shared/data beside the checkout")
     return folder
+
+
+@pytest.fixture(scope="session")
+def make_record() -> Callable[..., Record]:
+    """Build a record drawn from the modified sigmoid with AR(1) noise."""
+    return _draw_record
+
+
+def _draw_record(
+    channels: Sequence[str] = ("force", "displacement"),
+    *,
+    n: int = 100,
+    seed: int = 0,
+    noise: float = 0.01,
+    memory: float = 0.0,
+    temperature_sd: float = 0.0,
+    segments: int = 1,
+    condition: str = "c",
+    branch: Branch = Branch.HEATING,
+    span: tuple[float, float] = (30.0, 70.0),
+    **theta: float,
+) -> Record:
+    """Record with noise of `noise` times each channel's span, of lag-1 correlation `memory`."""
+    rng = np.random.default_rng(seed)
+    model = ModifiedSigmoid()
+    inputs = {
+        "temperature": np.linspace(*span, n),
+        "time": np.cumsum(rng.uniform(0.5, 1.5, n)),
+        "segment": np.sort(np.arange(n) % segments).astype(float),
+    }
+    value = np.array([(SPRING | theta)[name] for name in model.parameter_names])
+    sensed = inputs | {"temperature": inputs["temperature"] + temperature_sd * rng.standard_normal(n)}
+    clean = model.predict(value, sensed)
+    observed = {}
+    for channel in channels:
+        e = rng.standard_normal(n)
+        for i in range(1, n):
+            e[i] = memory * e[i - 1] + np.sqrt(1.0 - memory**2) * e[i]
+        observed[channel] = clean[channel] + noise * np.ptp(clean[channel]) * e
+    units = {name: UNITS[name] for name in ("temperature", "time", *channels)}
+    return Record(
+        Condition(condition), branch, inputs, observed, np.arange(n) + 2, units, temperature_sd=temperature_sd
+    )
