@@ -24,27 +24,29 @@ CHANNEL_STEPS: Final = 10.0
 real."""
 
 
-def clean_rows(ledger: Ledger, limits: tuple[float, float] | None) -> None:
-    """Keep out rows without a credible temperature, repeated rows, and rows out of order in time.
+SPARSE: Final = 0.5
+"""A column that is missing in more than this share of the rows is left out, rather than the rows."""
+
+
+def clean_rows(ledger: Ledger) -> None:
+    """Keep out rows without a temperature or with a spoilt one, repeated rows, and rows out of order in time.
 
     Parameters
     ----------
     ledger : Ledger
-    limits : tuple of float or None
-        Lowest and highest credible temperature [unit of temperature].
     """
     name = "temperature"
     missing = np.flatnonzero(~np.isfinite(ledger.run.columns[name]))
     ledger.keep_out(missing, "missing", "no temperature", column=name)
-    if limits:
-        values = ledger.column(name)
-        beyond = ledger.rows[(values < limits[0]) | (values > limits[1])]
-        why = (
-            f"temperature is not within {ledger.amount(name, limits[0])} and {ledger.amount(name, limits[1])}"
-        )
-        ledger.keep_out(beyond, "out-of-range", why, column=name)
-    _clean_repeats(ledger)
-    _clean_time(ledger)
+    if not ledger.kept.any():
+        return
+    time = ledger.run.columns.get("time")
+    clock = time is not None and bool(np.isfinite(time).mean() >= SPARSE)
+    if time is not None and clock:
+        ledger.keep_out(np.flatnonzero(~np.isfinite(time)), "missing", "no time", column="time")
+    _clean_repeats(ledger, clock)
+    if clock:
+        _clean_time(ledger)
     zero = ledger.rows[zero_dropouts(ledger.column(name))]
     why = "temperature reads exactly 0 far from its neighbours, a missing reading coded as 0"
     ledger.keep_out(zero, "drop-out", why, column=name)
@@ -52,12 +54,7 @@ def clean_rows(ledger: Ledger, limits: tuple[float, float] | None) -> None:
     ledger.keep_out(spike, "spike", "temperature jumps away from its neighbours and back", column=name)
 
 
-def _has_clock(ledger: Ledger) -> bool:
-    return "time" in ledger.run.columns and bool(np.isfinite(ledger.column("time")).all())
-
-
-def _clean_repeats(ledger: Ledger) -> None:
-    clock = _has_clock(ledger)
+def _clean_repeats(ledger: Ledger, clock: bool) -> None:
     columns = [ledger.column(name) for name in ledger.run.columns if not (clock and name == "time")]
     repeated, held = repeated_rows(columns, ledger.column("time") if clock else None)
     index = ledger.rows
@@ -68,8 +65,6 @@ def _clean_repeats(ledger: Ledger) -> None:
 
 
 def _clean_time(ledger: Ledger) -> None:
-    if not _has_clock(ledger):
-        return
     astray, restart = out_of_order(ledger.column("time"))
     index = ledger.rows
     ledger.keep_out(index[astray], "time-reversal", "time runs backwards", column="time")

@@ -24,6 +24,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.records.cleaning import SPARSE
 from sma_bayes.records.ledger import Ledger
 from sma_bayes.records.run import Run
 from sma_bayes.records.types import Branch, HeldChannel, Ints
@@ -33,10 +34,6 @@ SWEEP_BINS: Final = 40
 
 FOLLOWS: Final = 0.5
 """Share of the variance between bins that a monotone function explains where a channel follows."""
-
-SPARSE: Final = 0.5
-"""A channel or input that is missing in more than this share of the rows is left out, rather than the
-rows."""
 
 LOAD_OFF, LOAD_OFF_SDS = 0.1, 5.0
 """A load is off where it is further from its median than this share of it and this many standard

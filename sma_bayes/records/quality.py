@@ -4,7 +4,7 @@ Which findings keep rows out and which are only reported:
 
 =====================  ==================================================================
 kept out and counted   missing temperature, missing or spoilt channel to fit, drop-out,
-                       spike, duplicate row, time running backwards, out of range
+                       spike, duplicate row, time running backwards
 only reported          quantised, clipped, gap, repeated time stamps, held samples,
                        restart of the clock, no transformation
 =====================  ==================================================================
@@ -34,7 +34,7 @@ SPIKE_SDS = 8.0
 TEMPERATURE_WINDOW, CHANNEL_WINDOW = 11, 7
 """Readings of the running median; a spike is shorter than half of it."""
 
-JUDGED_WITHIN = 0.05
+JUDGED_WITHIN = 0.1
 """A channel is searched for spikes where its window spans less than this share of the temperature range."""
 
 GAP_STEPS, GAP_JUMPS, GAP_SHARE = 10.0, 5.0, 0.05
@@ -134,8 +134,8 @@ def spikes(values: Floats, window: int, against: Floats | None = None) -> Mask:
     window : int
         Readings of the running median, odd; a spike is shorter than half of it.
     against : ndarray, shape (n,), optional
-        Temperature. Given, a sample is judged only where the temperature changes by less than 5 % of its
-        range over the window: a sparse record may hold a whole transformation in three samples.
+        Temperature. Given, a sample is judged only where the temperature changes by less than a tenth of
+        its range over the window: a sparse record may hold a whole transformation in three samples.
 
     Returns
     -------
@@ -297,9 +297,8 @@ def clipped(values: Floats) -> tuple[FlatTop, ...]:
     """Flat tops and bottoms that look like the end of a sensor's range.
 
     The signal has its extreme value exactly, in a run of at least five samples and three times longer than
-    99 % of all other runs, and it comes into or goes out of that run at full pace: within as many samples as
-    five usual readings take it is more than ten of the usual steps away. A plateau that is approached slowly
-    is none.
+    99 % of all other runs, and it comes into or goes out of that run at half of its usual pace or more, over the
+    time of five usual readings. A plateau that is approached slowly is none.
 
     Parameters
     ----------
@@ -316,15 +315,17 @@ def clipped(values: Floats) -> tuple[FlatTop, ...]:
     length = np.diff(np.r_[first, values.size])
     readings = values[first]
     pace = max(float(np.median(np.abs(np.diff(readings)))), noise_sd(values), digit(values))
+    aside = 5 * int(np.median(length))
     found = []
     for extreme in (readings.max(), readings.min()):
         at = np.flatnonzero(readings == extreme)
         k = int(at[np.argmax(length[at])])
-        usual = float(np.percentile(np.delete(length, at), 99)) if at.size < length.size else 0.0
-        sides = readings[[max(0, k - 5), min(readings.size - 1, k + 5)]]
-        if length[k] >= max(5, 3 * usual) and np.abs(sides - extreme).max() > 10.0 * pace:
-            start = int(first[k])
-            found.append(FlatTop(start, start + int(length[k]), int(length[at].sum()), float(extreme)))
+        start, stop = int(first[k]), int(first[k] + length[k])
+        others = np.delete(length, at)
+        usual = float(np.percentile(others, 99)) if others.size else 0.0
+        sides = values[[max(0, start - aside), min(values.size, stop + aside) - 1]]
+        if length[k] >= max(5, 3 * usual) and np.abs(sides - extreme).max() > 2.5 * pace:
+            found.append(FlatTop(start, stop, int(length[at].sum()), float(extreme)))
     return tuple(found)
 
 

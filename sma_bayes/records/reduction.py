@@ -36,6 +36,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.quantities import Floats
+from sma_bayes.records.segmentation import noise_sd
 from sma_bayes.records.types import Ints
 
 WIDEST_SEARCH = 8
@@ -107,12 +108,19 @@ def blocks_of(temperature: Floats, segment: Floats, max_samples: int, block_span
 def _starts(temperature: Floats, segment: Floats, size: int, widest: float) -> Ints:
     """First rows of blocks of at most `size` rows, over which the temperature moves by `widest` at most."""
     sweep = np.flatnonzero(np.r_[True, np.diff(segment) != 0])
-    length = np.diff(np.r_[sweep, temperature.size])
-    coarse = _divide(sweep, length, -(-length // size))
-    length = np.diff(np.r_[coarse, temperature.size])
-    move = _net_move(temperature, coarse, length)
-    parts = np.ceil(move / widest) if widest > 0 else np.ones(length.size)
-    return _divide(coarse, length, np.clip(parts, 1, length).astype(np.int64))
+    first = _divide(sweep, _lengths(sweep, temperature), -(-_lengths(sweep, temperature) // size))
+    noise = noise_sd(temperature)
+    while widest > 0:
+        length = _lengths(first, temperature)
+        parts = np.clip(np.ceil(_net_move(temperature, first, length, noise) / widest), 1, length)
+        if parts.max() == 1:
+            break
+        first = _divide(first, length, parts.astype(np.int64))
+    return first
+
+
+def _lengths(first: Ints, temperature: Floats) -> Ints:
+    return np.asarray(np.diff(np.r_[first, temperature.size]), dtype=np.int64)
 
 
 def _divide(first: Ints, length: Ints, parts: Ints) -> Ints:
@@ -122,13 +130,18 @@ def _divide(first: Ints, length: Ints, parts: Ints) -> Ints:
     return np.asarray(first[owner] + within * length[owner] // parts[owner], dtype=np.int64)
 
 
-def _net_move(temperature: Floats, first: Ints, length: Ints) -> Floats:
-    """Twice the difference between the means of the two halves: the width of a ramp, with little noise."""
+def _net_move(temperature: Floats, first: Ints, length: Ints, noise: float) -> Floats:
+    """Twice the difference between the means of the two halves, less what noise may account for.
+
+    That is the width of a ramp; where the temperature moves in one end of a block only it is too small, and
+    shows when the halves are looked at in their turn.
+    """
     middle = np.minimum(first + (length + 1) // 2, first + length - 1)
+    head, tail = np.maximum(middle - first, 1), first + length - middle
     total = np.r_[0.0, np.cumsum(temperature - temperature.mean())]
-    head = (total[middle] - total[first]) / np.maximum(middle - first, 1)
-    tail = (total[first + length] - total[middle]) / (first + length - middle)
-    return np.where(length > 1, 2.0 * np.abs(tail - head), 0.0)
+    move = (total[first + length] - total[middle]) / tail - (total[middle] - total[first]) / head
+    spurious = 3.0 * noise * np.sqrt(1.0 / head + 1.0 / tail)
+    return np.where(length > 1, 2.0 * np.maximum(np.abs(move) - spurious, 0.0), 0.0)
 
 
 def average(values: Floats, blocks: Blocks) -> Floats:

@@ -331,8 +331,8 @@ def sweeps_of_drive(smoothed: Smoothed, drive: Floats, turn_fraction: float = 0.
     Returns
     -------
     tuple of Sweep
-        Empty where the drive does not explain the temperature: it never switches, or more than a tenth of its
-        pulses heat by less than a turn (a chopped drive within one sweep, say).
+        Empty where the drive does not explain the temperature: it never switches, or more than a tenth of the
+        pulses that were recorded from beginning to end heat by less than a turn (a chopped drive, say).
     """
     voted = median_filter(np.nan_to_num(drive), size=min(9, drive.size), mode="nearest")
     positive = voted[voted > 0]
@@ -346,7 +346,8 @@ def sweeps_of_drive(smoothed: Smoothed, drive: Floats, turn_fraction: float = 0.
     values = smoothed.values
     peaks = [start + int(np.argmax(values[start:stop])) for start, stop in zip(starts, stops, strict=True)]
     least = threshold_of_a_turn(smoothed, turn_fraction)
-    weak = np.count_nonzero(values[peaks] - values[starts] < least)
+    whole = np.array([start > 0 and stop < on.size for start, stop in zip(starts, stops, strict=True)])
+    weak = np.count_nonzero(whole & (values[peaks] - values[starts] < least))
     return _around_pulses(values, starts, peaks, least) if weak <= 0.1 * len(peaks) else ()
 
 

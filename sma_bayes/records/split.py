@@ -27,9 +27,8 @@ import numpy as np
 
 from sma_bayes.errors import MeasurementError, near_matches
 from sma_bayes.quantities import CHANNELS, Floats
-from sma_bayes.records.cleaning import clean_channel, clean_rows, note_digits
+from sma_bayes.records.cleaning import SPARSE, clean_channel, clean_rows, note_digits
 from sma_bayes.records.held import (
-    SPARSE,
     Leg,
     choose_channels,
     held_channels,
@@ -50,6 +49,7 @@ from sma_bayes.records.segmentation import (
     sweeps_of_column,
     sweeps_of_drive,
     sweeps_of_temperature,
+    threshold_of_a_turn,
     with_quiet_ends,
     without_holds,
 )
@@ -91,8 +91,6 @@ class SplitSettings:
     min_change : float
         A force or stiffness that changes with temperature by less than this share of its mean counts as held
         constant [1].
-    temperature_limits : tuple of float or None
-        Lowest and highest believable temperature [unit of temperature]; rows beyond are left out.
     """
 
     fit_channels: tuple[str, ...] | None = None
@@ -104,7 +102,6 @@ class SplitSettings:
     hold_tolerance: float = 0.05
     hold_share: float = 0.2
     min_change: float = 0.05
-    temperature_limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for channel in self.fit_channels or ():
@@ -126,10 +123,6 @@ class SplitSettings:
                 raise MeasurementError(
                     f"{name} is {getattr(self, name)}", expected="a number between 0 and 1"
                 )
-        if self.temperature_limits and not self.temperature_limits[0] < self.temperature_limits[1]:
-            raise MeasurementError(
-                f"temperature_limits are {self.temperature_limits}", expected="the lower one first"
-            )
 
 
 def split_run(
@@ -159,7 +152,7 @@ def split_run(
     settings = settings or SplitSettings()
     _require_columns(run, settings)
     ledger = Ledger(run)
-    clean_rows(ledger, settings.temperature_limits)
+    clean_rows(ledger)
     legs = _find_legs(ledger, settings)
     channels = choose_channels(ledger, legs, settings.fit_channels, settings.min_change)
     if not channels:
@@ -212,7 +205,7 @@ def _find_legs(ledger: Ledger, settings: SplitSettings) -> list[Leg]:
         sweeps = sweeps_of_column(ledger.column("branch"))
         why = "the branch column says neither heating nor cooling"
         _keep_out_unswept(ledger, rows, sweeps, "no-branch", why)
-        _note_contradictions(ledger, rows, sweeps, smoothed)
+        _note_contradictions(ledger, rows, sweeps, smoothed, settings.turn_fraction)
     else:
         sweeps = _sweeps_by_signal(ledger, rows, smoothed, settings)
     sweeps = tuple(s for s in sweeps if s.n >= FEWEST_ROWS_OF_A_SWEEP)
@@ -230,7 +223,7 @@ def _sweeps_by_signal(
     if not sweeps:
         low, high = float(smoothed.values.min()), float(smoothed.values.max())
         raise ledger.error(
-            f"the temperature is constant within its noise, from {ledger.amount('temperature', low)} to "
+            f"the temperature is constant but for noise, from {ledger.amount('temperature', low)} to "
             f"{ledger.amount('temperature', high)}", column="temperature",
             expected="a heating or a cooling sweep",
             remedy="check that the column is the temperature of the alloy, or leave this condition out",
@@ -312,13 +305,19 @@ def _keep_out_ends(
             ledger.keep_out(rows[a:b], "hold", "the temperature stands still before or after a sweep")
 
 
-def _note_contradictions(ledger: Ledger, rows: Ints, sweeps: tuple[Sweep, ...], smoothed: Smoothed) -> None:
-    least = 0.1 * float(np.ptp(smoothed.values))
+def _note_contradictions(
+    ledger: Ledger, rows: Ints, sweeps: tuple[Sweep, ...], smoothed: Smoothed, turn_fraction: float
+) -> None:
+    least = threshold_of_a_turn(smoothed, turn_fraction)
     for s in sweeps:
-        rise = smoothed.values[s.stop - 1] - smoothed.values[s.start]
-        if abs(rise) > least and (rise > 0) != s.heating:
-            name = _branch(s).value
-            message = f"branch says {name}, but the temperature changes by {rise:.4g}; the column is believed"
+        onwards = smoothed.values[s.start : s.stop] * (1.0 if s.heating else -1.0)
+        back = float(np.max(np.maximum.accumulate(onwards) - onwards))
+        if back > least:
+            name, against = _branch(s).value, "falls" if s.heating else "rises"
+            message = (
+                f"branch says {name}, but the temperature {against} by {ledger.amount('temperature', back)}"
+            )
+            message += "; the column is believed"
             ledger.note(rows[s.start : s.stop], "branch-contradicted", message, column="branch", branch=name)
 
 
