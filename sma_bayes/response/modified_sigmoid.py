@@ -102,9 +102,9 @@ def stiffness(
     temperature: Floats, a1: Floats, a2: Floats, a3: Floats, b1: Floats, b2: Floats, b3: Floats
 ) -> Floats:
     """Stiffness of Eq. (7): the slope dF/dX along the actuation path [N/m]; see `log_stiffness`."""
-    ratio = (b1 * b2) / (a1 * a2)
-    with np.errstate(over="ignore"):
-        return np.asarray(ratio * np.exp(log_stiffness_shape(temperature, a2, a3, b2, b3)))
+    sign = np.sign(b1) * np.sign(b2) * np.sign(a1) * np.sign(a2)
+    with np.errstate(over="ignore"):  # one exponential of everything: its parts may overflow where K does not
+        return np.asarray(sign * np.exp(log_stiffness(temperature, a1, a2, a3, b1, b2, b3)))
 
 
 _MEANING = {
