@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from scipy.special import betaincinv, gammaincinv, gammaln, log_ndtr, ndtr, ndtri, stdtrit
+from scipy.special import betaincinv, gammaincinv, gammaln, log_ndtr, ndtri, ndtri_exp, stdtrit
 
 from sma_bayes.catalogue import Catalogue
 from sma_bayes.errors import PriorError
@@ -249,7 +249,9 @@ class TruncatedNormal:
     def quantile(self, p: Floats) -> Floats:
         a, b, side = self._bounds()
         p = np.asarray(p) if side > 0 else 1.0 - np.asarray(p)
-        return np.asarray(self.mean + side * self.sd * ndtri(ndtr(a) + p * (ndtr(b) - ndtr(a))))
+        with np.errstate(divide="ignore"):  # logarithms, because both bounds may lie far out in the tail
+            log_p = np.logaddexp(np.log1p(-p) + log_ndtr(a), np.log(p) + log_ndtr(b))
+        return np.asarray(np.clip(self.mean + side * self.sd * ndtri_exp(log_p), self.low, self.high))
 
     def rescaled(self, scale: float, shift: float = 0.0) -> TruncatedNormal:
         return TruncatedNormal(
@@ -280,7 +282,8 @@ class StudentT:
         return np.asarray(norm - math.log(self.scale) - 0.5 * (self.df + 1) * np.log1p(u * u / self.df))
 
     def quantile(self, p: Floats) -> Floats:
-        return np.asarray(self.mean + self.scale * stdtrit(self.df, p))
+        low = np.asarray(p) == 0.0  # where scipy's quantile has the wrong sign
+        return np.asarray(self.mean + self.scale * np.where(low, -np.inf, stdtrit(self.df, p)))
 
     def rescaled(self, scale: float, shift: float = 0.0) -> StudentT:
         return StudentT(self.df, shift + scale * self.mean, scale * self.scale)
