@@ -19,14 +19,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from sma_bayes.quantities import Floats
-from sma_bayes.records.segmentation import first_of_each_reading, noise_sd
+from sma_bayes.records.segmentation import Mask, first_of_each_reading, noise_sd
 from sma_bayes.records.types import Ints
-
-Mask = NDArray[np.bool_]
 
 SPIKE_SDS = 8.0
 """A spike is this many robust standard deviations off the running median: 1e6 Gaussian samples hold none."""
@@ -109,7 +106,7 @@ def zero_dropouts(values: Floats, *, steps: float = 2.0, follow_up: bool = True)
     usual = float(np.median(np.abs(np.diff(readings)))) if readings.size > 1 else 0.0
     clear = max(3.0 * step, 4.0 * noise_sd(values[others]), steps * usual)
     away = np.abs(np.interp(np.flatnonzero(zero), others, values[others]))
-    run = np.cumsum(np.diff(np.flatnonzero(zero), prepend=-1) > 1) - 1
+    run = np.cumsum(np.diff(np.flatnonzero(zero), prepend=-2) > 1) - 1
     furthest = np.zeros(int(run[-1]) + 1)
     np.maximum.at(furthest, run, away)
     certain = furthest > clear

@@ -24,10 +24,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints
+
+Mask = NDArray[np.bool_]
 
 NOISE_MARGIN = 10.0
 """Turns are at least this many standard deviations of the noise, so that 1e6 rows of noise hold none."""
@@ -312,19 +315,48 @@ def sweeps_of_column(branch: Floats) -> tuple[Sweep, ...]:
     )
 
 
-def sweeps_of_drive(smoothed: Smoothed, drive: Floats, turn_fraction: float = 0.2) -> tuple[Sweep, ...]:
+def drive_is_on(drive: Floats) -> tuple[Mask, Mask]:
+    """When the alloy is heated, by a drive signal with stray samples.
+
+    Stray samples, up to four in a row, are outvoted by their neighbours (running median of nine).
+
+    Parameters
+    ----------
+    drive : ndarray, shape (n,)
+        Positive while it heats; NaN counts as off.
+
+    Returns
+    -------
+    on : ndarray of bool, shape (n,)
+    stray : ndarray of bool, shape (n,)
+        Samples that say otherwise than `on`.
+
+    Examples
+    --------
+    >>> on, stray = drive_is_on(np.r_[np.zeros(9), 1025.0, np.zeros(9), np.full(9, 30.0)])
+    >>> on.nonzero()[0].tolist() == list(range(19, 28)), stray.nonzero()[0].tolist()
+    (True, [9])
+    """
+    values = np.nan_to_num(drive)
+    voted = median_filter(values, size=min(9, max(1, drive.size)), mode="nearest")
+    positive = voted[voted > 0]
+    level = DRIVE_ON * float(np.percentile(positive, 90)) if positive.size else np.inf
+    return voted > level, (values > level) != (voted > level)
+
+
+def sweeps_of_drive(smoothed: Smoothed, on: Mask, turn_fraction: float = 0.2) -> tuple[Sweep, ...]:
     """Sweeps by a drive signal: heating while the drive is on and the temperature still rises.
 
     Heating starts when the drive is switched on. It ends when the drive is switched off, or when the
     temperature has its largest value, whichever is first: a drive that fades out lets the alloy cool before
-    it is off. Stray samples of the drive (up to four in a row) are outvoted by their neighbours.
+    it is off.
 
     Parameters
     ----------
     smoothed : Smoothed
         Temperature.
-    drive : ndarray, shape (n,)
-        Positive while it heats; NaN counts as off.
+    on : ndarray of bool, shape (n,)
+        Whether the drive is on.
     turn_fraction : float
         Smallest turn over the range of the record [1].
 
@@ -334,11 +366,6 @@ def sweeps_of_drive(smoothed: Smoothed, drive: Floats, turn_fraction: float = 0.
         Empty where the drive does not explain the temperature: it never switches, or more than a tenth of the
         pulses that were recorded from beginning to end heat by less than a turn (a chopped drive, say).
     """
-    voted = median_filter(np.nan_to_num(drive), size=min(9, drive.size), mode="nearest")
-    positive = voted[voted > 0]
-    if not positive.size:
-        return ()
-    on = voted > DRIVE_ON * float(np.percentile(positive, 90))
     switch = np.flatnonzero(np.diff(on.astype(np.int8), prepend=0, append=0))
     starts, stops = switch[::2].tolist(), switch[1::2].tolist()
     if not starts or (starts[0] == 0 and stops[0] == on.size):

@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.errors import MeasurementError, near_matches
-from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.cleaning import SPARSE, clean_channel, clean_rows, note_digits
 from sma_bayes.records.held import (
     Leg,
@@ -38,12 +38,14 @@ from sma_bayes.records.held import (
     rows_of,
 )
 from sma_bayes.records.ledger import Ledger, count
-from sma_bayes.records.quality import Mask, gaps
+from sma_bayes.records.quality import gaps
 from sma_bayes.records.reduction import Blocks, average, blocks_of
 from sma_bayes.records.run import Run
 from sma_bayes.records.segmentation import (
+    Mask,
     Smoothed,
     Sweep,
+    drive_is_on,
     smooth,
     span,
     sweeps_of_column,
@@ -60,6 +62,9 @@ FEWEST_ROWS_OF_A_SWEEP: Final = 4
 
 PART: Final = 0.8
 """A sweep that covers less than this share of the widest one is reported as a part cycle."""
+
+OFF: Final = 0.05
+"""A current is a drive if it falls below this share of its largest value."""
 
 OPTIONAL_INPUTS: Final = ("time", "current", "ambient_temperature")
 """Inputs that a record carries where the run has them."""
@@ -248,16 +253,16 @@ def _sweeps_between_restarts(
     ledger: Ledger, smoothed: Smoothed, settings: SplitSettings
 ) -> tuple[Sweep, ...]:
     """Sweeps of each stretch between restarts of the clock, by the drive where that explains them."""
-    time, drive = ledger.run.columns.get("time"), _drive(ledger)
+    time, on = ledger.run.columns.get("time"), _heated(ledger)
     restart = np.flatnonzero(np.diff(time[ledger.kept]) < 0) + 1 if time is not None else ()
     sweeps: list[Sweep] = []
     ignored = 0
     for a, b in pairwise([0, *(int(r) for r in restart), smoothed.values.size]):
         part = replace(smoothed, values=smoothed.values[a:b])
-        found = sweeps_of_drive(part, drive[a:b], settings.turn_fraction) if drive is not None else ()
+        found = sweeps_of_drive(part, on[a:b], settings.turn_fraction) if on is not None else ()
         if not found:
             found = sweeps_of_temperature(part, settings.turn_fraction)
-            ignored += drive is not None and bool(found)
+            ignored += on is not None and bool(found)
             found = with_quiet_ends(found, part, settings.hold_tolerance)
         sweeps += [replace(s, start=s.start + a, stop=s.stop + a) for s in found]
     if ignored and "drive" in ledger.run.columns:
@@ -266,14 +271,21 @@ def _sweeps_between_restarts(
     return tuple(sweeps)
 
 
-def _drive(ledger: Ledger) -> Floats | None:
-    """The drive signal, or a current that is switched off and on."""
-    if "drive" in ledger.run.columns:
-        return ledger.column("drive")
-    if "current" not in ledger.run.columns:
+def _heated(ledger: Ledger) -> Mask | None:
+    """When the drive is on, or a current that is switched off and on."""
+    column = "drive" if "drive" in ledger.run.columns else "current"
+    if column not in ledger.run.columns:
         return None
-    current = np.abs(np.nan_to_num(ledger.column("current")))
-    return current if current.min() < 0.05 * current.max() else None
+    values = ledger.column(column)
+    if column == "current":
+        values = np.abs(np.nan_to_num(values))
+        if values.min() >= OFF * values.max():
+            return None
+    on, stray = drive_is_on(values)
+    if stray.any():
+        message = f"{count(int(stray.sum()))} in which {column} differs from its neighbours, which outvote it"
+        ledger.note(ledger.rows[stray], "stray-drive", message, column=column)
+    return on
 
 
 def _branch(sweep: Sweep) -> Branch:
@@ -448,14 +460,13 @@ _COUNTED: Final = {"cycle": "1", "segment": "1"}
 def _note_reduction(
     ledger: Ledger, branch: Branch, blocks: Blocks, rows: Ints, settings: SplitSettings
 ) -> None:
-    if blocks.largest == 1:
-        return
-    message = (
-        f"{count(blocks.rows)} are averaged to {blocks.n} samples of up to {blocks.largest} rows in "
-        "sequence; noise and correlation are those of the averages"
-    )
-    if blocks.n > settings.max_samples:
-        message += (
-            f"; more than {settings.max_samples}, as none spans more than {settings.block_span:g} of it"
+    too_many = f"more than {settings.max_samples}, as none may span over {settings.block_span:g} of the sweep"
+    if blocks.largest > 1:
+        message = (
+            f"{count(blocks.rows)} are averaged to {blocks.n} samples of up to {blocks.largest} rows in "
+            "sequence; noise and correlation are those of the averages"
         )
-    ledger.note(rows, "reduced", message, branch=branch.value)
+        message += f"; {too_many}" if blocks.n > settings.max_samples else ""
+        ledger.note(rows, "reduced", message, branch=branch.value)
+    elif blocks.n > settings.max_samples:
+        ledger.note(rows, "not-reduced", f"{blocks.n} samples, {too_many}", branch=branch.value)

@@ -58,6 +58,12 @@ def test_zeros_far_from_their_neighbours_are_dropouts() -> None:
     assert where(zero_dropouts(values)) == planted
 
 
+def test_zeros_at_the_ends_of_a_record() -> None:
+    values = sweep()
+    values[[0, 1, -1]] = 0.0
+    assert where(zero_dropouts(values)) == [0, 1, 399]
+
+
 def test_a_true_passage_through_zero_is_none() -> None:
     values = sweep(801)
     assert np.count_nonzero(values == 0.0) >= 2

@@ -9,6 +9,7 @@ from scipy.signal import find_peaks
 from sma_bayes.records.segmentation import (
     Smoothed,
     Sweep,
+    drive_is_on,
     first_of_each_reading,
     noise_sd,
     smooth,
@@ -145,7 +146,9 @@ def test_drive_bounds_heating_although_the_sensor_lags() -> None:
         sensor += 0.1 * (alloy - sensor)
         temperature[k] = sensor
     drive[[30, 150, 151, 420]] = [0.0, 105.0, 1025.0, 116.0]  # stray digits
-    found = sweeps_of_drive(smooth(temperature), drive)
+    on, stray = drive_is_on(drive)
+    assert np.flatnonzero(stray).tolist() == [30, 150, 151, 420]
+    found = sweeps_of_drive(smooth(temperature), on)
     assert [s.heating for s in found] == [True, False] * 3
     assert [s.start for s in found] == [0, 100, 300, 400, 600, 700]
     assert temperature[100:].max() > temperature[99]  # the sensor still rose when the drive was off
@@ -154,13 +157,16 @@ def test_drive_bounds_heating_although_the_sensor_lags() -> None:
 def test_heating_ends_at_the_peak_where_the_drive_fades_out() -> None:
     temperature = np.r_[triangle(100), np.full(50, 20.0)]
     drive = np.r_[np.ones(150), np.zeros(101)]
-    assert sweeps_of_drive(exact(temperature), drive) == (Sweep(0, 101, True), Sweep(101, 251, False))
+    assert sweeps_of_drive(exact(temperature), drive_is_on(drive)[0]) == (
+        Sweep(0, 101, True),
+        Sweep(101, 251, False),
+    )
 
 
 def test_rows_before_the_first_pulse_belong_to_no_sweep() -> None:
     temperature = np.r_[np.full(80, 20.0), triangle(100)]
     drive = np.r_[np.zeros(80), np.ones(100), np.zeros(101)]
-    found = sweeps_of_drive(exact(temperature), drive)
+    found = sweeps_of_drive(exact(temperature), drive_is_on(drive)[0])
     assert found == (Sweep(80, 180, True), Sweep(180, 281, False))
 
 
@@ -169,7 +175,7 @@ def test_rows_before_the_first_pulse_belong_to_no_sweep() -> None:
     [np.zeros(201), np.ones(201), np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0], 21)[:201]],
 )
 def test_a_drive_that_does_not_explain_the_temperature_is_refused(drive: np.ndarray) -> None:
-    assert sweeps_of_drive(exact(triangle(100)), drive) == ()
+    assert sweeps_of_drive(exact(triangle(100)), drive_is_on(drive)[0]) == ()
 
 
 def test_ramps_and_sinusoids_lose_nothing_to_the_hold_rule() -> None:

@@ -331,6 +331,15 @@ def test_long_branches_are_averaged_and_said() -> None:
     assert np.unique(heating.inputs["segment"]).tolist() == [1.0, 3.0]
 
 
+def test_rows_too_far_apart_to_be_averaged_stay_and_it_is_said() -> None:
+    records, findings = split(make_run(**spring(30, 3)), SplitSettings(max_samples=50))
+    assert records["heating"].n == 91
+    assert {(f.kind, f.count, f.dropped) for f in findings} == {
+        ("not-reduced", 91, 0),
+        ("not-reduced", 90, 0),
+    }
+
+
 # bad input
 
 
@@ -475,6 +484,7 @@ def test_a_joule_heated_spring(shared_data: Path, number: int, driven: bool) -> 
     assert heating.row.max() == pytest.approx(2800, abs=250)
     assert cooling.row.min() == pytest.approx(2800, abs=250)
     assert cooling.row.max() > 15_000
+    assert ("stray-drive" in kinds(findings)) == driven
     assert {heating.n > 300, cooling.n > 300, heating.n <= 400, cooling.n <= 400} == {True}
     assert kinds(findings) >= {"hold", "quantised", "reduced"}
 
