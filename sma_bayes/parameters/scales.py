@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.errors import PriorError, near_matches
-from sma_bayes.quantities import Floats
+from sma_bayes.quantities import CHANNELS, Floats
 from sma_bayes.records.types import Record
 
 TYPICAL = {False: {"displacement": 0.01, "force": 1.0}, True: {"displacement": 0.03, "force": 1e8}}
 """Order of magnitude of a channel that was not observed: a spring's stroke of 1 cm and force of 1 N; a
 specimen's transformation strain of 3 % and stress of 100 MPa."""
+
+_SERIES = ("temperature", "time", *CHANNELS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +92,10 @@ class RecordScales:
             name = channel if name == "channel" else name
             if factor == "1":
                 continue
+            if name not in _SERIES:  # a typing error must not pass for something that was not observed
+                raise PriorError(
+                    f"scale {expression!r} can't be understood", expected=near_matches(name, _SERIES)
+                )
             if kind == "position" and expression.strip() == factor:
                 return self.span[name], self.low[name]
             tables = {"span": self.span, "level": self.level, "typical": self.typical}
