@@ -211,9 +211,10 @@ def read_priors(name_or_path: str | Path) -> PriorSet:
         path = priors_folder() / f"{path.name}.toml"
     try:
         text = path.read_text(encoding="utf-8")
-    except OSError as error:
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise PriorError(
-            f"can't be read: {error.strerror}", file=path, expected="a priors file",
+            f"can't be read: {reason}", file=path, expected="a priors file",
             remedy="`sma-bayes priors > priors.toml` writes one to edit",
         ) from None  # fmt: skip
     return parse_priors(text, str(path))
@@ -235,10 +236,16 @@ def parse_priors(text: str, file: str) -> PriorSet:
             raise PriorError(f"unknown key {key!r}", file=file, column=key, expected=near_matches(key, _TOP))
     entries: dict[str, dict[str, tuple[PriorEntry, ...]]] = {}
     for table in ("both", "heating", "cooling", "noise"):
+        said = document.get(table, {})
+        if not isinstance(said, dict):
+            raise PriorError(f"{table} = {said!r}", file=file, column=table, expected="a table of parameters")
         entries[table] = {
-            name: tuple(_entry(file, f"{table}.{name}", b) for b in (beliefs if isinstance(beliefs, list) else [beliefs]))
-            for name, beliefs in dict(document.get(table, {})).items()
-        }  # fmt: skip
+            name: tuple(
+                _entry(file, f"{table}.{name}", b)
+                for b in (beliefs if isinstance(beliefs, list) else [beliefs])
+            )
+            for name, beliefs in said.items()
+        }
     return PriorSet(
         str(document.get("title", "")),
         str(document.get("source", "")),
@@ -258,7 +265,7 @@ def _entry(file: str, where: str, belief: Any) -> PriorEntry:
     family = belief.get("family", "")
     known: Sequence[str] = _KEYS
     if fixed is None:
-        if family not in FAMILIES:
+        if not isinstance(family, str) or family not in FAMILIES:
             raise PriorError(
                 f"family = {family!r}", file=file, column=where, expected=near_matches(str(family), FAMILIES)
             )
@@ -271,9 +278,9 @@ def _entry(file: str, where: str, belief: Any) -> PriorEntry:
         if key in ("family", "unit", "relative_to", "source"):
             if not isinstance(value, str):
                 raise PriorError(f"{key} = {value!r}", file=file, column=where, expected="a text")
-        elif key != "sign" and (
-            isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value)
-        ):
+        elif key == "sign" and isinstance(value, str):
+            continue
+        elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise PriorError(f"{key} = {value!r}", file=file, column=where, expected="a finite number")
     sign = belief.get("sign", "")
     return PriorEntry(
