@@ -170,14 +170,23 @@ class Posterior:
         r, place = self.records[record], self.layout[record]
         clean = self.predict(theta, r.inputs, record=record)
         out = {}
-        shared = r.temperature_sd * rng.standard_normal((len(theta), r.n)) if r.temperature_sd > 0 else None
-        slope = self.model.slope(theta[..., place.model], r.inputs) if shared is not None else {}
+        slope = self.model.slope(theta[..., place.model], r.inputs) if r.temperature_sd > 0 else {}
+        mean: Floats = np.zeros(1)  # of the temperature error, given the channels so far, as in `_whitening`
+        variance: Floats = np.ones(1)
         for channel in r.channels:
             at = place.noise[channel]
+            sd = theta[:, at[0], None]
             series = self.noise.draw(rng, theta[:, at[1:]], self.steps[record])
-            out[channel] = clean[channel] + theta[:, at[0], None] * series
-            if shared is not None:
-                out[channel] = out[channel] + slope[channel] * shared
+            if not slope:
+                out[channel] = clean[channel] + sd * series
+                continue
+            gain = slope[channel] * r.temperature_sd
+            total = sd * sd + gain * gain * variance
+            residual = np.sqrt(total) * series
+            out[channel] = clean[channel] + gain * mean + residual
+            share = gain * variance / total
+            mean = mean + share * residual
+            variance = variance * (1.0 - share * gain)
         return out
 
     def _whitened(self, theta: Floats, record: Record, place: Place) -> Iterator[tuple[str, Floats, Floats]]:
