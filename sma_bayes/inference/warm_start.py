@@ -24,6 +24,8 @@ STARTS = 3
 """Best screened draws that are refined."""
 SCREEN_SAMPLES = 128
 """Samples of a record that the screening looks at, evenly spaced; refinement uses all."""
+OVERFLOW = 1e60
+"""Stands for a residual or derivative that overflowed; its square is still a number."""
 BOUND_SD = 10.0
 """Bounds of the refinement, in standard deviations of the prior about its centre."""
 
@@ -184,7 +186,8 @@ class _Problem:
         with np.errstate(over="ignore", invalid="ignore"):
             residual = self.residuals(self.theta(z))
         vector = np.concatenate([r[c] * weights[c] for r in residual for c in self.channels])
-        return np.asarray(np.nan_to_num(vector, nan=1e100, posinf=1e100, neginf=-1e100))
+        vector = np.clip(vector, -OVERFLOW, OVERFLOW)
+        return np.asarray(np.nan_to_num(vector, nan=OVERFLOW, posinf=OVERFLOW, neginf=-OVERFLOW))
 
     def _jacobian(self, z: Floats, weights: Mapping[str, float]) -> Floats:
         chain = self.posterior.space.derivative(self._full(z))[: self.free.size]
@@ -194,7 +197,8 @@ class _Problem:
             for record in self.posterior.records:
                 j = self.model.jacobian(theta, record.inputs)
                 blocks += [-weights[c] * j[c][:, self.free] * chain for c in self.channels]
-        return np.asarray(np.nan_to_num(np.concatenate(blocks), nan=0.0, posinf=1e100, neginf=-1e100))
+        jacobian = np.clip(np.concatenate(blocks), -OVERFLOW, OVERFLOW)
+        return np.asarray(np.nan_to_num(jacobian, nan=0.0))
 
     def solve(self, z: Floats, weights: Mapping[str, float]) -> tuple[Floats, float]:
         if self.free.size == 0:
@@ -246,11 +250,12 @@ class _Problem:
                 p = sum(1 for name in estimated if name[1] != "4")
             y = self.posterior.records[record].observed[channel]
             sse, sst, n = float(r @ r), float(np.sum((y - y.mean()) ** 2)), r.size
+            varies = sst > 0.0  # a constant channel has no variance to explain
             fit[channel] = GoodnessOfFit(
                 sse=sse,
                 rmse=float(np.sqrt(sse / max(n - p, 1))),
-                r2=1.0 - sse / sst,
-                adj_r2=1.0 - (sse / max(n - p, 1)) / (sst / (n - 1)),
+                r2=1.0 - sse / sst if varies else float("nan"),
+                adj_r2=1.0 - (sse / max(n - p, 1)) / (sst / (n - 1)) if varies else float("nan"),
                 n=n,
                 p=p,
             )
@@ -368,8 +373,9 @@ def _profile_stiffness(
     log_shape = log_stiffness_shape(t, *(column[name][:, None] for name in ("A2", "A3", "B2", "B3")))
     peak = log_shape.max(axis=1, keepdims=True)
     shape = np.exp(log_shape - peak)
-    ratio = np.maximum((shape @ k) / np.einsum("ij,ij->i", shape, shape), 1e-6 * np.abs(k).max())
-    r = k - ratio[:, None] * shape
+    sign = np.sign(column["B1"] * column["B2"]) * np.sign(column["A1"] * column["A2"])
+    ratio = np.maximum(sign * (shape @ k) / np.einsum("ij,ij->i", shape, shape), 1e-6 * np.abs(k).max())
+    r = k - (sign * ratio)[:, None] * shape
     with np.errstate(over="ignore", under="ignore"):
         wanted = ratio * np.exp(-peak[:, 0]) * np.abs(column["A2"] / column["B2"])  # |B1/A1|
         wanted = np.clip(wanted, 1e-200, 1e200)

@@ -33,7 +33,7 @@ from sma_bayes.errors import PriorError, QuantityError, near_matches
 from sma_bayes.parameters.distributions import FAMILIES, Distribution
 from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import Parameter, ParameterFact
-from sma_bayes.quantities import convert
+from sma_bayes.quantities import CHANNELS, convert
 from sma_bayes.records.types import Branch
 
 SCHEMA = "sma-bayes/priors/1"
@@ -154,7 +154,7 @@ class PriorSet:
         if isinstance(belief.sign, float):
             return belief.sign
         kind, _, rest = belief.sign.partition("(")
-        if kind == "trend" and rest.endswith(")"):
+        if kind == "trend" and rest.rstrip(")") in CHANNELS and rest.endswith(")"):
             return scales.trend.get(rest.rstrip(")"), 1.0)
         raise PriorError(
             f"sign = {belief.sign!r}", file=self.file, column=belief.where, expected="1, -1 or trend(channel)"

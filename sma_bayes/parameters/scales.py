@@ -29,7 +29,8 @@ class RecordScales:
     level : mapping of str to float
         Median magnitude.
     trend : mapping of str to float
-        +1 where a channel rises with temperature, -1 where it falls.
+        +1 where a channel rises with temperature, -1 where it falls; of force and displacement also where they
+        were not observed, by the sign of the stiffness.
     typical : mapping of str to float
         See `TYPICAL`; 1 where units are not canonical.
     """
@@ -52,6 +53,11 @@ class RecordScales:
             series[channel] = np.concatenate([r.observed[channel] for r in records])
             falls = np.corrcoef(_ranks(series["temperature"]), _ranks(series[channel]))[0, 1] < 0
             trend[channel] = -1.0 if falls else 1.0
+        if "stiffness" in series:  # dF/dX has the sign of both trends; what was not observed takes what is left
+            sign = -1.0 if np.median(series["stiffness"]) < 0.0 else 1.0
+            known = trend.get("displacement", sign * trend.get("force", sign))
+            trend.setdefault("displacement", known)
+            trend.setdefault("force", sign * known)
         low, span, level = {}, {}, {}
         for name, values in series.items():
             bottom, top = np.quantile(values, (0.01, 0.99))
