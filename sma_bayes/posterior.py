@@ -123,7 +123,8 @@ class Posterior:
                 for part in _chunks(len(theta), record.n):
                     for channel, e, log_scale in self._whitened(theta[part], record, place):
                         shape = theta[part][:, place.noise[channel][1:]]
-                        total[part] += self.noise.total_log_density(e, shape, steps) - log_scale
+                        counts = self.noise.information(shape)
+                        total[part] += counts * (self.noise.total_log_density(e, shape, steps) - log_scale)
         return np.where(np.isnan(total), -np.inf, total)
 
     def pointwise_log_likelihood(self, theta: Floats) -> tuple[dict[str, Floats], ...]:
@@ -141,7 +142,8 @@ class Posterior:
             for part in _chunks(len(theta), record.n):
                 for channel, e, _, scale in self._whitening(theta[part], record, place):
                     shape = theta[part][:, place.noise[channel][1:]]
-                    found[channel][part] = self.noise.log_density(e, shape, steps) - np.log(scale)
+                    density = self.noise.log_density(e, shape, steps) - np.log(scale)
+                    found[channel][part] = self.noise.information(shape)[:, None] * density
             out.append(found)
         return tuple(out)
 
@@ -245,6 +247,8 @@ def build_posterior(
     priors: PriorSet,
     *,
     model: ModifiedSigmoid | None = None,
+    residual: Sequence[Mapping[str, float]] | None = None,
+    memory: Sequence[Mapping[str, float]] | None = None,
 ) -> Posterior:
     """Join records of one branch with a noise model and priors.
 
@@ -257,6 +261,11 @@ def build_posterior(
     priors : PriorSet
     model : ModifiedSigmoid, optional
         By default the one that predicts the observed channels.
+    residual : sequence of mapping, optional
+        For each record, residual standard error of each channel at the least-squares fit: the yardstick of the
+        noise. Without it the noise is measured by the span of the channel.
+    memory : sequence of mapping, optional
+        For each record, how many samples of each channel count as one; needed by `EffectiveSamples`.
 
     Raises
     ------
@@ -279,8 +288,10 @@ def build_posterior(
     parameters: list[Parameter] = [priors.parameter(f, first.branch, scales) for f in facts]
     shared = np.arange(len(parameters))
     layout = []
-    for record in records:
+    for i, record in enumerate(records):
         own = RecordScales.of([record]) if len(records) > 1 else scales
+        own = own.with_residual(residual[i]) if residual is not None else own
+        own = own.with_memory(memory[i]) if memory is not None else own
         places = {}
         for channel in record.channels:
             noise_facts = noise.parameters(channel, record.units[channel], record.units.get("time", "s"))

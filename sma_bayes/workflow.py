@@ -372,9 +372,10 @@ def inspect_campaign(campaign: Campaign) -> dict[str, Any]:
 
 
 def _described(record: Record) -> dict[str, Any]:
-    posterior = build_posterior([record], NOISE_MODELS["independent"], read_priors(DEFAULT_PRIORS))
+    priors = read_priors(DEFAULT_PRIORS)
+    posterior = build_posterior([record], NOISE_MODELS["independent"], priors)
     start = warm_start(posterior, np.random.default_rng(0))
-    choice = choose_noise(posterior, start)
+    choice = choose_noise(posterior, start, priors)
     return {
         "key": record.key,
         "condition": record.condition.id,

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.inference.noise_choice import observed_lag1
+from sma_bayes.noise import Steps
+from sma_bayes.noise.types import lag1
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints, Record
 from sma_bayes.results.fit import Fit
@@ -80,5 +81,5 @@ def _statistic(name: str, e: Floats, record: Record, blocks: list[Ints]) -> floa
     if name == "greatest":
         return float(np.max(np.abs(e)))
     if name == "lag1":
-        return observed_lag1(record, e)
+        return lag1(e, Steps.of(record))
     return float(sum(len(b) * np.mean(e[b]) ** 2 for b in blocks))

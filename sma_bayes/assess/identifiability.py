@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.parameters.transforms import Logit
 from sma_bayes.quantities import Floats
 from sma_bayes.results.fit import Fit
 
@@ -29,12 +30,20 @@ class Direction:
 
 
 def contraction(fit: Fit) -> Floats:
-    """``1 - posterior variance / prior variance`` of each sampled parameter, in its sampled coordinate, (D,).
+    """``1 - posterior variance / prior variance`` of each sampled parameter, shape (D,).
 
-    Near 1 where the data speak, near 0 where the prior is repeated; negative where the posterior is wider.
+    Variances are those of the parameter itself, or of its logarithm where it has a sign. Near 1 where the data
+    speak, near 0 where the prior is repeated; negative where the posterior is wider.
     """
     z = fit.draws.z.reshape(-1, fit.draws.z.shape[-1])
-    return np.asarray(1.0 - z.var(axis=0) / fit.posterior.space.prior_sd() ** 2)
+    space = fit.posterior.space
+    out = 1.0 - z.var(axis=0) / space.prior_sd() ** 2
+    slices = (np.arange(2000) + 0.5) / 2000
+    for i, parameter in enumerate(space.free):
+        transform = parameter.prior.transform
+        if isinstance(transform, Logit):  # near a bound the logit stretches what is a narrow interval
+            out[i] = 1.0 - transform.to_physical(z[:, i]).var() / parameter.prior.quantile(slices).var()
+    return np.asarray(out)
 
 
 def free_directions(fit: Fit) -> tuple[Direction, ...]:

@@ -166,7 +166,8 @@ class PredictiveCoordinates:
             done = length < TOLERANCE
             found[active[done]] = True
             log_jacobian[active[done]] = log_determinant[usable][done]
-            x[active] += step * np.minimum(1.0, 0.5 / np.maximum(length, 1e-300))[:, None]
+            with np.errstate(invalid="ignore"):
+                x[active] += step * np.minimum(1.0, 0.5 / np.maximum(length, 1e-300))[:, None]
             active = active[~done]
             if active.size == 0:
                 break
@@ -273,8 +274,9 @@ class NoiseScaledCoordinates:
             ):
                 none = np.zeros((len(z), record.n))
                 for at in place.noise.values():
-                    value += noise.total_log_density(none, theta[:, at[1:]], steps)
-                    value -= record.n * np.log(theta[:, at[0]])
+                    shape = theta[:, at[1:]]
+                    density = noise.total_log_density(none, shape, steps) - record.n * np.log(theta[:, at[0]])
+                    value += noise.information(shape) * density
             usable = np.isfinite(precision).all(axis=(1, 2)) & np.isfinite(value)
             out = np.full(len(z), -np.inf)
             _, volume = np.linalg.slogdet(precision[usable])

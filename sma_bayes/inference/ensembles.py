@@ -5,8 +5,8 @@ The plan of a run, each stage only where the one before does not suffice:
 1. climb to the modes from the least-squares optima, fit a proposal to each (`adaptation`);
 2. independence moves with that proposal, in at least four groups that share nothing but the proposal;
 3. where the proposal does not carry (low efficiency, a single weight too large) or the target is missed,
-   explore with differential evolution from dispersed starts, fit again to what was found, and go on with both
-   kinds of move together.
+   explore with differential evolution from dispersed starts and fit again to what was found;
+4. independence moves with that, or, where it does not carry either, both kinds of move together.
 
 A run stops when every parameter has reached the target on R-hat and effective sample size, never on a count of
 steps. If the greatest allowed effort is spent first, the draws are returned and called not converged.
@@ -197,7 +197,7 @@ class _Run:
         adapted = adapt(self.density, modes, rng)
         self.evaluations += adapted.evaluations
         if adapted.carries:
-            draws = self._independence(adapted, modes, group_seeds[: self.plan.groups])
+            draws = self._independence("independence", adapted, modes, group_seeds[: self.plan.groups])
             if draws is not None:
                 return draws
         return self._explore(
@@ -228,12 +228,12 @@ class _Run:
         return tuple(kept)
 
     def _independence(
-        self, adapted: Adapted, modes: tuple[Mode, ...], seeds: Sequence[np.random.SeedSequence]
+        self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seeds: Sequence[np.random.SeedSequence]
     ) -> Draws | None:
         """Independence moves alone; None if they turn out not to suffice."""
         plan = self.plan
         groups = [
-            _Group(self, f"independence-{g}", adapted, seed, None, plan.block) for g, seed in enumerate(seeds)
+            _Group(self, f"{name}-{g}", adapted, seed, None, plan.block) for g, seed in enumerate(seeds)
         ]
         for blocks in range(1, 9):
             self.tell(f"independence moves, block {blocks}")
@@ -257,7 +257,7 @@ class _Run:
     ) -> Draws:
         """Differential evolution from dispersed starts, then both kinds of move with a proposal fitted to it."""
         plan = self.plan
-        explore_seeds = [s.spawn(2) for s in seeds]
+        explore_seeds = [s.spawn(3) for s in seeds]
         evolution = differential_evolution(self.width.size)
         groups = [
             _Group(self, f"explore-{g}", adapted, s[0], evolution, plan.explore_block, modes=modes)
@@ -273,6 +273,10 @@ class _Run:
         z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
         fitted = adapt_to_draws(self.density, z, modes, rng)
         self.evaluations += fitted.evaluations
+        if fitted.carries:
+            draws = self._independence("refitted", fitted, modes, [s[2] for s in explore_seeds])
+            if draws is not None:
+                return draws
         if fitted.weights.efficiency > adapted.weights.efficiency:
             adapted = fitted
         share = 0.5 if adapted.weights.efficiency > 0.05 else 0.1

@@ -67,6 +67,8 @@ class AR1:
     name = "ar1"
     title = "AR(1) in sample index"
     needs_time = False
+    remembers = True
+    is_density = True
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         phi = ParameterFact(
@@ -76,6 +78,9 @@ class AR1:
 
     def _phi(self, shape: Floats, steps: Steps) -> Floats:
         return np.where(steps.first, 0.0, shape[..., 0, None])
+
+    def information(self, shape: Floats) -> Floats:
+        return np.ones(shape.shape[:-1])
 
     def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return memory_log_density(e, self._phi(shape, steps))

@@ -23,6 +23,8 @@ class AR1Time:
     name = "ar1_time"
     title = "AR(1) in time"
     needs_time = True
+    remembers = True
+    is_density = True
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         tau = ParameterFact(
@@ -33,6 +35,9 @@ class AR1Time:
     def _phi(self, shape: Floats, steps: Steps) -> Floats:
         lapse = np.maximum(steps.dt / shape[..., 0, None], 1e-6)
         return np.where(steps.first, 0.0, np.exp(-lapse))
+
+    def information(self, shape: Floats) -> Floats:
+        return np.ones(shape.shape[:-1])
 
     def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return memory_log_density(e, self._phi(shape, steps))

@@ -20,9 +20,14 @@ class Independent:
     name = "independent"
     title = "independent Gaussian"
     needs_time = False
+    remembers = False
+    is_density = True
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         return (sd_fact(channel, unit),)
+
+    def information(self, shape: Floats) -> Floats:
+        return np.ones(shape.shape[:-1])
 
     def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return np.asarray(-0.5 * e * e - HALF_LN_2PI)

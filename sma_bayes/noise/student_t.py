@@ -23,12 +23,17 @@ class StudentT:
     name = "student_t"
     title = "independent Student t"
     needs_time = False
+    remembers = False
+    is_density = True
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         nu = ParameterFact(
             f"{channel}_nu", "1", f"degrees of freedom of the noise of {channel}", "nu", channel
         )
         return (sd_fact(channel, unit), nu)
+
+    def information(self, shape: Floats) -> Floats:
+        return np.ones(shape.shape[:-1])
 
     def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         nu = shape[..., 0, None]

@@ -51,14 +51,31 @@ class NoiseModel(Protocol):
 
     The residual of each sample is first divided by its standard deviation; a noise model is the density of
     the standardised series ``e``. Its first parameter is always ``sd``; the others shape the series.
+
+    Attributes
+    ----------
+    name, title : str
+        As an option, and for people.
+    needs_time : bool
+        Whether time must have been recorded.
+    remembers : bool
+        Whether a sample depends on the one before it.
+    is_density : bool
+        Whether the likelihood is a density of the data, so that evidences and criteria can be compared.
     """
 
     name: str
     title: str
     needs_time: bool
+    remembers: bool
+    is_density: bool
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         """Facts about the parameters of one channel, `sd` first."""
+        ...
+
+    def information(self, shape: Floats) -> Floats:
+        """Share of the log likelihood that counts, shape (...); 1 for a density of the data."""
         ...
 
     def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
@@ -109,6 +126,13 @@ class NoiseModel(Protocol):
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         """Standardised series drawn from the model, shape (..., n) for `shape` (..., k)."""
         ...
+
+
+def lag1(residual: Floats, steps: Steps) -> float:
+    """Correlation of neighbouring residuals (n,) within sweeps."""
+    after = np.flatnonzero(~steps.first)
+    total = float(residual @ residual)
+    return float(residual[after] @ residual[after - 1]) / total if total > 0 else 0.0
 
 
 def sd_fact(channel: str, unit: str) -> ParameterFact:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,6 +33,10 @@ class RecordScales:
         were not observed, by the sign of the stiffness.
     typical : mapping of str to float
         See `TYPICAL`; 1 where units are not canonical.
+    residual : mapping of str to float
+        Residual standard error of the least-squares fit, where it is known already.
+    memory : mapping of str to float
+        Samples that count as one, from the correlation of those residuals.
     """
 
     low: Mapping[str, float]
@@ -40,6 +44,16 @@ class RecordScales:
     level: Mapping[str, float]
     trend: Mapping[str, float]
     typical: Mapping[str, float]
+    residual: Mapping[str, float] = field(default_factory=dict)
+    memory: Mapping[str, float] = field(default_factory=dict)
+
+    def with_residual(self, residual: Mapping[str, float]) -> RecordScales:
+        """The same with the residual standard error of each channel."""
+        return replace(self, residual={c: max(v, 1e-9 * self.span[c]) for c, v in residual.items()})
+
+    def with_memory(self, memory: Mapping[str, float]) -> RecordScales:
+        """The same with the number of samples of each channel that count as one."""
+        return replace(self, memory=dict(memory))
 
     @staticmethod
     def of(records: Sequence[Record]) -> RecordScales:
@@ -75,8 +89,9 @@ class RecordScales:
         Parameters
         ----------
         expression : str
-            Products and quotients of ``span(x)``, ``level(x)`` and ``typical(x)``, or ``position(x)`` alone:
-            0 at the bottom of the range of ``x`` and 1 at its top. ``x`` is temperature, time or a channel.
+            Products and quotients of ``span(x)``, ``level(x)``, ``typical(x)``, ``residual(x)`` and ``memory(x)``, or
+            ``position(x)`` alone: 0 at the bottom of the range of ``x`` and 1 at its top. ``x`` is temperature,
+            time or a channel.
         channel : str
             What the word ``channel`` stands for.
 
@@ -104,11 +119,14 @@ class RecordScales:
                 )
             if kind == "position" and expression.strip() == factor:
                 return self.span[name], self.low[name]
-            tables = {"span": self.span, "level": self.level, "typical": self.typical}
+            tables = {
+                "span": self.span, "level": self.level, "typical": self.typical, "residual": self.residual,
+                "memory": self.memory,
+            }  # fmt: skip
             if kind not in tables or not rest.endswith(")"):
                 raise PriorError(
                     f"scale {expression!r} can't be understood",
-                    expected="products of span(x), level(x), typical(x), or position(x) alone; "
+                    expected="products of span(x), level(x), typical(x), residual(x), memory(x), or position(x) alone; "
                     + near_matches(kind, [*tables, "position"]),
                 )
             scale *= tables[kind][name] ** sign

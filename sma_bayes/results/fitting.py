@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.inference.ensembles import Plan, sample
-from sma_bayes.inference.noise_choice import choose_noise, noise_start
+from sma_bayes.inference.noise_choice import choose_noise, noise_start, posterior_with
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
@@ -59,15 +59,13 @@ def fit_records(
     wall: dict[str, float] = {}
     clock = time.perf_counter()
     with threadpool_limits(limits=1):  # linear algebra on several threads may round differently
-        first = build_posterior(records, NOISE_MODELS["independent" if noise == AUTO else noise], priors)
+        first = build_posterior(records, NOISE_MODELS["independent"], priors)
         root = _seed(records, seed)
         start_seed, sample_seed = root.spawn(2)
         start = warm_start(first, np.random.default_rng(start_seed))
-        choice = choose_noise(first, start) if noise == AUTO else None
+        choice = choose_noise(first, start, priors) if noise == AUTO else None
         name = choice.name if choice else noise
-        posterior = (
-            first if name == first.noise.name else build_posterior(records, NOISE_MODELS[name], priors)
-        )
+        posterior = posterior_with(name, first, start, priors)
         z = noise_start(posterior, start)
         wall["warm_start"] = time.perf_counter() - clock
         clock = time.perf_counter()

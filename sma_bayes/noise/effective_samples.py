@@ -1,0 +1,88 @@
+"""Gaussian noise with a memory, counted as fewer independent samples.
+
+Where a curve misses the data by more than noise, its residuals have a memory as long as the transformation. An
+AR(1) likelihood then looks at differences of neighbouring samples and lets the memory take the place of the
+curve: a single snap of the spring decides, and the plateaus hardly count. This likelihood looks at the curve as
+least squares does, and counts only as many samples as are independent:
+
+    log p = (1/memory) * sum over samples of log N(e; 0, 1)
+
+``memory`` is the number of samples that count as one, ``(1 + r)/(1 - r)`` for a correlation r of neighbouring
+residuals. Centre and widths are those of least squares with standard errors widened by ``sqrt(memory)``.
+
+References
+----------
+M. Ribatet, D. Cooley, A. C. Davison, "Bayesian inference from composite likelihoods, with an application to
+spatial extremes", Statistica Sinica 22 (2012) 813; U. K. Müller, "Risk of Bayesian inference in misspecified
+models, and the sandwich covariance matrix", Econometrica 81 (2013) 1805.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.noise.ar1 import memory_draw, memory_innovations
+from sma_bayes.noise.independent import HALF_LN_2PI
+from sma_bayes.noise.types import Steps, lag1, sd_fact
+from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.quantities import Floats
+
+
+@dataclass(frozen=True)
+class EffectiveSamples:
+    """Independent Gaussian likelihood raised to the power ``1/memory``.
+
+    It is not a density of the data, so evidences that use it can't be compared with others. Replicated data and
+    innovations are those of an AR(1) series of the same memory.
+    """
+
+    name = "effective_samples"
+    title = "Gaussian with effective samples"
+    needs_time = False
+    remembers = True
+    is_density = False
+
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
+        memory = ParameterFact(
+            f"{channel}_memory", "1", f"samples of {channel} that count as one", "memory", channel
+        )
+        return (sd_fact(channel, unit), memory)
+
+    def _phi(self, shape: Floats, steps: Steps) -> Floats:
+        memory = shape[..., 0, None]
+        return np.where(steps.first, 0.0, (memory - 1.0) / (memory + 1.0))
+
+    def information(self, shape: Floats) -> Floats:
+        return np.asarray(1.0 / shape[..., 0])
+
+    def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return np.asarray(-0.5 * e * e - HALF_LN_2PI)
+
+    def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return np.asarray(-0.5 * np.einsum("...i,...i->...", e, e) - HALF_LN_2PI * e.shape[-1])
+
+    def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return memory_innovations(e, self._phi(shape, steps))
+
+    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
+        return np.asarray((rows @ rows.T) / shape[:, 0, None, None])
+
+    def estimate(self, residual: Floats, steps: Steps) -> Floats:
+        return np.array([np.sqrt(np.mean(residual**2)), memory_of(lag1(residual, steps))])
+
+    def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
+        return memory_draw(rng, self._phi(shape, steps))
+
+
+def memory_of(correlation: float) -> float:
+    """Samples that count as one, for a correlation of neighbours; at least 1.
+
+    Examples
+    --------
+    >>> memory_of(0.5)
+    3.0
+    """
+    r = min(max(correlation, 0.0), 0.9999)
+    return (1.0 + r) / (1.0 - r)
