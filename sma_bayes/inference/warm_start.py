@@ -24,8 +24,8 @@ STARTS = 3
 """Best screened draws that are refined."""
 SCREEN_SAMPLES = 128
 """Samples of a record that the screening looks at, evenly spaced; refinement uses all."""
-OVERFLOW = 1e60
-"""Stands for a residual or derivative that overflowed; its square is still a number."""
+OVERFLOW = 1e30
+"""Stands for a residual or derivative that overflowed; the solver takes sixth powers of it."""
 BOUND_SD = 10.0
 """Bounds of the refinement, in standard deviations of the prior about its centre."""
 
