@@ -121,6 +121,18 @@ def test_a_pulse_that_lasts_is_no_spike() -> None:
     assert where(spikes(values, TEMPERATURE_WINDOW)) == []
 
 
+def test_an_overshoot_between_two_states_is_no_spike() -> None:
+    values = np.r_[np.full(60, 25.0), np.full(2, 70.0), np.full(60, 50.0)]
+    values += np.random.default_rng(6).normal(0.0, 0.05, values.size)
+    assert where(spikes(values, TEMPERATURE_WINDOW)) == []
+
+
+def test_a_value_that_is_held_for_long_is_no_spike() -> None:
+    ramp = np.linspace(20.0, 40.0, 200) + np.random.default_rng(6).normal(0.0, 0.05, 200)
+    assert where(spikes(np.insert(ramp, 100, 60.0), TEMPERATURE_WINDOW)) == [100]
+    assert where(spikes(np.insert(ramp, 100, np.full(80, 60.0)), TEMPERATURE_WINDOW)) == []
+
+
 def test_a_channel_is_not_judged_where_the_temperature_runs() -> None:
     temperature = np.r_[np.linspace(20.0, 80.0, 14), np.linspace(80.0, 20.0, 14)]
     force = np.where(temperature > 78.0, 1.0, 0.0) + 1e-3 * np.random.default_rng(7).normal(size=28)
