@@ -67,7 +67,7 @@ class RecordScales:
             series[channel] = np.concatenate([r.observed[channel] for r in records])
             falls = np.corrcoef(_ranks(series["temperature"]), _ranks(series[channel]))[0, 1] < 0
             trend[channel] = -1.0 if falls else 1.0
-        if "stiffness" in series:  # dF/dX has the sign of both trends; what was not observed takes what is left
+        if "stiffness" in series:  # dF/dX has the sign of both trends; the unobserved one takes what is left
             sign = -1.0 if np.median(series["stiffness"]) < 0.0 else 1.0
             known = trend.get("displacement", sign * trend.get("force", sign))
             trend.setdefault("displacement", known)

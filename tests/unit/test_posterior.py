@@ -22,7 +22,8 @@ ALL = ("force", "displacement", "stiffness")
 
 
 def build(record: Record, noise: str = "independent") -> Posterior:
-    return build_posterior([record], NOISE_MODELS[noise], DEFAULT)
+    memory = [dict.fromkeys(record.channels, 5.0)]
+    return build_posterior([record], NOISE_MODELS[noise], DEFAULT, memory=memory)
 
 
 def near_truth(posterior: Posterior, size: int, seed: int = 0) -> np.ndarray:

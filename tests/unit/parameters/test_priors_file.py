@@ -53,7 +53,8 @@ def record(make_record: Callable[..., Record]) -> Record:
 
 
 def parameters(prior_set: PriorSet, record: Record, noise: str = "independent") -> dict[str, Parameter]:
-    posterior = build_posterior([record], NOISE_MODELS[noise], prior_set)
+    memory = [dict.fromkeys(record.channels, 5.0)]
+    posterior = build_posterior([record], NOISE_MODELS[noise], prior_set, memory=memory)
     return {p.name: p for p in posterior.space.parameters}
 
 

@@ -80,7 +80,7 @@ def test_what_was_not_observed_is_a_key_error(record: Record) -> None:
     ],
 )  # fmt: skip
 def test_nonsense_is_refused(record: Record, expression: str) -> None:
-    with pytest.raises(PriorError, match="can.t be understood"):
+    with pytest.raises(PriorError, match="can't be understood"):
         RecordScales.of([record]).resolve(expression)
 
 
