@@ -45,6 +45,14 @@ Data = Annotated[
 Extrapolate = Annotated[
     float, typer.Option(help="How far bands go beyond the observed temperatures; marked there.", min=0.0)
 ]
+Arranged = Annotated[
+    str | None,
+    typer.Option(
+        help="Bias spring, Eq. (8): 'published_difference', 'parallel' or 'series'; none by default."
+    ),
+]
+Bias = Annotated[float, typer.Option(help="Stiffness of the bias spring [N/m].")]
+BiasSd = Annotated[float, typer.Option(help="Standard deviation of that stiffness [N/m].")]
 Source = Annotated[
     Path, typer.Argument(metavar="PATH", help="Campaign folder, campaign.toml, or a data file.")
 ]
@@ -133,6 +141,9 @@ def fit(
     noise: Noise = "auto",
     pool: PoolChoice = "none",
     extrapolate: Extrapolate = 0.0,
+    arrangement: Arranged = None,
+    bias: Bias = 130.0,
+    bias_sd: BiasSd = 6.5,
     figures: Figures = True,
     resume: Resume = False,
     quiet: Quiet = False,
@@ -140,7 +151,7 @@ def fit(
 ) -> None:
     """Warm start, ensembles, diagnostics, bands, correlation factors, report."""
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.workflow import fit_campaign, pool_named
+    from sma_bayes.workflow import bias_spring, fit_campaign, pool_named
 
     with _progress(quiet or as_json) as progress:
         summary = fit_campaign(
@@ -152,6 +163,7 @@ def fit(
             pool=pool_named(pool),
             jobs=jobs,
             extrapolate=extrapolate,
+            bias=bias_spring(arrangement, bias, bias_sd),
             resume=resume,
             figures=figures,
             progress=progress,

@@ -14,10 +14,10 @@ from typing import Any, Literal
 import numpy as np
 
 from sma_bayes import __version__
-from sma_bayes.assess.bands import Band, band_channels, credible_band
+from sma_bayes.assess.bands import Band, band_channels, credible_band, overall_band
 from sma_bayes.assess.loops import loop_quantities
 from sma_bayes.assess.summary import record_summary
-from sma_bayes.errors import OutputError, ResumeError, SmaBayesError
+from sma_bayes.errors import OutputError, ResumeError, SmaBayesError, near_matches
 from sma_bayes.inference.ensembles import Plan
 from sma_bayes.inference.jobs import run
 from sma_bayes.inference.noise_choice import choose_noise
@@ -26,6 +26,7 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet, read_priors
 from sma_bayes.posterior import build_posterior, versions
 from sma_bayes.records.types import Branch, Campaign, Record
+from sma_bayes.response.arrangement import Arrangement, BiasSpring
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import AUTO, fit_records
 from sma_bayes.results.store import plain, write_csv, write_json, write_posterior, write_text
@@ -52,6 +53,8 @@ class FitOptions:
     extrapolate : float
         How far bands go beyond the observed temperatures [unit of temperature].
     plan : Plan
+    bias : BiasSpring, optional
+        Bias spring whose arrangement with the alloy spring gets bands of its own, Eq. (8).
     """
 
     priors: PriorSet
@@ -60,6 +63,7 @@ class FitOptions:
     pool: Pool = "none"
     extrapolate: float = 0.0
     plan: Plan = field(default_factory=Plan)
+    bias: BiasSpring | None = None
 
 
 def fit(
@@ -112,6 +116,7 @@ def fit_campaign(
     pool: Pool = "none",
     jobs: int | None = None,
     extrapolate: float = 0.0,
+    bias: BiasSpring | None = None,
     resume: bool = False,
     figures: bool = True,
     progress: Progress | None = None,
@@ -126,6 +131,8 @@ def fit_campaign(
         Folder for the results. It must be new or empty, unless `resume` is set and it holds the same run.
     extrapolate : float
         How far bands go beyond the observed temperatures [unit of temperature]; what lies there is marked.
+    bias : BiasSpring, optional
+        Bias spring; the stiffness of both springs together gets bands of its own, Eq. (8).
     resume : bool
         Go on with a run that was interrupted. The result is the same to the bit.
     figures : bool
@@ -147,7 +154,12 @@ def fit_campaign(
     clock = time.perf_counter()
     folder = Path(out)
     options = FitOptions(
-        priors if isinstance(priors, PriorSet) else read_priors(priors), seed, noise, pool, extrapolate
+        priors if isinstance(priors, PriorSet) else read_priors(priors),
+        seed,
+        noise,
+        pool,
+        extrapolate,
+        bias=bias,
     )
     claim_folder(folder, _identity(campaign, options), resume)
     groups = groups_of(campaign, pool)
@@ -164,7 +176,13 @@ def fit_campaign(
         "campaign": campaign.name,
         "source": campaign.source,
         "seed": seed,
-        "options": {"noise": noise, "pool": pool, "extrapolate": extrapolate, "priors": options.priors.title},
+        "options": {
+            "noise": noise,
+            "pool": pool,
+            "extrapolate": extrapolate,
+            "priors": options.priors.title,
+            "bias_spring": None if bias is None else asdict(bias),
+        },
         "versions": all_versions(),
         "data_sha256": campaign.sha256,
         "converged": all(r["converged"] for r in records),
@@ -257,6 +275,7 @@ def _identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
         "noise": options.noise,
         "pool": options.pool,
         "extrapolate": options.extrapolate,
+        "bias_spring": None if options.bias is None else asdict(options.bias),
         "version": __version__,
         "versions": versions(),
     }
@@ -299,6 +318,13 @@ def _whole_task(task: _Task) -> _Outcome:
         for channel in band_channels(record):
             band = credible_band(found, channel, i, task.options.extrapolate)
             write_band(task.folder / "bands" / f"{record.key}-{channel}.csv", band, record)
+        overall = (
+            None
+            if task.options.bias is None
+            else overall_band(found, task.options.bias, i, task.options.extrapolate)
+        )
+        if overall is not None:
+            write_band(task.folder / "bands" / f"{record.key}-overall_stiffness.csv", overall, record)
         summary["stages_s"]["assess"] = time.perf_counter() - clock
         summary["wall_s"] += summary["stages_s"]["assess"]
         summaries.append(summary)
@@ -401,3 +427,19 @@ def _described(record: Record) -> dict[str, Any]:
         "noise": {"name": choice.name, "reason": choice.reason, "lag1": dict(choice.lag1)},
         "fit": {c: asdict(g) for c, g in start.fit[0].items()},
     }
+
+
+def bias_spring(arrangement: str | None, stiffness: float, sd: float) -> BiasSpring | None:
+    """Bias spring by the name of its arrangement; None for none.
+
+    Raises
+    ------
+    SmaBayesError
+        If there is no such arrangement.
+    """
+    if arrangement is None:
+        return None
+    known = [a.value for a in Arrangement]
+    if arrangement not in known:
+        raise SmaBayesError(f"--arrangement {arrangement!r}", expected=near_matches(arrangement, known))
+    return BiasSpring(Arrangement(arrangement), stiffness, sd)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.noise import Steps
-from sma_bayes.quantities import Floats
+from sma_bayes.quantities import ARBITRARY, Floats, convert
 from sma_bayes.records.types import Record
+from sma_bayes.response.arrangement import BiasSpring, overall_stiffness
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid, channel_unit, stiffness
 from sma_bayes.results.fit import Fit
 
@@ -113,6 +114,38 @@ def credible_band(fit: Fit, channel: str, record: int = 0, extrapolate: float = 
         predictive=_predictive(fit, channel, t, curve, record),
         extrapolated=outside,
         derived=channel not in r.channels,
+    )
+
+
+def overall_band(fit: Fit, bias: BiasSpring, record: int = 0, extrapolate: float = 0.0) -> Band | None:
+    """Bands of the stiffness of the spring together with its bias spring, Eq. (8).
+
+    The bias spring's stiffness is drawn from a normal distribution, one value for each curve.
+
+    Returns
+    -------
+    Band or None
+        None where no stiffness follows from the record, or its unit can't be compared with N/m.
+    """
+    r = fit.records[record]
+    unit = channel_unit(r.units, "stiffness")
+    if "stiffness" not in band_channels(r) or r.specimen or unit == ARBITRARY:
+        return None
+    t = temperature_grid(r, extrapolate)
+    rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 5, *r.key.encode()]))
+    k1 = curve_draws(fit, "stiffness", t, record)
+    k2 = convert(bias.stiffness + bias.sd * rng.standard_normal(len(k1)), "N/m", unit, what="bias stiffness")
+    curve = overall_stiffness(k1, k2[:, None], bias.arrangement)
+    values = np.quantile(curve, list(QUANTILES.values()), axis=0)
+    return Band(
+        channel="overall_stiffness",
+        unit=unit,
+        temperature=t,
+        curve=dict(zip(QUANTILES, values, strict=True)),
+        simultaneous=simultaneous_band(curve),
+        predictive={name: np.full(t.size, np.nan) for name in PREDICTIVE},
+        extrapolated=(t < r.temperature.min() - 1e-12) | (t > r.temperature.max() + 1e-12),
+        derived=True,
     )
 
 

@@ -7,10 +7,12 @@ that nobody gets one where another was meant.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 
+from sma_bayes.errors import QuantityError
 from sma_bayes.quantities import Floats
 
 BIAS_STIFFNESS = 130.0
@@ -26,6 +28,29 @@ class Arrangement(StrEnum):
     PUBLISHED_DIFFERENCE = "published_difference"
     PARALLEL = "parallel"
     SERIES = "series"
+
+
+@dataclass(frozen=True, slots=True)
+class BiasSpring:
+    """A bias spring and how it is arranged.
+
+    Attributes
+    ----------
+    arrangement : Arrangement
+    stiffness, sd : float
+        Stiffness K2 and its standard deviation [N/m].
+    """
+
+    arrangement: Arrangement
+    stiffness: float = BIAS_STIFFNESS
+    sd: float = BIAS_STIFFNESS_SD
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.stiffness) and self.stiffness > 0 and np.isfinite(self.sd) and self.sd >= 0):
+            raise QuantityError(
+                f"bias spring of {self.stiffness!r} N/m with standard deviation {self.sd!r} N/m",
+                expected="a positive stiffness and a standard deviation that is not negative",
+            )
 
 
 def overall_stiffness(k1: Floats, k2: Floats, arrangement: Arrangement) -> Floats:

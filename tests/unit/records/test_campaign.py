@@ -637,28 +637,23 @@ class TestExamples:
 
     EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
 
-    def runs(self, shared_data: Path, name: str, sub: str = "") -> dict[str, tuple[Run, tuple[Finding, ...]]]:
-        declaration = read_declaration(
-            self.EXAMPLES / f"{name}.toml", shared_data / name / sub, SplitSettings()
-        )
+    def runs(self, shared_data: Path, name: str) -> dict[str, tuple[Run, tuple[Finding, ...]]]:
+        declaration = read_declaration(self.EXAMPLES / f"{name}.toml", shared_data / name, SplitSettings())
         return {c.table.id: read_run(c) for c in declaration.conditions}
 
     def test_each_example_gives_records(self, shared_data: Path) -> None:
         names = sorted(path.stem for path in self.EXAMPLES.glob("*.toml"))
         assert len(names) == 7
         for name in names:
-            sub = "raw" if name == "guarneros_spring_force" else ""
-            campaign = read_campaign(self.EXAMPLES / f"{name}.toml", data_dir=shared_data / name / sub)
-            declared = read_declaration(
-                self.EXAMPLES / f"{name}.toml", shared_data / name / sub, SplitSettings()
-            )
+            campaign = read_campaign(self.EXAMPLES / f"{name}.toml", data_dir=shared_data / name)
+            declared = read_declaration(self.EXAMPLES / f"{name}.toml", shared_data / name, SplitSettings())
             ids = {c.table.id for c in declared.conditions}
             assert {r.condition.id for r in campaign.records} == ids, name
             assert all(r.n >= 15 for r in campaign.records), name
             assert re.fullmatch("[0-9a-f]{64}", campaign.sha256)
 
     def test_guarneros(self, shared_data: Path) -> None:
-        runs = self.runs(shared_data, "guarneros_spring_force", "raw")
+        runs = self.runs(shared_data, "guarneros_spring_force")
         stray = {
             name: sum(f.count for f in seen if f.kind == "out-of-range") for name, (_, seen) in runs.items()
         }
