@@ -150,7 +150,8 @@ def _ess(chains: Floats) -> Floats:
         rho[0] = 1.0
         pairs = rho[: 2 * (n // 2)].reshape(-1, 2).sum(axis=1)
         negative = np.flatnonzero(pairs < 0)
-        stop = int(negative[0]) if negative.size else pairs.size
+        last = max((n - 3) // 2, 0)  # the end of the series is too noisy to use
+        stop = min(int(negative[0]), last) if negative.size else last
         monotone = np.minimum.accumulate(pairs[:stop])
         tau = -1.0 + 2.0 * float(monotone.sum())
         if stop < pairs.size and rho[2 * stop] > 0:

@@ -22,6 +22,8 @@ SCREENED = 512
 """Prior draws of rates and midpoints that are screened, amplitudes and offsets solved for."""
 STARTS = 3
 """Best screened draws that are refined."""
+APART = 0.5
+"""Least distance of starts, in standard deviations of the draws of ln rate or midpoint."""
 SCREEN_SAMPLES = 128
 """Samples of a record that the screening looks at, evenly spaced; refinement uses all."""
 OVERFLOW = 1e30
@@ -322,7 +324,19 @@ def _assemble(column: Mapping[str, Floats], posterior: Posterior) -> Floats:
 
 
 def _sort_by(column: dict[str, Floats], names: list[str], sse: Floats) -> None:
+    """Sort draws by their sum of squares, but put draws that differ in shape first, so that starts are apart."""
     order = np.argsort(np.where(np.isnan(sse), np.inf, sse), kind="stable")
+    shapes = [column[n][order] for n in names if n[1] in "23"]
+    scaled = np.stack([np.log(s) if np.all(s > 0) else s for s in shapes], axis=1)
+    scaled = scaled / np.maximum(scaled.std(axis=0), 1e-300)
+    chosen = [0]
+    for i in range(1, len(order)):
+        if len(chosen) == STARTS:
+            break
+        if all(np.max(np.abs(scaled[i] - scaled[k])) > APART for k in chosen):
+            chosen.append(i)
+    rest = np.setdiff1d(np.arange(len(order)), chosen)
+    order = order[np.concatenate([np.array(chosen), rest])]
     for name in names:
         column[name] = column[name][order]
 
