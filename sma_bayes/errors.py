@@ -126,7 +126,7 @@ def near_matches(name: str, known: Iterable[str]) -> str:
     >>> near_matches("forc", ["force", "displacement"])
     "did you mean 'force'?"
     """
-    known = sorted(known)
+    known = sorted(set(known))
     near = get_close_matches(name, known, n=3, cutoff=0.6)
     if near:
         return "did you mean " + " or ".join(repr(n) for n in near) + "?"

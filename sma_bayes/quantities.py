@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from tokenize import TokenError
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -73,6 +74,12 @@ SPECIMEN_QUANTITY: Final = {"force": "stress", "displacement": "strain", "stiffn
 """What a channel is called where a specimen was tested instead of a spring."""
 
 
+_NOT_A_UNIT: Final = (
+    AttributeError, ValueError, TypeError, AssertionError, KeyError, ArithmeticError, SyntaxError, TokenError
+)  # fmt: skip
+"""What pint lets through, besides its own error, where a text is no unit: ``N/0``, ``N/(m``, ``kg**0``."""
+
+
 @lru_cache(maxsize=1)
 def _registry() -> UnitRegistry[Any]:
     from pint import UnitRegistry
@@ -123,7 +130,7 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
     ureg = _registry()
     try:
         source = ureg.Unit(unit)
-    except (pint.errors.UndefinedUnitError, AttributeError, ValueError, TypeError, AssertionError):
+    except (pint.errors.UndefinedUnitError, *_NOT_A_UNIT):
         raise QuantityError(
             f"unit {unit!r} of {what} is not known",
             expected=f"a unit such as {to!r}, or 'arbitrary'",
@@ -131,7 +138,7 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
         ) from None
     try:
         return np.asarray(ureg.Quantity(array, source).to(to).magnitude, dtype=float)
-    except pint.errors.DimensionalityError:
+    except (pint.errors.DimensionalityError, AssertionError, KeyError):  # the last two: logarithmic units, kg**0
         raise QuantityError(
             f"unit {unit!r} of {what} is of the wrong kind",
             expected=f"a unit that can be turned into {to!r}",

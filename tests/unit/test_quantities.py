@@ -104,7 +104,9 @@ def test_an_unknown_unit_is_named_with_the_nearest() -> None:
     assert "'degC'" in message
 
 
-@pytest.mark.parametrize("unit", ["", "N m/", "2..3 N", "??"])
+@pytest.mark.parametrize(
+    "unit", ["", "N m/", "2..3 N", "??", "N/(m", "N)", "N/0", "kg**0", "1/dB", "dBm~N", "N*10**9999"]
+)
 def test_text_that_is_no_unit_is_refused(unit: str) -> None:
     with pytest.raises(QuantityError):
         convert(1.0, unit, "N")
