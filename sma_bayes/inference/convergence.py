@@ -19,6 +19,10 @@ from scipy.special import ndtri
 from sma_bayes.quantities import Floats
 
 
+LONG = 100
+"""Steps from which the means over walkers are a series that an effective sample size can be taken of."""
+
+
 @dataclass(frozen=True, slots=True)
 class Target:
     """What draws must reach before they are called converged.
@@ -66,16 +70,32 @@ def assess(draws: Floats, target: Target) -> Convergence:
     -------
     Convergence
         R-hat is taken both over halves in walkers and over halves in steps; the worse counts, so that neither
-        a stuck walker nor a drift of the whole ensemble goes unseen.
+        a stuck walker nor a drift of the whole ensemble goes unseen. From `LONG` steps on, effective sample sizes
+        are also estimated from the means over walkers, which sees walkers that move together; the lesser counts.
     """
     groups, steps, walkers, d = draws.shape
     by_walker = np.swapaxes(draws, 1, 2).reshape(groups, walkers * steps, d)
     by_step = draws.reshape(groups, steps * walkers, d)
     rhat = np.maximum(rank_rhat(by_walker), rank_rhat(by_step))
     bulk, tail = ess_bulk(by_walker), ess_tail(by_walker)
+    if steps >= LONG:
+        bulk = np.minimum(bulk, _ess_of_ensembles(_normal_scores(by_step).reshape(draws.shape)))
+        for quantile in np.quantile(by_step, (0.05, 0.95), axis=(0, 1)):
+            tail = np.minimum(tail, _ess_of_ensembles((draws <= quantile).astype(float)))
     with np.errstate(invalid="ignore"):
-        converged = bool(np.all(rhat <= target.rhat) and np.all(np.minimum(bulk, tail) >= target.ess))
+        finite = bool(np.all(np.isfinite(draws)))
+        converged = finite and bool(
+            np.all(rhat <= target.rhat) and np.all(np.minimum(bulk, tail) >= target.ess)
+        )
     return Convergence(rhat, bulk, tail, converged)
+
+
+def _ess_of_ensembles(values: Floats) -> Floats:
+    """Effective sample size of `values` (G, S, W, D) from the means over the walkers of each ensemble."""
+    means = values.mean(axis=2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        gain = values.var(axis=(0, 1, 2)) / means.var(axis=(0, 1))
+    return np.asarray(_ess(_split(means)) * gain)
 
 
 def rank_rhat(chains: Floats) -> Floats:
@@ -154,7 +174,7 @@ def _ess(chains: Floats) -> Floats:
         stop = min(int(negative[0]), last) if negative.size else last
         monotone = np.minimum.accumulate(pairs[:stop])
         tau = -1.0 + 2.0 * float(monotone.sum())
-        if stop < pairs.size and rho[2 * stop] > 0:
+        if stop < pairs.size and (rho[2 * stop] > 0 or pairs[stop] >= 0):
             tau += rho[2 * stop]  # the first half of the pair that ended the sequence
         out[k] = c * n / max(tau, 1.0 / np.log10(c * n))
     return out
