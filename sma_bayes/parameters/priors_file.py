@@ -20,6 +20,7 @@ first whose yardstick was observed is used::
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -111,6 +112,14 @@ class PriorSet:
     def _build(
         self, fact: ParameterFact, belief: PriorEntry, scales: RecordScales, scale: float, shift: float
     ) -> Parameter:
+        if not belief.unit and not belief.relative_to and fact.unit != "1" and belief.fixed != 0.0:
+            raise PriorError(
+                "no unit and no yardstick",
+                file=self.file,
+                column=belief.where,
+                expected=f"unit = {fact.unit!r} or another of its kind, or relative_to",
+                remedy=f"say in which unit the numbers of {fact.name} are",
+            )
         if belief.unit:
             try:
                 zero, one = (
@@ -122,7 +131,7 @@ class PriorSet:
                     file=self.file,
                     column=belief.where,
                     expected=error.expected,
-                    remedy=error.remedy,
+                    remedy=f"correct the unit; {fact.name} is in {fact.unit!r} here",
                 ) from None
             scale, shift = scale * (one - zero), shift + zero
         given = dict(belief.numbers)
@@ -148,6 +157,14 @@ class PriorSet:
                 column=belief.where,
                 expected=", ".join(wanted),
             ) from None
+        if not np.diff(prior.quantile(np.array([0.25, 0.75])))[0] > 0.0:
+            raise PriorError(
+                f"{prior!r} is so narrow, or so far out, that its quartiles are one number",
+                file=self.file,
+                column=belief.where,
+                expected="a width that floating-point numbers can tell from zero",
+                remedy="widen it, or fix the parameter with fixed = ...",
+            )
         return Parameter(fact.name, fact.unit, fact.meaning, prior, belief.source)
 
     def _sign(self, belief: PriorEntry, scales: RecordScales) -> float:
@@ -206,11 +223,12 @@ def read_priors(name_or_path: str | Path) -> PriorSet:
         if path.name not in shipped_priors():
             raise PriorError(
                 f"no priors are called {str(name_or_path)!r}",
-                expected=near_matches(str(name_or_path), shipped_priors()) + ", or the path of a .toml file",
+                expected=f"{' or '.join(shipped_priors())}, or the path of a .toml file",
+                remedy=near_matches(str(name_or_path), shipped_priors()),
             )
         path = priors_folder() / f"{path.name}.toml"
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise PriorError(
@@ -226,7 +244,14 @@ def parse_priors(text: str, file: str) -> PriorSet:
     try:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise PriorError(f"is not valid TOML: {error}", file=file, remedy="correct that line") from None
+        line = re.search(r"line (\d+)", str(error))
+        raise PriorError(
+            f"is not valid TOML: {error}",
+            file=file,
+            row=int(line[1]) if line else None,
+            expected="TOML; texts stand in quotation marks, decimals have a point",
+            remedy="correct that line",
+        ) from None
     if document.get("schema") != SCHEMA:
         raise PriorError(
             f"schema = {document.get('schema')!r}", file=file, column="schema", expected=f"{SCHEMA!r}"

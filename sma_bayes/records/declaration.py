@@ -39,6 +39,15 @@ CHANNEL_OF: Final = {quantity: channel for channel, quantity in SPECIMEN_QUANTIT
 _NOT_IN_FILE_NAMES = re.compile(r'[\x00-\x1f<>:"/\\|?*]|^[ .]|[ .]$')
 _DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
+_IN_TOML: Final = {
+    "a valid dictionary": "a table: [name], or { key = value, ... }",
+    "a valid list": "a list of tables: each begins with [[name]]",
+    "a valid tuple": "a list: [ ... ]",
+    "a valid string": "a text in quotation marks",
+    "a valid boolean": "true or false",
+}
+"""What the checking library calls kinds of value, in the words of TOML."""
+
 M = TypeVar("M", bound=BaseModel)
 
 
@@ -319,6 +328,7 @@ def checked(model: type[M], values: Mapping[str, Any], *, file: Path, where: str
         else:
             found = f"found {_as_toml(first['input'])}"
             expected = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+            expected = _IN_TOML.get(expected, expected)
         raise CampaignError(found, file=file, column=place, expected=expected) from None
 
 
@@ -366,7 +376,7 @@ def _campaign_in(folder: Path) -> Path:
 
 def _parsed(content: bytes, path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(content.decode("utf-8"))
+        return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         row = content[: error.start].count(b"\n") + 1
         raise CampaignError(

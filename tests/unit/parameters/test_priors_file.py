@@ -314,3 +314,26 @@ def test_the_default_priors_serve_every_model_and_noise(
     found = parameters(read_priors("modified_sigmoid"), make_record(channels), noise)
     assert set(ModifiedSigmoid(channels).parameter_names) <= set(found)
     assert {f"{c}_sd" for c in channels} <= set(found)
+
+
+def test_numbers_without_a_unit_or_a_yardstick_are_refused(record: Record) -> None:
+    message = refusal(priors({"both.B2": 'family = "normal"\nmean = 0.3\nsd = 0.1'}), record)
+    assert "both.B2" in message
+    assert "no unit and no yardstick" in message
+    assert "unit = '1/degC'" in message
+
+
+def test_a_prior_too_narrow_for_floating_point_numbers_is_refused(record: Record) -> None:
+    body = 'family = "normal"\nmean = 1e300\nsd = 1e-300\nunit = "1/degC"'
+    message = refusal(priors({"both.B2": body}), record)
+    assert "quartiles are one number" in message
+    assert "fixed = " in message
+
+
+def test_a_byte_order_mark_is_no_mistake_and_a_typing_error_has_a_row(tmp_path: Path) -> None:
+    path = tmp_path / "p.toml"
+    path.write_text("\ufeff" + read_priors("modified_sigmoid").text, encoding="utf-8")
+    assert read_priors(path).title == read_priors("modified_sigmoid").title
+    path.write_text('schema = "sma-bayes/priors/1"\n[both\n', encoding="utf-8")
+    with pytest.raises(PriorError, match=r"p\.toml, row 3: is not valid TOML"):
+        read_priors(path)

@@ -80,13 +80,13 @@ def test_a_file_that_cannot_be_opened(tmp_path: Path) -> None:
     ("values", "key", "expected"),
     [
         ({"skiprows": 1}, "reading.skiprows", "did you mean 'skip_rows'?"),
-        ({"header": "yes"}, "reading.header", "a valid boolean"),
+        ({"header": "yes"}, "reading.header", "true or false"),
         ({"delimiter": "::"}, "reading.delimiter", "one character, or 'whitespace'"),
         ({"decimal": "'"}, "reading.decimal", "'.' or ','"),
         ({"decimal": ",", "delimiter": ","}, "reading", "a delimiter other than the decimal mark"),
         ({"first_row": 9, "last_row": 3}, "reading", "a first_row that is not after last_row"),
         ({"skip_rows": -1}, "reading.skip_rows", "greater than or equal to 0"),
-        ({"missing": "none"}, "reading.missing", "a valid tuple"),
+        ({"missing": "none"}, "reading.missing", "a list: [ ... ]"),
     ],
 )
 def test_wrong_options_of_reading(values: dict[str, object], key: str, expected: str) -> None:
