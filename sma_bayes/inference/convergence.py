@@ -73,21 +73,35 @@ def assess(draws: Floats, target: Target) -> Convergence:
         a stuck walker nor a drift of the whole ensemble goes unseen. From `LONG` steps on, effective sample sizes
         are also estimated from the means over walkers, which sees walkers that move together; the lesser counts.
     """
-    groups, steps, walkers, d = draws.shape
-    by_walker = np.swapaxes(draws, 1, 2).reshape(groups, walkers * steps, d)
-    by_step = draws.reshape(groups, steps * walkers, d)
-    rhat = np.maximum(rank_rhat(by_walker), rank_rhat(by_step))
-    bulk, tail = ess_bulk(by_walker), ess_tail(by_walker)
-    if steps >= LONG:
-        bulk = np.minimum(bulk, _ess_of_ensembles(_normal_scores(by_step).reshape(draws.shape)))
-        for quantile in np.quantile(by_step, (0.05, 0.95), axis=(0, 1)):
-            tail = np.minimum(tail, _ess_of_ensembles((draws <= quantile).astype(float)))
+    # ranks do not depend on the order of the draws, and sorting is most of the work: once serves all orders
+    scores = _normal_scores(draws)
+    folded = _normal_scores(np.abs(draws - np.median(draws, axis=(0, 1, 2))))
+    rhat = np.zeros(draws.shape[-1])
+    for order in (_by_walker, _by_step):
+        rhat = np.maximum(rhat, np.maximum(_rhat(_split(order(scores))), _rhat(_split(order(folded)))))
+    bulk, tail = _ess(_split(_by_walker(scores))), np.full(draws.shape[-1], np.inf)
+    below = [(draws <= q).astype(float) for q in np.quantile(draws, (0.05, 0.95), axis=(0, 1, 2))]
+    for share in below:
+        tail = np.minimum(tail, _ess(_split(_by_walker(share))))
+    if draws.shape[1] >= LONG:
+        bulk = np.minimum(bulk, _ess_of_ensembles(scores))
+        tail = np.minimum(tail, np.minimum(*(_ess_of_ensembles(share) for share in below)))
     with np.errstate(invalid="ignore"):
         finite = bool(np.all(np.isfinite(draws)))
-        converged = finite and bool(
-            np.all(rhat <= target.rhat) and np.all(np.minimum(bulk, tail) >= target.ess)
-        )
-    return Convergence(rhat, bulk, tail, converged)
+        reached = np.all(rhat <= target.rhat) and np.all(np.minimum(bulk, tail) >= target.ess)
+    return Convergence(rhat, bulk, tail, finite and bool(reached))
+
+
+def _by_walker(values: Floats) -> Floats:
+    """Walkers of each ensemble end to end: (G, S, W, D) to (G, W S, D)."""
+    groups, steps, walkers, d = values.shape
+    return np.swapaxes(values, 1, 2).reshape(groups, walkers * steps, d)
+
+
+def _by_step(values: Floats) -> Floats:
+    """Steps of each ensemble one after the other: (G, S, W, D) to (G, S W, D)."""
+    groups, steps, walkers, d = values.shape
+    return values.reshape(groups, steps * walkers, d)
 
 
 def _ess_of_ensembles(values: Floats) -> Floats:
@@ -122,24 +136,27 @@ def _split(chains: Floats) -> Floats:
     return np.concatenate([chains[:, :half], chains[:, -half:]])
 
 
-def _normal_scores(chains: Floats) -> Floats:
-    """Normal quantiles of the ranks over all chains (Blom's formula); ties share their mean rank."""
-    c, n, d = chains.shape
-    flat = chains.reshape(c * n, d)
+def _normal_scores(values: Floats) -> Floats:
+    """Normal quantiles of the ranks over all draws (Blom's formula), parameters last; ties share their mean rank."""
+    flat = values.reshape(-1, values.shape[-1])
     out = np.empty_like(flat)
-    size = c * n
-    for k in range(d):
-        column = flat[:, k]
-        order = np.argsort(column, kind="stable")
+    size = len(flat)
+    quantile = ndtri((np.arange(1.0, size + 1.0) - 0.375) / (size + 0.25))
+    for k in range(flat.shape[1]):
+        column = np.ascontiguousarray(flat[:, k])
+        order = np.argsort(column)
         in_order = column[order]
         new = np.empty(size, dtype=bool)
         new[0] = True
         np.not_equal(in_order[1:], in_order[:-1], out=new[1:])
-        group = np.cumsum(new) - 1
+        if new.all():
+            out[order, k] = quantile
+            continue
         starts = np.flatnonzero(new)
         ends = np.append(starts[1:], size)
-        out[order, k] = (0.5 * (starts + ends + 1))[group]
-    return np.asarray(ndtri((out - 0.375) / (size + 0.25))).reshape(c, n, d)
+        mean_rank = 0.5 * (starts + ends + 1)
+        out[order, k] = ndtri((mean_rank - 0.375) / (size + 0.25))[np.cumsum(new) - 1]
+    return out.reshape(values.shape)
 
 
 def _rhat(chains: Floats) -> Floats:
