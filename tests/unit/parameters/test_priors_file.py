@@ -335,5 +335,5 @@ def test_a_byte_order_mark_is_no_mistake_and_a_typing_error_has_a_row(tmp_path: 
     path.write_text("\ufeff" + read_priors("modified_sigmoid").text, encoding="utf-8")
     assert read_priors(path).title == read_priors("modified_sigmoid").title
     path.write_text('schema = "sma-bayes/priors/1"\n[both\n', encoding="utf-8")
-    with pytest.raises(PriorError, match=r"p\.toml, row 3: is not valid TOML"):
+    with pytest.raises(PriorError, match=r"p\.toml, row 2: is not valid TOML"):
         read_priors(path)
