@@ -48,6 +48,9 @@ class Block:
 class Checkpoint:
     """Chains of one posterior in one file, a group for each stage and ensemble.
 
+    A file that can't be read, because the process was killed while it wrote, is set aside as ``*.unreadable`` and
+    the chains are begun again; they come out the same.
+
     Parameters
     ----------
     path : Path
@@ -58,63 +61,43 @@ class Checkpoint:
     ------
     ResumeError
         If the file holds chains of another posterior.
+    OutputError
+        If it can't be written.
     """
 
     def __init__(self, path: Path, fingerprint: str) -> None:
         self.path = path
-        if path.exists():
-            try:
+        try:
+            if path.exists() and not _whole(path):
+                path.replace(path.with_name(f"{path.name}.unreadable"))
+            if path.exists():
                 with h5py.File(path, "r") as file:
                     found = str(file.attrs.get("fingerprint", ""))
-            except OSError:
-                raise ResumeError(
-                    "can't be read as a checkpoint",
-                    file=path,
-                    expected="chains that an earlier run left",
-                    remedy="delete the file; only this record is sampled again",
-                ) from None
-            if found != fingerprint:
-                raise ResumeError(
-                    "was left by a run with other data, priors, model, seed or versions",
-                    file=path,
-                    expected="the same on resuming",
-                    remedy="resume with what the run was started with, or choose another --out",
-                )
-            return
-        try:
+                if found != fingerprint:
+                    raise ResumeError(
+                        "was left by a run with other data, priors, model, seed or versions",
+                        file=path,
+                        expected="the same on resuming",
+                        remedy="resume with what the run was started with, or choose another --out",
+                    )
+                return
             path.parent.mkdir(parents=True, exist_ok=True)
-            with h5py.File(path, "w") as file:
-                file.attrs["fingerprint"] = fingerprint
+            _create(path, fingerprint)
         except OSError as error:
             raise _unwritable(path, error) from None
 
     def blocks(self, name: str) -> Iterator[Block]:
-        """Blocks that are stored for one ensemble, in order."""
+        """Blocks that are stored for one ensemble, in order.
+
+        They are read at once: while the file is open for reading, another ensemble couldn't append to it.
+        """
         with h5py.File(self.path, "r") as file:
-            if name not in file:
-                return
-            group = file[name]
-            chain, log_prob = group["chain"][()], group["log_prob"][()]
-            ends = group["block_end"][()].astype(int) if "block_end" in group else np.empty(0, dtype=int)
-            start = 0
-            for i, end in enumerate(ends):
-                random_state = (
-                    "MT19937",
-                    group["random_keys"][i],
-                    *(int(v) for v in group["random_position"][i][:2]),
-                    float(group["random_gauss"][i]),
-                )
-                yield Block(
-                    chain[start:end],
-                    log_prob[start:end],
-                    group["block_accepted"][i],
-                    group[f"log_weight_{i}"][()],
-                    random_state,
-                )
-                start = end
+            return iter(_blocks(file[name]) if name in file else [])
 
     def append(self, name: str, block: Block) -> None:
         """Add a block to one ensemble's chain.
+
+        What an interrupted call has left behind the last whole block is written over.
 
         Raises
         ------
@@ -128,24 +111,28 @@ class Checkpoint:
                 backend.reset(walkers, dimension)
             with self._open() as file:
                 group = file[name]
-                done = int(group.attrs["iteration"])
+                number = len(group["block_end"]) if "block_end" in group else 0
+                done = int(group["block_end"][-1]) if number else 0
                 total = done + steps
                 for key, values in (("chain", block.chain), ("log_prob", block.log_prob)):
                     group[key].resize(total, axis=0)
                     group[key][done:total] = values
-                group["accepted"][...] = group["accepted"][...] + block.accepted
-                number = len(group["block_end"]) if "block_end" in group else 0
                 _, keys, position, has_gauss, gauss = block.random_state
+                if f"log_weight_{number}" in group:
+                    del group[f"log_weight_{number}"]
                 group.create_dataset(f"log_weight_{number}", data=block.log_weight)
-                _append(group, "block_accepted", np.asarray(block.accepted, dtype=float))
-                _append(group, "random_keys", np.asarray(keys))
-                _append(group, "random_position", np.array([position, has_gauss]))
-                _append(group, "random_gauss", np.array(gauss))
+                _put(group, "block_accepted", number, np.asarray(block.accepted, dtype=float))
+                _put(group, "random_keys", number, np.asarray(keys))
+                _put(group, "random_position", number, np.array([position, has_gauss]))
+                _put(group, "random_gauss", number, np.array(gauss))
+                group["accepted"][...] = group["block_accepted"][()].sum(axis=0)
                 for i, part in enumerate(block.random_state):
                     group.attrs[f"random_state_{i}"] = part
                 group.attrs["iteration"] = total
-                _append(group, "block_end", np.array(total))  # last: a block counts once all of it is there
-        except OSError as error:
+                _put(
+                    group, "block_end", number, np.array(total)
+                )  # last: a block counts once all of it is there
+        except (OSError, RuntimeError) as error:  # h5py raises either where the disk is full
             raise _unwritable(self.path, error) from None
 
     @contextmanager
@@ -155,18 +142,62 @@ class Checkpoint:
             file.flush()
 
 
-def _append(group: h5py.Group, name: str, value: Floats) -> None:
+def _blocks(group: h5py.Group) -> list[Block]:
+    chain, log_prob = group["chain"][()], group["log_prob"][()]
+    ends = group["block_end"][()].astype(int) if "block_end" in group else np.empty(0, dtype=int)
+    out = []
+    for i, (start, end) in enumerate(zip((0, *ends), ends, strict=False)):
+        position, has_gauss = group["random_position"][i]
+        random_state = (
+            "MT19937", group["random_keys"][i], int(position), int(has_gauss), float(group["random_gauss"][i])
+        )  # fmt: skip
+        out.append(
+            Block(
+                chain[start:end],
+                log_prob[start:end],
+                group["block_accepted"][i],
+                group[f"log_weight_{i}"][()],
+                random_state,
+            )
+        )
+    return out
+
+
+def _create(path: Path, fingerprint: str) -> None:
+    """Make the file under another name first: it never lacks its fingerprint."""
+    temporary = path.with_name(f".{path.name}")
+    try:
+        with h5py.File(temporary, "w") as file:
+            file.attrs["fingerprint"] = fingerprint
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _whole(path: Path) -> bool:
+    """Whether all that a file says it holds can be read; a process that is killed while it writes may spoil it."""
+    try:
+        with h5py.File(path, "r") as file:
+            for group in file.values():
+                _blocks(group)
+            return "fingerprint" in file.attrs
+    except (OSError, KeyError, ValueError, RuntimeError, AttributeError, TypeError):
+        return False
+
+
+def _put(group: h5py.Group, name: str, number: int, value: Floats) -> None:
+    """Write an entry behind `number` others."""
     if name not in group:
         group.create_dataset(name, data=value[None], maxshape=(None, *value.shape))
         return
     data = group[name]
-    data.resize(len(data) + 1, axis=0)
-    data[-1] = value
+    data.resize(number + 1, axis=0)
+    data[number] = value
 
 
-def _unwritable(path: Path, error: OSError) -> OutputError:
+def _unwritable(path: Path, error: OSError | RuntimeError) -> OutputError:
     return OutputError(
-        f"can't be written: {error.strerror or error}",
+        f"can't be written: {getattr(error, 'strerror', None) or error}",
         file=path,
         expected="room and permission for the chains",
         remedy="free the disk or choose another --out; then repeat with --resume",
