@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -32,6 +33,9 @@ from sma_bayes.results.fitting import AUTO, fit_records
 from sma_bayes.results.store import plain, write_csv, write_json, write_posterior, write_text
 
 DEFAULT_PRIORS = "modified_sigmoid"
+
+MARK = "run.json"
+"""File that tells to which run a folder belongs."""
 
 Pool = Literal["none", "campaign"]
 Progress = Callable[[int, int, str], None]
@@ -161,15 +165,11 @@ def fit_campaign(
         extrapolate,
         bias=bias,
     )
-    claim_folder(folder, _identity(campaign, options), resume)
     groups = groups_of(campaign, pool)
-    tasks = [_Task(g, options, folder) for g in groups]
-    tell = progress or (lambda done, total, message: None)
-    tell(0, len(tasks), "sampling")
-    outcomes: list[_Outcome] = []
-    for outcome in run(_whole_task, tasks, jobs):
-        outcomes.append(outcome)
-        tell(len(outcomes), len(tasks), f"sampled {', '.join(s['key'] for s in outcome.summaries)}")
+    check_call(groups, options)
+    with claimed_folder(folder, _identity(campaign, options), resume):
+        tell = progress or (lambda done, total, message: None)
+        outcomes = _outcomes([_Task(g, options, folder) for g in groups], jobs, tell)
     records = [s for o in outcomes for s in o.summaries]
     summary = {
         "schema": "sma-bayes/fit/1",
@@ -204,6 +204,42 @@ def fit_campaign(
     return summary
 
 
+def _outcomes(tasks: Sequence[_Task], jobs: int | None, tell: Progress) -> list[_Outcome]:
+    tell(0, len(tasks), "sampling")
+    outcomes: list[_Outcome] = []
+    for outcome in run(_whole_task, tasks, jobs):
+        outcomes.append(outcome)
+        tell(len(outcomes), len(tasks), f"sampled {', '.join(s['key'] for s in outcome.summaries)}")
+    return outcomes
+
+
+def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
+    """Refuse, before anything is written or sampled, what no record could be fitted with.
+
+    Parameters
+    ----------
+    groups : sequence of sequence of Record
+        Records that share a posterior.
+    options : FitOptions
+
+    Raises
+    ------
+    UnknownNameError
+        If no noise model has that name.
+    PriorError
+        If a prior is missing, has no parameter, or is wrong, or records can't share parameters.
+    SmaBayesError
+        If bands are to go on for ever.
+    """
+    if not np.isfinite(options.extrapolate):
+        raise SmaBayesError(f"--extrapolate {options.extrapolate}", expected="a finite number of degrees")
+    noise = NOISE_MODELS["independent" if options.noise == AUTO else options.noise]
+    for group in groups:
+        one = [dict.fromkeys(record.channels, 1.0) for record in group]  # stands for residual and memory
+        build_posterior(group, NOISE_MODELS["independent"], options.priors)
+        build_posterior(group, noise, options.priors, residual=one, memory=one)
+
+
 def groups_of(campaign: Campaign, pool: Pool) -> list[tuple[Record, ...]]:
     """Records that share a posterior: one each, or all of a branch."""
     if pool == "none":
@@ -212,8 +248,42 @@ def groups_of(campaign: Campaign, pool: Pool) -> list[tuple[Record, ...]]:
     return [g for g in branches if g]
 
 
-def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> None:
+@contextmanager
+def claimed_folder(folder: Path, identity: dict[str, Any], resume: bool) -> Iterator[None]:
+    """Work in a folder that is ours, and leave none behind if nothing came of it; see `claim_folder`."""
+    made = claim_folder(folder, identity, resume)
+    try:
+        yield
+    except BaseException:
+        give_back(folder, made)
+        raise
+
+
+def give_back(folder: Path, made: Sequence[Path]) -> None:
+    """Undo a claim, unless files besides its mark have been written.
+
+    Parameters
+    ----------
+    folder : Path
+    made : sequence of Path
+        Folders that the claim made, the innermost first.
+    """
+    inside = sorted(folder.rglob("*"), reverse=True)
+    if any(p.is_file() and p != folder / MARK for p in inside):
+        return
+    with suppress(OSError):  # what can't be removed does no harm; the reason why we are here is what counts
+        (folder / MARK).unlink(missing_ok=True)
+        for place in (*(p for p in inside if p.is_dir()), *made):
+            place.rmdir()
+
+
+def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> tuple[Path, ...]:
     """Make a folder ours, or check that it already is.
+
+    Returns
+    -------
+    tuple of Path
+        Folders that were made for it, the innermost first.
 
     Raises
     ------
@@ -222,28 +292,12 @@ def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> None:
     ResumeError
         If it holds a run of other data, priors, options or versions.
     """
-    mark = folder / "run.json"
     try:
+        if (folder / MARK).is_file():
+            _check_mark(folder, identity, resume)
+            return ()
         if folder.exists() and not folder.is_dir():
             raise OutputError("is a file", file=folder, expected="a folder", remedy="choose another --out")
-        if mark.exists():
-            found = json.loads(mark.read_text(encoding="utf-8"))
-            different = [k for k in identity if k != "schema" and found.get(k) != identity[k]]
-            if not resume:
-                raise OutputError(
-                    "holds another run" if different else "holds this run already",
-                    file=folder,
-                    expected="a new or empty folder",
-                    remedy="choose another --out, or add --resume to go on with that run",
-                )
-            if different:
-                raise ResumeError(
-                    f"holds a run that differs in {', '.join(different)}",
-                    file=folder,
-                    expected="the same data, priors, options and versions",
-                    remedy="resume with what the run was started with, or choose another --out",
-                )
-            return
         if folder.exists() and any(folder.iterdir()):
             raise OutputError(
                 "is not empty and holds no run of sma_bayes",
@@ -251,13 +305,48 @@ def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> None:
                 expected="a new or empty folder",
                 remedy="choose another --out",
             )
+        made = tuple(p for p in (folder, *folder.parents) if not p.exists())
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
             f"can't be used: {error.strerror or error}", file=folder, expected="a folder that can be written",
             remedy="choose another --out",
         ) from None  # fmt: skip
-    write_json(mark, identity)
+    try:
+        write_json(folder / MARK, identity)
+    except OutputError:
+        give_back(folder, made)
+        raise
+    return made
+
+
+def _check_mark(folder: Path, identity: dict[str, Any], resume: bool) -> None:
+    try:
+        found = json.loads((folder / MARK).read_text(encoding="utf-8"))
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise OutputError(
+            "does not say which run the folder holds",
+            file=folder / MARK,
+            expected="what `fit` wrote there",
+            remedy="choose another --out",
+        )
+    different = [k for k in identity if k != "schema" and found.get(k) != identity[k]]
+    if not resume:
+        raise OutputError(
+            "holds another run" if different else "holds this run already",
+            file=folder,
+            expected="a new or empty folder",
+            remedy="choose another --out" + ("" if different else ", or add --resume to go on with that run"),
+        )
+    if different:
+        raise ResumeError(
+            f"holds a run that differs in {', '.join(different)}",
+            file=folder,
+            expected="the same data, priors, options and versions",
+            remedy="resume with what the run was started with, or choose another --out",
+        )
 
 
 def all_versions() -> dict[str, str]:
@@ -372,8 +461,10 @@ def pool_named(name: str) -> Pool:
 def is_run_of(folder: Path, campaign: Campaign) -> bool:
     """Whether a folder holds a run of this campaign by this version."""
     try:
-        found = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        found = json.loads((folder / MARK).read_text(encoding="utf-8"))
     except (OSError, ValueError):
+        return False
+    if not isinstance(found, dict):
         return False
     return bool(found.get("data") == campaign.sha256 and found.get("versions") == versions())
 
