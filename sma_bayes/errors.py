@@ -118,6 +118,10 @@ class ResumeError(SmaBayesError):
     """What was left by an earlier run belongs to other data, priors, model or versions."""
 
 
+class WorkerError(SmaBayesError):
+    """A process that shared the work was ended from outside, for instance for want of memory."""
+
+
 def near_matches(name: str, known: Iterable[str]) -> str:
     """Sentence that lists the known names nearest to `name`, else all of them.
 

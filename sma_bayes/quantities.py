@@ -119,7 +119,7 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
     array = np.asarray(values, dtype=float)
     if unit == to:
         return array.copy()
-    if ARBITRARY in (unit, to):
+    if ARBITRARY in unit or ARBITRARY in to:  # also its reciprocal and the like
         raise QuantityError(
             f"{what} is in {unit!r}, which can't be turned into {to!r}",
             expected="a unit, or 'arbitrary' on both sides",
@@ -138,7 +138,11 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
         ) from None
     try:
         return np.asarray(ureg.Quantity(array, source).to(to).magnitude, dtype=float)
-    except (pint.errors.DimensionalityError, AssertionError, KeyError):  # the last two: logarithmic units, kg**0
+    except (
+        pint.errors.DimensionalityError,
+        AssertionError,
+        KeyError,
+    ):  # the last two: logarithmic units, kg**0
         raise QuantityError(
             f"unit {unit!r} of {what} is of the wrong kind",
             expected=f"a unit that can be turned into {to!r}",

@@ -359,6 +359,7 @@ def _identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
     return {
         "schema": "sma-bayes/run/1",
         "data": campaign.sha256,
+        "records": [record.key for record in campaign.records],
         "priors": hashlib.sha256(options.priors.text.encode()).hexdigest(),
         "seed": options.seed,
         "noise": options.noise,

@@ -18,7 +18,8 @@ import h5py
 import numpy as np
 from emcee.backends import HDFBackend
 
-from sma_bayes.errors import OutputError, ResumeError
+from sma_bayes.disk import NEEDED, reason, unwritable, writing
+from sma_bayes.errors import ResumeError
 from sma_bayes.quantities import Floats
 
 
@@ -67,24 +68,21 @@ class Checkpoint:
 
     def __init__(self, path: Path, fingerprint: str) -> None:
         self.path = path
-        try:
-            if path.exists() and not _whole(path):
+        if path.exists() and not _whole(path):
+            with writing(path):
                 path.replace(path.with_name(f"{path.name}.unreadable"))
-            if path.exists():
-                with h5py.File(path, "r") as file:
-                    found = str(file.attrs.get("fingerprint", ""))
-                if found != fingerprint:
-                    raise ResumeError(
-                        "was left by a run with other data, priors, model, seed or versions",
-                        file=path,
-                        expected="the same on resuming",
-                        remedy="resume with what the run was started with, or choose another --out",
-                    )
-                return
-            path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists():
             _create(path, fingerprint)
-        except OSError as error:
-            raise _unwritable(path, error) from None
+            return
+        with h5py.File(path, "r") as file:
+            found = str(file.attrs["fingerprint"])
+        if found != fingerprint:
+            raise ResumeError(
+                "was left by a run with other data, priors, model, seed or versions",
+                file=path,
+                expected="the same on resuming",
+                remedy="resume with what the run was started with, or choose another --out",
+            )
 
     def blocks(self, name: str) -> Iterator[Block]:
         """Blocks that are stored for one ensemble, in order.
@@ -105,7 +103,7 @@ class Checkpoint:
             If it can't be written, for instance because the disk is full.
         """
         steps, walkers, dimension = block.chain.shape
-        try:
+        with writing(self.path, nbytes=block.chain.nbytes + block.log_prob.nbytes):
             backend = HDFBackend(str(self.path), name=name, compression="gzip", compression_opts=1)
             if not backend.initialized:
                 backend.reset(walkers, dimension)
@@ -132,8 +130,6 @@ class Checkpoint:
                 _put(
                     group, "block_end", number, np.array(total)
                 )  # last: a block counts once all of it is there
-        except (OSError, RuntimeError) as error:  # h5py raises either where the disk is full
-            raise _unwritable(self.path, error) from None
 
     @contextmanager
     def _open(self) -> Iterator[h5py.File]:
@@ -167,9 +163,14 @@ def _create(path: Path, fingerprint: str) -> None:
     """Make the file under another name first: it never lacks its fingerprint."""
     temporary = path.with_name(f".{path.name}")
     try:
-        with h5py.File(temporary, "w") as file:
-            file.attrs["fingerprint"] = fingerprint
-        temporary.replace(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(path, reason(error), NEEDED) from None
+    try:
+        with writing(path, nbytes=1):
+            with h5py.File(temporary, "w") as file:
+                file.attrs["fingerprint"] = fingerprint
+            temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -193,12 +194,3 @@ def _put(group: h5py.Group, name: str, number: int, value: Floats) -> None:
     data = group[name]
     data.resize(number + 1, axis=0)
     data[number] = value
-
-
-def _unwritable(path: Path, error: OSError | RuntimeError) -> OutputError:
-    return OutputError(
-        f"can't be written: {getattr(error, 'strerror', None) or error}",
-        file=path,
-        expected="room and permission for the chains",
-        remedy="free the disk or choose another --out; then repeat with --resume",
-    )

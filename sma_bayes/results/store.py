@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sma_bayes.errors import OutputError
+from sma_bayes.disk import NEEDED, reason, unwritable, writing
 from sma_bayes.posterior import versions
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
@@ -27,7 +27,7 @@ PREDICTIVE_DRAWS = 250
 """Draws of each ensemble for which pointwise likelihood and replicated data are stored."""
 
 
-def write_file(path: Path, write: Callable[[Path], object]) -> None:
+def write_file(path: Path, write: Callable[[Path], object], *, nbytes: int = 0) -> None:
     """Write a file under a temporary name beside its place, then move it there.
 
     Parameters
@@ -35,6 +35,8 @@ def write_file(path: Path, write: Callable[[Path], object]) -> None:
     path : Path
     write : callable
         Writes to the path that it is given.
+    nbytes : int
+        Size of the file at most, if known.
 
     Raises
     ------
@@ -45,15 +47,14 @@ def write_file(path: Path, write: Callable[[Path], object]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
     except OSError as error:
-        raise _unwritable(path, error) from None
+        raise unwritable(path, reason(error), NEEDED) from None
     os.close(handle)
     temporary = Path(name)
     try:
-        write(temporary)
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except OSError as error:
-        raise _unwritable(path, error) from None
+        with writing(path, nbytes=nbytes):
+            write(temporary)
+            temporary.chmod(0o644)
+            temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -118,7 +119,11 @@ def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, 
         Replicated data, one series for each kept draw.
     """
     tree = _tree(fit, record, replicated)
-    write_file(path, lambda place: tree.to_netcdf(place, engine="h5netcdf", encoding=_encoding(tree)))
+    write_file(
+        path,
+        lambda place: tree.to_netcdf(place, engine="h5netcdf", encoding=_encoding(tree)),
+        nbytes=int(tree.nbytes),
+    )
 
 
 def _tree(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> Any:
@@ -246,12 +251,3 @@ def _encoding(tree: Any) -> dict[str, dict[str, Any]]:
         for node in tree.subtree
         if node.path in ("/log_likelihood", "/posterior_predictive")
     }
-
-
-def _unwritable(path: Path, error: OSError) -> OutputError:
-    return OutputError(
-        f"can't be written: {error.strerror or error}",
-        file=path,
-        expected="room and permission",
-        remedy="free the disk or choose another --out; then repeat with --resume",
-    )

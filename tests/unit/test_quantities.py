@@ -120,7 +120,7 @@ def test_a_unit_of_the_wrong_kind_is_refused(unit: str, to: str) -> None:
 
 def test_arbitrary_units_pass_through_but_are_never_converted() -> None:
     assert convert(4.142, ARBITRARY, ARBITRARY) == 4.142
-    for unit, to in ((ARBITRARY, "degC"), ("degC", ARBITRARY)):
+    for unit, to in ((ARBITRARY, "degC"), ("degC", ARBITRARY), (f"1/{ARBITRARY}", "1/degC")):
         with pytest.raises(QuantityError, match="'arbitrary' on both sides"):
             convert(1.0, unit, to)
 
