@@ -1,0 +1,156 @@
+"""Build figures, tables and the report of a finished run from what its output folder holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from sma_bayes.inference.jobs import run
+from sma_bayes.report.content import Content, RecordContent
+from sma_bayes.report.figures import (
+    BranchData,
+    Drawing,
+    FigureFiles,
+    corner_figure,
+    correlation_figure,
+    diagnostics_figure,
+    loop_figure,
+    overview_figure,
+    parameter_figure,
+    predictive_figure,
+    printed_figure,
+    residual_figure,
+    save,
+    trace_figure,
+)
+from sma_bayes.report.gather import report_content
+from sma_bayes.report.html import write_report
+from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
+from sma_bayes.report.residuals import median_curves, standardised_residuals
+from sma_bayes.report.tables import report_tables, write_tables
+
+Progress = Callable[[int, int, str], None]
+"""Told how many tasks are done, how many there are, and what is going on."""
+
+
+def build_report(folder: Path, *, jobs: int | None = None, progress: Progress | None = None) -> None:
+    """Write ``figures/``, ``tables/`` and ``report.html`` of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        Output folder of a finished `fit`. Nothing but the three outputs is changed in it.
+    jobs : int, optional
+        Processes that draw figures; by default one for each core.
+    progress : callable, optional
+
+    Raises
+    ------
+    OutputError
+        If the folder holds no run, an unfinished one, or can't be written.
+    """
+    folder = Path(folder)
+    stored = read_run(folder)
+    content = report_content(stored)
+    tasks = [
+        *_record_tasks(folder, content),
+        *_condition_tasks(folder, content),
+        _CampaignTask(folder, content),
+    ]
+    tell = progress or (lambda done, total, message: None)
+    total = len(tasks) + 1
+    tell(0, total, "drawing figures")
+    figures: dict[str, FigureFiles] = {}
+    for done, (task, drawn) in enumerate(zip(tasks, run(_draw, tasks, jobs), strict=True), 1):
+        figures |= {f.stem: f for f in drawn}
+        tell(done, total, f"drew {task.title}")
+    tables = report_tables(content)
+    write_tables(tables, folder / "tables")
+    write_report(folder, content, tables, figures)
+    tell(total, total, "wrote report.html")
+
+
+@dataclass(frozen=True, slots=True)
+class _RecordTask:
+    """Figures of one record."""
+
+    folder: Path
+    record: RecordContent
+
+    @property
+    def title(self) -> str:
+        return self.record.key
+
+    def drawings(self) -> Iterator[Callable[[], Drawing]]:
+        branch = _branch_data(self.folder, self.record)
+        yield partial(corner_figure, branch)
+        yield partial(trace_figure, branch)
+        yield partial(predictive_figure, branch)
+        residuals = standardised_residuals(self.record, branch.stored, branch.curve)
+        yield partial(residual_figure, branch, residuals)
+
+
+@dataclass(frozen=True, slots=True)
+class _ConditionTask:
+    """Figure of the loop of one condition."""
+
+    folder: Path
+    condition: str
+    records: tuple[RecordContent, ...]
+
+    @property
+    def title(self) -> str:
+        return self.condition
+
+    def drawings(self) -> Iterator[Callable[[], Drawing]]:
+        yield partial(loop_figure, self.condition, [_branch_data(self.folder, r) for r in self.records])
+
+
+@dataclass(frozen=True, slots=True)
+class _CampaignTask:
+    """Figures of the whole campaign."""
+
+    folder: Path
+    content: Content
+    title: str = "the campaign"
+
+    def drawings(self) -> Iterator[Callable[[], Drawing]]:
+        yield partial(diagnostics_figure, self.content)
+        yield partial(correlation_figure, self.content)
+        yield partial(parameter_figure, self.content)
+        if self.content.printed:
+            yield partial(printed_figure, self.content)
+        branches = {
+            c: [_branch_data(self.folder, r) for r in self.content.branches(c)]
+            for c in self.content.conditions
+        }
+        for channel in self.content.channels:
+            having = {
+                condition: found
+                for condition, all_of_it in branches.items()
+                if (found := [b for b in all_of_it if b.content.channel(channel.channel) is not None])
+            }
+            yield partial(overview_figure, channel.channel, having)
+
+
+_Task = _RecordTask | _ConditionTask | _CampaignTask
+
+
+def _record_tasks(folder: Path, content: Content) -> list[_Task]:
+    return [_RecordTask(folder, r) for r in content.records]
+
+
+def _condition_tasks(folder: Path, content: Content) -> list[_Task]:
+    return [_ConditionTask(folder, c, content.branches(c)) for c in content.conditions]
+
+
+def _draw(task: _Task) -> list[FigureFiles]:
+    return [save(draw, task.folder / "figures") for draw in task.drawings()]
+
+
+def _branch_data(folder: Path, record: RecordContent) -> BranchData:
+    stored = read_record(posterior_path(folder, record.key))
+    bands = {c.channel: read_band(band_path(folder, record.key, c.channel)) for c in record.channels}
+    return BranchData(record, stored, bands, median_curves(stored))

@@ -1,0 +1,481 @@
+"""Everything that a report says about a run, as typed values with units; how they look is decided elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from sma_bayes.inference.convergence import Target
+from sma_bayes.paper.tables import PrintedCell
+from sma_bayes.report.notation import compact
+
+LEVEL: Final = "90 %"
+INTERVAL: Final = f"equal-tailed {LEVEL} credible interval"
+TARGET: Final = Target()
+CHECK_TAIL: Final = 0.01
+"""A predictive check counts as failed where its p-value is below this, or above one less this."""
+PAPER_CORRELATION: Final = 0.95
+"""Average correlation factor that the paper states (its abstract and conclusions)."""
+SHAPES: Final = {
+    "hump": "falls to zero at both ends (A2 < B2)",
+    "unbounded": "grows without bound at both ends (A2 > B2)",
+    "sigmoid": "stays between two bounds (A2 = B2)",
+}
+"""What Eq. (7) does far from the midpoints."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A value with its unit.
+
+    Attributes
+    ----------
+    value : float or None
+        None where it is not defined.
+    unit : str
+    resolution : float or None
+        Size of its uncertainty, which decides how many digits are shown [unit].
+    """
+
+    value: float | None
+    unit: str = "1"
+    resolution: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Median and equal-tailed 90 % interval of a posterior quantity [unit]."""
+
+    median: float | None
+    q05: float | None
+    q95: float | None
+    unit: str = "1"
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A channel under the name it has in this campaign.
+
+    Attributes
+    ----------
+    channel, name, symbol, unit : str
+    observed : bool
+        False where it follows from others.
+    fit : mapping of str to float
+        sse, rmse, r2, adj_r2, n, p at the warm start; empty where it was not observed.
+    measured, replicated : mapping of str to Estimate
+        r, r2, rmse against the measured data and against data replicated from the posterior.
+    """
+
+    channel: str
+    name: str
+    symbol: str
+    unit: str
+    observed: bool
+    fit: Mapping[str, float]
+    measured: Mapping[str, Estimate]
+    replicated: Mapping[str, Estimate]
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterResult:
+    """Prior and posterior of a parameter; numbers in `unit` where nothing else is said.
+
+    Attributes
+    ----------
+    name, meaning, unit : str
+    of_noise : bool
+        True for the parameters of the noise.
+    warm_start, warm_start_sd, mean, sd : float or None
+    estimate : Estimate
+    rhat, ess_bulk, ess_tail : float or None
+        [1].
+    contraction : float or None
+        One less the ratio of posterior to prior variance [1].
+    identified, fixed, at_bound : bool
+    family : str
+    numbers : mapping of str to float
+        Of the prior.
+    source : str
+        Why this prior.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    of_noise: bool
+    warm_start: float | None
+    warm_start_sd: float | None
+    mean: float | None
+    sd: float | None
+    estimate: Estimate
+    rhat: float | None
+    ess_bulk: float | None
+    ess_tail: float | None
+    contraction: float | None
+    identified: bool
+    fixed: bool
+    at_bound: bool
+    family: str
+    numbers: Mapping[str, float]
+    source: str
+
+    @property
+    def prior_driven(self) -> bool:
+        """Whether the parameter was sampled and the data moved it little."""
+        return not self.fixed and not self.identified
+
+    @property
+    def ess(self) -> float | None:
+        """The lesser effective sample size of bulk and tail [1]."""
+        return None if self.ess_bulk is None or self.ess_tail is None else min(self.ess_bulk, self.ess_tail)
+
+    @property
+    def short_of_target(self) -> bool:
+        """Whether R-hat or an effective sample size misses what convergence asks for."""
+        if self.fixed:
+            return False
+        if self.rhat is None or self.ess is None:
+            return True
+        return self.rhat > TARGET.rhat or self.ess < TARGET.ess
+
+    @property
+    def prior(self) -> str:
+        """The prior in words, numbers in the parameter's unit: ``lognormal, median 0.72, sigma 1``."""
+        parts = ["negative" for name, value in self.numbers.items() if name == "sign" and value < 0]
+        parts += [f"{name} {compact(value)}" for name, value in self.numbers.items() if name != "sign"]
+        return ", ".join((self.family.replace("_", " "), *parts))
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity of a branch or of a loop.
+
+    Attributes
+    ----------
+    name, condition, branch, channel, meaning : str
+        `branch` is empty where both make it.
+    estimate : Estimate
+    """
+
+    name: str
+    condition: str
+    branch: str
+    channel: str
+    meaning: str
+    estimate: Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class PredictiveCheck:
+    """A statistic of the residuals, measured and replicated [1].
+
+    Attributes
+    ----------
+    channel, statistic, meaning : str
+    measured : float
+    replicated : tuple of float
+        5 % and 95 % quantile for replicated data.
+    p_value : float
+        Share of replications that exceed the measurement.
+    """
+
+    channel: str
+    statistic: str
+    meaning: str
+    measured: float
+    replicated: tuple[float, float]
+    p_value: float
+
+    @property
+    def failed(self) -> bool:
+        """Whether chance hardly ever gives this."""
+        return not CHECK_TAIL <= self.p_value <= 1.0 - CHECK_TAIL
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """The noise model of a record and why it was taken.
+
+    Attributes
+    ----------
+    name, title, chosen_by, reason : str
+    lag1 : mapping of str to float
+        Correlation of neighbouring residuals of the warm start, by channel [1].
+    bic : mapping of str to float
+        Criterion of each noise model, less that of the best [1].
+    """
+
+    name: str
+    title: str
+    chosen_by: str
+    reason: str
+    lag1: Mapping[str, float]
+    bic: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Sampler:
+    """How a record was sampled.
+
+    Attributes
+    ----------
+    method : str
+    acceptance, efficiency, greatest_weight : float or None
+        [1].
+    modes, draws, evaluations : int
+    wall_s : float
+        [s].
+    ln_evidence, ln_evidence_sd : float or None
+    """
+
+    method: str
+    acceptance: float | None
+    efficiency: float | None
+    greatest_weight: float | None
+    modes: int
+    draws: int
+    evaluations: int
+    wall_s: float
+    ln_evidence: float | None
+    ln_evidence_sd: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class RecordContent:
+    """All that is said of one condition and branch.
+
+    Attributes
+    ----------
+    key, condition, branch : str
+    converged : bool
+    n, rows_averaged, segments : int
+    settings : mapping of str to Number
+    temperature_unit : str
+    temperature_range : tuple of float
+        Lowest and highest [unit of temperature].
+    temperature_sd : float
+        Error of a reading [unit of temperature].
+    channels : tuple of Channel
+    held, calibration : tuple of str
+        One sentence each.
+    parameters : tuple of ParameterResult
+    free_directions : tuple of tuple of str and float
+        Combinations that the data leave to the prior, with their contraction [1].
+    jacobian_rank, jacobian_columns : int or None
+        Of the least-squares fit.
+    path_kind, path_message : str
+    shape : mapping of str to float
+        Posterior probability of each behaviour of Eq. (7) [1].
+    quantities : tuple of Quantity
+    checks : tuple of PredictiveCheck
+    noise : Noise
+    sampler : Sampler
+    shares_with : tuple of str
+        Records with the same parameters.
+    """
+
+    key: str
+    condition: str
+    branch: str
+    converged: bool
+    n: int
+    rows_averaged: int
+    segments: int
+    settings: Mapping[str, Number]
+    temperature_unit: str
+    temperature_range: tuple[float, float]
+    temperature_sd: float
+    channels: tuple[Channel, ...]
+    held: tuple[str, ...]
+    calibration: tuple[str, ...]
+    parameters: tuple[ParameterResult, ...]
+    free_directions: tuple[tuple[str, float], ...]
+    jacobian_rank: int | None
+    path_kind: str
+    path_message: str
+    shape: Mapping[str, float]
+    quantities: tuple[Quantity, ...]
+    checks: tuple[PredictiveCheck, ...]
+    noise: Noise
+    sampler: Sampler
+    shares_with: tuple[str, ...]
+
+    @property
+    def model_parameters(self) -> tuple[ParameterResult, ...]:
+        """Parameters of the response, without those of the noise."""
+        return tuple(p for p in self.parameters if not p.of_noise)
+
+    @property
+    def worst_rhat(self) -> ParameterResult | None:
+        """The sampled parameter with the greatest R-hat."""
+        known = [p for p in self.parameters if p.rhat is not None]
+        return max(known, key=lambda p: p.rhat or 0.0, default=None)
+
+    @property
+    def least_ess(self) -> ParameterResult | None:
+        """The sampled parameter with the least effective sample size, bulk or tail."""
+        known = [p for p in self.parameters if p.ess is not None]
+        return min(known, key=lambda p: p.ess or 0.0, default=None)
+
+    def channel(self, channel: str) -> Channel | None:
+        """The channel of that name, if this record has it."""
+        return next((c for c in self.channels if c.channel == channel), None)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What the quality checks saw."""
+
+    kind: str
+    message: str
+    file: str
+    rows: tuple[int, ...]
+    count: int
+    dropped: int
+    condition: str
+    branch: str
+    column: str
+
+
+@dataclass(frozen=True, slots=True)
+class PrintedComparison:
+    """A printed parameter of the paper beside its posterior.
+
+    Attributes
+    ----------
+    record : str
+        Key.
+    condition, branch, parameter : str
+    cell : PrintedCell
+    estimate : Estimate
+    mean, sd : float
+    """
+
+    record: str
+    condition: str
+    branch: str
+    parameter: str
+    cell: PrintedCell
+    estimate: Estimate
+    mean: float
+    sd: float
+
+    @property
+    def distance(self) -> float:
+        """Printed value less posterior mean [posterior sd]."""
+        return (self.cell.value - self.mean) / self.sd if self.sd > 0 else float("nan")
+
+    @property
+    def inside(self) -> bool:
+        """Whether the printed value lies in the 90 % interval."""
+        low, high = self.estimate.q05, self.estimate.q95
+        return low is not None and high is not None and low <= self.cell.value <= high
+
+
+@dataclass(frozen=True, slots=True)
+class MeanCorrelation:
+    """Average correlation factor of a channel over the converged records [1].
+
+    Attributes
+    ----------
+    name : str
+    count : int
+    plain, fisher : float
+        Mean of the medians of r, and the mean by Fisher's transformation, ``tanh(mean(artanh r))``.
+    """
+
+    name: str
+    count: int
+    plain: float
+    fisher: float
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Where the numbers come from.
+
+    Attributes
+    ----------
+    seed : int
+    options, versions : mapping of str to str
+    data_sha256, priors, command : str
+    """
+
+    seed: int
+    options: Mapping[str, str]
+    versions: Mapping[str, str]
+    data_sha256: str
+    priors: str
+    command: str
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """The content of a report.
+
+    Attributes
+    ----------
+    campaign, source : str
+    records : tuple of RecordContent
+    loops : tuple of Quantity
+    findings : tuple of Finding
+    printed : tuple of PrintedComparison
+        Empty but for the twin of the paper.
+    provenance : Provenance
+    """
+
+    campaign: str
+    source: str
+    records: tuple[RecordContent, ...]
+    loops: tuple[Quantity, ...]
+    findings: tuple[Finding, ...]
+    printed: tuple[PrintedComparison, ...]
+    provenance: Provenance
+
+    @property
+    def converged(self) -> tuple[RecordContent, ...]:
+        """Records of which conclusions may be drawn."""
+        return tuple(r for r in self.records if r.converged)
+
+    @property
+    def unconverged(self) -> tuple[RecordContent, ...]:
+        """Records of which none may be drawn."""
+        return tuple(r for r in self.records if not r.converged)
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Ids of the conditions, in order."""
+        return tuple(dict.fromkeys(r.condition for r in self.records))
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """One channel of each kind that any record has, in order."""
+        found = {c.channel: c for r in self.records for c in r.channels}
+        return tuple(found[c] for c in ("force", "displacement", "stiffness") if c in found)
+
+    def branches(self, condition: str) -> tuple[RecordContent, ...]:
+        """Records of a condition."""
+        return tuple(r for r in self.records if r.condition == condition)
+
+    def loops_of(self, condition: str) -> tuple[Quantity, ...]:
+        """Loop quantities of a condition, where all of its branches converged."""
+        if not all(r.converged for r in self.branches(condition)):
+            return ()
+        return tuple(q for q in self.loops if q.condition == condition)
+
+    def mean_correlation(self) -> tuple[MeanCorrelation, ...]:
+        """Average correlation factor of each channel."""
+        out = []
+        for channel in self.channels:
+            found = [r.channel(channel.channel) for r in self.converged]
+            medians = [c.measured["r"].median for c in found if c is not None and "r" in c.measured]
+            r = np.array([m for m in medians if m is not None])
+            if r.size:
+                with np.errstate(divide="ignore"):
+                    fisher = float(np.tanh(np.mean(np.arctanh(r))))
+                out.append(MeanCorrelation(channel.name, int(r.size), float(r.mean()), fisher))
+        return tuple(out)

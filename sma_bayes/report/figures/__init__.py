@@ -1,0 +1,29 @@
+"""All figures, and the one door to matplotlib and corner: drawn without pyplot, saved with their data."""
+
+from sma_bayes.report.figures.campaign import (
+    correlation_figure,
+    diagnostics_figure,
+    parameter_figure,
+    printed_figure,
+)
+from sma_bayes.report.figures.condition import loop_figure, overview_figure
+from sma_bayes.report.figures.marginals import corner_figure
+from sma_bayes.report.figures.record import predictive_figure, residual_figure, trace_figure
+from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles, save
+
+__all__ = [
+    "BranchData",
+    "Drawing",
+    "FigureFiles",
+    "corner_figure",
+    "correlation_figure",
+    "diagnostics_figure",
+    "loop_figure",
+    "overview_figure",
+    "parameter_figure",
+    "predictive_figure",
+    "printed_figure",
+    "residual_figure",
+    "save",
+    "trace_figure",
+]

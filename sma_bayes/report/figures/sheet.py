@@ -1,0 +1,303 @@
+"""What all figures share: style, panels, labels, and saving with the data beside."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
+
+from sma_bayes.quantities import Floats
+from sma_bayes.report.content import (
+    Channel,
+    RecordContent,
+)
+from sma_bayes.report.notation import power_text, unit_label
+from sma_bayes.report.outputs import StoredBand, StoredRecord
+from sma_bayes.results.store import write_csv, write_file
+
+COLOURS: Final = {"heating": "#c8501e", "cooling": "#1f6fb2"}
+"""Vermilion and blue: apart for colour-blind eyes, and in grey."""
+
+
+INK, FAINT, WARNING, PRIOR = "#222222", "#9a9a9a", "#a40000", "#6a3d9a"
+
+
+MANY: Final = 600
+"""Points from which a scatter is drawn as pixels in PDF too."""
+
+
+PNG_DPI: Final = 110
+
+
+STYLE: Final[dict[Any, Any]] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titley": 1.0,
+    "axes.labelsize": 8.0,
+    "axes.edgecolor": "#555555",
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.use_mathtext": False,
+    "axes.formatter.limits": (-3, 5),
+    "axes.formatter.useoffset": False,
+    "axes.unicode_minus": True,
+    "text.parse_math": False,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "lines.linewidth": 1.0,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "pdf.fonttype": 3,
+    "path.simplify": True,
+}
+"""Settings in force while a figure is drawn; nobody else's settings are touched."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A figure, what it shows, and its data.
+
+    Attributes
+    ----------
+    stem : str
+        Name of its files.
+    caption, alt : str
+        For the eye, and for those who can't see it.
+    figure : Figure
+    data : mapping of str to sequence
+        Columns of equal length.
+    """
+
+    stem: str
+    caption: str
+    alt: str
+    figure: Figure
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class FigureFiles:
+    """A figure on disk: `stem` with .pdf, .png and .csv."""
+
+    stem: str
+    caption: str
+    alt: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BranchData:
+    """A record with what there is to draw of it.
+
+    Attributes
+    ----------
+    content : RecordContent
+    stored : StoredRecord
+    bands : mapping of str to StoredBand
+        By channel.
+    curve : mapping of str to ndarray, shape (n,)
+        Median curve at each sample, by observed channel [unit of the channel].
+    """
+
+    content: RecordContent
+    stored: StoredRecord
+    bands: Mapping[str, StoredBand]
+    curve: Mapping[str, Floats]
+
+
+def save(draw: Callable[[], Drawing], folder: Path) -> FigureFiles:
+    """Draw a figure and write it as PDF and PNG, its data beside it as CSV.
+
+    Parameters
+    ----------
+    draw : callable
+        Gives the figure; called with the settings of `STYLE`.
+    folder : Path
+
+    Raises
+    ------
+    OutputError
+        If a file can't be written.
+    """
+    with mpl.rc_context(STYLE):
+        drawing = draw()
+        figure = drawing.figure
+        write_file(
+            folder / f"{drawing.stem}.png", lambda path: figure.savefig(path, format="png", dpi=PNG_DPI)
+        )
+        write_file(
+            folder / f"{drawing.stem}.pdf",
+            lambda path: figure.savefig(path, format="pdf", dpi=200, metadata={"CreationDate": None}),
+        )
+    write_csv(folder / f"{drawing.stem}.csv", drawing.data)
+    return FigureFiles(drawing.stem, drawing.caption, drawing.alt)
+
+
+def empty_sheet(width: float, height: float) -> Figure:
+    """Empty figure [inch] with a canvas of its own."""
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def panels(
+    figure: Figure,
+    rows: int,
+    columns: int,
+    *,
+    left: float,
+    right: float,
+    bottom: float,
+    top: float,
+    gap_x: float = 0.0,
+    gap_y: float = 0.0,
+    ratio: Sequence[float] = (),
+    tall: Sequence[float] = (),
+) -> Any:
+    """Panels with margins and gaps in inch; set by hand, since finding them costs as much as drawing."""
+    width, height = figure.get_size_inches()
+    panel_w = (width - left - right - (columns - 1) * gap_x) / columns
+    panel_h = (height - top - bottom - (rows - 1) * gap_y) / rows
+    axes = figure.subplots(
+        rows,
+        columns,
+        squeeze=False,
+        gridspec_kw={
+            "left": left / width,
+            "right": 1.0 - right / width,
+            "bottom": bottom / height,
+            "top": 1.0 - top / height,
+            "wspace": gap_x / panel_w,
+            "hspace": gap_y / panel_h,
+            **({"width_ratios": ratio} if ratio else {}),
+            **({"height_ratios": tall} if tall else {}),
+        },
+    )
+    for ax in axes.flat:  # few ticks read better, and ticks are what drawing spends its time on
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(few_ticks(5))
+        ax.yaxis.set_label_coords(-0.5 / panel_w, 0.5)
+    return axes
+
+
+def few_ticks(most: int) -> MaxNLocator:
+    """At most so many ticks, at round numbers."""
+    return MaxNLocator(most, steps=[1, 2, 2.5, 5, 10])
+
+
+def take_power(axis: Axis) -> int:
+    """Take a power of ten out of an axis whose numbers are large or small, once its limits stand.
+
+    Returns
+    -------
+    int
+        The power, which belongs into the label; 0 where the numbers stay as they are.
+    """
+    if axis.get_scale() == "log":
+        return 0
+    power = power_of(np.array(axis.get_view_interval()))
+    formatter = ScalarFormatter(useOffset=False)
+    formatter.set_scientific(power != 0)
+    formatter.set_powerlimits((power, power))
+    axis.set_major_formatter(formatter)
+    axis.get_offset_text().set_visible(False)
+    return power
+
+
+def power_of(values: Floats) -> int:
+    """Power of ten that goes into the unit of these numbers; 0 for numbers of ordinary size.
+
+    Examples
+    --------
+    >>> power_of(np.array([0.0, 4e-4])), power_of(np.array([-20.0, 3.0])), power_of(np.array([2e8]))
+    (-4, 0, 8)
+    """
+    size = float(np.max(np.abs(values), initial=0.0))
+    power = math.floor(math.log10(size)) if size > 0 else 0
+    return 0 if -3 < power < 4 else power
+
+
+def in_units_of(power: int, unit: str) -> str:
+    """Unit with a power of ten before it: ``10⁸ Pa``; 1 for a pure number."""
+    factor = f"10{power_text(power)}" if power else ""
+    return " ".join(x for x in (factor, unit_label(unit)) if x) or "1"
+
+
+def axis_label(channel: Channel, power: int = 0) -> str:
+    """Name, symbol and unit of a channel; `power` is the power of ten that was taken out of the numbers."""
+    return f"{channel.name} {channel.symbol} [{in_units_of(power, channel.unit)}]"
+
+
+def temperature_label(record: RecordContent) -> str:
+    """Label of a temperature axis."""
+    return f"temperature T [{unit_label(record.temperature_unit)}]"
+
+
+def heading(figure: Figure, title: str, note: str) -> None:
+    """Write a title at the upper left; a note turns it red."""
+    text = f"{abridged(title, 70)}   {note}" if note else abridged(title, 90)
+    figure.text(
+        0.1 / figure.get_figwidth(), 1.0 - 0.08 / figure.get_figheight(), text, va="top", fontsize=9.5,
+        fontweight="bold", color=WARNING if note else INK,
+    )  # fmt: skip
+
+
+def unconverged_note(records: Iterable[RecordContent]) -> str:
+    """Warning that names the branches that did not converge; empty if all did."""
+    names = [r.branch for r in records if not r.converged]
+    return f"NOT CONVERGED: {' and '.join(names)}" if names else ""
+
+
+def remark(ax: Axes, text: str, colour: str) -> None:
+    """Write a few small words into the upper right of a panel."""
+    ax.text(
+        0.98, 0.985, text, transform=ax.transAxes, ha="right", va="top", fontsize=6.0, style="italic", color=colour,
+        zorder=6, bbox={"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.8},
+    )  # fmt: skip
+
+
+def dot_handle(colour: str, label: str, *, hollow: bool = False) -> Line2D:
+    """Entry of a legend for points."""
+    face = "white" if hollow else colour
+    return Line2D([], [], marker="o", ms=4, ls="none", mfc=face, mec=colour, label=label)
+
+
+def abridged(text: str, longest: int = 34) -> str:
+    """Text with its middle left out where it is too long for a label."""
+    if len(text) <= longest:
+        return text
+    half = (longest - 1) // 2
+    return f"{text[:half]}…{text[-half:]}"
+
+
+def label_width(names: Iterable[str]) -> float:
+    """Room for the longest of these labels [inch]."""
+    return 0.25 + 0.062 * max((len(abridged(n)) for n in names), default=0)
+
+
+def as_columns(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, Any]:
+    """Columns of rows; None becomes an empty cell."""
+    if not rows:
+        return {name: [] for name in header}
+    cells = zip(*rows, strict=True)
+    return {
+        name: ["" if v is None else v for v in column] for name, column in zip(header, cells, strict=True)
+    }

@@ -1,0 +1,197 @@
+"""How numbers are written for people: as many digits as their uncertainty bears, in plain text and in LaTeX."""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from sma_bayes.quantities import unit_text
+
+MISSING: Final = "–"
+FIXED: Final = range(-3, 6)
+"""Decimal exponents that are written without a power of ten."""
+MOST_DIGITS: Final = 9
+"""Significant digits of a number at most, however sure it is."""
+NORMAL_90: Final = 3.29
+"""Width of the 90 % interval of a normal distribution [sd]."""
+
+_SUPERSCRIPT: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_TEX: Final = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{",
+    "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}",
+    ">": r"\textgreater{}", "|": r"\textbar{}", '"': r"\textquotedbl{}", "°": r"\textdegree{}", "−": "$-$",
+    "×": r"$\times$", "·": r"$\cdot$", "±": r"$\pm$", "≤": r"$\leq$", "≥": r"$\geq$", "–": "--", "—": "---",
+    "…": r"\ldots{}", "²": "$^2$", "³": "$^3$", "µ": r"$\mu$", "μ": r"$\mu$", "Ω": r"$\Omega$",
+    "σ": r"$\sigma$", "ε": r"$\varepsilon$", "\u00a0": "~", "\u202f": r"\,", "’": "'",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """Numbers with a common power of ten.
+
+    Attributes
+    ----------
+    digits : tuple of str
+        Each number over the power of ten.
+    exponent : int
+        The power; 0 where there is none.
+    """
+
+    digits: tuple[str, ...]
+    exponent: int
+
+    @property
+    def plain(self) -> tuple[str, ...]:
+        """Each number by itself, as text."""
+        power = f" × 10{power_text(self.exponent)}" if self.exponent else ""
+        return tuple(_signed(d) + (power if d != MISSING else "") for d in self.digits)
+
+    @property
+    def tex(self) -> tuple[str, ...]:
+        """Each number by itself, in LaTeX."""
+        power = rf"\times10^{{{self.exponent}}}" if self.exponent else ""
+        return tuple(f"${d}{power}$" if d != MISSING else "--" for d in self.digits)
+
+
+def write(values: Sequence[float | None], resolution: float | None = None, digits: int = 4) -> Written:
+    """Write numbers that belong together with the same power of ten and the same last place.
+
+    Parameters
+    ----------
+    values : sequence of float or None
+        None and what is not finite are written as a dash.
+    resolution : float, optional
+        Their uncertainty [unit of the values]; two digits of it are shown. Without it the largest number has
+        `digits` significant digits.
+    digits : int
+
+    Examples
+    --------
+    >>> write([0.72243, 0.00064], resolution=0.00064).plain
+    ('0.72243', '0.00064')
+    >>> write([4e-4]).plain
+    ('4.000 × 10⁻⁴',)
+    """
+    sizes = [abs(v) for v in values if v is not None and math.isfinite(v)]
+    largest = max(sizes, default=0.0)
+    sure = resolution is not None and math.isfinite(resolution) and resolution > 0.0
+    top = _place(max(largest, resolution if sure and resolution is not None else 0.0))
+    last = _place(resolution) - 1 if sure and resolution is not None else top - digits + 1
+    last = max(last, top - MOST_DIGITS + 1)
+    exponent = 0 if top in FIXED else top
+    decimals = max(0, exponent - last)
+    return Written(tuple(_digits(v, exponent, decimals, last) for v in values), exponent)
+
+
+def write_interval(median: float | None, low: float | None, high: float | None) -> Written:
+    """Median and ends of a 90 % interval, with the digits that its width bears."""
+    width = None if low is None or high is None else (high - low) / NORMAL_90
+    return write((median, low, high), resolution=width)
+
+
+def interval_text(written: Written) -> str:
+    """Median and interval on one line: ``0.722 [0.721, 0.723]``, a common power of ten behind.
+
+    Examples
+    --------
+    >>> interval_text(write_interval(0.0004, -0.0001, 0.0009))
+    '(4.0 [−1.0, 9.0]) × 10⁻⁴'
+    """
+    median, low, high = (_signed(d) for d in written.digits)
+    text = f"{median} [{low}, {high}]"
+    if not written.exponent:
+        return text
+    return f"({text}) × 10{power_text(written.exponent)}"
+
+
+def power_text(exponent: int) -> str:
+    """Exponent in superscript digits.
+
+    Examples
+    --------
+    >>> power_text(-4)
+    '⁻⁴'
+    """
+    return str(exponent).translate(_SUPERSCRIPT)
+
+
+def compact(value: float) -> str:
+    """Number of at most three digits, without zeros behind.
+
+    Examples
+    --------
+    >>> compact(1.0), compact(0.72197), compact(2.5e-7)
+    ('1', '0.722', '2.5 × 10⁻⁷')
+    """
+    digits, _, power = f"{value:.3g}".partition("e")
+    return _signed(digits) + (f" × 10{power_text(int(power))}" if power else "")
+
+
+def count_text(value: int) -> str:
+    """Count with its thousands set apart."""
+    return f"{value:,}".replace(",", "\u202f")
+
+
+def unit_label(unit: str) -> str:
+    """Unit as shown to people, a product with its dot; empty for a pure number.
+
+    Examples
+    --------
+    >>> unit_label("N/cm degC"), unit_label("1"), unit_label("cm arbitrary")
+    ('N/cm · °C', '', 'cm · arbitrary unit')
+    """
+    return " · ".join(unit_text(part) for part in unit.split(" ") if part) if unit != "1" else ""
+
+
+def squared(unit: str) -> str:
+    """Square of a unit.
+
+    Examples
+    --------
+    >>> squared("N/cm"), squared("1"), squared("N")
+    ('(N/cm)²', '1', 'N²')
+    """
+    if unit == "1":
+        return unit
+    return f"{unit}²" if unit.isalpha() else f"({unit})²"
+
+
+def tex_text(text: str) -> str:
+    r"""Text as LaTeX shows it, with nothing but ASCII and Latin letters left.
+
+    Examples
+    --------
+    >>> tex_text("5 % of B_1 [°C]")
+    '5 \\% of B\\_1 [\\textdegree{}C]'
+    """
+    return "".join(_tex_character(c) for c in text)
+
+
+def _tex_character(c: str) -> str:
+    if c in _TEX:
+        return _TEX[c]
+    if c in "⁻⁰¹⁴⁵⁶⁷⁸⁹":
+        return f"$^{{{unicodedata.normalize('NFKC', c).replace('−', '-')}}}$"
+    if ord(c) < 256 or (unicodedata.category(c)[0] == "L" and "LATIN" in unicodedata.name(c, "")):
+        return c if c.isprintable() else " "
+    return rf"\texttt{{U+{ord(c):04X}}}"
+
+
+def _place(size: float) -> int:
+    return math.floor(math.log10(size)) if size > 0.0 else 0
+
+
+def _digits(value: float | None, exponent: int, decimals: int, last: int) -> str:
+    if value is None or not math.isfinite(value):
+        return MISSING
+    rounded = round(value, -last)
+    text = f"{rounded / 10.0**exponent:.{decimals}f}"
+    return text.removeprefix("-") if not text.strip("-0.") else text
+
+
+def _signed(digits: str) -> str:
+    return digits.replace("-", "−")

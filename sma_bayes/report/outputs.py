@@ -1,0 +1,229 @@
+"""What an output folder of a `fit` run holds, read back: summary, priors, bands, posteriors, measurements."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+
+from sma_bayes.errors import OutputError
+from sma_bayes.quantities import Floats
+
+FIT_SCHEMA: Final = "sma-bayes/fit/1"
+FINISH: Final = "finish it: give the command that started it once more, with --resume"
+
+BAND_COLUMNS: Final = ("q05", "q25", "q50", "q75", "q95", "pred_q05", "pred_q95")
+"""Quantiles of a band that figures show."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredRun:
+    """A finished run.
+
+    Attributes
+    ----------
+    folder : Path
+    summary : mapping
+        What ``summary.json`` holds.
+    priors : str
+        Text of ``priors.toml``; empty where there is none.
+    """
+
+    folder: Path
+    summary: Mapping[str, Any]
+    priors: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredBand:
+    """Bands of one channel of one record.
+
+    Attributes
+    ----------
+    temperature : ndarray, shape (m,)
+        [unit of temperature].
+    quantiles : mapping of str to ndarray, shape (m,)
+        By the names in `BAND_COLUMNS` [unit of the channel]; NaN where there is no such quantile.
+    extrapolated : ndarray of bool, shape (m,)
+        True beyond the observed temperatures.
+    """
+
+    temperature: Floats
+    quantiles: Mapping[str, Floats]
+    extrapolated: np.ndarray[tuple[int], np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredRecord:
+    """One record's measurements and draws.
+
+    Attributes
+    ----------
+    model, noise : str
+        Names of the response model and of the noise model.
+    observed : mapping of str to ndarray, shape (n,)
+        Channels [unit of the channel].
+    inputs : mapping of str to ndarray, shape (n,)
+        Temperature, and time, cycle, segment where there are any.
+    row : ndarray of int, shape (n,)
+        Source line of each sample.
+    draws : mapping of str to ndarray, shape (G, N)
+        Parameters; G ensembles of N draws.
+    prior_curves : mapping of str to ndarray, shape (S, m)
+        Curves of draws from the prior.
+    prior_temperature : ndarray, shape (m,)
+    """
+
+    model: str
+    noise: str
+    observed: Mapping[str, Floats]
+    inputs: Mapping[str, Floats]
+    row: np.ndarray[tuple[int], np.dtype[np.int64]]
+    draws: Mapping[str, Floats]
+    prior_curves: Mapping[str, Floats]
+    prior_temperature: Floats
+
+
+def posterior_path(folder: Path, key: str) -> Path:
+    """Where the posterior of a record is."""
+    return folder / "posterior" / f"{key}.nc"
+
+
+def band_path(folder: Path, key: str, channel: str) -> Path:
+    """Where the bands of a channel of a record are."""
+    return folder / "bands" / f"{key}-{channel}.csv"
+
+
+def read_run(folder: Path) -> StoredRun:
+    """Read the summary of a run and check that all of its files are there.
+
+    Raises
+    ------
+    OutputError
+        If the folder holds no run, an unfinished one, or one of another version.
+    """
+    if not folder.is_dir():
+        raise OutputError(
+            "is not a folder", file=folder, expected="the output folder of a fit", remedy="check the path"
+        )
+    if not (folder / "summary.json").is_file():
+        begun = (folder / "run.json").is_file()
+        raise OutputError(
+            "holds a run that is not finished" if begun else "holds no run of sma_bayes",
+            file=folder,
+            expected="a folder with a summary.json",
+            remedy=FINISH if begun else "name the folder that was given to fit as --out",
+        )
+    summary = _summary(folder / "summary.json")
+    missing = _missing(folder, summary)
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        raise OutputError(
+            f"lacks {', '.join(missing[:3])}{more}",
+            file=folder,
+            expected="a posterior and bands for each record of summary.json",
+            remedy=FINISH,
+        )
+    priors = folder / "priors.toml"
+    return StoredRun(folder, summary, priors.read_text(encoding="utf-8") if priors.is_file() else "")
+
+
+def _summary(path: Path) -> Mapping[str, Any]:
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise OutputError(
+            f"can't be read: {error}", file=path, expected="JSON as fit writes it", remedy=FINISH
+        ) from None
+    schema = summary.get("schema") if isinstance(summary, dict) else None
+    if schema != FIT_SCHEMA or not summary.get("records"):
+        raise OutputError(
+            f"holds {schema!r} with no records" if schema == FIT_SCHEMA else f"has the schema {schema!r}",
+            file=path,
+            expected=f"the schema {FIT_SCHEMA!r} and at least one record",
+            remedy="name the output folder of a fit, made by this version of sma_bayes",
+        )
+    return dict(summary)
+
+
+def _missing(folder: Path, summary: Mapping[str, Any]) -> list[str]:
+    wanted = [
+        path
+        for record in summary["records"]
+        for path in (
+            posterior_path(folder, record["key"]),
+            *(band_path(folder, record["key"], channel) for channel in record["quantities"]),
+        )
+    ]
+    return [str(path.relative_to(folder)) for path in wanted if not path.is_file()]
+
+
+def read_band(path: Path) -> StoredBand:
+    """Read a band.
+
+    Raises
+    ------
+    OutputError
+        If the file is not one that `fit` wrote.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            header, *rows = csv.reader(file)
+        columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+        temperature = next(values for name, values in columns.items() if name.startswith("temperature_"))
+        return StoredBand(
+            _floats(temperature),
+            {name: _floats(columns[name]) for name in BAND_COLUMNS},
+            np.array([value == "true" for value in columns["extrapolated"]], dtype=np.bool_),
+        )
+    except (OSError, ValueError, KeyError, StopIteration) as error:
+        raise OutputError(
+            f"can't be read as a band: {error}", file=path, expected="a band as fit writes it", remedy=FINISH
+        ) from None
+
+
+def _floats(cells: tuple[str, ...]) -> Floats:
+    return np.array([float(cell) if cell else np.nan for cell in cells])
+
+
+def read_record(path: Path) -> StoredRecord:
+    """Read a record's measurements and draws from its NetCDF file.
+
+    Raises
+    ------
+    OutputError
+        If the file is not one that `fit` wrote.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            constant, prior = file["constant_data"], file["prior_predictive"]
+            return StoredRecord(
+                model=str(file.attrs["model"]),
+                noise=str(file.attrs["noise"]),
+                observed=_variables(file["observed_data"], skip={"obs", *constant}),
+                inputs=_variables(constant, skip={"obs", "row"}),
+                row=np.asarray(constant["row"][:], dtype=np.int64),
+                draws=_variables(file["posterior"], skip={"chain", "draw"}),
+                prior_curves={
+                    name: curves[0] for name, curves in
+                    _variables(prior, skip={"chain", "draw", "temperature"}).items()
+                },
+                prior_temperature=np.asarray(prior["temperature"][:], dtype=float),
+            )  # fmt: skip
+    except (OSError, KeyError) as error:
+        raise OutputError(
+            f"can't be read as a posterior: {error}",
+            file=path,
+            expected="NetCDF as fit writes it",
+            remedy=FINISH,
+        ) from None
+
+
+def _variables(group: Any, skip: set[str]) -> dict[str, Floats]:
+    return {name: np.asarray(group[name][:], dtype=float) for name in group if name not in skip}

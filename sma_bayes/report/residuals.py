@@ -1,0 +1,79 @@
+"""Residuals of a stored fit, divided by their scale and with the memory of the noise taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from sma_bayes.noise import NOISE_MODELS, Steps
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.report.content import RecordContent
+from sma_bayes.report.outputs import StoredRecord
+from sma_bayes.response import RESPONSE_MODELS
+
+CURVES: Final = 400
+"""Draws whose curves are looked at."""
+
+
+def median_curves(stored: StoredRecord) -> dict[str, Floats]:
+    """Median over the posterior of each observed channel at each sample, shape (n,) [unit of the channel]."""
+    model = RESPONSE_MODELS[stored.model](tuple(stored.observed))
+    flat = np.stack([stored.draws[name].ravel() for name in model.parameter_names], axis=-1)
+    some = flat[:: max(1, len(flat) // CURVES)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        curves = model.predict(some, stored.inputs)
+    return {channel: np.median(values, axis=0) for channel, values in curves.items()}
+
+
+def standardised_residuals(
+    record: RecordContent, stored: StoredRecord, curves: Mapping[str, Floats]
+) -> dict[str, Floats]:
+    """Residuals from the median curve, made independent and of unit variance as far as the noise model goes.
+
+    Each is divided by ``sqrt(sd**2 + (slope s_T)**2)`` with the posterior medians of `sd` and of the slope of
+    the response, and the temperature error ``s_T``; then the noise model takes its memory out. Errors that the
+    temperature shares between channels are left in.
+
+    Parameters
+    ----------
+    record : RecordContent
+    stored : StoredRecord
+    curves : mapping of str to ndarray, shape (n,)
+        As `median_curves` gives them.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        By observed channel [1].
+    """
+    noise = NOISE_MODELS[stored.noise]
+    steps = Steps.of(_as_record(record, stored))
+    slope = _median_slope(stored) if record.temperature_sd > 0 else {}
+    out = {}
+    for channel, curve in curves.items():
+        facts = noise.parameters(channel, "1", "s")
+        sd, *shape = (float(np.median(stored.draws[fact.name])) for fact in facts)
+        scale = np.hypot(sd, slope[channel] * record.temperature_sd) if slope else np.array(sd)
+        e = (stored.observed[channel] - curve) / scale
+        out[channel] = noise.innovations(e, np.array(shape), steps)
+    return out
+
+
+def _median_slope(stored: StoredRecord) -> dict[str, Floats]:
+    model = RESPONSE_MODELS[stored.model](tuple(stored.observed))
+    middle = np.array([np.median(stored.draws[name]) for name in model.parameter_names])
+    return model.slope(middle, stored.inputs)
+
+
+def _as_record(record: RecordContent, stored: StoredRecord) -> Record:
+    return Record(
+        condition=Condition(record.condition),
+        branch=Branch(record.branch),
+        inputs=stored.inputs,
+        observed=stored.observed,
+        row=stored.row,
+        units={},
+    )

@@ -1,0 +1,623 @@
+"""Tables of a report: typed cells under headers with units, written as CSV and as LaTeX for a paper."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from sma_bayes.assess.checks import CHECKED
+from sma_bayes.report.content import (
+    INTERVAL,
+    Channel,
+    Content,
+    Estimate,
+    Number,
+    ParameterResult,
+    PredictiveCheck,
+    Quantity,
+    RecordContent,
+)
+from sma_bayes.report.notation import (
+    MISSING,
+    interval_text,
+    squared,
+    tex_text,
+    unit_label,
+    write,
+    write_interval,
+)
+from sma_bayes.results.store import write_csv, write_text
+
+OF_ROW: Final = "unit"
+"""Unit of a column whose rows have units of their own, named in the column ``unit``."""
+SQUARED: Final = "unit²"
+"""The square of that."""
+
+WIDE: Final = {"finding": "0.45", "prior": "0.17"}
+"""Columns whose words may be broken in LaTeX, with their share of the line."""
+
+Cell = str | int | bool | Number | Estimate | None
+"""What a table holds; None where there is nothing to say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column.
+
+    Attributes
+    ----------
+    name : str
+        For people.
+    key : str
+        In CSV.
+    unit : str
+        Unit of its numbers, `OF_ROW`, or empty for words.
+    brief : bool
+        Whether it is in the LaTeX table too, which has less room.
+    """
+
+    name: str
+    key: str
+    unit: str = ""
+    brief: bool = True
+
+    @property
+    def header(self) -> str:
+        """Name with unit, for people."""
+        label = self.unit if self.unit in (OF_ROW, SQUARED) else unit_label(self.unit)
+        return f"{self.name} [{label}]" if label and self.unit else self.name
+
+    @property
+    def csv_unit(self) -> str:
+        """Suffix of the header in CSV; a pure number says 1."""
+        return (
+            f" [{self.unit if self.unit in (OF_ROW, SQUARED, '1') else unit_label(self.unit)}]"
+            if self.unit
+            else ""
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table.
+
+    Attributes
+    ----------
+    name : str
+        Of its files.
+    title, note : str
+        What it shows; how to read it.
+    columns : tuple of Column
+    rows : tuple of tuple of Cell
+    grouped : int
+        How many of the first columns head a group of rows in print.
+    """
+
+    name: str
+    title: str
+    note: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    grouped: int = 0
+
+
+# --- which tables -------------------------------------------------------------------------------------
+
+_RECORD = (Column("condition", "condition"), Column("branch", "branch"), Column("converged", "converged"))
+
+
+def report_tables(content: Content) -> dict[str, Table]:
+    """All tables of a run, by name.
+
+    Parameters
+    ----------
+    content : Content
+    """
+    tables = [
+        parameter_table(content.records),
+        fit_table(content.records),
+        correlation_table(content.records),
+        quantity_table(content),
+        diagnostics_table(content.records),
+        noise_table(content.records),
+        check_table(content.records),
+        finding_table(content),
+    ]
+    if content.printed:
+        tables.append(printed_table(content))
+    return {table.name: table for table in tables}
+
+
+def _head(r: RecordContent) -> tuple[Cell, ...]:
+    return (r.condition, r.branch, r.converged)
+
+
+def parameter_table(records: Sequence[RecordContent]) -> Table:
+    """Warm start, posterior, diagnostics and prior of every parameter."""
+    return Table(
+        "parameters",
+        "Parameters",
+        f"Posterior mean, standard deviation and quantiles; 5 % and 95 % bound the {INTERVAL}. The warm start is the "
+        "least-squares fit. Contraction is one less posterior over prior variance; from 0.9 a parameter counts as "
+        "identified by the data. Numbers of a prior are in the parameter's unit.",
+        (
+            *_RECORD,
+            Column("parameter", "parameter"),
+            Column("unit", "unit"),
+            Column("meaning", "meaning", brief=False),
+            Column("warm start", "warm_start", OF_ROW),
+            Column("its sd", "warm_start_sd", OF_ROW, brief=False),
+            Column("mean", "mean", OF_ROW),
+            Column("sd", "sd", OF_ROW),
+            Column("5 %", "q05", OF_ROW),
+            Column("median", "median", OF_ROW),
+            Column("95 %", "q95", OF_ROW),
+            Column("R-hat", "rhat", "1"),
+            Column("ESS bulk", "ess_bulk", "1"),
+            Column("ESS tail", "ess_tail", "1"),
+            Column("contraction", "contraction", "1"),
+            Column("identified", "identified"),
+            Column("at bound", "at_bound", brief=False),
+            Column("prior", "prior"),
+            Column("why this prior", "prior_source", brief=False),
+        ),
+        tuple((*_head(r), *_parameter_cells(p)) for r in records for p in r.parameters),
+        grouped=3,
+    )
+
+
+def _parameter_cells(p: ParameterResult) -> tuple[Cell, ...]:
+    def number(value: float | None) -> Number:
+        return Number(value, p.unit, p.sd)
+
+    return (
+        p.name,
+        unit_label(p.unit) or "1",
+        p.meaning,
+        number(p.warm_start),
+        Number(p.warm_start_sd, p.unit, p.warm_start_sd),
+        number(p.mean),
+        number(p.sd),
+        number(p.estimate.q05),
+        number(p.estimate.median),
+        number(p.estimate.q95),
+        Number(p.rhat, "1", 0.01),
+        Number(p.ess_bulk, "1", 10.0),
+        Number(p.ess_tail, "1", 10.0),
+        Number(p.contraction, "1", 0.01),
+        "fixed" if p.fixed else p.identified,
+        p.at_bound,
+        "fixed" if p.fixed else p.prior,
+        p.source,
+    )
+
+
+def fit_table(records: Sequence[RecordContent]) -> Table:
+    """Goodness of the least-squares fit."""
+    return Table(
+        "goodness_of_fit",
+        "Goodness of the least-squares fit",
+        "At the warm start, in sample: sum of squared errors, root mean square error, R², and R² adjusted for the p "
+        "parameters of the channel.",
+        (
+            *_RECORD,
+            Column("channel", "channel"),
+            Column("unit", "unit"),
+            Column("n", "n", "1"),
+            Column("p", "p", "1"),
+            Column("SSE", "sse", SQUARED),
+            Column("RMSE", "rmse", OF_ROW),
+            Column("R²", "r2", "1"),
+            Column("adjusted R²", "adj_r2", "1"),
+        ),
+        tuple((*_head(r), *_fit_cells(c)) for r in records for c in r.channels if c.fit),
+        grouped=3,
+    )
+
+
+def _fit_cells(c: Channel) -> tuple[Cell, ...]:
+    f = c.fit
+    return (
+        c.name,
+        unit_label(c.unit) or "1",
+        int(f["n"]),
+        int(f["p"]),
+        Number(f.get("sse"), squared(c.unit)),
+        Number(f.get("rmse"), c.unit),
+        Number(f.get("r2"), "1", 1e-4),
+        Number(f.get("adj_r2"), "1", 1e-4),
+    )
+
+
+def correlation_table(records: Sequence[RecordContent]) -> Table:
+    """Correlation factors, R2 and RMSE over the posterior."""
+    return Table(
+        "correlation",
+        "Correlation factors",
+        f"Median and {INTERVAL} over the posterior curves; against the measured data, and against data replicated "
+        "from the posterior.",
+        (
+            *_RECORD,
+            Column("channel", "channel"),
+            Column("data", "data"),
+            Column("r", "r", "1"),
+            Column("R²", "r2", "1"),
+            Column("unit", "unit"),
+            Column("RMSE", "rmse", OF_ROW),
+        ),
+        tuple(
+            (*_head(r), c.name, which, *_agreement_cells(c, found))
+            for r in records
+            for c in r.channels
+            for which, found in (("measured", c.measured), ("replicated", c.replicated))
+            if found
+        ),
+        grouped=3,
+    )
+
+
+def _agreement_cells(c: Channel, found: Mapping[str, Estimate]) -> tuple[Cell, ...]:
+    return found.get("r"), found.get("r2"), unit_label(c.unit) or "1", found.get("rmse")
+
+
+def quantity_table(content: Content) -> Table:
+    """Loop and stiffness quantities."""
+    converged = {
+        (c, b): r.converged for c in content.conditions for r in content.branches(c) for b in (r.branch,)
+    }
+    whole = {c: all(r.converged for r in content.branches(c)) for c in content.conditions}
+    quantities = [*content.loops, *(q for r in content.records for q in r.quantities)]
+    order = {c: i for i, c in enumerate(content.conditions)}
+    quantities.sort(key=lambda q: order.get(q.condition, len(order)))
+    return Table(
+        "loops",
+        "Loop and stiffness quantities",
+        f"Median and {INTERVAL}. The posteriors of the two branches of a loop are independent.",
+        (
+            *_RECORD,
+            Column("quantity", "quantity"),
+            Column("channel", "channel"),
+            Column("unit", "unit"),
+            Column("value", "value", OF_ROW),
+            Column("meaning", "meaning", brief=False),
+        ),
+        tuple(
+            (
+                q.condition,
+                q.branch or "both",
+                converged.get((q.condition, q.branch), whole.get(q.condition, False)),
+                *_quantity_cells(q),
+            )
+            for q in quantities
+        ),
+    )
+
+
+def _quantity_cells(q: Quantity) -> tuple[Cell, ...]:
+    return q.name, q.channel, unit_label(q.estimate.unit) or "1", q.estimate, q.meaning
+
+
+def diagnostics_table(records: Sequence[RecordContent]) -> Table:
+    """Convergence and sampling of every record."""
+    return Table(
+        "diagnostics",
+        "Convergence",
+        "Worst R-hat and least effective sample size (ESS) of any sampled parameter, with its name; likelihood "
+        "evaluations; acceptance of the ensemble moves; modes found; rank of the least-squares Jacobian.",
+        (
+            *_RECORD,
+            Column("samples", "n", "1"),
+            Column("parameters", "parameters", "1"),
+            Column("worst R-hat", "rhat", "1"),
+            Column("of", "rhat_of"),
+            Column("least ESS", "ess", "1"),
+            Column("of", "ess_of"),
+            Column("draws", "draws", "1"),
+            Column("evaluations", "evaluations", "1"),
+            Column("acceptance", "acceptance", "1"),
+            Column("efficiency", "efficiency", "1", brief=False),
+            Column("greatest weight", "greatest_weight", "1", brief=False),
+            Column("modes", "modes", "1"),
+            Column("sampler", "sampler"),
+            Column("rank", "jacobian_rank", "1"),
+            Column("at bound", "at_bound"),
+            Column("ln evidence", "ln_evidence", "1", brief=False),
+            Column("its sd", "ln_evidence_sd", "1", brief=False),
+            Column("time", "wall", "s", brief=False),
+        ),
+        tuple((*_head(r), *_diagnostic_cells(r)) for r in records),
+    )
+
+
+def _diagnostic_cells(r: RecordContent) -> tuple[Cell, ...]:
+    rhat, ess, s = r.worst_rhat, r.least_ess, r.sampler
+    return (
+        r.n,
+        sum(not p.fixed for p in r.parameters),
+        Number(rhat.rhat if rhat else None, "1", 0.01),
+        rhat.name if rhat else None,
+        Number(ess.ess if ess else None, "1", 10.0),
+        ess.name if ess else None,
+        s.draws,
+        s.evaluations,
+        Number(s.acceptance, "1", 0.1),
+        Number(s.efficiency, "1", 0.1),
+        Number(s.greatest_weight),
+        s.modes,
+        s.method,
+        r.jacobian_rank,
+        ", ".join(p.name for p in r.parameters if p.at_bound) or None,
+        Number(s.ln_evidence, "1", s.ln_evidence_sd),
+        Number(s.ln_evidence_sd, "1", s.ln_evidence_sd),
+        Number(s.wall_s, "s", 0.1),
+    )
+
+
+def noise_table(records: Sequence[RecordContent]) -> Table:
+    """The noise model of every record and why."""
+    names = tuple(dict.fromkeys(c for r in records for c in r.noise.lag1))
+    rivals = tuple(dict.fromkeys(c for r in records for c in r.noise.bic))
+    return Table(
+        "noise",
+        "Noise models",
+        "Correlation of neighbouring residuals (lag 1) of the least-squares fit, by channel, and the Bayesian "
+        "information criterion (BIC) of each noise model less that of the best: 0 marks the chosen one.",
+        (
+            *_RECORD,
+            Column("noise model", "noise"),
+            Column("chosen by", "chosen_by"),
+            *(Column(f"lag 1, {name}", f"lag1_{name}", "1") for name in names),
+            *(Column(f"BIC, {name}", f"bic_{name}", "1") for name in rivals),
+        ),
+        tuple(
+            (
+                *_head(r),
+                r.noise.title or r.noise.name,
+                r.noise.chosen_by,
+                *(Number(r.noise.lag1.get(name), "1", 0.1) for name in names),
+                *(Number(r.noise.bic.get(name), "1", 1.0) for name in rivals),
+            )
+            for r in records
+        ),
+    )
+
+
+def check_table(records: Sequence[RecordContent]) -> Table:
+    """Posterior predictive checks."""
+    return Table(
+        "checks",
+        "Posterior predictive checks",
+        "A statistic of the standardised residuals, memory of the noise taken out: measured (posterior median), and "
+        "the 5 % and 95 % quantile of replicated data. The p-value is the share of replications beyond the measured "
+        "one; near 0 or 1 the model misses something. It comes in steps of "
+        f"{1 / CHECKED:.3g}.",
+        (
+            *_RECORD,
+            Column("channel", "channel"),
+            Column("statistic", "statistic"),
+            Column("measured", "measured", "1"),
+            Column("replicated 5 %", "replicated_q05", "1"),
+            Column("replicated 95 %", "replicated_q95", "1"),
+            Column("p-value", "p_value", "1"),
+            Column("failed", "failed"),
+            Column("what it would show", "meaning", brief=False),
+        ),
+        tuple((*_head(r), *_check_cells(c)) for r in records for c in r.checks),
+        grouped=3,
+    )
+
+
+def _check_cells(c: PredictiveCheck) -> tuple[Cell, ...]:
+    low, high = c.replicated
+    width = (high - low) / 3.0
+    return (
+        c.channel,
+        c.statistic,
+        Number(c.measured, "1", width),
+        Number(low, "1", width),
+        Number(high, "1", width),
+        Number(c.p_value, "1", 0.05),
+        c.failed,
+        c.meaning,
+    )
+
+
+def finding_table(content: Content) -> Table:
+    """What the quality checks saw."""
+    return Table(
+        "findings",
+        "Findings about the measurements",
+        "Rows are lines of the file, counted from 1. Nothing is repaired or left out silently.",
+        (
+            Column("kind", "kind"),
+            Column("file", "file"),
+            Column("rows", "rows"),
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("column", "column"),
+            Column("rows concerned", "count", "1"),
+            Column("kept out", "dropped", "1"),
+            Column("finding", "finding"),
+        ),
+        tuple(
+            (f.kind, f.file, rows_text(f.rows, f.count), f.condition, f.branch, f.column, f.count, f.dropped, f.message)
+            for f in content.findings
+        ),
+    )  # fmt: skip
+
+
+def rows_text(rows: Sequence[int], count: int) -> str:
+    """Rows with runs joined: ``3–7, 12``; dots where not all are listed.
+
+    Examples
+    --------
+    >>> rows_text((3, 4, 5, 12), 4), rows_text((1, 9), 40)
+    ('3–5, 12', '1, 9 …')
+    """
+    runs: list[list[int]] = []
+    for row in rows:
+        if runs and row == runs[-1][-1] + 1:
+            runs[-1][-1:] = [*runs[-1][-1:], row] if len(runs[-1]) == 1 else [row]
+        else:
+            runs.append([row])
+    text = ", ".join("–".join(str(r) for r in run) for run in runs)
+    return f"{text} …" if rows and count > len(rows) else text
+
+
+def printed_table(content: Content) -> Table:
+    """Printed values of the paper beside the twin's posteriors."""
+    return Table(
+        "printed",
+        "Printed values against posteriors",
+        f"Printed: Tables 3 to 5, from which the twin was drawn. Posterior: median and {INTERVAL}. Distance: printed "
+        "value less posterior mean, over the posterior sd.",
+        (
+            Column("record", "record"),
+            Column("parameter", "parameter"),
+            Column("unit", "unit"),
+            Column("printed", "printed"),
+            Column("posterior", "posterior", OF_ROW),
+            Column("distance [sd]", "distance_sd", "1"),
+            Column("inside", "inside"),
+            Column("printed value is", "status"),
+            Column("doubt", "doubt", brief=False),
+        ),
+        tuple(
+            (
+                c.record,
+                c.parameter,
+                unit_label(c.cell.unit) or "1",
+                c.cell.printed,
+                c.estimate,
+                Number(c.distance, "1", 0.1),
+                c.inside,
+                str(c.cell.status),
+                c.cell.reason,
+            )
+            for c in content.printed
+        ),
+        grouped=1,
+    )
+
+
+# --- how they are written -----------------------------------------------------------------------------
+
+
+def cell_text(cell: Cell) -> str:
+    """A cell as people read it."""
+    return _cell_text(cell, lambda text: text)
+
+
+def cell_tex(cell: Cell) -> str:
+    """A cell in LaTeX."""
+    return _cell_text(cell, tex_text)
+
+
+def _cell_text(cell: Cell, escape: Callable[[str], str]) -> str:
+    match cell:
+        case None:
+            return escape(MISSING)
+        case bool():
+            return "yes" if cell else "no"
+        case Number(value, _, resolution):
+            return escape(write([value], resolution).plain[0])
+        case Estimate(median, low, high):
+            return escape(interval_text(write_interval(median, low, high)))
+        case _:
+            return escape(str(cell)) if cell != "" else escape(MISSING)
+
+
+def write_tables(tables: dict[str, Table], folder: Path) -> None:
+    """Write each table as CSV, with all digits and columns, and as LaTeX.
+
+    Raises
+    ------
+    OutputError
+        If a file can't be written.
+    """
+    for table in tables.values():
+        write_csv(folder / f"{table.name}.csv", csv_columns(table))
+        write_text(folder / f"{table.name}.tex", tex(table))
+
+
+def csv_columns(table: Table) -> dict[str, list[object]]:
+    """Columns of a table as CSV has them: an estimate becomes three, numbers keep their digits."""
+    out: dict[str, list[object]] = {}
+    for place, column in enumerate(table.columns):
+        cells = [row[place] for row in table.rows]
+        if any(isinstance(c, Estimate) for c in cells):
+            for end in ("q05", "median", "q95"):
+                out[f"{column.key}_{end}{column.csv_unit}"] = [
+                    _csv_value(getattr(c, end) if isinstance(c, Estimate) else None) for c in cells
+                ]
+        else:
+            out[column.key + column.csv_unit] = [
+                _csv_value(c.value if isinstance(c, Number) else c) for c in cells
+            ]
+    return out
+
+
+def _csv_value(cell: object) -> object:
+    if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
+        return ""
+    return cell
+
+
+def tex(table: Table) -> str:
+    """A table in LaTeX, for the packages array, booktabs and longtable.
+
+    Parameters
+    ----------
+    table : Table
+
+    Returns
+    -------
+    str
+        A ``longtable`` with caption and label, in ASCII and Latin letters.
+    """
+    places = [i for i, c in enumerate(table.columns) if c.brief and i >= table.grouped]
+    columns = [table.columns[i] for i in places]
+    header = " & ".join(rf"\textbf{{{tex_text(c.header)}}}" for c in columns) + r" \\"
+    lines = [
+        "% needs \\usepackage{array,booktabs,longtable,textcomp}; wide tables want a landscape page",
+        r"\begingroup\footnotesize\setlength{\tabcolsep}{3pt}",
+        rf"\begin{{longtable}}{{{''.join(_alignment(table, i) for i in places)}}}",
+        rf"\caption{{{tex_text(table.title)}. {tex_text(table.note)}}}\label{{tab:{table.name}}}\\",
+        *(r"\toprule", header, r"\midrule", r"\endfirsthead"),
+        *(r"\toprule", header, r"\midrule", r"\endhead"),
+        *(r"\bottomrule", r"\endfoot"),
+        *_tex_rows(table, places),
+        r"\end{longtable}",
+        r"\endgroup",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _alignment(table: Table, place: int) -> str:
+    if table.columns[place].key in WIDE:
+        return r">{\raggedright\arraybackslash}p{" + WIDE[table.columns[place].key] + r"\linewidth}"
+    numeric = table.columns[place].unit != ""
+    return "r" if numeric else "l"
+
+
+def _tex_rows(table: Table, places: Sequence[int]) -> Iterator[str]:
+    group: tuple[Cell, ...] | None = None
+    for number, row in enumerate(table.rows):
+        if table.grouped and row[: table.grouped] != group:
+            group = row[: table.grouped]
+            if number:
+                yield r"\addlinespace"
+            yield rf"\multicolumn{{{len(places)}}}{{l}}{{\textit{{{tex_text(group_text(table, group))}}}}} \\*"
+        yield " & ".join(cell_tex(row[i]) for i in places) + r" \\"
+
+
+def group_text(table: Table, group: Sequence[Cell]) -> str:
+    """Words over a group of rows: ``2A-10mHz, heating``, and that it did not converge where it did not."""
+    words = [
+        "" if value is True else "not converged" if value is False else cell_text(value)
+        for value in group
+    ]  # fmt: skip
+    return ", ".join(w for w in words if w)
