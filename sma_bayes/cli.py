@@ -1,12 +1,14 @@
 """The command line: each verb is a call of one workflow function.
 
-Exit status: 0 done, 1 done but not converged, 2 the input or the call is wrong.
+Exit status: 0 done, 1 done but not converged, 2 the input or the call is wrong, 70 a mistake in this package,
+130 interrupted.
 """
 
 from __future__ import annotations
 
 import json
 import sys
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +18,9 @@ import typer
 
 from sma_bayes import __version__
 from sma_bayes.errors import SmaBayesError
+
+MISTAKE, INTERRUPTED = 70, 130
+"""Exit statuses besides 0, 1 and 2: as sysexits.h has it, and as shells do."""
 
 app = typer.Typer(
     name="sma-bayes",
@@ -186,6 +191,25 @@ def report(
         typer.echo(f"report: {folder / 'report.html'}")
 
 
+@app.command()
+def paper(
+    errata: Annotated[bool, typer.Option("--errata", help="The errata only, without the tables.")] = False,
+    table: Annotated[
+        int | None, typer.Option(help="One table and its errata; 0 is the running text.", min=0)
+    ] = None,
+    form: Annotated[str, typer.Option("--format", help="text, csv, json, latex or markdown.")] = "text",
+    out: Annotated[Path | None, typer.Option(help="Folder for files, one a table.")] = None,
+) -> None:
+    """Show the paper's printed tables and their errata, printed and corrected side by side."""
+    from sma_bayes.paper.export import render, select, write
+
+    selection = select(table, errata_only=errata)
+    if out is None:
+        typer.echo(render(selection, form), nl=False)
+        return
+    typer.echo(f"{len(write(selection, out, form))} files in {out}")
+
+
 def main() -> None:
     """Run the command line, and turn the user's mistakes into one message and exit status 2."""
     try:
@@ -193,9 +217,14 @@ def main() -> None:
     except SmaBayesError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted; --resume goes on from here", file=sys.stderr)
-        sys.exit(130)
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            print("interrupted; fit and demo go on from here with --resume", file=sys.stderr)
+        raise
+    except Exception:  # Python's own status for it, 1, would say that the run did not converge
+        traceback.print_exc()
+        print("error: this is a mistake in sma_bayes, please report the lines above", file=sys.stderr)
+        sys.exit(MISTAKE)
 
 
 @contextmanager
@@ -255,6 +284,9 @@ def _show_fit(summary: dict[str, Any], out: Path) -> None:
         )
     console = Console(width=None if sys.stdout.isatty() else 160)
     console.print(table)
+    for finding in summary["findings"]:
+        if finding["kind"] == "one-branch":
+            console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
     dropped = sum(f["dropped"] for f in summary["findings"])
     if summary["findings"]:
         console.print(

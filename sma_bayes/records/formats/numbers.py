@@ -1,4 +1,8 @@
-"""From the cells of a column to numbers: missing values are counted, any other text is refused."""
+"""From the cells of a column to numbers: missing values are counted, anything else is refused.
+
+NaN or infinity written in a text file is refused too, unless declared as a code: nobody but its author knows whether
+it stands for a missing value, a division by zero or a broken sensor.
+"""
 
 from __future__ import annotations
 
@@ -54,12 +58,13 @@ def numbers(
     -------
     values : ndarray, shape (n,)
     findings : tuple of Finding
-        Counts of empty cells, missing-value codes, and of NaN and infinity written out in the file.
+        Counts of empty cells and of missing-value codes. NaN in a format that stores numbers is its empty cell.
 
     Raises
     ------
     MeasurementError
-        If a cell holds text that is neither a number nor a code, or if no number is left.
+        If a cell holds text that is neither a number nor a code, NaN written out or infinity that is no code, or
+        if no number is left.
 
     Examples
     --------
@@ -69,14 +74,15 @@ def numbers(
     ([1.5, nan, nan], ['empty', 'missing-code'])
     """
     values, empty = _parse(cells, row, file, column, missing, decimal, expected)
-    coded = _coded(cells, values, missing)
-    nan = np.isnan(values) & ~empty & ~coded
-    infinite = np.isinf(values) & ~coded
+    coded = _coded(cells, values, empty, missing)
+    if isinstance(cells, np.ndarray):
+        empty = np.isnan(values)
+    odd = np.flatnonzero(~np.isfinite(values) & ~empty & ~coded)
+    if odd.size:
+        raise _not_a_number(str(cells[odd[0]]).strip(), row[odd], file, column, decimal, expected)
     told = (
-        ("empty", empty & ~coded, "empty"),
+        ("empty", empty & ~coded, "empty" if not isinstance(cells, np.ndarray) else "without a number (NaN)"),
         ("missing-code", coded, f"with a missing-value code ({', '.join(map(str, missing))})"),
-        ("nan", nan, "saying NaN"),
-        ("infinite", infinite, "saying infinity"),
     )
     findings = tuple(
         rows_finding(
@@ -88,7 +94,7 @@ def numbers(
         for kind, mask, what in told
         if mask.any()
     )
-    values[coded | infinite] = np.nan
+    values[coded] = np.nan
     if not np.isfinite(values).any():
         raise MeasurementError(
             f"no number in {len(row)} rows",
@@ -173,9 +179,13 @@ def _parse_each(
     return values, empty
 
 
-def _coded(cells: Cells, values: Floats, missing: Sequence[float | str]) -> NDArray[np.bool_]:
-    codes = [code for code in missing if not isinstance(code, str)]
+def _coded(
+    cells: Cells, values: Floats, empty: NDArray[np.bool_], missing: Sequence[float | str]
+) -> NDArray[np.bool_]:
+    codes = np.array([code for code in missing if not isinstance(code, str)], dtype=float)
     mask = np.isin(values, codes)
+    if np.isnan(codes).any():  # no NaN equals another
+        mask |= np.isnan(values) & ~empty
     texts = {code for code in missing if isinstance(code, str)}
     if texts and not isinstance(cells, np.ndarray):
         mask |= np.fromiter((isinstance(c, str) and c.strip() in texts for c in cells), bool, len(cells))

@@ -591,15 +591,18 @@ class TestMistakes:
         error = refused(MeasurementError, declare(folder, COLUMNS + CONDITION, ""))
         assert (error.file, error.found) == (str(folder / "a.csv"), "the file is empty")
 
-    def test_nan_and_inf_are_counted_and_missing(self, folder: Path) -> None:
+    def test_nan_and_inf_are_refused_unless_declared(self, folder: Path) -> None:
         lines = SWEEP.splitlines()
         for row, word in ((10, "nan"), (20, "inf"), (30, "-inf"), (40, "")):
             time, temperature, _, stroke = lines[row - 1].split(",")
             lines[row - 1] = f"{time},{temperature},{word},{stroke}"
-        campaign = read_campaign(declare(folder, COLUMNS + CONDITION, "\n".join(lines) + "\n"))
+        text = "\n".join(lines) + "\n"
+        error = refused(MeasurementError, declare(folder, COLUMNS + CONDITION, text))
+        assert (error.row, error.found) == (10, "found 'nan' (and 2 more in this column)")
+        codes = '[reading]\nmissing = ["nan", inf, -inf]\n'
+        campaign = read_campaign(declare(folder, COLUMNS + codes + CONDITION, text))
         seen = {f.kind: f for f in campaign.findings}
-        assert seen["nan"].rows == (10,)
-        assert seen["infinite"].rows == (20, 30)
+        assert seen["missing-code"].rows == (10, 20, 30)
         assert seen["empty"].rows == (40,)
         assert all(np.isfinite(r.observed["force"]).all() for r in campaign.records)
         kept = np.concatenate([r.row for r in campaign.records])
@@ -673,7 +676,7 @@ class TestExamples:
         s = np.sqrt(((force - intercept - slope * counts) ** 2).sum() / (len(force) - 2))
         declared = read_declaration(
             self.EXAMPLES / "guarneros_spring_force.toml",
-            shared_data / "guarneros_spring_force" / "raw",
+            shared_data / "guarneros_spring_force",
             SplitSettings(),
         )
         column = declared.conditions[0].columns["force"]

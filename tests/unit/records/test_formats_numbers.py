@@ -34,15 +34,33 @@ def test_numbers_come_back_to_the_last_digit(values: list[float]) -> None:
 
 
 def test_each_kind_of_missing_value_is_counted_apart() -> None:
-    cells = ["1", "", "nan", "inf", "-Infinity", "-999", "ERR", " ", "2"]
+    cells = ["1", "", "-999", "ERR", " ", "2"]
     values, seen = read(cells, missing=[-999.0, "ERR"])
-    np.testing.assert_array_equal(values, [1, *[np.nan] * 7, 2])
-    assert seen == {
-        "empty": (11, 17),
-        "nan": (12,),
-        "infinite": (13, 14),
-        "missing-code": (15, 16),
-    }
+    np.testing.assert_array_equal(values, [1, *[np.nan] * 4, 2])
+    assert seen == {"empty": (11, 14), "missing-code": (12, 13)}
+
+
+@pytest.mark.parametrize("word", ["nan", "NaN", "inf", "-inf", "Infinity"])
+def test_what_is_not_finite_is_refused_unless_declared(word: str) -> None:
+    with pytest.raises(MeasurementError) as caught:
+        read(["1", word, "2"])
+    assert (caught.value.row, caught.value.found, caught.value.expected) == (
+        11,
+        f"found {word!r}",
+        "a number",
+    )
+    assert f"list {word!r} under `missing`" in str(caught.value.remedy)
+    for code in (word, float(word)):
+        values, seen = read(["1", word, "", "2"], missing=[code])
+        np.testing.assert_array_equal(values, [1, np.nan, np.nan, 2])
+        assert seen == {"missing-code": (11,), "empty": (12,)}
+
+
+def test_nan_is_the_empty_cell_of_a_format_that_stores_numbers() -> None:
+    assert read(np.array([1.0, np.nan, 2.0]))[1] == {"empty": (11,)}
+    assert read(np.array([1.0, np.inf, 2.0]), missing=[np.inf])[1] == {"missing-code": (11,)}
+    with pytest.raises(MeasurementError, match="found 'inf'"):
+        read(np.array([1.0, np.inf, 2.0]))
 
 
 def test_a_number_matches_by_value_and_a_text_by_its_letters() -> None:
@@ -94,5 +112,5 @@ def test_a_decimal_comma_is_suspected_aloud() -> None:
 
 
 def test_a_column_without_any_number_is_refused() -> None:
-    with pytest.raises(MeasurementError, match="no number in 3 rows"):
-        read(["", "nan", "-1"], missing=[-1.0])
+    with pytest.raises(MeasurementError, match="no number in 2 rows"):
+        read(["", "-1"], missing=[-1.0])
