@@ -7,7 +7,7 @@ of draws that count, and the greatest weight tells whether there is mass that th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -123,6 +123,14 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator) -> 
     proposal = MixedProposal(share / share.sum(), parts)
     _, weights = _weigh(density, proposal, rng, 2 * DRAWS)
     return Adapted(proposal, weights, sum(f.evaluations for f in fitted) + 2 * DRAWS)
+
+
+def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
+    """The same proposal with more of its wide component, which bounds the weights in the tails."""
+    if isinstance(adapted.proposal, MixedProposal):
+        parts = tuple(replace(p, share=share) for p in adapted.proposal.parts)
+        return replace(adapted, proposal=replace(adapted.proposal, parts=parts))
+    return replace(adapted, proposal=replace(adapted.proposal, share=share))
 
 
 def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapted:

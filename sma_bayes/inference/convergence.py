@@ -18,7 +18,6 @@ from scipy.special import ndtri
 
 from sma_bayes.quantities import Floats
 
-
 LONG = 100
 """Steps from which the means over walkers are a series that an effective sample size can be taken of."""
 

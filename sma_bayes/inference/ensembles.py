@@ -24,7 +24,15 @@ import numpy as np
 from emcee.moves import Move
 from emcee.state import State
 
-from sma_bayes.inference.adaptation import GREATEST_SHARE, USABLE, Adapted, Weights, adapt, adapt_to_draws
+from sma_bayes.inference.adaptation import (
+    GREATEST_SHARE,
+    USABLE,
+    Adapted,
+    Weights,
+    adapt,
+    adapt_to_draws,
+    with_wide_share,
+)
 from sma_bayes.inference.checkpoint import Block, Checkpoint
 from sma_bayes.inference.convergence import Convergence, Target, assess
 from sma_bayes.inference.laplace import Density, Mode, climb
@@ -79,7 +87,7 @@ class Draws:
     evaluations : int
         Evaluations of the density, all stages together.
     method : str
-        ``independence`` or ``independence and differential evolution``.
+        ``independence``, ``independence after differential evolution`` or ``independence and differential evolution``.
     modes : tuple of Mode
     efficiency, greatest_weight : float
         Of the importance weights of all proposals (see `Weights`).
@@ -100,6 +108,13 @@ class Draws:
     ln_evidence: float
     ln_evidence_sd: float
 
+
+METHODS = {
+    "independence": "independence",
+    "wider": "independence",
+    "refitted": "independence after differential evolution",
+}
+"""What a stage of independence moves is called in the results."""
 
 Progress = Callable[[str], None]
 
@@ -190,19 +205,19 @@ class _Run:
         return self.density.log_prob(z)
 
     def go(self, starts: Sequence[Floats]) -> Draws:
-        adapt_seed, explore_seed, *group_seeds = self.seed.spawn(2 + 2 * self.plan.groups)
-        rng = np.random.default_rng(adapt_seed)
+        adapt_seed, explore_seed, first, second, third = self.seed.spawn(5)
+        groups = self.plan.groups
         self.tell("climbing to the modes")
         modes = self._modes(starts)
-        adapted = adapt(self.density, modes, rng)
+        adapted = adapt(self.density, modes, np.random.default_rng(adapt_seed))
         self.evaluations += adapted.evaluations
         if adapted.carries:
-            draws = self._independence("independence", adapted, modes, group_seeds[: self.plan.groups])
+            draws = self._independence("independence", adapted, modes, first.spawn(groups))
+            if draws is None:  # a single draw in the tail may have weighed too much
+                draws = self._independence("wider", with_wide_share(adapted), modes, second.spawn(groups))
             if draws is not None:
                 return draws
-        return self._explore(
-            adapted, modes, np.random.default_rng(explore_seed), group_seeds[self.plan.groups :]
-        )
+        return self._explore(adapted, modes, np.random.default_rng(explore_seed), third.spawn(groups))
 
     def _modes(self, starts: Sequence[Floats]) -> tuple[Mode, ...]:
         found = []
@@ -245,7 +260,7 @@ class _Run:
             chains = np.stack([group.chain[plan.burn :] for group in groups])
             convergence = assess(chains, plan.target)
             if convergence.converged:
-                return self._draws(groups, plan.burn, convergence, modes, weights, "independence")
+                return self._draws(groups, plan.burn, convergence, modes, weights, METHODS[name])
         return None
 
     def _explore(

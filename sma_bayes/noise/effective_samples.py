@@ -8,7 +8,9 @@ least squares does, and counts only as many samples as are independent:
     log p = (1/memory) * sum over samples of log N(e; 0, 1)
 
 ``memory`` is the number of samples that count as one, ``(1 + r)/(1 - r)`` for a correlation r of neighbouring
-residuals. Centre and widths are those of least squares with standard errors widened by ``sqrt(memory)``.
+residuals. Centre and widths are those of least squares with standard errors widened by ``sqrt(memory)``. The
+standard deviation itself is that of the least-squares residuals, by a prior of its own (``spread``): so few
+samples in effect could not tell it, and what widens the curve is the memory.
 
 References
 ----------
@@ -19,7 +21,7 @@ models, and the sandwich covariance matrix", Econometrica 81 (2013) 1805.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,7 +50,7 @@ class EffectiveSamples:
         memory = ParameterFact(
             f"{channel}_memory", "1", f"samples of {channel} that count as one", "memory", channel
         )
-        return (sd_fact(channel, unit), memory)
+        return (replace(sd_fact(channel, unit), prior_key="spread"), memory)
 
     def _phi(self, shape: Floats, steps: Steps) -> Floats:
         memory = shape[..., 0, None]

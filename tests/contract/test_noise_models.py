@@ -70,7 +70,8 @@ def test_every_model_is_tried_under_its_own_name() -> None:
 @pytest.mark.parametrize("name", list(NOISE_MODELS))
 def test_parameters_begin_with_the_standard_deviation(name: str) -> None:
     facts = NOISE_MODELS[name].parameters("force", "N", "s")
-    assert (facts[0].name, facts[0].unit, facts[0].prior_key) == ("force_sd", "N", "sd")
+    assert (facts[0].name, facts[0].unit) == ("force_sd", "N")
+    assert facts[0].prior_key == ("sd" if NOISE_MODELS[name].is_density else "spread")
     assert all(f.name.startswith("force_") and f.channel == "force" and f.meaning for f in facts)
     assert len(facts) == 1 + len(SHAPES[name][0])
 
