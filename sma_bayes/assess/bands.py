@@ -103,17 +103,21 @@ def credible_band(fit: Fit, channel: str, record: int = 0, extrapolate: float = 
     r = fit.records[record]
     t = temperature_grid(r, extrapolate)
     curve = curve_draws(fit, channel, t, record)
+    return _band(r, channel, t, curve, _predictive(fit, channel, t, curve, record))
+
+
+def _band(record: Record, channel: str, t: Floats, curve: Floats, predictive: dict[str, Floats]) -> Band:
+    measured = channel in record.channels
     values = np.quantile(curve, list(QUANTILES.values()), axis=0)
-    outside = (t < r.temperature.min() - 1e-12) | (t > r.temperature.max() + 1e-12)
     return Band(
         channel=channel,
-        unit=channel_unit(r.units, channel),
+        unit=channel_unit(record.units, channel if measured else "stiffness"),
         temperature=t,
         curve=dict(zip(QUANTILES, values, strict=True)),
         simultaneous=simultaneous_band(curve),
-        predictive=_predictive(fit, channel, t, curve, record),
-        extrapolated=outside,
-        derived=channel not in r.channels,
+        predictive=predictive,
+        extrapolated=(t < record.temperature.min() - 1e-12) | (t > record.temperature.max() + 1e-12),
+        derived=not measured,
     )
 
 
@@ -136,17 +140,7 @@ def overall_band(fit: Fit, bias: BiasSpring, record: int = 0, extrapolate: float
     k1 = curve_draws(fit, "stiffness", t, record)
     k2 = convert(bias.stiffness + bias.sd * rng.standard_normal(len(k1)), "N/m", unit, what="bias stiffness")
     curve = overall_stiffness(k1, k2[:, None], bias.arrangement)
-    values = np.quantile(curve, list(QUANTILES.values()), axis=0)
-    return Band(
-        channel="overall_stiffness",
-        unit=unit,
-        temperature=t,
-        curve=dict(zip(QUANTILES, values, strict=True)),
-        simultaneous=simultaneous_band(curve),
-        predictive={name: np.full(t.size, np.nan) for name in PREDICTIVE},
-        extrapolated=(t < r.temperature.min() - 1e-12) | (t > r.temperature.max() + 1e-12),
-        derived=True,
-    )
+    return _band(r, "overall_stiffness", t, curve, _no_measurement(t))
 
 
 def simultaneous_band(curve: Floats) -> dict[str, Floats]:
@@ -178,7 +172,7 @@ def simultaneous_band(curve: Floats) -> dict[str, Floats]:
 def _predictive(fit: Fit, channel: str, t: Floats, curve: Floats, record: int) -> dict[str, Floats]:
     r, place = fit.records[record], fit.posterior.layout[record]
     if channel not in r.channels:
-        return {name: np.full(t.size, np.nan) for name in PREDICTIVE}
+        return _no_measurement(t)
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 1, *f"{r.key} {channel}".encode()]))
     at = place.noise[channel]
     alone = Steps(np.ones(t.size, dtype=bool), np.ones(t.size), False)
@@ -188,3 +182,7 @@ def _predictive(fit: Fit, channel: str, t: Floats, curve: Floats, record: int) -
         noise = noise + steep * r.temperature_sd * rng.standard_normal(noise.shape)
     values = np.quantile(curve + noise, list(PREDICTIVE.values()), axis=0)
     return dict(zip(PREDICTIVE, values, strict=True))
+
+
+def _no_measurement(t: Floats) -> dict[str, Floats]:
+    return {name: np.full(t.size, np.nan) for name in PREDICTIVE}
