@@ -289,17 +289,17 @@ def _entry(file: str, where: str, belief: Any) -> PriorEntry:
     fixed = belief.get("fixed")
     family = belief.get("family", "")
     known: Sequence[str] = _KEYS
+    if fixed is None and "family" not in belief:
+        known = sorted({*_KEYS, *(f.name for kind in FAMILIES.values() for f in fields(kind))})
+        _refuse_unknown(file, where, belief, known)
     if fixed is None:
         if not isinstance(family, str) or family not in FAMILIES:
             raise PriorError(
                 f"family = {family!r}", file=file, column=where, expected=near_matches(str(family), FAMILIES)
             )
         known = (*_KEYS, *(f.name for f in fields(FAMILIES[family])))
+    _refuse_unknown(file, where, belief, known)
     for key, value in belief.items():
-        if key not in known:
-            raise PriorError(
-                f"unknown key {key!r}", file=file, column=where, expected=near_matches(key, known)
-            )
         if key in ("family", "unit", "relative_to", "source"):
             if not isinstance(value, str):
                 raise PriorError(f"{key} = {value!r}", file=file, column=where, expected="a text")
@@ -318,6 +318,14 @@ def _entry(file: str, where: str, belief: Any) -> PriorEntry:
         fixed=None if fixed is None else float(fixed),
         where=where,
     )
+
+
+def _refuse_unknown(file: str, where: str, belief: Mapping[str, Any], known: Sequence[str]) -> None:
+    for key in belief:
+        if key not in known:
+            raise PriorError(
+                f"unknown key {key!r}", file=file, column=where, expected=near_matches(key, known)
+            )
 
 
 def _yardstick(belief: PriorEntry, fact: ParameterFact, scales: RecordScales) -> tuple[float, float]:

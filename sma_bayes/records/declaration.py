@@ -318,7 +318,8 @@ def checked(model: type[M], values: Mapping[str, Any], *, file: Path, where: str
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        first = error.errors()[0]
+        # a typing error in a key shows up twice: as a key that is missing, and as one too many, which tells more
+        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
         key = str(first["loc"][0]) if first["loc"] else ""
         place = ".".join(part for part in (where, key) if part) or None
         if first["type"] == "extra_forbidden":

@@ -1,0 +1,108 @@
+"""The command line as a pipeline sees it: exit status, standard output, standard error, what is left on the disk."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sma_bayes import cli
+
+HEADER = "time_s,temperature_C,force_N,displacement_mm"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a call of the command line gave."""
+
+    status: int
+    out: str
+    err: str
+
+
+def call(capture: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch, *arguments: object) -> Outcome:
+    """Call the command line as the installed program does."""
+    patch.setattr(sys, "argv", ["sma-bayes", *map(str, arguments)])
+    capture.readouterr()
+    status: object = 0
+    try:
+        cli.main()
+    except SystemExit as end:
+        status = end.code or 0
+    assert isinstance(status, int)
+    return Outcome(status, *capture.readouterr())
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
+    """Call the command line in this process; workers' output is seen, too."""
+    return lambda *arguments: call(capfd, monkeypatch, *arguments)
+
+
+def sweep(n: int = 40, *, branches: int = 2, seed: int = 0) -> list[str]:
+    """Lines of a CSV: a spring that is heated and cooled."""
+    rng = np.random.default_rng(seed)
+    up = np.linspace(30.0, 70.0, n)
+    temperature = np.concatenate([up, up[::-1]])[: branches * n]
+    force = 0.5 + 2.5 / (1.0 + np.exp(-0.35 * (temperature - 52.0)))
+    stroke = 1.0 + 20.0 / (1.0 + np.exp(-0.30 * (temperature - 48.0)))
+    rows = zip(
+        np.arange(temperature.size),
+        temperature,
+        force + 0.02 * rng.standard_normal(force.size),
+        stroke + 0.1 * rng.standard_normal(stroke.size),
+        strict=True,
+    )
+    return [HEADER, *(",".join(f"{v:.6g}" for v in row) for row in rows)]
+
+
+def write(path: Path, lines: Sequence[str]) -> Path:
+    """Write lines to a file, its folder included."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+CAMPAIGN = """\
+[campaign]
+name = "bench"
+[columns]
+time = { name = "time_s", unit = "s" }
+temperature = { name = "temperature_C", unit = "degC" }
+force = { name = "force_N", unit = "N" }
+displacement = { name = "displacement_mm", unit = "mm" }
+[[condition]]
+id = "a"
+file = "a.csv"
+"""
+
+
+@pytest.fixture
+def measured(tmp_path: Path) -> Path:
+    """A good data file."""
+    return write(tmp_path / "run.csv", sweep())
+
+
+@pytest.fixture(scope="session")
+def make_campaign() -> Callable[..., Path]:
+    """Write a campaign folder, with changes to its declaration."""
+
+    def make(folder: Path, *changes: tuple[str, str], text: str = CAMPAIGN) -> Path:
+        for old, new in changes:
+            assert old in text, "the change must change something"
+            text = text.replace(old, new)
+        write(folder / "a.csv", sweep())
+        (folder / "campaign.toml").write_text(text, encoding="utf-8")
+        return folder
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def make_sweep() -> Callable[..., list[str]]:
+    """Lines of a good data file, see `sweep`."""
+    return sweep
