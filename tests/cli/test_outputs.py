@@ -1,0 +1,149 @@
+"""What a run says and leaves: exit status, silence, JSON, schemas, whole files."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sma_bayes import cli, workflow
+from sma_bayes.inference.convergence import Target
+from sma_bayes.inference.ensembles import Plan
+
+Run = Callable[..., Any]
+
+
+def process(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Call the command line in a process of its own, as a pipeline does."""
+    command = [sys.executable, "-m", "sma_bayes.cli", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=240, check=False)
+
+
+def hidden(folder: Path) -> list[str]:
+    return [str(p) for p in folder.rglob(".*")]
+
+
+def test_json_is_all_that_is_printed_and_what_the_summary_holds(
+    run: Run, measured: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    outcome = run("fit", measured, "--out", out, "--no-figures", "--json", "--jobs", 1)
+    assert (outcome.status, outcome.err) == (0, "")
+    document = json.loads(outcome.out)
+    assert document == json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert document["schema"] == "sma-bayes/fit/1"
+    assert document["converged"] is True
+    assert [r["key"] for r in document["records"]] == ["run-heating", "run-cooling"]
+    for path in out.rglob("*.json"):
+        assert re.fullmatch(r"sma-bayes/\w+/\d+", json.loads(path.read_text(encoding="utf-8"))["schema"])
+    assert hidden(out) == []
+
+
+def test_inspect_prints_one_json_document(run: Run, measured: Path) -> None:
+    outcome = run("inspect", measured, "--json")
+    assert (outcome.status, outcome.err) == (0, "")
+    assert json.loads(outcome.out)["schema"] == "sma-bayes/inspect/1"
+    assert run("inspect", measured, "--quiet").out == ""
+
+
+def test_a_run_that_does_not_converge_ends_with_1_and_says_so(
+    run: Run, measured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hopeless = Plan(target=Target(1.0 + 1e-9, 1e9), evaluations=1, explore_block=20)
+    monkeypatch.setattr(workflow, "FitOptions", functools.partial(workflow.FitOptions, plan=hopeless))
+    out = tmp_path / "out"
+    outcome = run("fit", measured, "--out", out, "--no-figures", "--jobs", 1)
+    assert outcome.status == 1
+    assert outcome.err == ""
+    assert "NOT CONVERGED: run-heating, run-cooling" in outcome.out
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["converged"] is False
+    assert [r["converged"] for r in summary["records"]] == [False, False]
+
+
+def test_one_branch_is_fitted_and_said(
+    run: Run, make_sweep: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    path = tmp_path / "up.csv"
+    path.write_text("\n".join(make_sweep(branches=1)) + "\n", encoding="utf-8")
+    outcome = run("fit", path, "--out", tmp_path / "out", "--no-figures", "--jobs", 1)
+    assert outcome.status == 0
+    assert "up: there is a heating branch only; it is fitted alone" in outcome.out
+    assert [p.name for p in (tmp_path / "out" / "posterior").iterdir()] == ["up-heating.nc"]
+
+
+def test_quiet_is_silent_and_a_pipe_gets_no_escape_codes(
+    make_sweep: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    """From another folder, by relative paths with blanks in them, on two processes."""
+    folder = tmp_path / "a folder"
+    folder.mkdir()
+    (folder / "run 1.csv").write_text("\n".join(make_sweep()) + "\n", encoding="utf-8")
+    quiet = process("fit", "run 1.csv", "--out", "the results", "--no-figures", "--quiet", cwd=folder)
+    assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
+    assert {p.name for p in (folder / "the results" / "posterior").iterdir()} == {
+        "run 1-heating.nc", "run 1-cooling.nc"
+    }  # fmt: skip
+    told = process("fit", "run 1.csv", "--out", "the results", "--no-figures", "--resume", cwd=folder)
+    assert (told.returncode, told.stderr) == (0, "")
+    assert "run 1-heating" in told.stdout
+    assert "\x1b" not in told.stdout
+    assert "\r" not in told.stdout
+
+
+def test_priors_go_through_a_pipe_and_back(measured: Path, tmp_path: Path) -> None:
+    printed = process("priors", cwd=tmp_path)
+    assert (printed.returncode, printed.stderr) == (0, "")
+    (tmp_path / "p.toml").write_text(printed.stdout, encoding="utf-8")
+    done = process(
+        "fit", measured, "--out", "o", "--priors", "p.toml", "--no-figures", "--quiet", cwd=tmp_path
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "o" / "priors.toml").read_text(encoding="utf-8") == printed.stdout
+
+
+def test_an_interruption_ends_with_130(
+    run: Run, measured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(workflow, "fit_records", interrupt)
+    outcome = run("fit", measured, "--out", tmp_path / "out", "--jobs", 1)
+    assert (outcome.status, outcome.out) == (130, "")
+    assert outcome.err.strip() == "interrupted; fit and demo go on from here with --resume"
+    assert not (tmp_path / "out").exists(), "nothing was done, so nothing is left"
+
+
+def test_a_mistake_of_the_package_is_not_taken_for_a_run_that_did_not_converge(
+    run: Run, measured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("planted")
+
+    monkeypatch.setattr(workflow, "fit_records", fail)
+    outcome = run("fit", measured, "--out", tmp_path / "out", "--jobs", 1)
+    assert outcome.status == cli.MISTAKE == 70
+    assert "ZeroDivisionError: planted" in outcome.err
+    assert outcome.err.splitlines()[-1].startswith("error: this is a mistake in sma_bayes")
+
+
+def test_a_campaign_folder_by_a_relative_path(
+    make_campaign: Callable[..., Path], tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_campaign(tmp_path / "bench 7")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    by_folder = run("inspect", Path("..") / "bench 7", "--json")
+    by_file = run("inspect", os.path.join("..", "bench 7", "campaign.toml"), "--json")
+    assert by_folder.status == by_file.status == 0
+    assert by_folder.out == by_file.out
+    assert json.loads(by_folder.out)["campaign"] == "bench"
