@@ -1,1 +1,1 @@
-"""The published tables, and a twin campaign made from them."""
+"""The published tables, their errata, the physics that they must obey, and a twin campaign made from them."""

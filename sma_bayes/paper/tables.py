@@ -80,6 +80,11 @@ class PrintedCell:
         Why the value is doubted; empty where it is not.
     reconstructed : float or None
         What other cells say that it should have been [unit].
+    power : int
+        Power of ten that is printed beside the digits.
+    entry : str
+        The whole entry as it stands in the text, where that is more than the digits: Tables 1 and 2 print
+        units, signs and symbols in it.
     """
 
     quantity: str
@@ -91,6 +96,8 @@ class PrintedCell:
     status: CellStatus = CellStatus.OK
     reason: str = ""
     reconstructed: float | None = None
+    power: int = 0
+    entry: str = ""
 
     def __post_init__(self) -> None:
         doubted = self.status is not CellStatus.OK
@@ -106,7 +113,7 @@ class PrintedCell:
     @property
     def value(self) -> float:
         """The printed number [unit], whatever its status."""
-        return float(self.printed)
+        return float(f"{self.printed}e{self.power}")
 
     @property
     def sound(self) -> bool:
@@ -117,7 +124,7 @@ class PrintedCell:
     def resolution(self) -> float:
         """One unit of the last printed digit [unit]."""
         _, _, decimals = self.printed.partition(".")
-        return float(10.0 ** -len(decimals))
+        return float(10.0 ** (self.power - len(decimals)))
 
 
 @dataclass(frozen=True, slots=True)
