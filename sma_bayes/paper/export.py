@@ -1,0 +1,397 @@
+"""The printed tables and the errata as text, CSV, JSON, LaTeX or Markdown.
+
+Printed and reconstructed values stand side by side, each cell with its status; nothing is replaced.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from io import StringIO
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+from sma_bayes.errors import OutputError, UnknownNameError, near_matches
+from sma_bayes.paper.effects import Amount
+from sma_bayes.paper.errata import PRINTED_TABLES, Erratum, address, errata, printed_table
+from sma_bayes.paper.tables import CellStatus, PrintedCell, PrintedTable
+from sma_bayes.quantities import unit_text
+
+SCHEMA: Final = "sma-bayes/paper/1"
+"""Schema of the JSON document."""
+
+SOURCE: Final = (
+    "Modified sigmoid based model and experimental analysis of shape memory alloy spring as variable stiffness "
+    "actuator, Smart Structures and Systems (2019), as printed in the supplied text"
+)
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """Rows with the same columns, as they go into one file.
+
+    Attributes
+    ----------
+    name, title : str
+    rows : tuple of dict
+        Column name to text, number or None.
+    """
+
+    name: str
+    title: str
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What is exported.
+
+    Attributes
+    ----------
+    tables : tuple of PrintedTable
+    errata : tuple of Erratum
+    """
+
+    tables: tuple[PrintedTable, ...]
+    errata: tuple[Erratum, ...]
+
+
+def select(table: int | None = None, *, errata_only: bool = False) -> Selection:
+    """Choose what to export.
+
+    Parameters
+    ----------
+    table : int, optional
+        One table and the errata that touch it; 0 is the running text. All by default.
+    errata_only : bool
+        Leave the tables out.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such table.
+    """
+    tables = PRINTED_TABLES if table is None else (printed_table(table),)
+    chosen = tuple(e for e in errata() if table is None or table in e.tables)
+    return Selection(() if errata_only else tables, chosen)
+
+
+def cell_row(table: PrintedTable, cell: PrintedCell) -> Row:
+    """One printed cell as a row: where it stands, what is printed, whether it can be believed.
+
+    ``published`` is the printed number, empty where something else is printed in its place; ``corrected`` is what
+    other cells say that it should have been.
+    """
+    return {
+        "table": table.number,
+        "line": cell.line,
+        "condition": cell.condition,
+        "branch": "" if cell.branch is None else cell.branch.value,
+        "quantity": cell.quantity,
+        "unit": cell.unit,
+        "printed": cell.entry or cell.printed,
+        "published": None if cell.status is CellStatus.DAMAGED else cell.value,
+        "status": cell.status.value,
+        "corrected": cell.reconstructed,
+        "reason": cell.reason,
+        "errata": " ".join(_doubts().get(address(table, cell), ())),
+    }
+
+
+@cache
+def _doubts() -> dict[str, tuple[str, ...]]:
+    """Ids of the errata that cast doubt on a cell, by its address."""
+    found: dict[str, tuple[str, ...]] = {}
+    for erratum in errata():
+        for table, cell in erratum.doubted():
+            place = address(table, cell)
+            found[place] = (*found.get(place, ()), erratum.id)
+    return found
+
+
+def erratum_row(erratum: Erratum) -> Row:
+    """One erratum as a row."""
+    return {
+        "id": erratum.id,
+        "lines": " ".join(map(str, erratum.lines)),
+        "tables": " ".join(map(str, erratum.tables)),
+        "confidence": erratum.confidence.value,
+        "printed": erratum.printed,
+        "problem": erratum.problem,
+        "correction": erratum.correction,
+        "cells": " ".join(address(table, cell) for table, cell in erratum.doubted()),
+    }
+
+
+def amount_row(amount: Amount) -> Row:
+    """One recomputed number as a row."""
+    return {
+        "what": amount.name,
+        "value": amount.value,
+        "unit": amount.unit,
+        "claimed": amount.claimed or None,
+        "agrees": amount.agrees,
+    }
+
+
+def sheets(selection: Selection) -> tuple[Sheet, ...]:
+    """Sheets of a selection: one a table, then the errata and their recomputed effects."""
+    found = _table_sheets(selection)
+    effects = tuple({"id": e.id, **amount_row(a)} for e in selection.errata for a in e.effect())
+    if selection.errata:
+        found.append(Sheet("errata", "Errata", tuple(erratum_row(e) for e in selection.errata)))
+    if effects:
+        found.append(Sheet("effects", "Effects of the errata, recomputed", effects))
+    return tuple(found)
+
+
+def _table_sheets(selection: Selection) -> list[Sheet]:
+    return [
+        Sheet(
+            f"table-{table.number}",
+            f"Table {table.number}: {table.title}" if table.number else table.title.capitalize(),
+            tuple(cell_row(table, cell) for cell in table.cells),
+        )
+        for table in selection.tables
+    ]
+
+
+def document(selection: Selection) -> dict[str, Any]:
+    """JSON document of a selection, with its schema."""
+    return {
+        "schema": SCHEMA,
+        "source": SOURCE,
+        "tables": [
+            {"number": t.number, "title": t.title, "cells": [cell_row(t, c) for c in t.cells]}
+            for t in selection.tables
+        ],
+        "errata": [
+            {
+                **erratum_row(e),
+                "lines": list(e.lines),
+                "tables": list(e.tables),
+                "cells": [address(table, cell) for table, cell in e.doubted()],
+                "effect": [amount_row(a) for a in e.effect()],
+            }
+            for e in selection.errata
+        ],
+    }
+
+
+def _number(value: object) -> str:
+    """Five digits for people; files for machines hold all of them."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _shown(row: Row) -> list[str]:
+    """Cells of a row for people."""
+    return [_unit(value) if name == "unit" else _number(value) for name, value in row.items()]
+
+
+def _unit(unit: str) -> str:
+    return unit_text(unit.replace("delta_degC", "degC"))
+
+
+def _csv(sheet: Sheet) -> str:
+    out = StringIO()
+    writer = csv.DictWriter(out, fieldnames=list(sheet.rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(sheet.rows)
+    return out.getvalue()
+
+
+def _text(sheet: Sheet) -> str:
+    from rich.console import Console
+    from rich.table import Table
+
+    out = StringIO()
+    shown = Table(title=sheet.title, title_justify="left")
+    for name in sheet.rows[0]:
+        shown.add_column(name)
+    for row in sheet.rows:
+        shown.add_row(*(cell.replace("[", r"\[") for cell in _shown(row)))
+    Console(file=out, width=200).print(shown)
+    return out.getvalue()
+
+
+_TEX_CHARACTERS: Final = str.maketrans(
+    {
+        "π": r"$\pi$",
+        "ν": r"$\nu$",
+        "Ω": r"$\Omega$",
+        "°": r"\textdegree{}",
+        "×": r"$\times$",
+        "≥": r"$\geq$",
+        "–": "--",
+        "⁻": r"\textsuperscript{-}",
+        **{c: rf"\textsuperscript{{{d}}}" for c, d in zip("²³⁴⁵⁶", "23456", strict=True)},
+    }
+)
+
+
+_WIDE: Final = frozenset({"reason", "problem", "correction", "cells", "what"})
+"""Columns of sentences, which LaTeX must wrap."""
+
+
+def _latex(sheet: Sheet) -> str:
+    import pandas as pd
+
+    frame = pd.DataFrame([_shown(row) for row in sheet.rows], columns=list(sheet.rows[0]))
+    widths = "".join("p{4.5cm}" if name in _WIDE else "l" for name in frame.columns)
+    tex = frame.to_latex(
+        index=False,
+        escape=True,
+        longtable=True,
+        column_format=widths,
+        caption=sheet.title,
+        label=f"tab:paper-{sheet.name}",
+    )
+    head = "% needs booktabs, longtable and textcomp; a wide landscape page\n"
+    return head + tex.translate(_TEX_CHARACTERS)
+
+
+def _pipes(rows: Sequence[Row]) -> str:
+    """Markdown table."""
+    lines = [list(rows[0]), ["---"] * len(rows[0]), *(_shown(row) for row in rows)]
+    return "\n".join("| " + " | ".join(c.replace("|", r"\|") for c in line) + " |" for line in lines) + "\n"
+
+
+def _markdown(sheet: Sheet) -> str:
+    return f"## {sheet.title}\n\n{_pipes(sheet.rows)}"
+
+
+_FORMATS: Final[Mapping[str, tuple[str, Callable[[Sheet], str]]]] = MappingProxyType(
+    {
+        "text": ("txt", _text),
+        "csv": ("csv", _csv),
+        "latex": ("tex", _latex),
+    }
+)
+"""Ending and renderer of the formats that go sheet by sheet."""
+
+FORMATS: Final = (*_FORMATS, "markdown", "json")
+"""Formats that `render` and `write` know."""
+
+
+def texts(selection: Selection, form: str) -> dict[str, str]:
+    """Text of each file of an export, by its name.
+
+    Raises
+    ------
+    UnknownNameError
+        If the format is not known.
+    """
+    if form not in FORMATS:
+        raise UnknownNameError(f"there is no format {form!r}", expected=near_matches(form, FORMATS))
+    if form == "json":
+        return {"paper.json": json.dumps(document(selection), indent=1, ensure_ascii=False) + "\n"}
+    if form == "markdown":
+        pages = {f"{sheet.name}.md": _markdown(sheet) for sheet in _table_sheets(selection)}
+        return pages | ({"errata.md": errata_page(selection.errata)} if selection.errata else {})
+    ending, one = _FORMATS[form]
+    return {f"{sheet.name}.{ending}": one(sheet) for sheet in sheets(selection)}
+
+
+def render(selection: Selection, form: str = "text") -> str:
+    """A selection as one text.
+
+    Parameters
+    ----------
+    selection : Selection
+    form : str
+        One of `FORMATS`. Sheets follow each other with an empty line between; the errata in Markdown are the page
+        that the documentation shows.
+
+    Raises
+    ------
+    UnknownNameError
+        If the format is not known.
+    """
+    return "\n".join(texts(selection, form).values())
+
+
+def write(selection: Selection, folder: Path, form: str = "csv") -> tuple[Path, ...]:
+    """Write a selection into a folder: one file a sheet, for JSON one file in all.
+
+    Parameters
+    ----------
+    selection : Selection
+    folder : Path
+        Made where it is missing; files of the same names are replaced.
+    form : str
+        One of `FORMATS`.
+
+    Returns
+    -------
+    tuple of Path
+        The files.
+
+    Raises
+    ------
+    UnknownNameError
+        If the format is not known.
+    OutputError
+        If a file can't be written.
+    """
+    named = texts(selection, form)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in named.items():
+            (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise OutputError(
+            f"can't be written: {error.strerror}", file=folder, remedy="choose another folder with --out"
+        ) from error
+    return tuple(folder / name for name in named)
+
+
+_PREFACE: Final = """# Errata of the paper
+
+What can't be taken as printed in "Modified sigmoid based model and experimental analysis of shape memory alloy
+spring as variable stiffness actuator", Smart Structures and Systems (2019). Lines are those of the plain text
+from which the tables were read; the printed page may differ from that text. Table 0 is the running text.
+
+`E01` to `E49` are those of a list of errata that goes with the text, `N..` were found beyond it. Each number below
+is recomputed from the printed tables and equations; where the list states a number, it stands beside as
+*claimed*, and *agrees* says whether the recomputed one rounds to it. Confidence: *certain* follows from the
+printed numbers or equations alone, *likely* needs one outside fact or one reading of an ambiguous sentence,
+*possible* has another explanation that is about as good.
+
+This page is written by `sma-bayes paper --errata --format markdown`.
+"""
+
+
+def errata_page(chosen: Sequence[Erratum]) -> str:
+    """Page of the documentation: a section for each erratum, what did not reproduce first."""
+    amounts = {e.id: e.effect() for e in chosen}
+    differing = [
+        {"id": i, **amount_row(a)} for i, found in amounts.items() for a in found if a.agrees is False
+    ]
+    parts = [_PREFACE]
+    if differing:
+        shown = [{k: v for k, v in row.items() if k != "agrees"} for row in differing]
+        parts.append("## Claims that do not reproduce as stated\n\n" + _pipes(shown))
+    parts += [_section(e, amounts[e.id]) for e in chosen]
+    return "\n".join(parts)
+
+
+def _section(erratum: Erratum, amounts: Sequence[Amount]) -> str:
+    row = erratum_row(erratum)
+    where = ", ".join(map(str, erratum.lines))
+    tables = ", ".join(map(str, erratum.tables)) or "none"
+    effect = _pipes([amount_row(a) for a in amounts]) if amounts else "A note: no number to recompute.\n"
+    return (
+        f"## {erratum.id}\n\n"
+        f"Lines {where}; tables {tables}; {row['confidence']}.\n\n"
+        f"- Printed: {erratum.printed}\n- Problem: {erratum.problem}\n- Instead: {erratum.correction}\n\n{effect}"
+    )
