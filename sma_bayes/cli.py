@@ -207,7 +207,8 @@ def paper(
     if out is None:
         typer.echo(render(selection, form), nl=False)
         return
-    typer.echo(f"{len(write(selection, out, form))} files in {out}")
+    for path in write(selection, out, form):
+        typer.echo(str(path))
 
 
 def main() -> None:
