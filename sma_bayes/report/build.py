@@ -119,20 +119,13 @@ class _CampaignTask:
     def drawings(self) -> Iterator[Callable[[], Drawing]]:
         yield partial(diagnostics_figure, self.content)
         yield partial(correlation_figure, self.content)
-        yield partial(parameter_figure, self.content)
         if self.content.printed:
             yield partial(printed_figure, self.content)
-        branches = {
-            c: [_branch_data(self.folder, r) for r in self.content.branches(c)]
-            for c in self.content.conditions
-        }
-        for channel in self.content.channels:
-            having = {
-                condition: found
-                for condition, all_of_it in branches.items()
-                if (found := [b for b in all_of_it if b.content.channel(channel.channel) is not None])
-            }
-            yield partial(overview_figure, channel.channel, having)
+        for number, part in enumerate(self.content.by_units(), 1):
+            yield partial(parameter_figure, part, number)
+            branches = {c: [_branch_data(self.folder, r) for r in part.branches(c)] for c in part.conditions}
+            for channel in part.channels:
+                yield partial(overview_figure, channel.channel, branches, number)
 
 
 _Task = _RecordTask | _ConditionTask | _CampaignTask

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -456,6 +456,19 @@ class Content:
         """One channel of each kind that any record has, in order."""
         found = {c.channel: c for r in self.records for c in r.channels}
         return tuple(found[c] for c in ("force", "displacement", "stiffness") if c in found)
+
+    def by_units(self) -> tuple[Content, ...]:
+        """The same, parted by conditions whose channels and temperature have the same names and units.
+
+        Only within a part can values share an axis.
+        """
+        parts: dict[tuple[object, ...], list[RecordContent]] = {}
+        for condition in self.conditions:
+            records = self.branches(condition)
+            units = {(c.channel, c.name, c.unit) for r in records for c in r.channels}
+            kind = (tuple(sorted(units)), *sorted({r.temperature_unit for r in records}))
+            parts.setdefault(kind, []).extend(records)
+        return tuple(replace(self, records=tuple(records)) for records in parts.values())
 
     def branches(self, condition: str) -> tuple[RecordContent, ...]:
         """Records of a condition."""

@@ -13,6 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from sma_bayes.errors import OutputError
+from sma_bayes.quantities import ARBITRARY
 from sma_bayes.report.content import (
     CHECK_TAIL,
     INTERVAL,
@@ -26,6 +27,7 @@ from sma_bayes.report.content import (
     RecordContent,
 )
 from sma_bayes.report.figures import FigureFiles
+from sma_bayes.report.figures.sheet import numbered
 from sma_bayes.report.notation import MISSING, count_text, interval_text, unit_label, write, write_interval
 from sma_bayes.report.tables import Cell, Column, Table, cell_text, group_text, rows_text
 from sma_bayes.results.store import write_text
@@ -103,8 +105,15 @@ def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str,
         without_empty=without_empty,
         overview=parameter_overview,
         noise_groups=noise_groups(content),
+        parts=content.by_units(),
+        arbitrary=any(_has_arbitrary_unit(r) for r in content.records),
+        numbered=numbered,
         anchor=anchor,
     )
+
+
+def _has_arbitrary_unit(record: RecordContent) -> bool:
+    return any(ARBITRARY in unit for unit in (record.temperature_unit, *(c.unit for c in record.channels)))
 
 
 def _environment() -> Environment:
@@ -228,7 +237,7 @@ def _overview(records: tuple[RecordContent, ...], names: list[str], title: str) 
             elif p.fixed:
                 cells.append(f"{write([p.mean]).plain[0]}, fixed")
             else:
-                mark = "" if p.identified else " (prior)"
+                mark = "" if p.identified else " (not identified)"
                 text = (
                     _estimate(p.estimate)
                     if not same[n]
@@ -236,7 +245,7 @@ def _overview(records: tuple[RecordContent, ...], names: list[str], title: str) 
                 )
                 cells.append(text + mark)
         rows.append((r.condition, r.branch, *cells))
-    note = f"Median and {INTERVAL}; “(prior)” marks what mainly repeats its prior."
+    note = f"Median and {INTERVAL}; “(not identified)” marks what the data leave to the prior."
     return Table("overview", title, note, columns, tuple(rows))
 
 

@@ -31,6 +31,7 @@ from sma_bayes.report.figures.sheet import (
     few_ticks,
     in_units_of,
     label_width,
+    numbered,
     panels,
     take_power,
 )
@@ -105,12 +106,15 @@ def _correlation_axis(ax: Axes, seen: Sequence[float], name: str) -> None:
     ax.xaxis.set_major_locator(few_ticks(4))
 
 
-def parameter_figure(content: Content) -> Drawing:
+def parameter_figure(content: Content, number: int = 1) -> Drawing:
     """Every parameter of the response by condition and branch.
 
     Parameters
     ----------
     content : Content
+        With the same units in all records, see `Content.by_units`.
+    number : int
+        Which of the parts it is, for the name of the file.
     """
     names = _parameter_names(content)
     letters = tuple(dict.fromkeys(name[0] for name in names))
@@ -139,7 +143,7 @@ def parameter_figure(content: Content) -> Drawing:
     for ax in (ax for line in free.values() for ax in line):
         ax.remove()
     handles = [dot_handle(c, name) for name, c in COLOURS.items()]
-    handles.append(dot_handle("#555555", "hollow: mainly repeats its prior", hollow=True))
+    handles.append(dot_handle("#555555", "hollow: not identified by the data", hollow=True))
     figure.legend(handles=handles, loc="lower center", ncols=3, borderaxespad=0.2)
     header = (
         "condition",
@@ -152,7 +156,7 @@ def parameter_figure(content: Content) -> Drawing:
         "q95 [unit]",
     )
     return Drawing(
-        stem="parameters",
+        stem=numbered("parameters", number),
         caption=(
             "Parameters by condition and branch: posterior median and equal-tailed 90 % credible interval; where the "
             "interval is narrower than the point, the point hides it." + _open_note(content.records)

@@ -13,6 +13,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from sma_bayes.quantities import Floats
 from sma_bayes.report.content import (
     Channel,
 )
@@ -31,6 +32,7 @@ from sma_bayes.report.figures.sheet import (
     empty_sheet,
     heading,
     in_units_of,
+    numbered,
     panels,
     remark,
     take_power,
@@ -92,14 +94,16 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
     )
 
 
-def overview_figure(channel: str, conditions: Mapping[str, Sequence[BranchData]]) -> Drawing:
+def overview_figure(channel: str, conditions: Mapping[str, Sequence[BranchData]], number: int = 1) -> Drawing:
     """One channel of all conditions, a small panel each.
 
     Parameters
     ----------
     channel : str
     conditions : mapping of str to sequence of BranchData
-        Those that have the channel.
+        With the same units in all records, see `Content.by_units`.
+    number : int
+        Which of the parts it is, for the name of the file.
     """
     found = next(
         c for b in conditions.values() for d in b for c in [d.content.channel(channel)] if c is not None
@@ -110,12 +114,14 @@ def overview_figure(channel: str, conditions: Mapping[str, Sequence[BranchData]]
     tall = 3.0 if len(conditions) == 1 else 1.95
     bottom = 0.8 if columns > 1 else 0.95
     figure = empty_sheet(0.75 + wide * columns, bottom + 0.35 + tall * rows)
-    axes = panels(figure, rows, columns, left=0.65, right=0.1, bottom=bottom, top=0.35, gap_x=0.5, gap_y=0.55)
+    axes = panels(
+        figure, rows, columns, left=0.65, right=0.1, bottom=bottom, top=0.35, gap_x=0.58, gap_y=0.55
+    )
     for ax, (condition, branches) in zip(axes.flat, conditions.items(), strict=False):
         for branch in branches:
             if branch.content.channel(channel) is not None:
                 _branch(ax, branch, channel, small=True)
-        shown = _limits(ax, channel, branches)
+        shown = _limits(ax, channel, branches, ("q05", "q95"))
         power = take_power(ax.yaxis)
         name = "\n".join(textwrap.wrap(abridged(condition, 58), 30)[:2])
         ax.set_title(f"{name}  [{in_units_of(power, found.unit)}]" if power else name, fontsize=7.5)
@@ -139,11 +145,11 @@ def overview_figure(channel: str, conditions: Mapping[str, Sequence[BranchData]]
         handles=_short_legend(), loc="lower center", ncols=5 if columns > 1 else 3, borderaxespad=0.15
     )
     return Drawing(
-        stem=f"overview-{found.channel}",
+        stem=numbered(f"overview-{found.channel}", number),
         caption=(
-            f"{found.name.capitalize()} of all conditions. Line: posterior median of the curve; dark and light band: "
-            "pointwise equal-tailed 50 % and 90 % credible intervals; points: measurements. Each panel has its own "
-            "axes."
+            f"{found.name.capitalize()} against temperature, condition by condition. Line: posterior median of the "
+            "curve; dark and light band: pointwise equal-tailed 50 % and 90 % credible intervals; points: "
+            "measurements. Each panel has its own axes."
             + (
                 " Dashed: did not converge, so without a band."
                 if any(not b.content.converged for d in conditions.values() for b in d)
@@ -184,7 +190,7 @@ def _about_median(ax: Axes, branch: BranchData, channel: str) -> None:
     band = branch.bands[channel]
     q = {name: values - band.quantiles["q50"] for name, values in band.quantiles.items()}
     inside = ~band.extrapolated
-    reach = [float(np.max(np.abs(q[name][inside]))) for name in ("q05", "q95")]
+    reach = [_greatest(q[name][inside]) for name in ("q05", "q95", "pred_q05", "pred_q95")]
     if channel in branch.curve:
         stored = branch.stored
         e = stored.observed[channel] - branch.curve[channel]
@@ -196,12 +202,16 @@ def _about_median(ax: Axes, branch: BranchData, channel: str) -> None:
     if np.all(np.isfinite(q["pred_q05"])):
         for name in ("pred_q05", "pred_q95"):
             ax.plot(band.temperature, q[name], color=colour, lw=0.6, ls=":", zorder=2.5)
-            reach.append(float(np.max(np.abs(q[name][inside]))))
     ax.fill_between(band.temperature, q["q05"], q["q95"], color=colour, alpha=0.3, lw=0, zorder=3)
     ax.fill_between(band.temperature, q["q25"], q["q75"], color=colour, alpha=0.5, lw=0, zorder=3.1)
     limit = max(1.15 * max(reach), max(abs(v) for v in ax.get_ylim()) if ax.lines else 0.0)
-    ax.set_ylim(-limit, limit)
+    ax.set_ylim(-(limit or 1.0), limit or 1.0)
     ax.axhline(0.0, color=INK, lw=0.4, zorder=1)
+
+
+def _greatest(values: Floats) -> float:
+    """Greatest magnitude of what is finite; 0 where nothing is."""
+    return float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
 
 
 def _points(ax: Axes, branch: BranchData, channel: str, size: float) -> None:
@@ -225,7 +235,7 @@ def _points(ax: Axes, branch: BranchData, channel: str, size: float) -> None:
 
 def _frame(ax: Axes, channel: Channel, branches: Sequence[BranchData]) -> None:
     ax.set_title(channel.name.capitalize() + ("" if channel.observed else " (derived)"))
-    shown = _limits(ax, channel.channel, branches)
+    shown = _limits(ax, channel.channel, branches, ("q05", "q95", "pred_q05", "pred_q95"))
     log = ", log axis" if ax.get_yscale() == "log" else ""
     ax.set_ylabel(axis_label(channel, take_power(ax.yaxis)) + log)
     notes = [shown] if shown else []
@@ -235,17 +245,18 @@ def _frame(ax: Axes, channel: Channel, branches: Sequence[BranchData]) -> None:
         remark(ax, "\n".join(notes), FAINT)
 
 
-def _limits(ax: Axes, channel: str, branches: Sequence[BranchData]) -> str:
+def _limits(ax: Axes, channel: str, branches: Sequence[BranchData], shown: Sequence[str]) -> str:
     """Set the vertical limits by data and median, let bands have twice that, and say what was done."""
     base = [b.stored.observed[channel] for b in branches if channel in b.stored.observed]
     bands = [b.bands[channel].quantiles for b in branches if channel in b.bands]
     base += [q["q50"] for q in bands]
-    wide = np.concatenate([q[name] for q in bands for name in ("q05", "q95", "pred_q05", "pred_q95")])
+    wide = np.concatenate([q[name] for q in bands for name in shown])
     middle = np.concatenate(base)
     middle, wide = middle[np.isfinite(middle)], wide[np.isfinite(wide)]
     low, high = float(middle.min()), float(middle.max())
     curves = np.concatenate([q["q50"] for q in bands])
-    if wide.min() > 0 and curves.max() / curves.min() > STEEP and low > 0:
+    curves = curves[np.isfinite(curves)]
+    if wide.min() > 0 and low > 0 and curves.max() / curves.min() > STEEP:
         ax.set_yscale("log")
         return "logarithmic axis"
     span = (high - low) or max(abs(high), 1e-12)

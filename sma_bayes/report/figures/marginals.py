@@ -73,7 +73,7 @@ def corner_figure(branch: BranchData) -> Drawing:
         handles=[
             Patch(facecolor="#cfd6dd", edgecolor=INK, lw=0.8, label="posterior; inner 50 %, outer 90 %"),
             Line2D([], [], color=PRIOR, lw=1.0, ls="--", label="prior; number: posterior sd over prior sd"),
-            *([Patch(color="#fff1d6", label="mainly repeats its prior")] if driven else []),
+            *([Patch(color="#fff1d6", label="not identified by the data")] if driven else []),
         ],
         loc="upper right",
         bbox_to_anchor=(1.0, 1.0 - 0.3 / height),

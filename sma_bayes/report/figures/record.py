@@ -197,7 +197,7 @@ def residual_figure(branch: BranchData, residuals: Mapping[str, Floats]) -> Draw
     content, stored = branch.content, branch.stored
     channels = [c for c in content.channels if c.channel in residuals]
     figure = empty_sheet(7.4, 0.75 + 1.45 * len(channels))
-    axes = panels(figure, len(channels), 2, left=0.7, right=0.1, bottom=0.5, top=0.5, gap_x=0.35, gap_y=0.2)
+    axes = panels(figure, len(channels), 2, left=0.85, right=0.1, bottom=0.5, top=0.5, gap_x=0.35, gap_y=0.2)
     order = np.arange(1, stored.row.size + 1)
     columns: dict[str, Any] = {
         "order": order,

@@ -253,7 +253,8 @@ def temperature_label(record: RecordContent) -> str:
 
 def heading(figure: Figure, title: str, note: str) -> None:
     """Write a title at the upper left; a note turns it red."""
-    text = f"{abridged(title, 70)}   {note}" if note else abridged(title, 90)
+    room = int(figure.get_figwidth() / 0.092) - (len(note) + 3 if note else 0)
+    text = f"{abridged(title, max(room, 20))}   {note}".rstrip()
     figure.text(
         0.1 / figure.get_figwidth(), 1.0 - 0.08 / figure.get_figheight(), text, va="top", fontsize=9.5,
         fontweight="bold", color=WARNING if note else INK,
@@ -278,6 +279,17 @@ def dot_handle(colour: str, label: str, *, hollow: bool = False) -> Line2D:
     """Entry of a legend for points."""
     face = "white" if hollow else colour
     return Line2D([], [], marker="o", ms=4, ls="none", mfc=face, mec=colour, label=label)
+
+
+def numbered(stem: str, number: int) -> str:
+    """Name of the files of a part; the first has no number.
+
+    Examples
+    --------
+    >>> numbered("parameters", 1), numbered("parameters", 2)
+    ('parameters', 'parameters-2')
+    """
+    return stem if number == 1 else f"{stem}-{number}"
 
 
 def abridged(text: str, longest: int = 34) -> str:

@@ -1,0 +1,264 @@
+"""Figures: their files, their data, and what they say when something is odd."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from sma_bayes.report.content import Content, RecordContent
+from sma_bayes.report.figures import (
+    BranchData,
+    Drawing,
+    corner_figure,
+    correlation_figure,
+    diagnostics_figure,
+    loop_figure,
+    overview_figure,
+    parameter_figure,
+    predictive_figure,
+    printed_figure,
+    residual_figure,
+    save,
+    trace_figure,
+)
+from sma_bayes.report.figures.sheet import STYLE, abridged, in_units_of, power_of, take_power
+from sma_bayes.report.outputs import StoredBand
+from sma_bayes.report.residuals import standardised_residuals
+
+Gather = Callable[[RecordContent], BranchData]
+FIGURES = ("loop", "overview", "corner", "trace", "predictive", "residuals", "correlation", "parameters",
+           "diagnostics", "printed")  # fmt: skip
+
+
+def draw(kind: str, content: Content, gather: Gather) -> Drawing:
+    branches = [gather(r) for r in content.records]
+    first = branches[0]
+    e = standardised_residuals(first.content, first.stored, first.curve)
+    with mpl.rc_context(STYLE):
+        return {
+            "loop": partial(loop_figure, first.content.condition, branches),
+            "overview": partial(overview_figure, "stiffness", {first.content.condition: branches}),
+            "corner": partial(corner_figure, first),
+            "trace": partial(trace_figure, first),
+            "predictive": partial(predictive_figure, first),
+            "residuals": partial(residual_figure, first, e),
+            "correlation": partial(correlation_figure, content),
+            "parameters": partial(parameter_figure, content),
+            "diagnostics": partial(diagnostics_figure, content),
+            "printed": partial(printed_figure, content),
+        }[kind]()
+
+
+def words(figure: Figure) -> str:
+    return " | ".join(t.get_text() for t in figure.findobj(mpl.text.Text))
+
+
+@pytest.mark.parametrize("kind", FIGURES)
+def test_each_figure_has_its_data_beside_it(
+    kind: str, content: Content, branch_of: Gather, tmp_path: Path
+) -> None:
+    drawing = draw(kind, content, branch_of)
+    files = save(lambda: drawing, tmp_path)
+    assert {p.suffix for p in tmp_path.iterdir()} == {".pdf", ".png", ".csv"}
+    assert {p.stem for p in tmp_path.iterdir()} == {files.stem}
+    assert (tmp_path / f"{files.stem}.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / f"{files.stem}.pdf").read_bytes().startswith(b"%PDF")
+    with (tmp_path / f"{files.stem}.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))
+    assert len(rows) > 1
+    assert len({len(row) for row in rows}) == 1
+    assert drawing.alt
+    assert drawing.caption.endswith(".")
+
+
+@pytest.mark.parametrize("kind", FIGURES)
+def test_nothing_is_drawn_beyond_the_sheet(kind: str, content: Content, branch_of: Gather) -> None:
+    figure = draw(kind, content, branch_of).figure
+    with mpl.rc_context(STYLE):
+        figure.canvas.draw()
+        width, height = figure.canvas.get_width_height()
+        for part in (*figure.axes, *figure.texts, *figure.legends):
+            box = part.get_tightbbox()
+            assert box is not None
+            inside = box.x0 >= -1 and box.y0 >= -1 and box.x1 <= width + 1 and box.y1 <= height + 1
+            assert inside, f"{part} at {box} on a sheet of {width} by {height}"
+
+
+def test_the_same_figure_is_the_same_to_the_byte(content: Content, branch_of: Gather, tmp_path: Path) -> None:
+    for folder in ("a", "b"):
+        save(lambda: draw("corner", content, branch_of), tmp_path / folder)
+    for a, b in zip(sorted((tmp_path / "a").iterdir()), sorted((tmp_path / "b").iterdir()), strict=True):
+        assert a.read_bytes() == b.read_bytes(), a.name
+
+
+def test_settings_of_others_are_left_alone(content: Content, branch_of: Gather, tmp_path: Path) -> None:
+    before = dict(mpl.rcParams)
+    save(lambda: draw("diagnostics", content, branch_of), tmp_path)
+    assert dict(mpl.rcParams) == before
+
+
+def test_pyplot_is_not_needed() -> None:
+    command = "import sys, sma_bayes.report.build; print('matplotlib.pyplot' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", command], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout.strip() == "False"
+
+
+def test_the_loop_holds_what_was_measured_and_the_bands(content: Content, branch_of: Gather) -> None:
+    drawing = draw("loop", content, branch_of)
+    what, channel = np.array(drawing.data["what"]), np.array(drawing.data["channel"])
+    assert (what == "measured").sum() == 2 * sum(r.n for r in content.records)
+    assert set(channel[what == "measured"]) == {"force", "displacement"}
+    assert (what == "band").sum() == 2 * 3 * 161
+    assert "Stiffness (derived)" in words(drawing.figure)
+    assert "temperature T [arbitrary unit]" in words(drawing.figure)
+    assert "stiffness K [N/cm]" in words(drawing.figure)
+
+
+def test_a_record_that_did_not_converge_is_marked(content: Content, branch_of: Gather) -> None:
+    bad = replace(
+        content, records=tuple(replace(r, converged=r.branch == "cooling") for r in content.records)
+    )
+    for kind in ("loop", "corner", "trace", "predictive", "residuals"):
+        assert "NOT CONVERGED: heating" in words(draw(kind, bad, branch_of).figure), kind
+    assert "not converged" in words(draw("overview", bad, branch_of).figure)
+    for kind in ("parameters", "correlation"):
+        assert "cross marks a record that did not converge" in draw(kind, bad, branch_of).caption
+
+
+def steep(branch: BranchData, low: float, high: float) -> BranchData:
+    """A branch whose stiffness runs evenly in its logarithm."""
+    band = branch.bands["stiffness"]
+    curve = np.geomspace(low, high, band.temperature.size)
+    names = {
+        name: curve * f
+        for name, f in (("q05", 0.9), ("q25", 0.95), ("q50", 1.0), ("q75", 1.05), ("q95", 1.1))
+    }
+    missing = np.full(curve.size, np.nan)
+    changed = StoredBand(
+        band.temperature, names | {"pred_q05": missing, "pred_q95": missing}, band.extrapolated
+    )
+    return replace(branch, bands={**branch.bands, "stiffness": changed})
+
+
+def test_a_logarithmic_axis_says_so(content: Content, branch_of: Gather) -> None:
+    branches = [branch_of(r) for r in content.records]
+    with mpl.rc_context(STYLE):
+        plain = loop_figure("c", [steep(b, 1.0, 20.0) for b in branches]).figure
+        logarithmic = loop_figure("c", [steep(b, 1e-3, 50.0) for b in branches]).figure
+    assert "log" not in words(plain)
+    assert "stiffness K [N/cm], log axis" in words(logarithmic)
+
+
+def test_a_band_that_leaves_the_axis_is_told(content: Content, branch_of: Gather) -> None:
+    branch = branch_of(content.records[0])
+    band = branch.bands["stiffness"]
+    wild = StoredBand(
+        band.temperature, {**band.quantiles, "q95": band.quantiles["q95"] + 1e6}, band.extrapolated
+    )
+    with mpl.rc_context(STYLE):
+        figure = loop_figure("c", [replace(branch, bands={**branch.bands, "stiffness": wild})]).figure
+    assert "the band goes beyond the axis" in words(figure)
+    assert figure.axes[2].get_ylim()[1] < 10.0
+
+
+def test_a_stiffness_that_overflows_is_still_drawn(
+    content: Content, branch_of: Gather, tmp_path: Path
+) -> None:
+    branch = branch_of(content.records[0])
+    band = branch.bands["stiffness"]
+    wild = {name: q * np.geomspace(1.0, 1e290, q.size) for name, q in band.quantiles.items()}
+    for q in wild.values():
+        q[-5:] = np.nan  # what is not finite is an empty cell in the file
+    bands = {**branch.bands, "stiffness": StoredBand(band.temperature, wild, band.extrapolated)}
+    changed = replace(branch, bands=bands)
+    for figure in (
+        partial(loop_figure, "c", [changed]),
+        partial(overview_figure, "stiffness", {"c": [changed]}),
+    ):
+        save(figure, tmp_path)
+    assert "logarithmic axis" in words(save_and_look(partial(loop_figure, "c", [changed])))
+
+
+def save_and_look(make: Callable[[], Drawing]) -> Figure:
+    with mpl.rc_context(STYLE):
+        return make().figure
+
+
+def test_extrapolation_is_marked(content: Content, branch_of: Gather) -> None:
+    branch = branch_of(content.records[0])
+    outside = np.arange(161) > 150
+    bands = {c: StoredBand(b.temperature, b.quantiles, outside) for c, b in branch.bands.items()}
+    with mpl.rc_context(STYLE):
+        figure = loop_figure("c", [replace(branch, bands=bands)]).figure
+    assert "extrapolated" in words(figure)
+
+
+def test_prior_driven_parameters_are_marked_in_the_corner(content: Content, branch_of: Gather) -> None:
+    record = content.records[0]
+    parameters = tuple(replace(p, identified=p.name != "A1", contraction=0.2) for p in record.parameters)
+    with mpl.rc_context(STYLE):
+        drawing = corner_figure(branch_of(replace(record, parameters=parameters)))
+    assert "Tinted: A1" in drawing.caption
+    assert "not identified by the data" in words(drawing.figure)
+
+
+def test_the_corner_holds_the_prior_density(content: Content, branch_of: Gather) -> None:
+    data = draw("corner", content, branch_of).data
+    what = np.array(data["what"])
+    p = next(p for p in content.records[0].parameters if p.name == "A3")
+    column = np.asarray(data["A3 [arbitrary]"])
+    x, density = column[what == "prior, value"], column[what == "prior, density"]
+    mean, sd = p.numbers["mean"], p.numbers["sd"]
+    assert density == pytest.approx(np.exp(-0.5 * ((x - mean) / sd) ** 2) / (sd * np.sqrt(2 * np.pi)))
+    assert (what == "posterior draw").sum() == branch_of(content.records[0]).stored.draws["A3"].size
+
+
+def test_one_branch_and_one_channel_make_figures_too(content: Content, branch_of: Gather) -> None:
+    branch = branch_of(content.records[0])
+    record = replace(branch.content, channels=branch.content.channels[:1])
+    alone = replace(branch, content=record)
+    with mpl.rc_context(STYLE):
+        assert loop_figure("c", [alone]).figure.axes
+        assert predictive_figure(alone).figure.axes
+        assert correlation_figure(replace(content, records=(record,))).figure.axes
+
+
+def test_a_dollar_sign_in_a_name_is_only_a_dollar_sign(
+    content: Content, branch_of: Gather, tmp_path: Path
+) -> None:
+    record = replace(content.records[0], key="cost $5_x$ \\frac", condition="cost $5_x$ \\frac")
+    save(partial(trace_figure, branch_of(content.records[0])), tmp_path)
+    with mpl.rc_context(STYLE):
+        figure = diagnostics_figure(replace(content, records=(record,))).figure
+        figure.canvas.draw()
+    assert "cost $5_x$ \\frac" in words(figure)
+
+
+def test_powers_of_ten_go_into_the_unit() -> None:
+    assert power_of(np.array([0.0, 4e-4])) == -4
+    assert power_of(np.array([-20.0, 3.0])) == 0
+    assert power_of(np.array([2e8])) == 8
+    assert power_of(np.array([])) == 0
+    assert in_units_of(8, "Pa") == "10⁸ Pa"
+    assert in_units_of(0, "1") == "1"
+    axes = Figure().add_subplot()
+    axes.set_ylim(0.0, 3e8)
+    assert take_power(axes.yaxis) == 8
+    assert [t.get_text() for t in axes.yaxis.get_ticklabels()][-1] in ("3", "3.0")
+
+
+def test_long_names_lose_their_middle() -> None:
+    assert abridged("short") == "short"
+    assert abridged("a" * 30 + "b" * 30, 21) == "a" * 10 + "…" + "b" * 10

@@ -1,0 +1,86 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sma_bayes.report.notation import (
+    MISSING,
+    compact,
+    count_text,
+    interval_text,
+    squared,
+    tex_text,
+    unit_label,
+    write,
+    write_interval,
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "resolution", "text"),
+    [
+        (0.7224291, 0.00064, "0.72243"),
+        (152.114, 1.0, "152.1"),
+        (-9.8e-05, 2.7e-4, "(see below)"),
+        (2.5e8, 3e6, "2.500 × 10⁸"),
+        (-0.00001, 0.3, "0.00"),
+        (0.0, None, "0.000"),
+        (123456.0, 5000.0, "123500"),
+        (1.0, 1e-30, "1.00000000"),
+    ],
+)
+def test_a_number_has_the_digits_that_its_uncertainty_bears(
+    value: float, resolution: float | None, text: str
+) -> None:
+    expected = "−1.0 × 10⁻⁴" if text == "(see below)" else text
+    assert write([value], resolution).plain == (expected,)
+
+
+@pytest.mark.parametrize("value", [None, math.nan, math.inf])
+def test_what_is_not_a_number_is_a_dash(value: float | None) -> None:
+    assert write([value]).plain == (MISSING,)
+    assert write([value, 1.0]).tex == ("--", "$1.000$")
+
+
+def test_numbers_that_belong_together_share_the_last_place_and_the_power() -> None:
+    written = write_interval(0.0004, -0.0001, 0.0009)
+    assert interval_text(written) == "(4.0 [−1.0, 9.0]) × 10⁻⁴"
+    assert written.tex == (r"$4.0\times10^{-4}$", r"$-1.0\times10^{-4}$", r"$9.0\times10^{-4}$")
+    assert interval_text(write_interval(1.5, 1.25, 1.75)) == "1.50 [1.25, 1.75]"
+
+
+@given(
+    st.floats(1e-12, 1e12, allow_nan=False), st.sampled_from([-1.0, 1.0]), st.floats(1e-6, 1.0, allow_nan=False)
+)  # fmt: skip
+def test_rounding_stays_well_below_the_uncertainty(size: float, sign: float, share: float) -> None:
+    value, resolution = sign * size, share * size
+    (digits,), power = write([value], resolution).digits, write([value], resolution).exponent
+    assert abs(float(digits) * 10.0**power - value) <= 0.06 * resolution + 1e-8 * size
+
+
+def test_units_are_shown_as_people_write_them() -> None:
+    assert unit_label("N/m degC") == "N/m · °C"
+    assert unit_label("1/arbitrary") == "1/arbitrary unit"
+    assert unit_label("1") == ""
+    assert (squared("N"), squared("N/cm"), squared("1")) == ("N²", "(N/cm)²", "1")
+
+
+def test_counts_and_short_numbers() -> None:
+    assert count_text(8349123) == "8\u202f349\u202f123"
+    assert (compact(1.0), compact(-0.72197), compact(2.5e-7)) == ("1", "−0.722", "2.5 × 10⁻⁷")
+
+
+def test_latex_sees_no_character_that_it_can_not_set() -> None:
+    nasty = r"50 % of {a_b} & c^2 # ~ $5 \ <x> σ ε °C 10⁻⁴ – “q” é"
+    text = tex_text(nasty)
+    assert text.startswith(
+        r"50 \% of \{a\_b\} \& c\textasciicircum{}2 \# \textasciitilde{} \$5 \textbackslash{}"
+    )
+    assert r"$\sigma$ $\varepsilon$ \textdegree{}C 10$^{-}$$^{4}$ --" in text
+    assert all(ord(c) < 256 for c in text)
+    assert r"\texttt{U+201C}" in text  # not silently lost

@@ -1,0 +1,124 @@
+"""Tables as CSV and as LaTeX."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sma_bayes.report.content import Content, Estimate, Finding, Number
+from sma_bayes.report.tables import (
+    OF_ROW,
+    Column,
+    Table,
+    cell_text,
+    csv_columns,
+    group_text,
+    report_tables,
+    rows_text,
+    tex,
+    write_tables,
+)
+
+TABLES = (
+    "parameters", "goodness_of_fit", "correlation", "loops", "diagnostics", "noise", "checks", "findings", "printed",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def written(content: Content, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("tables")
+    write_tables(report_tables(content), folder)
+    return folder
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_each_table_is_written_twice(written: Path, name: str) -> None:
+    assert rows_of(written / f"{name}.csv")
+    assert (written / f"{name}.tex").stat().st_size > 200
+
+
+def test_parameters_keep_all_digits(written: Path, content: Content) -> None:
+    rows = rows_of(written / "parameters.csv")
+    parameters = [p for r in content.records for p in r.parameters]
+    assert len(rows) == len(parameters)
+    for row, p in zip(rows, parameters, strict=True):
+        assert float(row["mean [unit]"]) == pytest.approx(p.mean, rel=1e-8)
+        assert float(row["q95 [unit]"]) == pytest.approx(p.estimate.q95, rel=1e-8)
+        assert float(row["rhat [1]"]) == pytest.approx(p.rhat, rel=1e-8)
+        assert (row["identified"], row["prior"]) == ("true" if p.identified else "false", p.prior)
+    assert {row["unit"] for row in rows} == {"cm", "N", "arbitrary unit", "1/arbitrary unit"}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_every_header_of_numbers_has_a_unit(content: Content, name: str) -> None:
+    table = report_tables(content)[name]
+    for place, column in enumerate(table.columns):
+        numeric = any(isinstance(row[place], Number | Estimate) for row in table.rows)
+        assert bool(column.unit) >= numeric, f"{name}: {column.name}"
+        if column.unit == OF_ROW:
+            assert any(c.key == "unit" for c in table.columns)
+        assert "degC" not in column.header
+    assert all(len(row) == len(table.columns) for row in table.rows)
+
+
+def test_an_estimate_becomes_three_columns() -> None:
+    table = Table("t", "T", "", (Column("r", "r", "1"),), ((Estimate(0.5, 0.4, 0.6),), (None,)))
+    assert csv_columns(table) == {"r_q05 [1]": [0.4, ""], "r_median [1]": [0.5, ""], "r_q95 [1]": [0.6, ""]}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_latex_is_balanced_and_rectangular(written: Path, name: str) -> None:
+    text = (written / f"{name}.tex").read_text(encoding="utf-8")
+    assert text.count(r"\begin{longtable}") == text.count(r"\end{longtable}") == 1
+    assert all(ord(c) < 256 for c in text)
+    bare = re.sub(r"\\[{}&%$#_]", "", text)
+    assert bare.count("{") == bare.count("}")
+    assert bare.count("$") % 2 == 0
+    columns = re.search(r"\\begin\{longtable\}\{(.*)\}\n", text)
+    assert columns is not None
+    wanted = len(re.sub(r">\{[^}]*\}p\{[^}]*\}", "p", columns.group(1)))
+    body = [
+        line
+        for line in bare.split("\n")
+        if line.endswith(r"\\") and "multicolumn" not in line and "&" in line
+    ]
+    assert body
+    assert {line.count("&") + 1 for line in body} == {wanted}
+
+
+def test_user_text_can_not_break_latex(content: Content) -> None:
+    nasty = Finding(
+        "spike", r"100 % & \end{longtable} $x_1$ {", "a_b.csv", (1, 2), 2, 2, "c#1", "heating", "σ"
+    )
+    text = tex(report_tables(replace(content, findings=(nasty,)))["findings"])
+    assert r"100 \% \& \textbackslash{}end\{longtable\} \$x\_1\$ \{" in text
+    assert text.count(r"\end{longtable}") == 1
+
+
+def test_groups_of_rows_are_named_once(content: Content) -> None:
+    table = report_tables(content)["parameters"]
+    text = tex(table)
+    assert text.count(r"\textit{100g-10mHz, heating}") == 1
+    assert group_text(table, ("c", "heating", False)) == "c, heating, not converged"
+
+
+def test_rows_are_listed_in_runs() -> None:
+    assert rows_text((), 0) == ""
+    assert rows_text((7,), 1) == "7"
+    assert rows_text((1, 2, 3, 7, 9, 10), 6) == "1–3, 7, 9–10"
+    assert rows_text((1, 2), 50) == "1–2 …"
+
+
+def test_cells_as_people_read_them() -> None:
+    assert [cell_text(c) for c in (True, False, None, "", 7)] == ["yes", "no", "–", "–", "7"]
+    assert cell_text(Number(0.5, "N", 0.01)) == "0.500"
+    assert cell_text(Estimate(None, None, None)) == "– [–, –]"
