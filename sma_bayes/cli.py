@@ -283,7 +283,7 @@ def _show_fit(summary: dict[str, Any], out: Path) -> None:
             factors,
             ", ".join(prior_driven) or "-",
         )
-    console = Console(width=None if sys.stdout.isatty() else 160)
+    console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
     console.print(table)
     for finding in summary["findings"]:
         if finding["kind"] == "one-branch":
@@ -306,7 +306,7 @@ def _show_inspection(report: dict[str, Any]) -> None:
 
     from sma_bayes.quantities import unit_text
 
-    console = Console(width=None if sys.stdout.isatty() else 160)
+    console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
     table = Table(title=report["campaign"], title_justify="left")
     for name in ("record", "file", "samples", "cycles", "temperature", "channels", "held constant", "noise"):
         table.add_column(name)
