@@ -30,7 +30,14 @@ from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.response.arrangement import Arrangement, BiasSpring
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import AUTO, fit_records
-from sma_bayes.results.store import plain, write_csv, write_json, write_posterior, write_text
+from sma_bayes.results.store import (
+    plain,
+    sweep_unfinished,
+    write_csv,
+    write_json,
+    write_posterior,
+    write_text,
+)
 
 DEFAULT_PRIORS = "modified_sigmoid"
 
@@ -295,6 +302,7 @@ def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> tuple[
     try:
         if (folder / MARK).is_file():
             _check_mark(folder, identity, resume)
+            sweep_unfinished(folder)
             return ()
         if folder.exists() and not folder.is_dir():
             raise OutputError("is a file", file=folder, expected="a folder", remedy="choose another --out")

@@ -37,6 +37,8 @@ class Block:
         Importance weights seen on the way, for the evidence.
     random_state : tuple
         State of the random numbers after the last step.
+    evaluations : int
+        Evaluations of the density that the block took.
     """
 
     chain: Floats
@@ -44,6 +46,7 @@ class Block:
     accepted: Floats
     log_weight: Floats
     random_state: tuple[Any, ...]
+    evaluations: int
 
 
 class Checkpoint:
@@ -123,6 +126,7 @@ class Checkpoint:
                 _put(group, "random_keys", number, np.asarray(keys))
                 _put(group, "random_position", number, np.array([position, has_gauss]))
                 _put(group, "random_gauss", number, np.array(gauss))
+                _put(group, "evaluations", number, np.array(block.evaluations))
                 group["accepted"][...] = group["block_accepted"][()].sum(axis=0)
                 for i, part in enumerate(block.random_state):
                     group.attrs[f"random_state_{i}"] = part
@@ -154,6 +158,7 @@ def _blocks(group: h5py.Group) -> list[Block]:
                 group["block_accepted"][i],
                 group[f"log_weight_{i}"][()],
                 random_state,
+                int(group["evaluations"][i]),
             )
         )
     return out

@@ -404,6 +404,8 @@ class _Group:
             block = self._sample()
             if self.run.checkpoint is not None:
                 self.run.checkpoint.append(self.name, block)
+        else:  # the budget must not depend on whether the run was interrupted
+            self.run.evaluations += block.evaluations
         self._blocks.append(block)
         self.state = State(block.chain[-1], log_prob=block.log_prob[-1], random_state=block.random_state)
 
@@ -411,6 +413,7 @@ class _Group:
         self.move.start_block()
         self.move.log_weights.clear()
         self.sampler.reset()
+        before = self.run.evaluations
         for _ in self.sampler.sample(self.state, iterations=self.steps, skip_initial_state_check=True):
             pass
         weights = self.move.log_weights
@@ -420,6 +423,7 @@ class _Group:
             np.asarray(self.sampler.backend.accepted, dtype=float),
             np.concatenate(weights) if weights else np.empty(0),
             self.sampler.random_state,
+            self.run.evaluations - before,
         )
 
     @property

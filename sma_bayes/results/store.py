@@ -27,6 +27,16 @@ PREDICTIVE_DRAWS = 250
 """Draws of each ensemble for which pointwise likelihood and replicated data are stored."""
 
 
+UNFINISHED = ".unfinished-"
+"""How the names of files begin that are being written."""
+
+
+def sweep_unfinished(folder: Path) -> None:
+    """Remove what a process that was killed has left half-written below a folder."""
+    for path in folder.rglob(f"{UNFINISHED}*"):
+        path.unlink(missing_ok=True)
+
+
 def write_file(path: Path, write: Callable[[Path], object], *, nbytes: int = 0) -> None:
     """Write a file under a temporary name beside its place, then move it there.
 
@@ -45,7 +55,7 @@ def write_file(path: Path, write: Callable[[Path], object], *, nbytes: int = 0) 
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=UNFINISHED, suffix=path.suffix)
     except OSError as error:
         raise unwritable(path, reason(error), NEEDED) from None
     os.close(handle)

@@ -48,6 +48,7 @@ def test_the_family_is_complete() -> None:
         "UnknownNameError",
         "OutputError",
         "ResumeError",
+        "WorkerError",
     }
 
 

@@ -25,12 +25,14 @@ def block(seed: int, steps: int = 5, walkers: int = 8, dimension: int = 3) -> Bl
         rng.integers(0, steps, walkers).astype(float),
         rng.standard_normal(seed % 4),
         stream.get_state(),
+        1000 + seed,
     )
 
 
 def same(one: Block, other: Block) -> None:
     for name in ("chain", "log_prob", "accepted", "log_weight"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert one.evaluations == other.evaluations
     a, b = np.random.RandomState(), np.random.RandomState()
     a.set_state(one.random_state)
     b.set_state(other.random_state)
@@ -75,7 +77,8 @@ def test_one_ensemble_is_read_while_another_goes_on(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "stage", ["chain", "log_weight_1", "block_accepted", "random_keys", "random_gauss", "iteration"]
+    "stage",
+    ["chain", "log_weight_1", "block_accepted", "random_keys", "random_gauss", "evaluations", "iteration"],
 )
 def test_half_a_block_is_written_over(path: Path, stage: str) -> None:
     """As where the process was killed after one of the writes of a block."""

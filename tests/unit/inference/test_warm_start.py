@@ -40,20 +40,24 @@ schema = "sma-bayes/priors/1"
 family = "lognormal"
 median = 100.0
 sigma = 1.0
+unit = "arbitrary"
 [both.B2]
 family = "lognormal"
 median = 0.1
 sigma = 1.0
+unit = "1/arbitrary"
 [both.B3]
 family = "normal"
 mean = 40.0
 sd = 20.0
+unit = "arbitrary"
 [both.B4]
 fixed = 0.0
 [noise.sd]
 family = "lognormal"
 median = 1.0
 sigma = 1.0
+unit = "arbitrary"
 """
 
 
@@ -210,9 +214,10 @@ def test_a_constant_channel_has_no_r2(make_record: Callable[..., Record]) -> Non
 
 def test_everything_fixed_leaves_the_curve_as_it_is(make_record: Callable[..., Record]) -> None:
     values = {"B1": 2.5, "B2": 0.35, "B3": 52.0, "B4": 0.5}
+    units = {"B1": "N", "B2": "1/degC", "B3": "degC", "B4": "N"}
     text = 'schema = "sma-bayes/priors/1"\n'
-    text += "".join(f"[both.{name}]\nfixed = {value}\n" for name, value in values.items())
-    text += '[noise.sd]\nfamily = "half_normal"\nsd = 1.0\n'
+    text += "".join(f'[both.{k}]\nfixed = {v}\nunit = "{units[k]}"\n' for k, v in values.items())
+    text += '[noise.sd]\nfamily = "half_normal"\nsd = 1.0\nunit = "N"\n'
     start = start_of(make_record(("force",)), text)
     np.testing.assert_array_equal(start.theta, list(values.values()))
     np.testing.assert_array_equal(start.sd, np.zeros(4))

@@ -1,0 +1,147 @@
+"""Same seed, same numbers: on one process or two, in one go or killed and resumed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from sma_bayes.records.campaign import read_campaign
+from sma_bayes.workflow import fit_campaign
+
+TIMES = ("wall_s", "stages_s")
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "nitihf_sparse_isobaric.toml"
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two conditions, one of them with a short heating branch that needs differential evolution."""
+    folder = tmp_path_factory.mktemp("data")
+    rng = np.random.default_rng(5)
+    text = '[campaign]\nname = "two"\n'
+    for name, n, load in (("light", 40, 1.0), ("heavy", 12, 2.0)):
+        up = np.linspace(30.0, 70.0, n)
+        temperature = np.concatenate([up, up[::-1]])
+        force = load + 2.0 / (1.0 + np.exp(-0.3 * (temperature - 52.0))) + 0.03 * rng.standard_normal(2 * n)
+        rows = "".join(f"{t:.6g},{f:.6g}\n" for t, f in zip(temperature, force, strict=True))
+        (folder / f"{name}.csv").write_text("temperature_C,force_N\n" + rows, encoding="utf-8")
+        text += f'[[condition]]\nid = "{name}"\nfile = "{name}.csv"\n'
+    head, _, conditions = text.partition("[[condition]]")
+    columns = (
+        '[columns]\ntemperature = { name = "temperature_C", unit = "degC" }\n'
+        'force = { name = "force_N", unit = "N" }\n'
+    )
+    (folder / "campaign.toml").write_text(f"{head}{columns}[[condition]]{conditions}", encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(data: Path) -> Path:
+    """The run that nobody interrupted."""
+    fit_campaign(read_campaign(data), data / "whole", jobs=1, figures=False)
+    return data / "whole"
+
+
+def without_times(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: without_times(v) for k, v in value.items() if k not in TIMES}
+    return [without_times(v) for v in value] if isinstance(value, list) else value
+
+
+def summary(folder: Path) -> Any:
+    return without_times(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
+
+
+def assert_same_run(one: Path, other: Path) -> None:
+    """Draws, bands and summary agree to the bit; times differ."""
+    assert summary(one) == summary(other)
+    for path in sorted((one / "bands").iterdir()):
+        assert path.read_bytes() == (other / "bands" / path.name).read_bytes(), path.name
+    posteriors = sorted((one / "posterior").iterdir())
+    assert [p.name for p in posteriors] == sorted(p.name for p in (other / "posterior").iterdir())
+    for path in posteriors:
+        with (
+            xr.open_datatree(path, engine="h5netcdf") as a,
+            xr.open_datatree(other / "posterior" / path.name, engine="h5netcdf") as b,
+        ):
+            xr.testing.assert_identical(a.load(), b.load())
+
+
+def command(data: Path, out: Path, *options: object) -> list[str]:
+    fixed = ["--out", str(out), "--no-figures", "--quiet"]
+    return [sys.executable, "-m", "sma_bayes.cli", "fit", str(data), *fixed, *map(str, options)]
+
+
+def kill_after(arguments: list[str], ready: Any) -> None:
+    """Start a run and kill it with all its processes as soon as `ready()`, or let it end."""
+    process = subprocess.Popen(
+        arguments, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    deadline = time.monotonic() + 240
+    while process.poll() is None and not ready() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def test_two_processes_give_the_numbers_of_one(data: Path, whole: Path) -> None:
+    fit_campaign(read_campaign(data), data / "two", jobs=2, figures=False)
+    assert_same_run(whole, data / "two")
+
+
+def test_another_seed_gives_other_draws(data: Path, whole: Path) -> None:
+    other = fit_campaign(read_campaign(data), data / "seed", seed=1, jobs=2, figures=False)
+    for mine, theirs in zip(summary(whole)["records"], other["records"], strict=True):
+        assert mine["parameters"]["B1"]["mean"] != theirs["parameters"]["B1"]["mean"]
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="needs process groups")
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_run_that_was_killed_goes_on_to_the_same_bits(data: Path, whole: Path, jobs: int) -> None:
+    out = data / f"killed-{jobs}"
+    call = command(data, out, "--jobs", jobs)
+    chains = out / "checkpoints"
+    # in the first record's chains, then between records, then while a posterior is written
+    kill_after(call, lambda: any(p.stat().st_size > 20_000 for p in chains.glob("*.h5")))
+    kill_after([*call, "--resume"], lambda: len(list(out.glob("bands/*.csv"))) >= 2)
+    kill_after([*call, "--resume"], lambda: len(list(out.glob("posterior/*"))) >= 2)
+    done = subprocess.run([*call, "--resume"], capture_output=True, text=True, timeout=240, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert_same_run(whole, out)
+    assert list(out.rglob(".*")) == []
+
+
+def test_a_half_written_file_and_a_spoilt_checkpoint_do_no_harm(data: Path, whole: Path) -> None:
+    out = data / "spoilt"
+    fit_campaign(read_campaign(data), out, jobs=1, figures=False)
+    (out / "posterior" / ".unfinished-abc.nc").write_bytes(b"half")
+    chain = out / "checkpoints" / "light-heating.h5"
+    chain.write_bytes(chain.read_bytes()[:5000])
+    (out / "posterior" / "light-heating.nc").write_bytes(b"half")
+    (out / "summary.json").unlink()
+    fit_campaign(read_campaign(data), out, jobs=1, figures=False, resume=True)
+    assert_same_run(whole, out)
+    assert not (out / "posterior" / ".unfinished-abc.nc").exists()
+
+
+@pytest.mark.slow
+def test_a_real_campaign_killed_at_random_times(shared_data: Path, tmp_path: Path) -> None:
+    source = shared_data / "nitihf_sparse_isobaric"
+    call = [*command(EXAMPLE, tmp_path / "killed", "--jobs", 2), "--data", str(source)]
+    rng = np.random.default_rng(0)
+    for i in range(4):
+        end = time.monotonic() + float(rng.uniform(3.0, 12.0))
+        kill_after([*call, *(["--resume"] if i else [])], lambda end=end: time.monotonic() > end)
+    assert subprocess.run([*call, "--resume"], timeout=600, check=False).returncode == 0
+    fit_campaign(read_campaign(EXAMPLE, data_dir=source), tmp_path / "whole", figures=False)
+    assert_same_run(tmp_path / "whole", tmp_path / "killed")
