@@ -7,8 +7,8 @@ least squares does, and counts only as many samples as are independent:
 
     log p = (1/memory) * sum over samples of log N(e; 0, 1)
 
-``memory`` is the number of samples that count as one, ``(1 + r)/(1 - r)`` for a correlation r of neighbouring
-residuals. Centre and widths are those of least squares with standard errors widened by ``sqrt(memory)``. The
+``memory`` is the number of samples that count as one, ``1 + 2 * sum of r_k``: the autocorrelations of the
+least-squares residuals, as far as they stay positive; ``(1 + r)/(1 - r)`` if they fall as ``r**k``. Centre and widths are those of least squares with standard errors widened by ``sqrt(memory)``. The
 standard deviation itself is that of the least-squares residuals, by a prior of its own (``spread``): so few
 samples in effect could not tell it, and what widens the curve is the memory.
 
@@ -24,10 +24,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 
 from sma_bayes.noise.ar1 import memory_draw, memory_innovations
 from sma_bayes.noise.independent import HALF_LN_2PI
-from sma_bayes.noise.types import Steps, lag1, sd_fact
+from sma_bayes.noise.types import Steps, sd_fact
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 
@@ -72,19 +73,35 @@ class EffectiveSamples:
         return np.asarray((rows @ rows.T) / shape[:, 0, None, None])
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
-        return np.array([np.sqrt(np.mean(residual**2)), memory_of(lag1(residual, steps))])
+        return np.array([np.sqrt(np.mean(residual**2)), memory_of(residual, steps)])
 
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         return memory_draw(rng, self._phi(shape, steps))
 
 
-def memory_of(correlation: float) -> float:
-    """Samples that count as one, for a correlation of neighbours; at least 1.
+def memory_of(residual: Floats, steps: Steps) -> float:
+    """Samples that count as one: the integrated autocorrelation time of residuals within sweeps, at least 1.
 
-    Examples
-    --------
-    >>> memory_of(0.5)
-    3.0
+    The sum ends with the first pair of autocorrelations that is negative together (C. J. Geyer, "Practical Markov
+    chain Monte Carlo", Statistical Science 7 (1992) 473). A misfit that swings about zero a few times along the
+    sweep so counts for about as many samples, however densely it was recorded.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    steps : Steps
     """
-    r = min(max(correlation, 0.0), 0.9999)
-    return (1.0 + r) / (1.0 - r)
+    starts = np.flatnonzero(steps.first)
+    sweeps = np.split(residual, starts[1:])
+    longest = max(s.size for s in sweeps)
+    total = np.zeros(longest)
+    for sweep in sweeps:
+        length = next_fast_len(2 * sweep.size, real=True)
+        total[: sweep.size] += irfft(np.abs(rfft(sweep, length)) ** 2, length)[: sweep.size]
+    if not total[0] > 0.0:
+        return 1.0
+    rho = total / total[0]
+    pairs = rho[: 2 * (longest // 2)].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs < 0.0)
+    kept = pairs[: negative[0]] if negative.size else pairs
+    return max(1.0, float(2.0 * kept.sum() - 1.0))

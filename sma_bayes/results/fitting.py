@@ -11,11 +11,18 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.inference.ensembles import Plan, sample
-from sma_bayes.inference.noise_choice import choose_noise, noise_start, posterior_with
-from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.inference.noise_choice import (
+    choose_noise,
+    noise_start,
+    posterior_with,
+    residual_growth,
+    taken_over,
+)
+from sma_bayes.inference.warm_start import WarmStart, warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
+from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.results.fit import Fit
 
@@ -64,28 +71,39 @@ def fit_records(
         start_seed, sample_seed = root.spawn(2)
         start = warm_start(first, np.random.default_rng(start_seed))
         choice = choose_noise(first, start, priors) if noise == AUTO else None
-        name = choice.name if choice else noise
-        posterior = posterior_with(name, first, start, priors)
-        z = noise_start(posterior, start)
         wall["warm_start"] = time.perf_counter() - clock
         clock = time.perf_counter()
-        starts = [z]
-        for other in start.optima[1:]:
-            again = z.copy()
-            again[: other.size] = other
-            starts.append(again)
-        draws = sample(
-            posterior,
-            starts,
-            posterior.space.prior_sd(),
-            sample_seed,
-            plan,
-            checkpoint=checkpoint,
-            fingerprint=posterior.fingerprint() if checkpoint else "",
-            progress=progress,
-        )
+        while True:
+            name = choice.name if choice else noise
+            posterior = posterior_with(name, first, start, priors)
+            z = noise_start(posterior, start)
+            draws = sample(
+                posterior,
+                _starts(z, start),
+                posterior.space.prior_sd(),
+                sample_seed,
+                plan,
+                checkpoint=checkpoint and checkpoint.with_stem(f"{checkpoint.stem}-{name}"),
+                fingerprint=posterior.fingerprint() if checkpoint else "",
+                progress=progress,
+            )
+            found = Fit(posterior, start, posterior.space.to_physical(z), draws, choice, seed, wall)
+            again = choice and taken_over(choice, residual_growth(posterior, start, found.flat[::4]))
+            if again == choice:
+                break
+            choice = again
         wall["sample"] = time.perf_counter() - clock
-    return Fit(posterior, start, posterior.space.to_physical(z), draws, choice, seed, wall)
+    return found
+
+
+def _starts(z: Floats, start: WarmStart) -> list[Floats]:
+    """The best start, and the same with the other optima of the least-squares fit in place of the model's part."""
+    starts = [z]
+    for other in start.optima[1:]:
+        again = z.copy()
+        again[: other.size] = other
+        starts.append(again)
+    return starts
 
 
 def _seed(records: Sequence[Record], seed: int) -> np.random.SeedSequence:
