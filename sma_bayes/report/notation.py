@@ -22,7 +22,7 @@ _SUPERSCRIPT: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸�
 _TEX: Final = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{",
     "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}",
-    ">": r"\textgreater{}", "|": r"\textbar{}", '"': r"\textquotedbl{}", "°": r"\textdegree{}", "−": "$-$",
+    ">": r"\textgreater{}", "|": r"\textbar{}", '"': "''", "°": r"\textdegree{}", "−": "$-$",
     "×": r"$\times$", "·": r"$\cdot$", "±": r"$\pm$", "≤": r"$\leq$", "≥": r"$\geq$", "–": "--", "—": "---",
     "…": r"\ldots{}", "²": "$^2$", "³": "$^3$", "µ": r"$\mu$", "μ": r"$\mu$", "Ω": r"$\Omega$",
     "σ": r"$\sigma$", "ε": r"$\varepsilon$", "\u00a0": "~", "\u202f": r"\,", "’": "'",

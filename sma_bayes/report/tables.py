@@ -551,19 +551,23 @@ def csv_columns(table: Table) -> dict[str, list[object]]:
         if any(isinstance(c, Estimate) for c in cells):
             for end in ("q05", "median", "q95"):
                 out[f"{column.key}_{end}{column.csv_unit}"] = [
-                    _csv_value(getattr(c, end) if isinstance(c, Estimate) else None) for c in cells
+                    _csv_value(getattr(c, end) if isinstance(c, Estimate) else None, column) for c in cells
                 ]
         else:
             out[column.key + column.csv_unit] = [
-                _csv_value(c.value if isinstance(c, Number) else c) for c in cells
+                _csv_value(c.value if isinstance(c, Number) else c, column) for c in cells
             ]
     return out
 
 
-def _csv_value(cell: object) -> object:
-    if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
-        return ""
-    return cell
+def _csv_value(cell: object, column: Column) -> object:
+    match cell:
+        case None:
+            return math.nan if column.unit else ""  # an empty cell; a column of numbers stays one
+        case bool():
+            return "true" if cell else "false"
+        case _:
+            return cell
 
 
 def tex(table: Table) -> str:
@@ -580,10 +584,11 @@ def tex(table: Table) -> str:
     """
     places = [i for i, c in enumerate(table.columns) if c.brief and i >= table.grouped]
     columns = [table.columns[i] for i in places]
+    size, gap = (r"\scriptsize", 2) if len(columns) > 10 else (r"\footnotesize", 3)
     header = " & ".join(rf"\textbf{{{tex_text(c.header)}}}" for c in columns) + r" \\"
     lines = [
         "% needs \\usepackage{array,booktabs,longtable,textcomp}; wide tables want a landscape page",
-        r"\begingroup\footnotesize\setlength{\tabcolsep}{3pt}",
+        rf"\begingroup{size}\setlength{{\tabcolsep}}{{{gap}pt}}",
         rf"\begin{{longtable}}{{{''.join(_alignment(table, i) for i in places)}}}",
         rf"\caption{{{tex_text(table.title)}. {tex_text(table.note)}}}\label{{tab:{table.name}}}\\",
         *(r"\toprule", header, r"\midrule", r"\endfirsthead"),

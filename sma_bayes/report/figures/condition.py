@@ -42,6 +42,8 @@ from sma_bayes.report.figures.sheet import (
 
 STEEP: Final = 300.0
 """Ratio of greatest to least value from which a positive curve is drawn on a logarithmic axis, and said so."""
+DECADES: Final = 1e9
+"""Ratio of greatest to least value that a logarithmic axis shows at most."""
 
 
 def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
@@ -257,8 +259,10 @@ def _limits(ax: Axes, channel: str, branches: Sequence[BranchData], shown: Seque
     curves = np.concatenate([q["q50"] for q in bands])
     curves = curves[np.isfinite(curves)]
     if wide.min() > 0 and low > 0 and curves.max() / curves.min() > STEEP:
+        top = min(float(wide.max()), low * DECADES)
         ax.set_yscale("log")
-        return "logarithmic axis"
+        ax.set_ylim(0.7 * max(float(wide.min()), low / DECADES), 1.4 * top)
+        return "logarithmic axis" + ("; the band goes beyond it" if wide.max() > top else "")
     span = (high - low) or max(abs(high), 1e-12)
     lowest, highest = low - span, high + span
     bottom, top = max(lowest, min(low, float(wide.min()))), min(highest, max(high, float(wide.max())))

@@ -311,5 +311,6 @@ def as_columns(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str
         return {name: [] for name in header}
     cells = zip(*rows, strict=True)
     return {
-        name: ["" if v is None else v for v in column] for name, column in zip(header, cells, strict=True)
+        name: [math.nan if v is None else v for v in column]
+        for name, column in zip(header, cells, strict=True)
     }
