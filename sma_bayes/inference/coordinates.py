@@ -325,4 +325,5 @@ class NoiseScaledCoordinates:
         mean, root, usable = self._conditional(noise_z)
         w = mean + np.linalg.solve(root, u[:, : self.count, None])[..., 0]
         z, log_jacobian, found = self.inner.inverse(np.concatenate([w, noise_z], axis=1))
-        return z, log_jacobian + np.log(np.einsum("wii->wi", root)).sum(axis=1), found & usable
+        reached = found & usable & np.isfinite(z).all(axis=1)
+        return z, log_jacobian + np.log(np.einsum("wii->wi", root)).sum(axis=1), reached
