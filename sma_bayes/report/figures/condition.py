@@ -87,7 +87,12 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
             f"{condition}: {names} against temperature, {what}. Points: measurements. Line: posterior median of the "
             "curve. Dark and light band: pointwise equal-tailed 50 % and 90 % credible intervals of the curve. "
             "Dotted lines: 90 % predictive interval of a new measurement. Below: the same with the median taken off."
-            + (" Stiffness is derived from force and displacement." if _derived(channels) else "")
+            + (f" {channels[-1].name.capitalize()} is derived from the others." if _derived(channels) else "")
+            + (
+                " Bands carry the uncertainty of the calibration, which moves a curve as a whole."
+                if any(b.content.calibration for b in branches)
+                else ""
+            )
             + (f" {note}." if note else "")
         ),
         alt=f"{names} against temperature for condition {condition}, {what}, with credible bands",

@@ -196,6 +196,14 @@ def save_and_look(make: Callable[[], Drawing]) -> Figure:
         return make().figure
 
 
+def test_an_uncertain_calibration_is_told(content: Content, branch_of: Gather) -> None:
+    branch = branch_of(content.records[0])
+    uncertain = replace(branch, content=replace(branch.content, calibration=("force: scale known to 2 %",)))
+    with mpl.rc_context(STYLE):
+        assert "calibration" not in loop_figure("c", [branch]).caption
+        assert "carry the uncertainty of the calibration" in loop_figure("c", [uncertain]).caption
+
+
 def test_extrapolation_is_marked(content: Content, branch_of: Gather) -> None:
     branch = branch_of(content.records[0])
     outside = np.arange(161) > 150
