@@ -1,0 +1,284 @@
+"""Ensembles: what a run promises whatever the density; how well it samples is tried in tests/statistical."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import emcee
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from sma_bayes.errors import ResumeError
+from sma_bayes.inference.convergence import Target, assess
+from sma_bayes.inference.ensembles import Draws, Plan, dispersed_starts, sample
+from sma_bayes.inference.noise_choice import noise_start
+from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.posterior import build_posterior
+from sma_bayes.records.types import Record
+
+
+class Interrupted(Exception):
+    """The power went."""
+
+
+@dataclass
+class Density:
+    """A planted density that can be made to fail after a number of calls."""
+
+    function: Callable[[np.ndarray], np.ndarray]
+    d: int
+    calls_left: float = np.inf
+    calls: int = field(default=0, init=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(f"x{i}" for i in range(self.d))
+
+    def log_prob(self, z: np.ndarray) -> np.ndarray:
+        self.calls += 1
+        self.calls_left -= 1
+        if self.calls_left < 0:
+            raise Interrupted
+        return self.function(np.atleast_2d(z))
+
+    def draw_prior(self, rng: np.random.Generator, size: int) -> np.ndarray:
+        return rng.normal(0.0, 4.0, (size, self.d))
+
+
+def gaussian(d: int = 3) -> Density:
+    return Density(lambda z: -0.5 * np.einsum("ij,ij->i", z, z), d)
+
+
+def banana() -> Density:
+    """Bent enough that a proposal alone does not carry."""
+    return Density(lambda z: -0.5 * z[:, 0] ** 2 - 0.5 * ((z[:, 1] - z[:, 0] ** 2) / 0.3) ** 2, 2)
+
+
+def funnel(d: int = 6) -> Density:
+    """Width from e**-6 to e**6 of that at the middle: out of reach of a small effort."""
+
+    def log_prob(z: np.ndarray) -> np.ndarray:
+        v = z[:, 0]
+        return -0.5 * (v / 3.0) ** 2 - 0.5 * (z[:, 1:] ** 2).sum(axis=1) * np.exp(-v) - 0.5 * (d - 1) * v
+
+    return Density(log_prob, d)
+
+
+def two_lumps(d: int = 2) -> Density:
+    """Equal unit normals 8 apart in the first coordinate."""
+
+    def log_prob(z: np.ndarray) -> np.ndarray:
+        rest = -0.5 * np.einsum("ij,ij->i", z[:, 1:], z[:, 1:])
+        left, right = (-0.5 * (z[:, 0] - c) ** 2 for c in (-4.0, 4.0))
+        return rest + np.logaddexp(left, right) + np.log(0.5)
+
+    return Density(log_prob, d)
+
+
+QUICK = Plan(target=Target(1.05, 200.0), explore_block=40, walkers=32)
+
+
+def run(density: Density, seed: int = 0, plan: Plan | None = None, **options) -> Draws:
+    width = np.full(density.d, 4.0)
+    starts = dispersed_starts(density, np.random.default_rng(seed), width)
+    return sample(density, starts, width, np.random.SeedSequence(seed), plan, **options)
+
+
+def same(first: Draws, second: Draws) -> None:
+    np.testing.assert_array_equal(first.z, second.z)
+    np.testing.assert_array_equal(first.log_prob, second.log_prob)
+    assert first.evaluations == second.evaluations
+    assert first.ln_evidence == second.ln_evidence
+    assert first.method == second.method
+
+
+# --- what a run gives ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("make", [gaussian, two_lumps])
+def test_easy_densities_are_sampled_by_independence_moves(make: Callable[[], Density]) -> None:
+    density = make()
+    draws = run(density)
+    assert draws.method == "independence"
+    assert draws.convergence.converged
+    groups, steps, walkers, d = draws.z.shape
+    assert groups >= 4
+    assert (walkers, d) == (64, density.d)
+    assert draws.log_prob.shape == (groups, steps, walkers)
+    np.testing.assert_allclose(draws.log_prob.ravel(), density.function(draws.z.reshape(-1, d)))
+    assert draws.convergence.rhat.max() <= 1.01
+    assert min(draws.convergence.ess_bulk.min(), draws.convergence.ess_tail.min()) >= 1000.0
+    assert 0.3 < draws.acceptance <= 1.0
+    assert 0.3 < draws.efficiency <= 1.0
+    expected = 0.5 * density.d * np.log(2.0 * np.pi)
+    assert abs(draws.ln_evidence - expected) < 5.0 * draws.ln_evidence_sd + 1e-3
+    assert draws.ln_evidence_sd < 0.02
+
+
+def test_two_lumps_are_two_modes_with_their_shares() -> None:
+    """About 4,000 effective draws: the share of each within 4 standard errors, 0.03; the seed is fixed."""
+    draws = run(two_lumps())
+    assert len(draws.modes) == 2
+    assert np.mean(draws.z[..., 0] < 0.0) == pytest.approx(0.5, abs=0.03)
+
+
+def test_what_is_not_covered_is_explored() -> None:
+    draws = run(banana(), plan=QUICK)
+    assert draws.method != "independence"
+    assert draws.convergence.converged
+
+
+def test_evaluations_are_those_that_the_density_saw() -> None:
+    for density, plan in ((gaussian(), None), (banana(), QUICK)):
+        rows = 0
+        inner = density.function
+
+        def counted(z: np.ndarray, inner=inner) -> np.ndarray:
+            nonlocal rows
+            rows += len(z)
+            return inner(z)
+
+        width = np.full(density.d, 4.0)
+        starts = dispersed_starts(density, np.random.default_rng(0), width)
+        density.function = counted
+        draws = sample(density, starts, width, np.random.SeedSequence(0), plan)
+        assert draws.evaluations == pytest.approx(rows, rel=0.05)
+
+
+# --- honesty ------------------------------------------------------------------------------------------
+
+
+def test_what_is_spent_before_the_target_is_called_not_converged() -> None:
+    plan = Plan(evaluations=20_000, explore_block=40, walkers=32)
+    draws = run(funnel(), plan=plan)
+    assert not draws.convergence.converged
+    assert draws.evaluations < 200_000  # adapting and one block of each stage come before the count
+    assert np.isfinite(draws.log_prob).all()
+
+
+def test_a_target_out_of_reach_is_never_reached() -> None:
+    plan = Plan(target=Target(1.0, 1e9), evaluations=100_000, explore_block=40, walkers=32)
+    assert not run(gaussian(), plan=plan).convergence.converged
+
+
+@pytest.mark.parametrize("make", [gaussian, two_lumps, banana])
+def test_the_verdict_is_that_of_the_draws(make: Callable[[], Density]) -> None:
+    draws = run(make(), plan=QUICK)
+    again = assess(draws.z, QUICK.target)
+    np.testing.assert_allclose(again.rhat, draws.convergence.rhat)
+    assert again.converged == draws.convergence.converged
+
+
+def test_fewer_than_four_ensembles_are_refused() -> None:
+    with pytest.raises(ValueError, match="at least 4"):
+        Plan(groups=3)
+
+
+def test_nothing_to_start_from_is_an_error() -> None:
+    density = Density(lambda z: np.full(len(z), -np.inf), 2)
+    with pytest.raises(ValueError, match="zero at every start"):
+        sample(density, [np.zeros(2)], np.ones(2), np.random.SeedSequence(0))
+
+
+def test_progress_is_told() -> None:
+    said: list[str] = []
+    run(banana(), plan=QUICK, progress=said.append)
+    assert said[0] == "climbing to the modes"
+    assert any("exploring" in s for s in said)
+
+
+# --- seeds --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("make", [gaussian, banana])
+def test_the_seed_decides_every_draw(make: Callable[[], Density]) -> None:
+    np.random.seed(1)  # noqa: NPY002 - numpy's global state must not matter
+    first = run(make(), 3, QUICK)
+    np.random.seed(2)  # noqa: NPY002
+    same(first, run(make(), 3, QUICK))
+    assert not np.array_equal(first.z, run(make(), 4, QUICK).z)
+
+
+def test_ensembles_do_not_repeat_each_other() -> None:
+    for make in (gaussian, banana):
+        z = run(make(), plan=QUICK).z
+        for g in range(1, len(z)):
+            assert not np.any(z[g, -1] == z[0, -1])
+
+
+def test_threads_of_linear_algebra_do_not_matter(make_record: Callable[..., Record]) -> None:
+    posterior = build_posterior([make_record(n=60)], NOISE_MODELS["ar1"], read_priors("modified_sigmoid"))
+    results = []
+    for threads in (1, 2):
+        with threadpool_limits(limits=threads):
+            start = warm_start(posterior, np.random.default_rng(0))
+            z = noise_start(posterior, start)
+            results.append(sample(posterior, [z], posterior.space.prior_sd(), np.random.SeedSequence(1)))
+    same(*results)
+
+
+# --- interruption -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "share"), [(gaussian, 0.5), (gaussian, 0.9), (banana, 0.1), (banana, 0.5), (banana, 0.95)]
+)
+def test_an_interrupted_run_goes_on_to_the_same_draws(
+    make: Callable[[], Density], share: float, tmp_path: Path
+) -> None:
+    density = make()
+    width = np.full(density.d, 4.0)
+    starts = dispersed_starts(density, np.random.default_rng(0), width)
+    density.calls = 0
+    whole = sample(density, starts, width, np.random.SeedSequence(5), QUICK)
+    total = density.calls
+    options = {"checkpoint": tmp_path / "chains.h5", "fingerprint": "this one"}
+    broken = make()
+    broken.calls_left = int(share * total)
+    with pytest.raises(Interrupted):
+        sample(broken, starts, width, np.random.SeedSequence(5), QUICK, **options)
+    resumed = make()
+    same(whole, sample(resumed, starts, width, np.random.SeedSequence(5), QUICK, **options))
+    finished = make()
+    same(whole, sample(finished, starts, width, np.random.SeedSequence(5), QUICK, **options))
+    assert finished.calls <= resumed.calls
+
+
+@pytest.mark.parametrize("change", ["fingerprint", "seed", "plan"])
+def test_another_run_is_not_resumed(change: str, tmp_path: Path) -> None:
+    path = tmp_path / "chains.h5"
+    run(gaussian(), 1, QUICK, checkpoint=path, fingerprint="one")
+    with pytest.raises(ResumeError):
+        run(
+            gaussian(),
+            2 if change == "seed" else 1,
+            Plan() if change == "plan" else QUICK,
+            checkpoint=path,
+            fingerprint="two" if change == "fingerprint" else "one",
+        )
+
+
+def test_emcee_opens_what_a_run_leaves(tmp_path: Path) -> None:
+    path = tmp_path / "chains.h5"
+    draws = run(gaussian(), 1, QUICK, checkpoint=path, fingerprint="one")
+    chain = emcee.backends.HDFBackend(str(path), name="independence-0", read_only=True).get_chain()
+    np.testing.assert_array_equal(chain[QUICK.burn :], draws.z[0])
+
+
+# --- starts -------------------------------------------------------------------------------------------
+
+
+def test_dispersed_starts_are_apart_and_reach_both_lumps() -> None:
+    density = two_lumps()
+    width = np.full(2, 4.0)
+    starts = np.array(dispersed_starts(density, np.random.default_rng(0), width))
+    assert len(starts) == 12
+    assert (starts[:, 0] < 0).any()
+    assert (starts[:, 0] > 0).any()
+    gaps = np.abs(starts[:, None] - starts).max(axis=2) / 4.0
+    assert np.all(gaps[~np.eye(12, dtype=bool)] > 0.2)
