@@ -1,0 +1,269 @@
+"""Time a sampler to a target that only draws of the right posterior can meet.
+
+R-hat and effective sample size alone are met too early by ensembles that start from a Laplace approximation: all
+start alike, agree with each other, and have not yet forgotten their start. So a run also has to agree with a
+longer run of this package; and where a run of this package does not, it has not reached the target either.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Generator
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+from benchmark.problems import Case, Problem
+from benchmark.samplers import ONE_BY_ONE, SAMPLERS, Progress, Settings
+
+from sma_bayes.inference.convergence import Convergence, Target, assess
+from sma_bayes.quantities import Floats
+
+TARGET = Target(rhat=1.01, ess=1000.0)
+MEAN_SHIFT = 0.1
+"""Greatest difference of means, in standard deviations of the posterior, of 'the same posterior'."""
+SD_RATIO = 0.1
+"""Greatest relative difference of standard deviations of 'the same posterior'."""
+ERRORS = 4.0
+"""Standard errors of the draws that are allowed for where they are more than that."""
+OVERSHOOT = 1.05
+"""Draws at a check over those at the check before, once the target is near: what stopping late can cost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One run that is asked for.
+
+    Attributes
+    ----------
+    session : str
+        When the script was started; ratios are taken within a session.
+    case : Case
+    index : int
+        Which of the 18 records.
+    sampler : str
+    settings : Settings
+    repeat, place : int
+        Repeat, which is the seed too; and place in the order of the samplers.
+    limit_s : float
+    """
+
+    session: str
+    case: Case
+    index: int
+    sampler: str
+    settings: Settings
+    repeat: int
+    place: int
+    limit_s: float
+
+    def write(self) -> str:
+        """The task as JSON."""
+        return json.dumps(asdict(self))
+
+    @staticmethod
+    def read(text: str) -> Task:
+        """A task from its JSON."""
+        found = json.loads(text)
+        return Task(**{**found, "case": Case(**found["case"]), "settings": Settings(**found["settings"])})
+
+    def problem(self) -> Problem:
+        """The posterior to sample."""
+        return Problem.of(self.case.records()[self.index], self.case.noise)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One run of one sampler on one record.
+
+    Attributes
+    ----------
+    kind : str
+        ``warm``: everything imported; ``cold``: a fresh process, from its start to the draws.
+    length : str
+        Samples of a record that were asked for: a number, or ``demo``.
+    points, parameters : int
+        Samples of this record, and sampled parameters.
+    reached : bool
+        Whether the target was met by draws of the right posterior.
+    claimed_s : float
+        When R-hat and effective sample size were met for the first time, whatever the draws; NaN if never.
+    wall_s, cpu_s : float
+        To the target, or to the limit where that was not reached. Finding the least-squares start (`warm_s`) is
+        not in it, for nobody, but for ``cold``, for everybody.
+    discard : float
+        Share of the steps dropped as burn-in.
+    mean_shift : float
+        Greatest difference of a mean from that of a longer run of this package [sd of the posterior].
+    sd_low, sd_high : float
+        Least and greatest ratio of a standard deviation to that of the longer run.
+    """
+
+    session: str
+    kind: str
+    channels: str
+    noise: str
+    length: str
+    record: str
+    points: int
+    parameters: int
+    sampler: str
+    walkers: int
+    start: str
+    log_prob: str
+    repeat: int
+    place: int
+    limit_s: float
+    reached: bool
+    claimed_s: float
+    wall_s: float
+    cpu_s: float
+    warm_s: float
+    evaluations: int
+    steps: int
+    discard: float
+    rhat: float
+    ess_bulk: float
+    ess_tail: float
+    mean_shift: float
+    sd_low: float
+    sd_high: float
+
+    @staticmethod
+    def parse(text: dict[str, str]) -> Row:
+        """A row as it was written to a CSV file."""
+        read = {"str": str, "int": int, "float": float, "bool": lambda s: s == "True"}
+        return Row(**{f.name: read[str(f.type)](text[f.name]) for f in fields(Row)})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verdict:
+    """What some draws are worth.
+
+    Attributes
+    ----------
+    discard : float
+        Share of the steps dropped as burn-in.
+    convergence : Convergence
+    shift : ndarray, shape (D,)
+        Means less those of the reference [sd of the posterior].
+    ratio : ndarray, shape (D,)
+        Standard deviations over those of the reference.
+    """
+
+    discard: float
+    convergence: Convergence
+    shift: Floats
+    ratio: Floats
+
+    @property
+    def same(self) -> bool:
+        """Whether the draws are of the right posterior, as far as their number can tell."""
+        ess = np.minimum(self.convergence.ess_bulk, self.convergence.ess_tail)
+        error = ERRORS / np.sqrt(ess)
+        means = np.abs(self.shift) <= np.maximum(MEAN_SHIFT, error)
+        widths = np.abs(self.ratio - 1.0) <= np.maximum(SD_RATIO, error / np.sqrt(2.0))
+        return bool(np.all(means & widths))
+
+    @property
+    def reached(self) -> bool:
+        """Whether the target is met by draws of the right posterior."""
+        return self.convergence.converged and self.same
+
+
+def judge(progress: Progress, discard: float, reference: tuple[Floats, Floats]) -> Verdict:
+    """Judge draws after a share of the steps is dropped."""
+    chains = progress.chains[:, int(discard * progress.chains.shape[1]) :]
+    flat = chains.reshape(-1, chains.shape[-1])
+    mean, sd = reference
+    return Verdict(discard, assess(chains, TARGET), (flat.mean(axis=0) - mean) / sd, flat.std(axis=0) / sd)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """Where the clock stopped."""
+
+    progress: Progress
+    verdict: Verdict
+    claimed_s: float
+    wall_s: float
+    cpu_s: float
+
+
+def to_target(
+    steps: Generator[Progress, float, None], reference: tuple[Floats, Floats], limit_s: float
+) -> Outcome:
+    """Run a sampler until its draws meet the target and are right, or its time is up. Checks are not timed."""
+    wall = cpu = 0.0
+    claimed = float("nan")
+    outcome = growth = None
+    while wall < limit_s:
+        wall_began, cpu_began = time.perf_counter(), time.process_time()
+        try:
+            progress = steps.send(growth)
+        except StopIteration:
+            break
+        wall += time.perf_counter() - wall_began
+        cpu += time.process_time() - cpu_began
+        for discard in progress.discards:
+            verdict = judge(progress, discard, reference)
+            if verdict.convergence.converged and np.isnan(claimed):
+                claimed = wall
+            if verdict.reached:
+                break
+        outcome = Outcome(progress, verdict, claimed, wall, cpu)
+        if verdict.reached:
+            break
+        growth = _growth(verdict.convergence, limit_s / wall)
+    if outcome is None:
+        raise ValueError("the sampler made no draws")
+    return outcome
+
+
+def _growth(convergence: Convergence, most: float) -> float:
+    """By what factor to go on: nine tenths of the way that the effective sample size suggests, at least a twentieth."""
+    least = float(np.nanmin(np.minimum(convergence.ess_bulk, convergence.ess_tail)))
+    return float(np.clip(0.9 * TARGET.ess / max(least, 1.0), OVERSHOOT, min(4.0, max(most, OVERSHOOT))))
+
+
+def measure(task: Task, problem: Problem) -> Row:
+    """Time one sampler on one record."""
+    own = task.sampler == "sma_bayes"
+    if not own:  # what this package does in its own time others are given
+        _ = problem.mode, problem.float_posterior
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        steps = SAMPLERS[task.sampler].run(problem, task.settings, task.repeat)
+        outcome = to_target(steps, problem.reference, task.limit_s)
+    verdict = outcome.verdict
+    convergence = verdict.convergence
+    return Row(
+        session=task.session,
+        kind="warm",
+        channels=task.case.channels,
+        noise=task.case.noise,
+        length=str(task.case.points or "demo"),
+        record=problem.posterior.records[0].key,
+        points=problem.posterior.n,
+        parameters=problem.dimension,
+        sampler=task.sampler,
+        walkers=outcome.progress.chains.shape[2],
+        start="own" if own else task.settings.start,
+        log_prob=task.settings.log_prob if task.sampler in ONE_BY_ONE else "batched",
+        repeat=task.repeat,
+        place=task.place,
+        limit_s=task.limit_s,
+        reached=verdict.reached,
+        claimed_s=outcome.claimed_s,
+        wall_s=outcome.wall_s,
+        cpu_s=outcome.cpu_s,
+        warm_s=problem.warm_s,
+        evaluations=outcome.progress.evaluations,
+        steps=outcome.progress.chains.shape[1],
+        discard=verdict.discard,
+        rhat=float(np.max(convergence.rhat)),
+        ess_bulk=float(np.min(convergence.ess_bulk)),
+        ess_tail=float(np.min(convergence.ess_tail)),
+        mean_shift=float(np.max(np.abs(verdict.shift))),
+        sd_low=float(verdict.ratio.min()),
+        sd_high=float(verdict.ratio.max()),
+    )

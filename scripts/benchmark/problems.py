@@ -1,0 +1,155 @@
+"""What the samplers of the benchmark are given: records of the twin campaign, and one posterior for all samplers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from benchmark.float_posterior import FloatPosterior
+
+from sma_bayes.inference.convergence import Target
+from sma_bayes.inference.ensembles import Draws, Plan, sample
+from sma_bayes.inference.laplace import Mode, climb
+from sma_bayes.inference.noise_choice import noise_start
+from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.noise import NOISE_MODELS, Steps
+from sma_bayes.paper.twin import Recipe, curves, recipes, twin_campaign
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.posterior import Posterior, build_posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
+
+CHANNEL_SETS = {
+    "S": ("stiffness",),
+    "FX": ("force", "displacement"),
+    "FXS": ("force", "displacement", "stiffness"),
+}
+MEMORY = 0.8
+"""Lag-1 correlation of the noise that is drawn where the noise model is AR(1) [1]."""
+BALL = 1e-4
+"""Standard deviation of the starts of emcee's tutorial, in sampled coordinates."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A kind of measurement.
+
+    Attributes
+    ----------
+    channels : str
+        A key of `CHANNEL_SETS`.
+    noise : str
+        Noise model; with ``ar1`` the noise of the data has a memory, too.
+    points : int or None
+        Samples of each record; None for as many as the demo campaign has.
+    """
+
+    channels: str
+    noise: str
+    points: int | None = None
+
+    def records(self, seed: int = 0) -> tuple[Record, ...]:
+        """The 18 records, drawn from the published parameters."""
+        demo = twin_campaign(seed, CHANNEL_SETS[self.channels]).records
+        if self.noise == "independent" and self.points is None:
+            return demo
+        return tuple(
+            self._redrawn(record, recipe, seed, i)
+            for i, (record, recipe) in enumerate(zip(demo, recipes(), strict=True))
+        )
+
+    def _redrawn(self, record: Record, recipe: Recipe, seed: int, index: int) -> Record:
+        rng = np.random.default_rng([seed, index])
+        n = self.points or record.n
+        temperature = np.linspace(record.temperature[0], record.temperature[-1], n)
+        clean = curves(temperature, {name: cell.value for name, cell in recipe.parameters.items()})
+        steps = Steps(np.arange(n) == 0, np.ones(n), False)
+        shape = np.array([[MEMORY]]) if self.noise == "ar1" else np.empty((1, 0))
+        observed = {
+            channel: clean[channel]
+            + recipe.noise_sd[channel] * NOISE_MODELS[self.noise].draw(rng, shape, steps)[0]
+            for channel in record.channels
+        }
+        return Record(
+            condition=record.condition,
+            branch=record.branch,
+            inputs={"temperature": temperature},
+            observed=observed,
+            row=np.arange(1, n + 1),
+            units=record.units,
+            source=f"drawn with {n} points and {self.noise} noise",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One posterior, and where sampling starts.
+
+    Attributes
+    ----------
+    posterior : Posterior
+    start : ndarray, shape (D,)
+        Least-squares optimum with the noise estimated from its residuals, in sampled coordinates.
+    warm_s : float
+        Seconds that it took to find.
+    """
+
+    posterior: Posterior
+    start: Floats
+    warm_s: float
+
+    @staticmethod
+    def of(record: Record, noise: str) -> Problem:
+        """Posterior of one record under the default priors."""
+        posterior = build_posterior([record], NOISE_MODELS[noise], read_priors("modified_sigmoid"))
+        began = time.perf_counter()
+        start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
+        return Problem(posterior, start, time.perf_counter() - began)
+
+    @property
+    def dimension(self) -> int:
+        """Number of sampled parameters."""
+        return self.start.size
+
+    @cached_property
+    def mode(self) -> Mode:
+        """Mode and Laplace covariance: where the walkers of other samplers start."""
+        mode = climb(self.posterior, self.start, self.posterior.space.prior_sd())
+        if mode is None:
+            raise ValueError(f"{self.posterior.records[0].key}: the density is zero at the warm start")
+        return mode
+
+    @cached_property
+    def float_posterior(self) -> FloatPosterior:
+        """The log-posterior for samplers that ask for one point at a time."""
+        return FloatPosterior(self.posterior, self.mode.z)
+
+    def scalar(self, how: str) -> Callable[[Floats], float]:
+        """A log-posterior of one point: ``written`` out, or the ``package``'s with a batch of one."""
+        if how == "written":
+            return self.float_posterior
+        batched = self.posterior.log_prob
+        return lambda z: float(batched(z[None])[0])
+
+    def starts(self, rng: np.random.Generator, walkers: int, how: str) -> Floats:
+        """Starts (walkers, D): ``laplace`` from the Laplace approximation, ``ball`` from a tiny ball at the optimum."""
+        noise = rng.standard_normal((walkers, self.dimension))
+        if how == "ball":
+            return np.asarray(self.start + BALL * noise)
+        return np.asarray(self.mode.z + noise @ np.linalg.cholesky(self.mode.covariance).T)
+
+    def draws(self, seed: int, plan: Plan | None = None) -> Draws:
+        """Draws of this package."""
+        width = self.posterior.space.prior_sd()
+        return sample(self.posterior, [self.start], width, np.random.SeedSequence(seed), plan)
+
+    @cached_property
+    def reference(self) -> tuple[Floats, Floats]:
+        """Mean and standard deviation of each coordinate from a longer run of this package, not timed."""
+        plan = Plan(target=Target(1.005, 20_000.0), walkers=256, evaluations=20_000_000)
+        draws = self.draws(seed=12345, plan=plan)
+        z = draws.z.reshape(-1, self.dimension)
+        return z.mean(axis=0), z.std(axis=0)

@@ -1,0 +1,196 @@
+"""The samplers that are compared: one class each, and a table.
+
+A sampler is a generator. Each time it is asked it runs on and hands over all draws so far, and is told by what
+factor to go on; the clock runs only while it works, and it is asked until its draws meet the target. So other
+samplers stop at an oracle's word, at no cost, while this package pays for its own diagnosis.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Generator
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from benchmark.problems import Problem
+
+from sma_bayes.inference.ensembles import Plan
+from sma_bayes.quantities import Floats
+
+GROUPS = 4
+"""Independent ensembles or chains of every sampler."""
+FIRST_BLOCK = 100
+"""Steps before the first check."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Progress:
+    """How far a sampler got.
+
+    Attributes
+    ----------
+    chains : ndarray, shape (G, S, W, D)
+        Independent groups, steps, walkers (1 for samplers of single chains), sampled coordinates.
+    evaluations : int
+        Points at which the log-posterior was evaluated; gradients are counted by the sampler that uses them.
+    discards : tuple of float
+        Shares of the steps that may be dropped as burn-in; the best one counts.
+    """
+
+    chains: Floats
+    evaluations: int
+    discards: tuple[float, ...] = (0.1, 0.25, 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What ensembles of other samplers are given.
+
+    Attributes
+    ----------
+    walkers : int
+    start : str
+        ``laplace`` or ``ball``; see `Problem.starts`.
+    log_prob : str
+        What samplers that ask for one point at a time call: ``written`` out for one point, or the ``package``'s
+        log-posterior with a batch of one.
+    """
+
+    walkers: int = 100
+    start: str = "laplace"
+    log_prob: str = "written"
+
+
+class Sampler(Protocol):
+    """A way to sample a posterior."""
+
+    title: str
+    packages: tuple[str, ...]
+
+    def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
+        """Sample, hand over all draws at each stop, and go on until there are as many times more as was sent."""
+        ...
+
+
+class Package:
+    """This package, as `sma-bayes fit` calls it: climbs to the mode, fits its proposal, diagnoses, stops by itself."""
+
+    title = "sma_bayes"
+    packages = ("sma-bayes", "emcee")
+
+    def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
+        draws = problem.draws(seed, Plan())
+        yield Progress(draws.z, draws.evaluations, (0.0,))
+
+
+class ScalarEmcee:
+    """emcee as it comes: stretch moves, a log-probability of one point at a time."""
+
+    title = "emcee (stock)"
+    packages = ("emcee",)
+
+    def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
+        import emcee
+
+        log_prob = problem.scalar(settings.log_prob)
+        ensembles = [
+            emcee.EnsembleSampler(settings.walkers, problem.dimension, log_prob) for _ in range(GROUPS)
+        ]
+        yield from _run_ensembles(ensembles, _states(problem, settings, seed))
+
+
+class VectorisedEmcee:
+    """emcee with this package's batched log-probability, which half an ensemble asks for at a time."""
+
+    packages = ("emcee",)
+
+    def __init__(self, title: str, moves: str) -> None:
+        self.title = title
+        self.moves = moves
+
+    def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
+        import emcee
+
+        moves = {
+            "stretch": [(emcee.moves.StretchMove(), 1.0)],
+            # not in the mix with DESnookerMove that emcee's documentation suggests: that samples the wrong density
+            "de": [(emcee.moves.DEMove(), 0.9), (emcee.moves.DEMove(gamma0=1.0), 0.1)],
+        }[self.moves]
+        ensembles = [
+            emcee.EnsembleSampler(
+                settings.walkers, problem.dimension, problem.posterior.log_prob, moves=moves, vectorize=True
+            )
+            for _ in range(GROUPS)
+        ]
+        yield from _run_ensembles(ensembles, _states(problem, settings, seed))
+
+
+class Lmfit:
+    """`lmfit.Minimizer.emcee` with a user function that returns the log-posterior as a float."""
+
+    title = "lmfit emcee"
+    packages = ("lmfit", "emcee")
+
+    def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
+        import lmfit
+
+        log_prob = problem.scalar(settings.log_prob)
+        names = problem.posterior.names
+
+        def user_function(parameters: lmfit.Parameters) -> float:
+            return log_prob(np.array([parameters[name].value for name in names]))
+
+        ensembles, states = [], []
+        for group, state in enumerate(_states(problem, settings, seed)):
+            parameters = lmfit.Parameters()
+            for name, value in zip(names, problem.start, strict=True):
+                parameters.add(name, value=float(value))
+            minimizer = lmfit.Minimizer(user_function, parameters, nan_policy="propagate")
+            with redirect_stdout(io.StringIO()):  # it prints what it thinks of so short a chain
+                minimizer.emcee(
+                    steps=FIRST_BLOCK, nwalkers=settings.walkers, burn=0, pos=state.coords, progress=False,
+                    float_behavior="posterior", seed=1000 * seed + group,
+                )  # fmt: skip
+            ensembles.append(minimizer.sampler)
+            states.append(minimizer.sampler.backend.get_last_sample())
+        # from here on lmfit's own sampler is run on, which spares it its summary after every block
+        yield from _run_ensembles(ensembles, states)
+
+
+def _states(problem: Problem, settings: Settings, seed: int) -> list:
+    import emcee
+
+    states = []
+    for stream in np.random.SeedSequence([seed, 7]).spawn(GROUPS):
+        start_seed, chain_seed = stream.spawn(2)
+        coords = problem.starts(np.random.default_rng(start_seed), settings.walkers, settings.start)
+        random_state = np.random.RandomState(np.random.MT19937(chain_seed)).get_state()
+        states.append(emcee.State(coords, random_state=random_state))
+    return states
+
+
+def _run_ensembles(ensembles: list, states: list) -> Generator[Progress, float, None]:
+    steps = FIRST_BLOCK
+    while True:
+        states = [e.run_mcmc(s, steps) for e, s in zip(ensembles, states, strict=True)]
+        growth = yield _progress(ensembles)
+        steps = max(5, round(ensembles[0].iteration * (growth - 1.0)))
+
+
+def _progress(ensembles: list) -> Progress:
+    chains = np.stack([e.get_chain() for e in ensembles])
+    groups, steps, walkers, _ = chains.shape
+    return Progress(chains, groups * (steps + 1) * walkers)
+
+
+SAMPLERS: dict[str, Sampler] = {
+    "sma_bayes": Package(),
+    "emcee": ScalarEmcee(),
+    "emcee-vectorised": VectorisedEmcee("emcee, vectorised, stretch", "stretch"),
+    "emcee-de": VectorisedEmcee("emcee, vectorised, DE", "de"),
+    "lmfit": Lmfit(),
+}
+ONE_BY_ONE = frozenset({"emcee", "lmfit"})
+"""Samplers that ask for the log-posterior of one point at a time."""
