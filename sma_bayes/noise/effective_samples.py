@@ -8,10 +8,10 @@ least squares does, and counts only as many samples as are independent:
     log p = (1/memory) * sum over samples of log N(e; 0, 1)
 
 ``memory`` is the number of samples that count as one, ``1 + 2 * sum of r_k``: the autocorrelations of the
-least-squares residuals, as far as they stay positive; ``(1 + r)/(1 - r)`` if they fall as ``r**k``. Centre and widths are those of least
-squares with standard errors widened by ``sqrt(memory)``. The standard deviation itself is that of the
-least-squares residuals, by a prior of its own (``spread``): so few samples in effect could not tell it, and what
-widens the curve is the memory.
+least-squares residuals, as far as they stay positive; ``(1 + r)/(1 - r)`` if they fall as ``r**k``. Centre and
+widths are those of least squares with standard errors widened by ``sqrt(memory)``. The standard deviation itself
+is that of the least-squares residuals, by a prior of its own (``spread``): so few samples in effect could not tell
+it, and what widens the curve is the memory.
 
 References
 ----------
