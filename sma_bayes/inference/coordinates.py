@@ -101,6 +101,7 @@ class PredictiveCoordinates:
         except np.linalg.LinAlgError:
             return None
 
+    @np.errstate(all="ignore")  # what overflows is left out by who asks
     def _evaluate(self, model_z: Floats) -> tuple[Floats, Floats]:
         """Coordinates (W, m) of the model's parameters, and their derivative (W, m, m)."""
         space, model = self.posterior.space, self.posterior.model
@@ -110,14 +111,13 @@ class PredictiveCoordinates:
         chain = space.derivative(z)[:, None, : self.count]
         free = space.free_index[: self.count]
         values, slopes = [], []
-        with np.errstate(over="ignore", invalid="ignore"):
-            for record, place, points in zip(
-                self.posterior.records, self.posterior.layout, self.points, strict=True
-            ):
-                for channel, at in points.items():
-                    inputs = {"temperature": record.temperature[at]}
-                    values.append(model.predict(theta[:, place.model], inputs)[channel])
-                    slopes.append(model.jacobian(theta[:, place.model], inputs)[channel][..., free] * chain)
+        for record, place, points in zip(
+            self.posterior.records, self.posterior.layout, self.points, strict=True
+        ):
+            for channel, at in points.items():
+                inputs = {"temperature": record.temperature[at]}
+                values.append(model.predict(theta[:, place.model], inputs)[channel])
+                slopes.append(model.jacobian(theta[:, place.model], inputs)[channel][..., free] * chain)
         value = np.concatenate([*values], axis=1) / self.scale
         slope = np.concatenate([*slopes], axis=1) / self.scale[:, None]
         kept = np.broadcast_to(self.rest, (len(z), *self.rest.shape))
@@ -138,6 +138,7 @@ class PredictiveCoordinates:
         usable = np.isfinite(u).all(axis=1)
         log_jacobian = np.full(len(z), -np.inf)
         log_jacobian[usable] = _log_determinant(slope[usable])
+        usable &= np.isfinite(log_jacobian)
         again, _, found = self.inverse(np.where(usable[:, None], u, 0.0))
         with np.errstate(invalid="ignore"):
             close = np.abs(again - z)[:, : self.count] <= 1e-6 * self._width
@@ -161,8 +162,9 @@ class PredictiveCoordinates:
             active, value, slope = active[usable], value[usable], slope[usable]
             if active.size == 0:
                 break
-            step = np.linalg.solve(slope, (u[active, :m] - value)[..., None])[..., 0]
-            length = np.abs(step / self._width).max(axis=1)
+            with np.errstate(all="ignore"):
+                step = np.linalg.solve(slope, (u[active, :m] - value)[..., None])[..., 0]
+                length = np.abs(step / self._width).max(axis=1)
             done = length < TOLERANCE
             found[active[done]] = True
             log_jacobian[active[done]] = log_determinant[usable][done]
@@ -175,6 +177,7 @@ class PredictiveCoordinates:
         return z, log_jacobian, found
 
 
+@np.errstate(all="ignore")
 def _log_determinant(slope: Floats) -> Floats:
     _, value = np.linalg.slogdet(slope)
     return np.asarray(value)
