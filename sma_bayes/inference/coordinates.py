@@ -292,7 +292,9 @@ class NoiseScaledCoordinates:
         with np.errstate(all="ignore"):
             precision, pull, _ = self._normal_equations(noise_z)
             usable: Bools = np.asarray(
-                np.isfinite(precision).all(axis=(1, 2)) & np.isfinite(pull).all(axis=1)
+                np.isfinite(precision).all(axis=(1, 2))
+                & (np.einsum("wii->wi", precision) > 0.0).all(axis=1)
+                & np.isfinite(pull).all(axis=1)
             )
         precision[~usable], pull[~usable] = self.prior_precision + np.eye(self.count), 0.0
         size = np.sqrt(np.einsum("wii->wi", precision))

@@ -1,0 +1,164 @@
+"""Fitting a proposal: importance weights, several modes, curved densities, draws of another move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from sma_bayes.inference.adaptation import (
+    DRAWS,
+    GREATEST_SHARE,
+    USABLE,
+    Adapted,
+    Weights,
+    adapt,
+    adapt_to_draws,
+    with_wide_share,
+)
+from sma_bayes.inference.laplace import Mode, climb
+from sma_bayes.inference.proposals import MixedProposal, Proposal
+
+
+@dataclass
+class Density:
+    function: Callable[[np.ndarray], np.ndarray]
+    names: tuple[str, ...] = ()
+
+    def log_prob(self, z: np.ndarray) -> np.ndarray:
+        return self.function(np.atleast_2d(z))
+
+    def draw_prior(self, rng: np.random.Generator, size: int) -> np.ndarray:
+        return rng.normal(0.0, 5.0, (size, 2))
+
+
+def lumps(z: np.ndarray) -> np.ndarray:
+    """Two unit normals at -5 and 5 on the diagonal, nine to one; the integral is one."""
+    left = np.log(0.9) - 0.5 * ((z + 5.0) ** 2).sum(axis=1)
+    right = np.log(0.1) - 0.5 * ((z - 5.0) ** 2).sum(axis=1)
+    return np.logaddexp(left, right) - np.log(2.0 * np.pi)
+
+
+def banana(z: np.ndarray) -> np.ndarray:
+    x, y = z[:, 0], z[:, 1]
+    return -0.5 * x**2 - 0.5 * ((y - x**2 + 1.0) / 0.5) ** 2 - np.log(2.0 * np.pi * 0.5)
+
+
+def mode_at(density: Density, start: list[float]) -> Mode:
+    mode = climb(density, np.array(start), np.full(2, 5.0))
+    assert mode is not None
+    return mode
+
+
+# --- weights ------------------------------------------------------------------------------------------
+
+
+def test_equal_weights_are_all_in_effect() -> None:
+    w = Weights(np.full(50, -3.0))
+    assert w.efficiency == pytest.approx(1.0)
+    assert w.greatest == pytest.approx(1.0)
+    assert w.log_evidence() == (pytest.approx(-3.0), pytest.approx(0.0, abs=1e-6))
+
+
+def test_one_weight_takes_all() -> None:
+    w = Weights(np.concatenate([[0.0], np.full(99, -1000.0)]))
+    assert w.efficiency == pytest.approx(0.01)
+    assert w.greatest == pytest.approx(100.0)
+    assert w.normalised.sum() == pytest.approx(1.0)
+
+
+def test_no_weight_at_all_is_no_efficiency() -> None:
+    w = Weights(np.full(10, -np.inf))
+    assert w.efficiency == 0.0
+    assert not Adapted(None, w, 0).carries
+    np.testing.assert_allclose(w.normalised, 0.1)
+
+
+def test_draws_without_weight_count_in_the_evidence() -> None:
+    w = Weights(np.array([0.0, 0.0, -np.inf, -np.inf]))
+    assert w.log_evidence()[0] == pytest.approx(np.log(0.5))
+    assert w.efficiency == pytest.approx(0.5)
+
+
+def test_the_error_of_the_evidence_is_what_replicates_say() -> None:
+    """Spread of ln Z over 300 replicates of log-normal weights against the claimed one: within 15 %."""
+    rng = np.random.default_rng(0)
+    found = [Weights(rng.normal(0.0, 0.7, 1000)).log_evidence() for _ in range(300)]
+    values, errors = np.array(found).T
+    assert np.std(values) == pytest.approx(np.median(errors), rel=0.15)
+    assert np.mean(values) == pytest.approx(0.5 * 0.7**2, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("log_weight", "carries"),
+    [
+        (np.zeros(1000), True),
+        (np.where(np.arange(1000) < 250, 0.0, -np.inf), False),
+        (np.concatenate([[np.log(60.0)], np.zeros(9999)]), False),
+    ],
+)
+def test_a_proposal_carries_a_run_only_if_no_weight_is_too_great(
+    log_weight: np.ndarray, carries: bool
+) -> None:
+    w = Weights(log_weight)
+    assert Adapted(None, w, 0).carries is carries
+    assert carries == (w.efficiency >= USABLE and w.greatest <= GREATEST_SHARE)
+
+
+# --- fits ---------------------------------------------------------------------------------------------
+
+
+def test_every_mode_gets_a_proposal_with_its_share() -> None:
+    density = Density(lumps)
+    modes = [mode_at(density, [-4.0, -4.5]), mode_at(density, [4.0, 4.5])]
+    adapted = adapt(density, modes, np.random.default_rng(1))
+    assert isinstance(adapted.proposal, MixedProposal)
+    np.testing.assert_allclose(adapted.proposal.weight, [0.9, 0.1], atol=0.02)
+    assert adapted.carries
+    assert adapted.weights.efficiency > 0.9
+    value, error = adapted.weights.log_evidence()
+    assert abs(value) < 5.0 * error + 1e-3
+    assert adapted.evaluations >= 4 * DRAWS
+
+
+def test_a_bent_density_is_told_by_its_weights() -> None:
+    density = Density(banana)
+    adapted = adapt(density, [mode_at(density, [0.5, 0.0])], np.random.default_rng(2))
+    one = adapt(
+        Density(lambda z: -0.5 * (z**2).sum(axis=1)), [mode_at(density, [0.5, 0.0])], np.random.default_rng(2)
+    )
+    assert isinstance(one.proposal, Proposal)
+    assert one.weights.efficiency > 0.9
+    assert 0.3 < adapted.weights.efficiency < one.weights.efficiency
+
+
+def test_draws_of_another_move_make_a_proposal() -> None:
+    rng = np.random.default_rng(3)
+    x = rng.standard_normal(20_000)
+    z = np.stack([x, x**2 - 1.0 + 0.5 * rng.standard_normal(20_000)], axis=1)
+    density = Density(banana)
+    adapted = adapt_to_draws(density, z, [mode_at(density, [0.5, 0.0])], rng)
+    assert adapted.weights.efficiency > 0.7
+    value, error = adapted.weights.log_evidence()
+    assert abs(value) < 5.0 * error + 1e-3
+
+
+def test_a_wider_proposal_differs_only_in_the_share_of_its_wide_part() -> None:
+    density = Density(lumps)
+    modes = [mode_at(density, [-4.0, -4.5]), mode_at(density, [4.0, 4.5])]
+    for chosen in (modes[:1], modes):
+        wide = with_wide_share(adapt(density, chosen, np.random.default_rng(4)), 0.4)
+        parts = wide.proposal.parts if isinstance(wide.proposal, MixedProposal) else (wide.proposal,)
+        assert [p.share for p in parts] == [0.4] * len(chosen)
+
+
+def test_a_fit_is_decided_by_the_generator() -> None:
+    density = Density(banana)
+    mode = mode_at(density, [0.5, 0.0])
+    draws = [
+        adapt(density, [mode], np.random.default_rng(5)).proposal.draw(np.random.default_rng(6), 20)[0]
+        for _ in range(2)
+    ]
+    np.testing.assert_array_equal(*draws)
