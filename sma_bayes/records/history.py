@@ -1,0 +1,202 @@
+"""A condition's measurements in the order in which they were made, both branches together.
+
+Fits look at one branch at a time. What a lagging sensor, a drifting zero or a training spring does depends on what
+happened before, so the gap workflow follows each condition along its whole history.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Branch, Campaign, Condition, Ints, Record
+
+GAP = 5.0
+"""Steps of time, in medians of all steps, from which on samples no longer follow each other."""
+RATE_SAMPLES = 7
+"""Samples of a sweep to which a straight line is fitted for dT/dt."""
+
+SIGN = {Branch.HEATING: 1.0, Branch.COOLING: -1.0}
+"""How a branch stands among the inputs."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """All samples of one condition, in order.
+
+    Attributes
+    ----------
+    condition : Condition
+    inputs : mapping of str to ndarray, shape (n,)
+        ``temperature`` [degC]; ``branch``: 1 heating, -1 cooling; ``cycle``, from 1; ``segment``: samples of one
+        uninterrupted sweep share a number; ``stretch``: samples between which nothing was left out share a number;
+        ``order``: place in the history, from 0. Where they were recorded: ``time`` [s], ``rate``: dT/dt [K/s],
+        ``current`` [A], ``ambient_temperature`` [degC]; where they were set: ``load`` [N, or Pa of a specimen],
+        ``frequency`` [Hz], ``duty_cycle``.
+    observed : mapping of str to ndarray, shape (n,)
+        Channels among force, displacement, stiffness; temperature too where current and time were recorded, since it
+        then is an outcome as well.
+    row : ndarray of int, shape (n,)
+        Source line of each sample.
+    units : mapping of str to str
+    specimen : bool
+        See `Record`.
+    averaged : int
+        Source rows that a sample stands for, at most.
+    held : mapping of str to float
+        Mean of channels that the rig kept constant.
+    """
+
+    condition: Condition
+    inputs: Mapping[str, Floats]
+    observed: Mapping[str, Floats]
+    row: Ints
+    units: Mapping[str, str]
+    specimen: bool = False
+    averaged: int = 1
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("inputs", "observed", "units", "held"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def __reduce__(self) -> tuple[object, ...]:  # mapping proxies do not pickle
+        return History, (
+            self.condition, dict(self.inputs), dict(self.observed), self.row, dict(self.units), self.specimen,
+            self.averaged, dict(self.held),
+        )  # fmt: skip
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return int(self.row.size)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Observed channels, in canonical order."""
+        return tuple(self.observed)
+
+    def part(self, kept: np.ndarray) -> History:
+        """Only the samples for which a mask is true; where some are left out, sweeps and stretches end."""
+        cut = np.cumsum(np.diff(np.flatnonzero(kept), prepend=-1) != 1).astype(float)
+        inputs = {name: values[kept] for name, values in self.inputs.items()}
+        for name in ("segment", "stretch"):
+            inputs[name] = _numbered(inputs[name], cut)
+        observed = {name: values[kept] for name, values in self.observed.items()}
+        return History(
+            self.condition,
+            inputs,
+            observed,
+            self.row[kept],
+            self.units,
+            self.specimen,
+            self.averaged,
+            self.held,
+        )
+
+
+def histories(campaign: Campaign) -> tuple[History, ...]:
+    """One history for each condition of a campaign.
+
+    Channels that only one branch has are left out, as there is no history of them.
+
+    Parameters
+    ----------
+    campaign : Campaign
+
+    Returns
+    -------
+    tuple of History
+        In the order of the campaign's records.
+    """
+    conditions = dict.fromkeys(r.condition.id for r in campaign.records)
+    return tuple(_joined([r for r in campaign.records if r.condition.id == i]) for i in conditions)
+
+
+def _joined(records: Sequence[Record]) -> History:
+    first = records[0]
+    names = set.intersection(*(set(r.inputs) for r in records)) - {"segment"}
+    channels = [c for c in first.channels if all(c in r.observed for r in records)]
+    inputs = {name: np.concatenate([r.inputs[name] for r in records]) for name in names}
+    inputs["branch"] = np.concatenate([np.full(r.n, SIGN[r.branch]) for r in records])
+    sweep = np.concatenate([1000.0 * i + r.inputs["segment"] for i, r in enumerate(records)])
+    sources = list(dict.fromkeys(r.source for r in records))
+    file = np.concatenate([np.full(r.n, float(sources.index(r.source))) for r in records])
+    row = np.concatenate([r.row for r in records])
+    timed = "time" in inputs
+    order = np.lexsort((row, inputs["time"] if timed else row, file))
+    inputs = {name: values[order] for name, values in inputs.items()}
+    sweep, file, row = sweep[order], file[order], row[order]
+    inputs.setdefault("cycle", np.ones(row.size))
+    inputs["order"] = np.arange(row.size, dtype=float)
+    inputs["segment"] = _numbered(sweep)
+    inputs["stretch"] = _numbered(file, _interruptions(inputs["time"] if timed else row.astype(float)))
+    if timed:
+        inputs["rate"] = sweep_rate(inputs["temperature"], inputs["time"], inputs["segment"])
+    observed = {c: np.concatenate([r.observed[c] for r in records])[order] for c in channels}
+    if timed and "current" in inputs:
+        observed["temperature"] = inputs["temperature"]
+    condition = first.condition
+    for name, value in (
+        ("load", condition.load), ("frequency", condition.frequency), ("duty_cycle", condition.duty_cycle),
+        ("current", condition.current),
+    ):  # fmt: skip
+        if value is not None and name not in inputs:
+            inputs[name] = np.full(row.size, float(value))
+    return History(
+        condition,
+        inputs,
+        observed,
+        row,
+        {**first.units, "rate": "K/s"},
+        first.specimen,
+        max(r.rows_averaged for r in records),
+        {c: h.mean for c, h in first.held.items()},
+    )
+
+
+def _interruptions(clock: Floats) -> Floats:
+    step = np.abs(np.diff(clock, prepend=clock[:1]))
+    usual = float(np.median(step[1:])) if step.size > 1 else 1.0
+    return np.cumsum(step > GAP * max(usual, 1e-300)).astype(float)
+
+
+def _numbered(*labels: Floats) -> Floats:
+    """Numbers from 0 that rise where any of the labels changes."""
+    changes = np.zeros(labels[0].size, dtype=bool)
+    for label in labels:
+        changes[1:] |= np.diff(label) != 0
+    return np.cumsum(changes).astype(float)
+
+
+def sweep_rate(temperature: Floats, time: Floats, segment: Floats) -> Floats:
+    """Rate dT/dt of each sample: the slope of a straight line through its neighbours in the same sweep.
+
+    Parameters
+    ----------
+    temperature, time, segment : ndarray, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        0 where a sweep has a single sample or a single time.
+    """
+    rate = np.zeros(temperature.size)
+    half = RATE_SAMPLES // 2
+    starts = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1.0))
+    for low, high in zip(starts, [*starts[1:], segment.size], strict=True):
+        t, temp = time[low:high] - time[low], temperature[low:high]
+        sums = np.zeros((4, t.size + 1))
+        np.cumsum([t, temp, t * t, t * temp], axis=1, out=sums[:, 1:])
+        at = np.arange(t.size)
+        left, right = np.maximum(at - half, 0), np.minimum(at + half + 1, t.size)
+        count = right - left
+        st, sy, stt, sty = sums[:, right] - sums[:, left]
+        spread = count * stt - st * st
+        good = spread > 1e-12 * np.maximum(count * stt, 1e-300)
+        rate[low:high] = np.where(good, (count * sty - st * sy) / np.where(good, spread, 1.0), 0.0)
+    return rate

@@ -1,0 +1,76 @@
+"""Temperature of a wire or spring that a current heats: the Joule-heating balance.
+
+    m c dT/dt = I**2 R - h A (T - Ta)
+
+Divided by the heat capacity, two numbers are left: ``gain = R/(m c)`` and ``loss = h A/(m c)``. Between samples current
+and ambient temperature are held, so each step is exact; every stretch starts at its first reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.quantities import Floats
+
+
+@dataclass(frozen=True)
+class JouleHeating:
+    """Temperature from current.
+
+    ``theta`` (..., 3): gain [K/(s A^2)], loss [1/s], and the ambient temperature [degC], which only counts where
+    none was recorded.
+    """
+
+    name = "joule_heating"
+    parameter_names = ("gain", "loss", "ambient")
+
+    def parameters(self) -> tuple[ParameterFact, ...]:
+        """Facts about the parameters."""
+        return (
+            ParameterFact(
+                "gain", "K/(s A^2)", "heating rate of 1 A without losses, R/(m c)", channel="temperature"
+            ),
+            ParameterFact("loss", "1/s", "rate of cooling, h A/(m c)", channel="temperature"),
+            ParameterFact("ambient", "degC", "temperature of the surroundings", channel="temperature"),
+        )
+
+    def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Temperature along a history.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (..., 3)
+        inputs : mapping of str to ndarray, shape (n,) or (..., n)
+            ``current`` [A], ``time`` [s], ``stretch``, ``temperature`` (first of each stretch) [degC];
+            ``ambient_temperature`` [degC] where it was recorded. Effects may add ``heat_capacity_factor`` and
+            ``loss_factor``, by which heat capacity and loss differ from their constants.
+
+        Returns
+        -------
+        dict
+            ``temperature`` (..., n).
+        """
+        theta = np.asarray(theta, dtype=float)
+        gain, loss, ambient = (theta[..., i, None] for i in range(3))
+        capacity = inputs.get("heat_capacity_factor", np.ones(1))
+        rate = loss * inputs.get("loss_factor", np.ones(1)) / capacity
+        heating = gain * inputs["current"] ** 2 / capacity
+        surroundings = inputs.get("ambient_temperature", ambient)
+        dt = np.diff(inputs["time"], prepend=inputs["time"][..., :1])
+        shape = np.broadcast_shapes(rate.shape, heating.shape, np.shape(surroundings), dt.shape)
+        rate, heating = np.broadcast_to(rate, shape), np.broadcast_to(heating, shape)
+        goal = surroundings + heating / np.maximum(rate, 1e-300)
+        kept = np.exp(-rate[..., :-1] * dt[..., 1:])  # what is held over a step is what its start says
+        step = (1.0 - kept) * goal[..., :-1]
+        measured = np.broadcast_to(inputs["temperature"], shape)
+        first = np.diff(inputs["stretch"], prepend=-1.0) != 0
+        out = np.empty(shape)
+        for i in range(shape[-1]):
+            out[..., i] = (
+                measured[..., i] if first[i] else kept[..., i - 1] * out[..., i - 1] + step[..., i - 1]
+            )
+        return {"temperature": out}

@@ -1,0 +1,57 @@
+"""The simulation: everything that was observed, from what was applied, along a measured history."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sma_bayes.quantities import Floats
+from sma_bayes.response.both_branches import BothBranches
+from sma_bayes.response.joule_heating import JouleHeating
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Force, displacement and stiffness from temperature and branch; temperature from current.
+
+    ``theta`` (..., P): parameters of the heating branch, of the cooling branch, and, where temperature is among the
+    channels, those of the Joule-heating balance.
+
+    Attributes
+    ----------
+    channels : tuple of str
+        Any of force, displacement, stiffness, temperature.
+    """
+
+    channels: tuple[str, ...]
+    mechanical: BothBranches | None = field(init=False)
+    thermal: JouleHeating | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        mechanical = tuple(c for c in self.channels if c != "temperature")
+        object.__setattr__(self, "mechanical", BothBranches(mechanical) if mechanical else None)
+        object.__setattr__(self, "thermal", JouleHeating() if "temperature" in self.channels else None)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names in the order of ``theta``; those of a branch carry its name: ``B3 heating``."""
+        names: list[str] = []
+        if self.mechanical is not None:
+            for branch in ("heating", "cooling"):
+                names += [f"{name} {branch}" for name in self.mechanical.model.parameter_names]
+        if self.thermal is not None:
+            names += self.thermal.parameter_names
+        return tuple(names)
+
+    def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Response of each channel, shape (..., n); see `BothBranches.predict` and `JouleHeating.predict`."""
+        theta = np.asarray(theta, dtype=float)
+        out: dict[str, Floats] = {}
+        if self.mechanical is not None:
+            count = 2 * len(self.mechanical.model.parameter_names)
+            out |= self.mechanical.predict(theta[..., :count], inputs)
+        if self.thermal is not None:
+            out |= self.thermal.predict(theta[..., -3:], inputs)
+        return out
