@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -70,7 +71,7 @@ def _several_rates(histories: Sequence[History]) -> str:
     )
     edges = np.quantile(temperature, np.linspace(0.1, 0.9, 7))
     for sign in (1.0, -1.0):
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
+        for low, high in pairwise(edges.tolist()):
             size = np.abs(rate[(branch == sign) & (temperature >= low) & (temperature <= high)])
             if size.size >= 6:
                 slow, fast = np.quantile(size, (0.1, 0.9))

@@ -11,7 +11,7 @@ from sma_bayes.quantities import Floats
 
 @dataclass(frozen=True)
 class ThermocoupleLag:
-    """First-order lag: ``tau dTm/dt = T - Tm``, so the metal is at ``T = Tm + tau dTm/dt`` when the sensor reads ``Tm``.
+    """First-order lag ``tau dTm/dt = T - Tm``: the metal is at ``T = Tm + tau dTm/dt`` when the sensor reads ``Tm``.
 
     At a constant rate on each branch that is a shift of the curve, which its midpoint absorbs; it shows where the rate
     differs at the same temperature: other currents, a step-off, the rounded ends of a sweep.

@@ -16,7 +16,7 @@ from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Campaign, Condition, Ints, Record
 
 GAP = 5.0
-"""Steps of time, in medians of all steps, from which on samples no longer follow each other."""
+"""Steps of time, in medians of the steps of the sweeps beside it, from which on samples no longer follow each other."""
 RATE_SAMPLES = 7
 """Samples of a sweep to which a straight line is fitted for dT/dt."""
 
@@ -134,7 +134,7 @@ def _joined(records: Sequence[Record]) -> History:
     inputs.setdefault("cycle", np.ones(row.size))
     inputs["order"] = np.arange(row.size, dtype=float)
     inputs["segment"] = _numbered(sweep)
-    inputs["stretch"] = _numbered(file, _interruptions(inputs["time"] if timed else row.astype(float)))
+    inputs["stretch"] = _numbered(file, _interruptions(inputs["time"] if timed else row.astype(float), sweep))
     if timed:
         inputs["rate"] = sweep_rate(inputs["temperature"], inputs["time"], inputs["segment"])
     observed = {c: np.concatenate([r.observed[c] for r in records])[order] for c in channels}
@@ -159,10 +159,14 @@ def _joined(records: Sequence[Record]) -> History:
     )
 
 
-def _interruptions(clock: Floats) -> Floats:
+def _interruptions(clock: Floats, sweep: Floats) -> Floats:
+    """Numbers that rise where a step is far longer than is usual in the sweeps on either side."""
     step = np.abs(np.diff(clock, prepend=clock[:1]))
-    usual = float(np.median(step[1:])) if step.size > 1 else 1.0
-    return np.cumsum(step > GAP * max(usual, 1e-300)).astype(float)
+    inside = np.diff(sweep, prepend=sweep[0] - 1.0) == 0
+    usual = {s: float(np.median(step[inside & (sweep == s)])) for s in np.unique(sweep[inside])}
+    each = np.array([usual.get(s, 0.0) for s in sweep.tolist()])
+    longest = np.maximum(each, np.concatenate([each[:1], each[:-1]]))
+    return np.cumsum(step > GAP * np.maximum(longest, 1e-300)).astype(float)
 
 
 def _numbered(*labels: Floats) -> Floats:
