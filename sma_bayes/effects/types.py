@@ -103,15 +103,17 @@ class Effect(Protocol):
         In plain text, with the names of the parameters.
     reference : str
         Where form and range come from.
-    needs : tuple of str
-        What must have been recorded or varied: names in `sma_bayes.effects.needs.NEEDS`.
     """
 
     id: str
     title: str
     equation: str
     reference: str
-    needs: tuple[str, ...]
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """What must have been recorded or varied: names in `sma_bayes.effects.needs.NEEDS`."""
+        ...
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
         """Parameters, the size first: where it is 0 there is no effect."""
