@@ -1,0 +1,362 @@
+"""Fit a hypothesis: mode, noise, evidence, and the residuals as the noise would have them.
+
+Noise of each history and channel is an AR(1) series, in sample index or in time. Standard deviation and memory are
+those of greatest likelihood at the mode, under each hypothesis anew: every hypothesis has as many of them, and a
+memory that stands in for a missing effect has to compete with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from sma_bayes.gap.hypothesis import Hypothesis
+from sma_bayes.quantities import Floats
+
+HALF_LN_2PI = 0.9189385332046727
+STEP = 1e-4
+"""Step of finite differences, in standard deviations of the prior."""
+ROUNDS = 4
+"""Greatest number of times that noise and parameters are fitted in turn."""
+GREATEST_MEMORY = 0.995
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """One channel of one history: where it is in the stacked vectors, and how its samples follow each other.
+
+    Attributes
+    ----------
+    history : int
+    channel : str
+    at : slice
+        Place in vectors over all samples of all blocks.
+    first : ndarray of bool, shape (n,)
+        Samples that remember nothing.
+    dt : ndarray, shape (n,)
+        Time since the sample before, in medians; 1 where time was not recorded.
+    """
+
+    history: int
+    channel: str
+    at: slice
+    first: NDArray[np.bool_]
+    dt: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockNoise:
+    """Noise of a block.
+
+    Attributes
+    ----------
+    sd : float
+        Of the series [unit of the channel].
+    memory : ndarray, shape (n,)
+        Correlation with the sample before; 0 at the first of a sweep.
+    """
+
+    sd: float
+    memory: Floats
+
+    def whiten(self, x: Floats) -> Floats:
+        """Series (..., n) as innovations of unit variance."""
+        e = x / self.sd
+        out = e.copy()
+        out[..., 1:] -= self.memory[1:] * e[..., :-1]
+        return np.asarray(out / np.sqrt(1.0 - self.memory**2))
+
+    @property
+    def log_scale(self) -> float:
+        """Sum over samples of the logarithm of the scale of an innovation."""
+        return float(self.memory.size * np.log(self.sd) + 0.5 * np.log1p(-(self.memory**2)).sum())
+
+
+Noise = tuple[BlockNoise, ...]
+
+
+def blocks_of(hypothesis: Hypothesis) -> tuple[Block, ...]:
+    """Every channel of every history, stacked."""
+    out, at = [], 0
+    for i, history in enumerate(hypothesis.histories):
+        first = np.diff(history.inputs["segment"], prepend=-1.0) != 0
+        dt = np.ones(history.n)
+        if "time" in history.inputs:
+            dt[1:] = np.maximum(np.diff(history.inputs["time"]), 0.0)
+            usual = float(np.median(dt[~first])) if (~first).any() else 1.0
+            dt = dt / max(usual, 1e-300)
+        for channel in hypothesis.channels:
+            out.append(Block(i, channel, slice(at, at + history.n), first, dt))
+            at += history.n
+    return tuple(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A hypothesis at its mode.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+    z : ndarray, shape (D,)
+        Mode, in sampled coordinates.
+    noise : tuple of BlockNoise
+    residual : ndarray, shape (N,)
+        Measured minus predicted, all blocks stacked [unit of each channel].
+    whitened : ndarray, shape (N,)
+        The same as innovations of unit variance.
+    jacobian : ndarray, shape (N, D)
+        Derivative of the whitened prediction.
+    precision : ndarray, shape (D, D)
+        Of the posterior at the mode: Gauss-Newton with the curvature of the prior.
+    log_likelihood, ln_evidence : float
+        At the mode, and by Laplace's approximation.
+    """
+
+    hypothesis: Hypothesis
+    blocks: tuple[Block, ...]
+    z: Floats
+    noise: Noise
+    residual: Floats
+    whitened: Floats
+    jacobian: Floats
+    precision: Floats
+    log_likelihood: float
+    ln_evidence: float
+
+    @property
+    def theta(self) -> Floats:
+        """Parameters at the mode, shape (P,)."""
+        return self.hypothesis.space.to_physical(self.z)
+
+    @property
+    def covariance(self) -> Floats:
+        """Of the sampled coordinates, shape (D, D)."""
+        return np.asarray(cho_solve(cho_factor(self.precision), np.eye(self.z.size)))
+
+    def unabsorbed(self, columns: Floats) -> Floats:
+        """What is left of whitened series (N, k) once the parameters have adapted to them."""
+        return np.asarray(
+            columns - self.jacobian @ np.linalg.solve(self.precision, self.jacobian.T @ columns)
+        )
+
+    def whiten(self, series: Floats) -> Floats:
+        """Stacked series (..., N) as innovations of unit variance."""
+        return whiten(self.blocks, self.noise, series)
+
+
+def whiten(blocks: Sequence[Block], noise: Noise, series: Floats) -> Floats:
+    """Stacked series (..., N) as innovations of unit variance."""
+    out = np.empty_like(series)
+    for block, own in zip(blocks, noise, strict=True):
+        out[..., block.at] = own.whiten(series[..., block.at])
+    return out
+
+
+def stacked(hypothesis: Hypothesis, blocks: Sequence[Block], theta: Floats) -> Floats:
+    """Prediction of every block, shape (N,)."""
+    out = np.empty(blocks[-1].at.stop)
+    for i in range(len(hypothesis.histories)):
+        mu = hypothesis.predict(theta, i)
+        for block in blocks:
+            if block.history == i:
+                out[block.at] = mu[block.channel]
+    return out
+
+
+def measured(hypothesis: Hypothesis, blocks: Sequence[Block]) -> Floats:
+    """What was observed, stacked (N,)."""
+    return np.concatenate([hypothesis.histories[b.history].observed[b.channel] for b in blocks])
+
+
+def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise | None = None) -> Fitted:
+    """Find the mode nearest to a start.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    start : ndarray, shape (D,)
+        Sampled coordinates.
+    noise : tuple of BlockNoise, optional
+        To start from; by default that of the residuals at the start. It is fitted in any case.
+    """
+    problem = _Problem(hypothesis)
+    z = np.asarray(start, dtype=float)
+    if noise is None:
+        noise = problem.noise(z)
+    value = np.inf
+    for _ in range(ROUNDS):
+        z = problem.climb(z, noise)
+        noise = problem.noise(z)
+        previous, value = value, -problem.log_likelihood(z, noise)
+        if abs(previous - value) < 1e-3:
+            break
+    return problem.fitted(z, noise)
+
+
+def held_at(hypothesis: Hypothesis, z: Floats, noise: Noise) -> Fitted:
+    """A hypothesis at given parameters and noise, as it would be had they been found as its mode."""
+    return _Problem(hypothesis).fitted(z, noise)
+
+
+class _Problem:
+    """Residuals, their derivatives, and the objective that is climbed."""
+
+    def __init__(self, hypothesis: Hypothesis) -> None:
+        self.hypothesis = hypothesis
+        self.space = hypothesis.space
+        self.blocks = blocks_of(hypothesis)
+        self.y = measured(hypothesis, self.blocks)
+        self.width = self.space.prior_sd()
+        position = np.full(len(self.space.parameters), -1)
+        position[self.space.free_index] = np.arange(self.space.dimension)
+        self.columns = [
+            position[p][position[p] >= 0] for p in map(hypothesis.positions, range(len(hypothesis.histories)))
+        ]
+
+    def residual(self, z: Floats) -> Floats:
+        """Measured minus predicted (N,); what overflows counts as very far off."""
+        mu = stacked(self.hypothesis, self.blocks, self.space.to_physical(z))
+        return np.nan_to_num(self.y - mu, nan=1e30, posinf=1e30, neginf=-1e30)
+
+    def derivative(self, z: Floats) -> Floats:
+        """Derivative of the prediction by each coordinate, shape (N, D), by central differences."""
+        out = np.zeros((self.y.size, z.size))
+        for i, columns in enumerate(self.columns):
+            h = STEP * self.width[columns]
+            shifted = np.tile(z, (2 * columns.size, 1))
+            rows = np.arange(columns.size)
+            shifted[rows, columns] += h
+            shifted[rows + columns.size, columns] -= h
+            mu = self.hypothesis.predict(self.space.to_physical(shifted), i)
+            for block in self.blocks:
+                if block.history == i:
+                    up, down = np.split(mu[block.channel], 2)
+                    slope = (up - down) / (2.0 * h[:, None])
+                    out[block.at, columns] = np.nan_to_num(slope, nan=0.0, posinf=0.0, neginf=0.0).T
+        return out
+
+    def prior(self, z: Floats) -> tuple[float, Floats, Floats]:
+        """Log prior with its gradient and the diagonal of its (never positive) curvature."""
+        h = 1e-3 * self.width
+        steps = np.concatenate([np.zeros((1, z.size)), np.diag(h), -np.diag(h)])
+        value = self.space.log_prior(z + steps)
+        up, down = np.split(value[1:], 2)
+        curvature = (up + down - 2.0 * value[0]) / h**2
+        return float(value[0]), (up - down) / (2.0 * h), np.minimum(curvature, -1e-3 / self.width**2)
+
+    def noise(self, z: Floats) -> Noise:
+        """Noise of greatest likelihood given the residuals."""
+        residual = self.residual(z)
+        free = self.space.dimension / self.y.size  # share of the samples that the parameters have used up
+        return tuple(block_noise(residual[b.at], b, free) for b in self.blocks)
+
+    def log_likelihood(self, z: Floats, noise: Noise) -> float:
+        w = whiten(self.blocks, noise, self.residual(z))
+        return float(-0.5 * w @ w - sum(n.log_scale for n in noise) - HALF_LN_2PI * w.size)
+
+    def climb(self, z: Floats, noise: Noise) -> Floats:
+        """Levenberg-Marquardt on the log posterior at fixed noise."""
+        damping = 1e-3
+        w = whiten(self.blocks, noise, self.residual(z))
+        prior, gradient, curvature = self.prior(z)
+        value = 0.5 * float(w @ w) - prior
+        for _ in range(60):
+            jacobian = self._jacobian(z, noise)
+            slope = jacobian.T @ w + gradient
+            precision = jacobian.T @ jacobian - np.diag(curvature)
+            accepted = False
+            while damping < 1e8:
+                step = np.linalg.solve(precision + damping * np.diag(np.diag(precision)), slope)
+                step = np.clip(step, -3.0 * self.width, 3.0 * self.width)
+                trial = z + step
+                w_trial = whiten(self.blocks, noise, self.residual(trial))
+                trial_prior = float(self.space.log_prior(trial))
+                trial_value = 0.5 * float(w_trial @ w_trial) - trial_prior
+                if np.isfinite(trial_value) and trial_value <= value:
+                    accepted = True
+                    break
+                damping *= 8.0
+            if not accepted:
+                return z
+            gain = value - trial_value
+            z, w, value = trial, w_trial, trial_value
+            damping = max(damping / 10.0, 1e-9)
+            if gain < 1e-4:
+                return z
+            _, gradient, curvature = self.prior(z)
+        return z
+
+    def _jacobian(self, z: Floats, noise: Noise) -> Floats:
+        return whiten(self.blocks, noise, self.derivative(z).T).T
+
+    def fitted(self, z: Floats, noise: Noise) -> Fitted:
+        residual = self.residual(z)
+        w = whiten(self.blocks, noise, residual)
+        jacobian = self._jacobian(z, noise)
+        prior, _, curvature = self.prior(z)
+        precision = jacobian.T @ jacobian - np.diag(curvature)
+        likelihood = self.log_likelihood(z, noise)
+        volume = 0.5 * float(np.linalg.slogdet(precision)[1])
+        return Fitted(
+            hypothesis=self.hypothesis,
+            blocks=self.blocks,
+            z=z,
+            noise=noise,
+            residual=residual,
+            whitened=w,
+            jacobian=jacobian,
+            precision=precision,
+            log_likelihood=likelihood,
+            ln_evidence=likelihood + prior + z.size * HALF_LN_2PI - volume,
+        )
+
+
+def block_noise(residual: Floats, block: Block, used: float) -> BlockNoise:
+    """Standard deviation and memory of greatest likelihood for the residuals of a block.
+
+    The memory is either one number a sample or falls exponentially in time, whichever is likelier.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    block : Block
+    used : float
+        Share of the samples that estimated parameters have used up, by which the variance is widened.
+    """
+    follows = ~block.first
+    if not follows.any() or not np.any(residual):
+        scale = float(np.sqrt(np.mean(residual**2))) or 1e-12
+        return BlockNoise(scale, np.zeros(residual.size))
+    forms = [np.where(follows, 1.0, 0.0)]
+    dt = block.dt[follows]
+    if np.std(dt) > 0.05 * np.mean(dt):
+        forms.append(np.where(follows, np.maximum(block.dt, 1e-3), 0.0))
+    best: tuple[float, BlockNoise] | None = None
+    for form in forms:
+        for memory in _memories(residual, form, follows):
+            step = residual.copy()
+            step[1:] -= memory[1:] * residual[:-1]
+            variance = float(np.mean(step**2 / (1.0 - memory**2))) / (1.0 - used)
+            noise = BlockNoise(max(np.sqrt(variance), 1e-300), memory)
+            found = (-noise.log_scale, noise)
+            if best is None or found[0] > best[0]:
+                best = found
+    assert best is not None
+    return best[1]
+
+
+def _memories(residual: Floats, form: Floats, follows: NDArray[np.bool_]) -> Iterator[Floats]:
+    """Candidate memories about the plain estimate of the correlation."""
+    before, now = residual[:-1][follows[1:]], residual[1:][follows[1:]]
+    plain = float(before @ now) / max(float(np.sqrt((before @ before) * (now @ now))), 1e-300)
+    if np.all(form[follows] == 1.0):
+        candidates = np.tanh(np.arctanh(np.clip(plain, -0.9, GREATEST_MEMORY)) + np.linspace(-0.15, 0.15, 7))
+    else:
+        candidates = np.tanh(np.linspace(0.05, 3.0, 16))
+    for phi in np.clip(candidates, -0.9, GREATEST_MEMORY).tolist():
+        yield np.where(follows, phi if np.all(form[follows] == 1.0) else np.abs(phi) ** form, 0.0)

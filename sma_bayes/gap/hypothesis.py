@@ -1,0 +1,187 @@
+"""A hypothesis: the simulation, perhaps with effects around it, and what is believed about its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sma_bayes.effects.types import Effect, Scales, with_effects
+from sma_bayes.parameters.distributions import LogNormal, Normal
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.parameters.scales import RecordScales
+from sma_bayes.parameters.space import Parameter, ParameterSpace
+from sma_bayes.quantities import Floats
+from sma_bayes.records.history import History
+from sma_bayes.records.types import Branch, Campaign, Record
+from sma_bayes.response.simulation import Simulation
+
+Positions = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """What may have made the measurements, up to noise.
+
+    Attributes
+    ----------
+    histories : tuple of History
+        All with the same channels.
+    simulation : Simulation
+    effects : tuple of Effect
+        Around the simulation, the last one outermost; their parameters serve all histories.
+    space : ParameterSpace
+        Those of the simulation first, then those of each effect.
+    layout : tuple of ndarray of int
+        For each history, positions of the simulation's parameters.
+    scales : Scales
+    """
+
+    histories: tuple[History, ...]
+    simulation: Simulation
+    effects: tuple[Effect, ...]
+    space: ParameterSpace
+    layout: tuple[Positions, ...]
+    scales: Scales
+    _base: int = field(default=0)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels that are predicted."""
+        return self.simulation.channels
+
+    @property
+    def effect_positions(self) -> dict[str, Positions]:
+        """Positions of each effect's parameters, by its id."""
+        out, at = {}, self._base
+        for effect in self.effects:
+            count = len(effect.parameters(self.scales))
+            out[effect.id] = np.arange(at, at + count)
+            at += count
+        return out
+
+    def positions(self, history: int) -> Positions:
+        """Positions of all parameters on which a history depends."""
+        return np.concatenate([self.layout[history], np.arange(self._base, len(self.space.parameters))])
+
+    def predict(self, theta: Floats, history: int) -> dict[str, Floats]:
+        """Response of each channel along a history.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (..., P)
+        history : int
+
+        Returns
+        -------
+        dict of str to ndarray, shape (..., n)
+        """
+        inputs = self.histories[history].inputs
+        base = theta[..., self.layout[history]]
+
+        def response(given: Mapping[str, Floats]) -> dict[str, Floats]:
+            return self.simulation.predict(base, given)
+
+        at = self.effect_positions
+        whole = with_effects(response, [(e, theta[..., at[e.id]]) for e in self.effects])
+        with np.errstate(over="ignore", invalid="ignore"):
+            return whole(inputs)
+
+    def extended(self, effect: Effect) -> Hypothesis:
+        """The same with one more effect around it."""
+        return self.with_effects((*self.effects, effect))
+
+    def with_effects(self, effects: Sequence[Effect]) -> Hypothesis:
+        """The same simulation with these effects."""
+        parameters = list(self.space.parameters[: self._base])
+        for effect in effects:
+            for p in effect.parameters(self.scales):
+                parameters.append(Parameter(f"{effect.id}.{p.name}", p.unit, p.meaning, p.prior, p.source))
+        return replace(self, effects=tuple(effects), space=ParameterSpace(tuple(parameters)))
+
+    def on(self, kept: Sequence[NDArray[np.bool_]]) -> Hypothesis:
+        """The same hypothesis about a part of the samples of each history; priors stay as they are."""
+        parts = tuple(h.part(k) for h, k in zip(self.histories, kept, strict=True))
+        return replace(self, histories=parts)
+
+
+def baseline(
+    campaign: Campaign, histories: Sequence[History], priors: PriorSet, *, pooled: bool
+) -> Hypothesis:
+    """The simulation without any effect.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What the histories were made of; its records give the scales of the priors.
+    histories : sequence of History
+    priors : PriorSet
+    pooled : bool
+        Whether one set of parameters a branch serves all conditions, or each condition has its own.
+
+    Raises
+    ------
+    PriorError
+        If a parameter has no prior.
+    """
+    channels = tuple(c for c in histories[0].channels if all(c in h.channels for h in histories))
+    simulation = Simulation(channels)
+    scales = Scales.of(histories)
+    parameters: list[Parameter] = []
+    layout = []
+    groups = [None] if pooled else [h.condition.id for h in histories]
+    for group in groups:
+        tag = "" if group is None else f"[{group}]"
+        at = len(parameters)
+        if simulation.mechanical is not None:
+            facts = simulation.mechanical.model.parameters(histories[0].units)
+            for branch in Branch:
+                own = RecordScales.of(_records(campaign, group, branch))
+                for fact in facts:
+                    p = priors.parameter(fact, branch, own)
+                    parameters.append(replace(p, name=f"{fact.name} {branch.value}{tag}"))
+        if simulation.thermal is not None:
+            parameters += _thermal(scales, tag)
+        layout.append(np.arange(at, len(parameters)))
+    if pooled:
+        layout = layout * len(histories)
+    return Hypothesis(
+        tuple(histories),
+        simulation,
+        (),
+        ParameterSpace(tuple(parameters)),
+        tuple(layout),
+        scales,
+        len(parameters),
+    )
+
+
+def _records(campaign: Campaign, condition: str | None, branch: Branch) -> list[Record]:
+    """Records of a branch; where there are none, those of the other one set the scales just as well."""
+    mine = [r for r in campaign.records if condition in (None, r.condition.id)]
+    return [r for r in mine if r.branch is branch] or mine
+
+
+def _thermal(scales: Scales, tag: str) -> list[Parameter]:
+    heating = max(scales.level["rate"], 1e-9)
+    gain = heating / max(scales.level["current"], 1e-9) ** 2
+    source = "the greatest rate seen, to an order of magnitude"
+    return [
+        Parameter(f"gain{tag}", "K/(s A^2)", "heating rate of 1 A, R/(m c)", LogNormal(gain, 1.5), source),
+        Parameter(
+            f"loss{tag}",
+            "1/s",
+            "rate of cooling, h A/(m c)",
+            LogNormal(heating / max(scales.span["temperature"], 1e-9), 1.5),
+            source,
+        ),
+        Parameter(
+            f"ambient{tag}",
+            "degC",
+            "temperature of the surroundings",
+            Normal(scales.low["temperature"], 0.2 * scales.span["temperature"]),
+            "near the coldest reading",
+        ),
+    ]

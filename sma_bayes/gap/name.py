@@ -1,0 +1,198 @@
+"""Which effect explains a disagreement.
+
+Every effect of the catalogue that the data can test is first screened: its signature over a grid of its parameters,
+less what the model's parameters absorb, is laid over the residuals. Those that come near the best are refitted in
+full, with all parameters and the noise anew, and judged by the evidence.
+
+Two guards stand against false names. An effect must be worth more than the best flexible term that contains most of
+its signature. And the noise keeps its memory throughout, so slow residuals do not count as often as they were sampled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.special import logsumexp
+
+from sma_bayes.effects.needs import untestable
+from sma_bayes.effects.types import Effect
+from sma_bayes.gap.fitting import Fitted, fit_hypothesis
+from sma_bayes.gap.flexible import Gain
+from sma_bayes.gap.hypothesis import Hypothesis
+from sma_bayes.parameters.distributions import Distribution, LogNormal
+from sma_bayes.quantities import Floats
+
+SIZES = {True: (0.1, 0.5, 0.9), False: (0.25, 0.75)}
+"""Quantiles of the prior at which sizes are screened: those that are positive, those of either sign."""
+SHAPES = (0.15, 0.5, 0.85)
+"""Quantiles at which the other parameters are screened."""
+NEAR = 15.0
+"""Screened gain below the best up to which candidates are refitted."""
+REFITTED = 8
+"""Greatest number of candidates that are refitted at a step."""
+CONTAINED = 0.5
+"""Share of a signature from which on a flexible term stands for it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Screened:
+    """An effect laid over the residuals.
+
+    Attributes
+    ----------
+    effect : Effect
+    gain : float
+        By how much the log likelihood would rise at the best point of the grid.
+    start : ndarray, shape (D,)
+        Where to begin the full fit, in the coordinates of the extended hypothesis.
+    ln_bayes_factor : float
+        For the effect, by the same reckoning as for flexible terms: normal sizes, averaged over the grid.
+    signatures : ndarray, shape (N, G)
+        Over the grid, whitened, less what the model absorbs.
+    information : ndarray, shape (G,)
+        Squared lengths of the signatures.
+    """
+
+    effect: Effect
+    gain: float
+    start: Floats
+    ln_bayes_factor: float
+    signatures: Floats
+    information: Floats
+
+    def of(self, residuals: Floats) -> Floats:
+        """Log Bayes factor for other whitened residuals (N, S), shape (S,)."""
+        return _averaged(self.signatures.T @ residuals, self.information)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """What was found about an effect at a step.
+
+    Attributes
+    ----------
+    effect : Effect
+    fitted : Fitted or None
+        None where it was not refitted.
+    ln_bayes_factor : float
+        For the effect, over the model as it was; minus infinity where it was not refitted.
+    guard : float
+        Greatest Bayes factor of a flexible term that contains most of its signature.
+    guard_covariate : str
+        Of that term; empty where there is none.
+    untestable : str
+        Why the data can't test it; empty where they can.
+    """
+
+    effect: Effect
+    fitted: Fitted | None
+    ln_bayes_factor: float
+    guard: float = -np.inf
+    guard_covariate: str = ""
+    untestable: str = ""
+
+
+def candidates(fitted: Fitted, effects: Iterable[Effect], flexible: Sequence[Gain]) -> list[Candidate]:
+    """Judge every effect that the model does not have yet.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        The model as it is.
+    effects : iterable of Effect
+    flexible : sequence of Gain
+        What flexible terms would bring to the same model.
+
+    Returns
+    -------
+    list of Candidate
+        Best first.
+    """
+    out: list[Candidate] = []
+    for place, s in enumerate(screened):
+        if place >= REFITTED or s.gain < screened[0].gain - NEAR:
+            out.append(Candidate(s.effect, None, -np.inf))
+            continue
+        found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
+        guard, covariate = guard_of(signature_at_mode(fitted, found), flexible)
+        out.append(Candidate(s.effect, found, found.ln_evidence - fitted.ln_evidence, guard, covariate))
+    return sorted(out, key=lambda c: -c.ln_bayes_factor)
+
+
+def screen(fitted: Fitted, effect: Effect) -> Screened:
+    """Lay the signature of an effect over the residuals of a fit."""
+    extended = fitted.hypothesis.extended(effect)
+    space = extended.space
+    priors = [p.prior for p in effect.parameters(extended.scales)]
+    grid = np.array(
+        [[p.quantile(np.array(q)) for p, q in zip(priors, point, strict=True)] for point in _grid(priors)]
+    )
+    theta = np.concatenate([np.tile(fitted.theta, (len(grid), 1)), grid], axis=1)
+    change = np.zeros((len(grid), fitted.whitened.size))
+    for i in range(len(extended.histories)):
+        with_it = extended.predict(theta, i)
+        without = fitted.hypothesis.predict(fitted.theta, i)
+        for block in fitted.blocks:
+            if block.history == i:
+                change[:, block.at] = np.nan_to_num(with_it[block.channel] - without[block.channel])
+    signature = fitted.whiten(change).T
+    left = fitted.unabsorbed(signature)
+    a = np.einsum("ij,ij->j", signature, left)
+    b = left.T @ fitted.whitened
+    ends = priors[0].quantile(np.array([1e-3, 1.0 - 1e-3]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        size = np.clip(np.where(a > 0.0, grid[:, 0] * b / a, grid[:, 0]), *ends)
+        factor = size / grid[:, 0]
+    gain = np.where(a > 0.0, factor * b - 0.5 * factor**2 * a, -np.inf)
+    best = int(np.argmax(gain))
+    point = grid[best].copy()
+    point[0] = size[best]
+    start = space.to_sampled(np.concatenate([fitted.theta, point]))
+    # the model's own parameters make room for what the effect takes over
+    pull = fitted.jacobian.T @ (fitted.whitened - factor[best] * signature[:, best])
+    start[: fitted.z.size] += np.linalg.solve(fitted.precision, pull)
+    shown = a > 1e-12
+    value = float(_averaged(b[shown, None], a[shown])[0]) if shown.any() else -np.inf
+    return Screened(effect, float(gain[best]), start, value, left[:, shown], a[shown])
+
+
+def _averaged(b: Floats, information: Floats) -> Floats:
+    """Log Bayes factor of a single column with a standard normal coefficient, averaged over columns, shape (S,)."""
+    if not information.size:
+        return np.full(b.shape[1], -np.inf)
+    each = 0.5 * b**2 / (information + 1.0)[:, None] - 0.5 * np.log1p(information)[:, None]
+    return np.asarray(logsumexp(each, axis=0) - np.log(information.size))
+
+
+def _grid(priors: Sequence[Distribution]) -> list[tuple[float, ...]]:
+    sizes = SIZES[isinstance(priors[0], LogNormal)]
+    return list(product(sizes, *[SHAPES for _ in priors[1:]]))
+
+
+def signature_at_mode(fitted: Fitted, extended: Fitted) -> Floats:
+    """What an effect adds at its mode, whitened as before and less what the model absorbs, shape (N,)."""
+    effects = extended.hypothesis.effects
+    change = np.zeros(fitted.whitened.size)
+    without: Hypothesis = extended.hypothesis.with_effects(effects[:-1])
+    theta = extended.theta
+    for i in range(len(without.histories)):
+        mu = extended.hypothesis.predict(theta, i)
+        base = without.predict(theta[: len(without.space.parameters)], i)
+        for block in fitted.blocks:
+            if block.history == i:
+                change[block.at] = mu[block.channel] - base[block.channel]
+    return fitted.unabsorbed(fitted.whiten(change)[:, None])[:, 0]
+
+
+def guard_of(signature: Floats, flexible: Sequence[Gain]) -> tuple[float, str]:
+    """Greatest Bayes factor of the terms that contain most of a signature, and the covariate of that term."""
+    size = float(signature @ signature)
+    best = (-np.inf, "")
+    for gain in flexible:
+        share = float(np.sum((gain.directions.T @ signature) ** 2 / gain.information)) / max(size, 1e-300)
+        if share >= CONTAINED and gain.ln_bayes_factor > best[0]:
+            best = gain.ln_bayes_factor, gain.term.covariate
+    return best

@@ -1,0 +1,228 @@
+"""The loop: locate, name, add, look again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.effects import EFFECTS, Effect
+from sma_bayes.gap.fitting import Fitted, fit_hypothesis
+from sma_bayes.gap.hypothesis import Hypothesis, baseline
+from sma_bayes.gap.locate import Disagreement, Look, disagreements, look
+from sma_bayes.gap.name import Candidate, candidates, screen_all
+from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.posterior import build_posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.history import histories
+from sma_bayes.records.types import Branch, Campaign
+
+SIGNIFICANT = 0.02
+"""Global p-value up to which a disagreement counts as more than chance."""
+WORTH = 3.0
+"""Least ln Bayes factor of an effect that is added, and of one that is kept."""
+APART = 3.0
+"""Least difference of ln Bayes factors by which data tell two effects apart."""
+UNEXPLAINED = 0.25
+"""Share of what the effects explain that may be left to flexible terms where effects are to count as the cause."""
+MOST = 4
+"""Greatest number of effects that are added."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One round of the loop.
+
+    Attributes
+    ----------
+    before : Fitted
+        The model at the start of the round.
+    look : Look
+        Where it disagreed.
+    candidates : tuple of Candidate
+        Best first.
+    chosen : Candidate or None
+        What was added, if anything.
+    class_ : tuple of str
+        Effects that the data cannot tell from the chosen one, itself first.
+    """
+
+    before: Fitted
+    look: Look
+    candidates: tuple[Candidate, ...]
+    chosen: Candidate | None
+    class_: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GapStudy:
+    """What a study found.
+
+    Attributes
+    ----------
+    verdict : str
+        ``none``, ``named`` or ``unnamed``.
+    baseline, final : Fitted
+        Without any effect, and with all that were added and kept.
+    steps : tuple of Step
+    disagreements : tuple of Disagreement
+        Of the baseline.
+    """
+
+    verdict: str
+    baseline: Fitted
+    final: Fitted
+    steps: tuple[Step, ...]
+    disagreements: tuple[Disagreement, ...]
+
+    @property
+    def p_value(self) -> float:
+        """Global p-value of the disagreement of the baseline."""
+        return self.steps[0].look.p_value
+
+    @property
+    def left(self) -> Look:
+        """Where the final model still disagrees."""
+        return self.steps[-1].look
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Effects that were added and kept, in that order."""
+        return self.final.hypothesis.effects
+
+    @property
+    def classes(self) -> dict[str, tuple[str, ...]]:
+        """For each of these effects, those that the data cannot tell from it."""
+        found = {s.chosen.effect.id: s.class_ for s in self.steps if s.chosen is not None}
+        return {e.id: found[e.id] for e in self.effects}
+
+
+Progress = Callable[[str], None]
+
+
+def study_campaign(
+    campaign: Campaign,
+    priors: PriorSet,
+    *,
+    pooled: bool = False,
+    effects: Mapping[str, Effect] = EFFECTS,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> GapStudy:
+    """Find where a campaign disagrees with the model and what is missing.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    priors : PriorSet
+    pooled : bool
+        Whether one set of A and B a branch serves all conditions.
+    effects : mapping of str to Effect
+        Catalogue to choose from.
+    seed : int
+    progress : callable, optional
+        Told in a few words what is going on.
+    """
+    tell = progress or (lambda _: None)
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 7]))
+    tell("fitting the model without effects")
+    hypothesis = baseline(campaign, histories(campaign), priors, pooled=pooled)
+    first = fit_hypothesis(hypothesis, baseline_start(hypothesis, campaign, priors, pooled=pooled, rng=rng))
+    return study_from(first, effects, rng, tell)
+
+
+def study_from(
+    first: Fitted, effects: Mapping[str, Effect], rng: np.random.Generator, tell: Progress
+) -> GapStudy:
+    """The loop from a fitted baseline; see `study_campaign`."""
+    current = first
+    steps: list[Step] = []
+    while True:
+        tell(f"looking for disagreements, round {len(steps) + 1}")
+        steps.append(one_round(current, effects, rng, last=len(steps) == MOST))
+        chosen = steps[-1].chosen
+        if chosen is None or chosen.fitted is None:
+            break
+        current = without_needless(chosen.fitted)
+    where = disagreements(first, _covariates(first))
+    return GapStudy(_verdict(steps, current), first, current, tuple(steps), tuple(where))
+
+
+def one_round(
+    current: Fitted, effects: Mapping[str, Effect], rng: np.random.Generator, *, last: bool = False
+) -> Step:
+    """Look, try the effects that the model does not have, and choose the one to add, if any deserves it."""
+    screened, untested = screen_all(current, effects.values())
+    seen = look(current, screened, rng)
+    tried = candidates(current, screened, seen.gains)
+    worthy = [c for c in tried if c.ln_bayes_factor >= WORTH and c.ln_bayes_factor > c.guard]
+    if last or seen.p_value > SIGNIFICANT or not worthy:
+        return Step(current, seen, (*tried, *untested), None, ())
+    best = worthy[0]
+    like = [c.effect.id for c in tried if c.ln_bayes_factor >= best.ln_bayes_factor - APART and c is not best]
+    return Step(current, seen, (*tried, *untested), best, (best.effect.id, *like))
+
+
+def without_needless(fitted: Fitted) -> Fitted:
+    """The model less every effect that a later one has made needless."""
+    while len(fitted.hypothesis.effects) > 1:
+        reduced = [_without(fitted, e) for e in fitted.hypothesis.effects[:-1]]
+        best = max(reduced, key=lambda r: r.ln_evidence)
+        if best.ln_evidence < fitted.ln_evidence - WORTH:
+            return fitted
+        fitted = best
+    return fitted
+
+
+def _without(fitted: Fitted, effect: Effect) -> Fitted:
+    hypothesis = fitted.hypothesis
+    kept = [e for e in hypothesis.effects if e.id != effect.id]
+    smaller = hypothesis.with_effects(kept)
+    z = dict(zip([p.name for p in hypothesis.space.free], fitted.z.tolist(), strict=True))
+    return fit_hypothesis(smaller, np.array([z[p.name] for p in smaller.space.free]), fitted.noise)
+
+
+def _verdict(steps: Sequence[Step], final: Fitted) -> str:
+    if steps[0].look.p_value > SIGNIFICANT:
+        return "none"
+    if not final.hypothesis.effects:
+        return "unnamed"
+    explained = final.ln_evidence - steps[0].before.ln_evidence
+    left = steps[-1].look
+    rest = left.best.ln_bayes_factor if left.p_value <= SIGNIFICANT else 0.0
+    return "unnamed" if rest > UNEXPLAINED * explained else "named"
+
+
+def _covariates(fitted: Fitted) -> list[str]:
+    names = set().union(*(h.inputs for h in fitted.hypothesis.histories))
+    return [
+        n
+        for n in ("temperature", "time", "order", "cycle", "rate", "current", "ambient_temperature")
+        if n in names
+    ]
+
+
+def baseline_start(
+    hypothesis: Hypothesis, campaign: Campaign, priors: PriorSet, *, pooled: bool, rng: np.random.Generator
+) -> Floats:
+    """Sampled coordinates of the least-squares fits of each branch; where there is none, the centre of the prior."""
+    space = hypothesis.space
+    theta = space.to_physical(space.prior_centre())
+    if hypothesis.simulation.mechanical is None:
+        return space.to_sampled(theta)
+    names = hypothesis.simulation.mechanical.model.parameter_names
+    groups = [None] if pooled else list(dict.fromkeys(h.condition.id for h in hypothesis.histories))
+    for group in groups:
+        tag = "" if group is None else f"[{group}]"
+        for branch in Branch:
+            records = [r for r in campaign.records if r.branch is branch and group in (None, r.condition.id)]
+            if records:
+                posterior = build_posterior(records, NOISE_MODELS["independent"], priors)
+                start = warm_start(posterior, rng)
+                for name, value in zip(names, start.theta, strict=True):
+                    theta[space.index(f"{name} {branch.value}{tag}")] = value
+    z = space.to_sampled(theta)
+    return np.where(np.isfinite(z), z, space.prior_centre())
