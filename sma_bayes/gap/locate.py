@@ -1,8 +1,9 @@
 """Where model and measurement disagree, and whether chance explains it.
 
 Every flexible term and the signature of every effect is tested, and the greatest of their Bayes factors is compared
-with the greatest that residuals without any pattern give: whitened residuals of the fit, shuffled within each channel of each history, with what the
-parameters absorb taken out. So one p-value pays for all the looking, and heavy tails of the noise are in it.
+with the greatest that residuals without any pattern give: whitened residuals of the fit, shuffled within each channel
+of each history, with what the parameters absorb taken out. So one p-value pays for all the looking, and heavy tails of
+the noise are in it.
 """
 
 from __future__ import annotations

@@ -95,14 +95,30 @@ class Candidate:
     untestable: str = ""
 
 
-def candidates(fitted: Fitted, effects: Iterable[Effect], flexible: Sequence[Gain]) -> list[Candidate]:
-    """Judge every effect that the model does not have yet.
+def screen_all(fitted: Fitted, effects: Iterable[Effect]) -> tuple[list[Screened], list[Candidate]]:
+    """Screen every effect that the model does not have yet; what can't be tested comes as a judged candidate."""
+    present = {e.id for e in fitted.hypothesis.effects}
+    screened, untested = [], []
+    for effect in effects:
+        if effect.id in present:
+            continue
+        why = untestable(effect.needs, fitted.hypothesis.histories)
+        if why:
+            untested.append(Candidate(effect, None, -np.inf, untestable=why))
+        else:
+            screened.append(screen(fitted, effect))
+    return sorted(screened, key=lambda s: -s.gain), untested
+
+
+def candidates(fitted: Fitted, screened: Sequence[Screened], flexible: Sequence[Gain]) -> list[Candidate]:
+    """Refit and judge the effects that come near the best.
 
     Parameters
     ----------
     fitted : Fitted
         The model as it is.
-    effects : iterable of Effect
+    screened : sequence of Screened
+        Greatest gain first.
     flexible : sequence of Gain
         What flexible terms would bring to the same model.
 
