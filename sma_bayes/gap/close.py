@@ -1,0 +1,225 @@
+"""How much of the gap adding the effects closes, on measurements that had no part in choosing them.
+
+Measurements are dealt out into folds: whole cycles, or whole conditions, or, where there are neither, stretches of a
+sweep. For each fold the loop runs anew on the others: effects are chosen and all parameters fitted without it. Then
+the fold is predicted, with and without them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sma_bayes.effects.types import Effect
+from sma_bayes.gap.fitting import BlockNoise, Fitted, Noise, blocks_of, fit_hypothesis, measured, stacked
+from sma_bayes.gap.flexible import SIZES, Gain, Term, gains, terms_of
+from sma_bayes.gap.hypothesis import Hypothesis
+from sma_bayes.gap.name import Candidate
+from sma_bayes.gap.study import GapStudy, Progress, study_from
+from sma_bayes.quantities import Floats
+from sma_bayes.records.history import History
+
+FOLDS = 3
+STRETCHES = 12
+"""Stretches of a sweep that are dealt out where there is only one cycle and no other condition."""
+
+Masks = tuple[NDArray[np.bool_], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Gap between model and measurement, before and after adding the effects.
+
+    Attributes
+    ----------
+    before, after, floor : float
+        Root mean square of held-out residuals, as innovations of the noise, in its standard deviations: of the model
+        without effects, with those that were chosen without the fold, and with the most helpful flexible term besides,
+        where that helps.
+    held_out : str
+        What was held out.
+    chosen : tuple of tuple of str
+        Effects that were chosen without each fold.
+    """
+
+    before: float
+    after: float
+    floor: float
+    held_out: str
+    chosen: tuple[tuple[str, ...], ...]
+
+    @property
+    def shrink(self) -> float:
+        """Share of the gap that is closed, ``(before - after)/(before - floor)``; 0 where there is none."""
+        return (self.before - self.after) / (self.before - self.floor) if self.before > self.floor else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOutScore:
+    """Difference of the log density of held-out measurements that an effect makes.
+
+    Attributes
+    ----------
+    delta, se : float
+    """
+
+    delta: float
+    se: float
+
+
+def folds_of(histories: Sequence[History], *, pooled: bool) -> tuple[list[Masks], str]:
+    """What is held out in turn, as masks of each history, and what to call it."""
+    cycles = [np.unique(h.inputs["cycle"]) for h in histories]
+    if min(c.size for c in cycles) >= FOLDS:
+        ranks = [np.searchsorted(c, h.inputs["cycle"]) for c, h in zip(cycles, histories, strict=True)]
+        named = "every third cycle in turn"
+    elif pooled and len(histories) >= FOLDS:
+        ranks = [np.full(h.n, i) for i, h in enumerate(histories)]
+        named = "every third condition in turn"
+    else:
+        ranks = [_stretches(h) for h in histories]
+        named = "every third of a dozen stretches of each sweep in turn"
+    return [tuple(r % FOLDS == fold for r in ranks) for fold in range(FOLDS)], named
+
+
+def _stretches(history: History) -> NDArray[np.intp]:
+    out = np.zeros(history.n, dtype=np.intp)
+    segment = history.inputs["segment"]
+    for s in np.unique(segment):
+        on = np.flatnonzero(segment == s)
+        out[on] = np.arange(on.size) * STRETCHES // on.size
+    return out
+
+
+def close(
+    study: GapStudy, effects: Mapping[str, Effect], *, pooled: bool, rng: np.random.Generator, tell: Progress
+) -> Gap:
+    """Gap before and after on held-out measurements.
+
+    Parameters
+    ----------
+    study : GapStudy
+    effects : mapping of str to Effect
+        Catalogue from which each fold chooses anew.
+    pooled : bool
+    rng : numpy.random.Generator
+    tell : callable
+    """
+    first = study.baseline
+    folds, named = folds_of(first.hypothesis.histories, pooled=pooled)
+    squares, count, chosen = np.zeros(3), 0, []
+    for i, out in enumerate(folds):
+        tell(f"choosing without fold {i + 1} of {len(folds)}")
+        kept = tuple(~m for m in out)
+        train, test = first.hypothesis.on(kept), first.hypothesis.on(out)
+        rows_train, rows_test = _rows(first, kept), _rows(first, out)
+        base = fit_hypothesis(train, first.z)
+        again = study_from(base, effects, rng, lambda _: None)
+        final = again.final
+        chosen.append(tuple(e.id for e in final.hypothesis.effects))
+        noise = _noise_on(study.final, out)
+        before = _residual(test, base.theta)
+        extended = test.with_effects(final.hypothesis.effects)
+        after = _residual(extended, final.theta)
+        w = [_whitened(test, noise, r) for r in (before, after)]
+        helped = _with_flexible(final, extended, study.final, rows_train, rows_test)
+        w.append(_whitened(test, noise, helped))
+        sums = [float(x @ x) for x in w]
+        squares += [sums[0], sums[1], sums[2]]
+        count += rows_test.size
+    rms = np.sqrt(squares / max(count, 1))
+    return Gap(float(rms[0]), float(rms[1]), float(min(rms[1], rms[2])), named, tuple(chosen))
+
+
+def held_out_scores(
+    fitted: Fitted, candidates: Sequence[Candidate], *, pooled: bool
+) -> dict[str, HeldOutScore]:
+    """What each refitted candidate does for held-out measurements, refitted without them.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        The model that the candidates extend.
+    candidates : sequence of Candidate
+    pooled : bool
+    """
+    folds, _ = folds_of(fitted.hypothesis.histories, pooled=pooled)
+    gained: dict[str, list[Floats]] = {}
+    for out in folds:
+        kept = tuple(~m for m in out)
+        plain = fit_hypothesis(fitted.hypothesis.on(kept), fitted.z)
+        test = fitted.hypothesis.on(out)
+        noise = _noise_on(fitted, out)
+        before = _whitened(test, noise, _residual(test, plain.theta))
+        for candidate in candidates:
+            if candidate.fitted is None:
+                continue
+            own = fit_hypothesis(candidate.fitted.hypothesis.on(kept), candidate.fitted.z)
+            extended = candidate.fitted.hypothesis.on(out)
+            after = _whitened(test, noise, _residual(extended, own.theta))
+            gained.setdefault(candidate.effect.id, []).append(0.5 * (before**2 - after**2))
+    return {
+        name: HeldOutScore(float(np.sum(g)), float(np.std(g) * np.sqrt(g.size)))
+        for name, g in ((name, np.concatenate(parts)) for name, parts in gained.items())
+    }
+
+
+def _rows(fitted: Fitted, kept: Masks) -> NDArray[np.intp]:
+    return np.concatenate([b.at.start + np.flatnonzero(kept[b.history]) for b in fitted.blocks])
+
+
+def _noise_on(fitted: Fitted, kept: Masks) -> Noise:
+    """The noise of a fit, for some of the samples of each block."""
+    return tuple(
+        BlockNoise(n.sd, _memory_on(n.memory, kept[b.history]))
+        for b, n in zip(fitted.blocks, fitted.noise, strict=True)
+    )
+
+
+def _memory_on(memory: Floats, kept: NDArray[np.bool_]) -> Floats:
+    """Memory of the samples that are kept; none where the sample before is not."""
+    together = np.concatenate([[False], kept[:-1]])[kept]
+    return np.asarray(np.where(together, memory[kept], 0.0))
+
+
+def _residual(hypothesis: Hypothesis, theta: Floats) -> Floats:
+    blocks = blocks_of(hypothesis)
+    return measured(hypothesis, blocks) - stacked(hypothesis, blocks, theta)
+
+
+def _whitened(hypothesis: Hypothesis, noise: Noise, residual: Floats) -> Floats:
+    out = np.empty_like(residual)
+    for block, own in zip(blocks_of(hypothesis), noise, strict=True):
+        if residual[block.at].size:
+            out[block.at] = own.whiten(residual[block.at])
+    return out
+
+
+def _with_flexible(
+    train: Fitted, test: Hypothesis, whole: Fitted, rows_train: NDArray[np.intp], rows_test: NDArray[np.intp]
+) -> Floats:
+    """Held-out residuals with the flexible term that brings most on the rest."""
+    terms = terms_of(whole)
+    on_train = [Term(t.covariate, t.channel, t.columns[rows_train]) for t in terms]
+    found = gains(train, on_train)
+    best: Gain = max(found, key=lambda g: g.ln_bayes_factor)
+    columns = terms[[id(t) for t in on_train].index(id(best.term))].columns
+    whitened = train.whiten(columns[rows_train].T).T
+    projected = train.unabsorbed(whitened)
+    a, b = whitened.T @ projected, projected.T @ train.whitened
+    information, axes = np.linalg.eigh(a)
+    sizes = [_evidence(axes.T @ b, np.maximum(information, 0.0), s) for s in SIZES]
+    size = float(SIZES[int(np.argmax(sizes))])
+    coefficients = axes @ ((axes.T @ b) / (np.maximum(information, 0.0) + size**-2.0))
+    pull = train.jacobian.T @ (train.whitened - whitened @ coefficients)
+    z = train.z + np.linalg.solve(train.precision, pull)
+    return _residual(test, test.space.to_physical(z)) - columns[rows_test] @ coefficients
+
+
+def _evidence(b: Floats, information: Floats, size: float) -> float:
+    return float(
+        0.5 * np.sum(b**2 / (information + size**-2.0)) - 0.5 * np.sum(np.log1p(size**2 * information))
+    )
