@@ -1,12 +1,30 @@
 """Physical effects that a plain modified sigmoid may miss."""
 
 from sma_bayes.catalogue import Catalogue
+from sma_bayes.effects.amplitude_fatigue import AmplitudeFatigue
+from sma_bayes.effects.asymmetric_kinetics import AsymmetricKinetics
+from sma_bayes.effects.contact_error import ContactError
+from sma_bayes.effects.path_stress_shift import PathStressShift
+from sma_bayes.effects.r_phase import RPhase
+from sma_bayes.effects.rate_dependence import RateDependence
 from sma_bayes.effects.sensor_drift import SensorDrift
+from sma_bayes.effects.stress_shift import StressShift
+from sma_bayes.effects.temperature_gradient import TemperatureGradient
 from sma_bayes.effects.thermocouple_lag import ThermocoupleLag
+from sma_bayes.effects.training_drift import TrainingDrift
 from sma_bayes.effects.types import Effect, EffectParameter, Scales, with_effects
 
 _SHIPPED: tuple[Effect, ...] = (
     ThermocoupleLag(),
+    ContactError(),
+    StressShift(),
+    PathStressShift(),
+    RateDependence(),
+    TemperatureGradient(),
+    AsymmetricKinetics(),
+    RPhase(),
+    TrainingDrift(),
+    AmplitudeFatigue(),
     SensorDrift(),
 )
 EFFECTS: Catalogue[Effect] = Catalogue(

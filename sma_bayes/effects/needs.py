@@ -46,6 +46,11 @@ def _any_channel(histories: Sequence[History]) -> str:
     )
 
 
+def _curve(histories: Sequence[History]) -> str:
+    seen = all({"force", "displacement"} & set(h.observed) for h in histories)
+    return "" if seen else "neither force nor displacement was observed"
+
+
 def _cycles(histories: Sequence[History]) -> str:
     most = max(np.unique(h.inputs["cycle"]).size for h in histories)
     return "" if most >= LEAST_CYCLES else f"{most} cycle(s) a condition; at least {LEAST_CYCLES} are needed"
@@ -110,6 +115,7 @@ def _lattice(histories: Sequence[History]) -> str:
 
 NEEDS: Final[Mapping[str, Test]] = {
     "channel": _any_channel,
+    "curve": _curve,
     "force": _channel("force"),
     "displacement": _channel("displacement"),
     "stiffness": _channel("stiffness"),

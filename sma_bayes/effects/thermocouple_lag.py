@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from sma_bayes.effects.memory import FORGOTTEN, elapsed, lagged, starts
+from sma_bayes.effects.transformation import at
 from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.quantities import Floats
@@ -14,7 +18,9 @@ class ThermocoupleLag:
     """First-order lag ``tau dTm/dt = T - Tm``: the metal is at ``T = Tm + tau dTm/dt`` when the sensor reads ``Tm``.
 
     At a constant rate on each branch that is a shift of the curve, which its midpoint absorbs; it shows where the rate
-    differs at the same temperature: other currents, a step-off, the rounded ends of a sweep.
+    differs at the same temperature: other currents, a step-off, the rounded ends of a sweep. A transformation that
+    lags moves the curves the other way; infrared, or a step-off above the transformation, shows the sensor alone. A
+    simulated temperature goes through the same lag, beginning at the first reading of each stretch.
     """
 
     id = "thermocouple_lag"
@@ -33,4 +39,11 @@ class ThermocoupleLag:
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
-        return response({**inputs, "temperature": inputs["temperature"] + theta[..., :1] * inputs["rate"]})
+        tau = theta[..., :1]
+        out = response(at(inputs, inputs["temperature"] + tau * inputs["rate"]))
+        if "temperature" in out:
+            first = starts(inputs)
+            metal = np.where(first, inputs["temperature"], out["temperature"])
+            steps = np.where(first, FORGOTTEN, elapsed(inputs) / np.maximum(tau, 1e-12))
+            out = {**out, "temperature": lagged(metal, steps)}
+        return out

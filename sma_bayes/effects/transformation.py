@@ -1,0 +1,82 @@
+"""What an effect can ask of a response: the same at another temperature, plateaus, share transformed, slope.
+
+All of it only calls the response, so effects work around any model and around each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.effects.types import Inputs, Response
+from sma_bayes.quantities import Floats
+
+FAR = 500.0
+"""Distance from the measured temperatures at which a transformation is over [K]."""
+STEP = 0.05
+"""Step of finite differences in temperature [K]."""
+
+
+def at(inputs: Inputs, temperature: Floats) -> dict[str, Floats]:
+    """Inputs with the alloy at another temperature; the measured one stays known as ``measured_temperature``."""
+    return {**inputs, "temperature": temperature, "measured_temperature": measured(inputs)}
+
+
+def measured(inputs: Inputs) -> Floats:
+    """Temperature that was measured, also where an outer effect has moved that of the alloy."""
+    return inputs.get("measured_temperature", inputs["temperature"])
+
+
+def moved(response: Response, inputs: Inputs, by: Floats) -> dict[str, Floats]:
+    """Response of an alloy that transforms as if it were hotter by some kelvins.
+
+    Parameters
+    ----------
+    by : ndarray, shape (..., n)
+        [K]. The temperature channel, where there is one, knows nothing of it.
+    """
+    out = response(at(inputs, inputs["temperature"] + by))
+    return {**out, "temperature": response(inputs)["temperature"]} if "temperature" in out else out
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A channel along a history, and what it would be if the transformation were not under way.
+
+    Attributes
+    ----------
+    value : ndarray, shape (..., n)
+    cold : ndarray, shape (..., n)
+        Far below the transformation.
+    span : ndarray, shape (..., n)
+        From there to far above it.
+    """
+
+    value: Floats
+    cold: Floats
+    span: Floats
+
+    @property
+    def share(self) -> Floats:
+        """Share transformed to austenite, from 0 to 1; 0 where the channel has no span."""
+        span = np.where(self.span == 0.0, np.inf, self.span)
+        return np.clip((self.value - self.cold) / span, 0.0, 1.0)
+
+
+def curves(response: Response, inputs: Inputs) -> tuple[dict[str, Floats], dict[str, Curve]]:
+    """Response, and the curves of force and displacement in it.
+
+    Stiffness has no curve: it is the ratio of the slopes of the two, and what alters their shapes or spans alike
+    leaves it as it is.
+    """
+    out = response(inputs)
+    cold, hot = (response(at(inputs, inputs["temperature"] + by)) for by in (-FAR, FAR))
+    names = [c for c in ("force", "displacement") if c in out]
+    return out, {c: Curve(out[c], cold[c], hot[c] - cold[c]) for c in names}
+
+
+def slope(response: Response, inputs: Inputs, channel: str) -> Floats:
+    """Derivative of a channel with respect to the temperature of the alloy, by central differences."""
+    up, down = (response(at(inputs, inputs["temperature"] + by))[channel] for by in (STEP, -STEP))
+    return np.asarray((up - down) / (2.0 * STEP))
