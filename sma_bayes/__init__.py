@@ -23,6 +23,7 @@ _PLACES = {
     "inspect_campaign": "sma_bayes.workflow",
     "fit": "sma_bayes.workflow",
     "fit_campaign": "sma_bayes.workflow",
+    "study_gap": "sma_bayes.workflow",
     "fit_records": "sma_bayes.results.fitting",
     "credible_band": "sma_bayes.assess.bands",
     "correlation_factors": "sma_bayes.assess.correlation",

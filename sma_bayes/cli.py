@@ -177,6 +177,45 @@ def fit(
 
 
 @app.command()
+def gap(
+    path: Source,
+    out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
+    data: Data = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    priors: Priors = "modified_sigmoid",
+    pool: PoolChoice = "none",
+    figures: Figures = True,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink."""
+    from sma_bayes.records.campaign import read_campaign
+    from sma_bayes.results.store import plain
+    from sma_bayes.workflow import pool_named, study_gap
+
+    with _progress(quiet or as_json) as progress:
+        found = study_gap(
+            read_campaign(path, data_dir=data),
+            out,
+            seed=seed,
+            priors=priors,
+            pool=pool_named(pool),
+            jobs=jobs,
+            resume=resume,
+            figures=figures,
+            progress=progress,
+        )
+    if as_json:
+        typer.echo(json.dumps(plain(found), indent=1))
+    elif not quiet:
+        _show_gap(found, out)
+    if not found["converged"]:
+        raise typer.Exit(1)
+
+
+@app.command()
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that a fit has written.")],
     jobs: Jobs = None,
@@ -298,6 +337,53 @@ def _show_fit(summary: dict[str, Any], out: Path) -> None:
         names = ", ".join(r["key"] for r in summary["records"] if not r["converged"])
         console.print(f"NOT CONVERGED: {names}. Their numbers must not be relied on.")
     console.print(f"{summary['wall_s']:.1f} s; results in {out}", soft_wrap=True)
+
+
+def _show_gap(found: dict[str, Any], out: Path) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
+    console.print(
+        f"{found['campaign']}: {found['verdict'].upper()}, p = {found['p_value']:.2g}", soft_wrap=True
+    )
+    for d in found["disagreement"][:3]:
+        console.print(
+            f"  {d['condition']} {d['branch']}, {d['channel']}: {d['size_sigma']:+.1f} sigma "
+            f"between {d['covariate']} {d['from']:.4g} and {d['to']:.4g} {d['unit']}",
+            soft_wrap=True,
+        )
+    for e in found["effects"]:
+        numbers = ", ".join(
+            f"{name} {p['median']:.4g} ({p['q05']:.4g} to {p['q95']:.4g}) {p['unit']}"
+            for name, p in e["parameters"].items()
+        )
+        console.print(f"{e['id']} ({e['title']}): {numbers}", soft_wrap=True)
+        others = [name for name in e["class"] if name != e["id"]]
+        if others:
+            console.print(f"  these data cannot tell it from {', '.join(others)}", soft_wrap=True)
+        if e["next_experiment"]:
+            console.print(f"  what would: {e['next_experiment']}", soft_wrap=True)
+    table = Table(title="candidates, first round", title_justify="left")
+    for name in ("effect", "ln Bayes factor", "held-out score", "status", "why"):
+        table.add_column(name, justify="right" if name in ("ln Bayes factor", "held-out score") else "left")
+    for c in found["candidates"]:
+        factor, score = c["ln_bayes_factor"], c["delta_elpd_held_out"]
+        table.add_row(
+            c["id"],
+            "-" if factor is None else f"{factor:.1f}",
+            "-" if score is None else f"{score:.1f} +- {c['delta_elpd_se']:.1f}",
+            c["status"],
+            c["why"],
+        )
+    console.print(table)
+    g = found["gap"]
+    console.print(
+        f"held-out gap ({g['held_out']}): {g['before']:.4f} before, {g['after']:.4f} after, floor {g['floor']:.4f}; "
+        f"{100.0 * g['shrink']:.0f} % closed",
+        soft_wrap=True,
+    )
+    console.print(f"{found['wall_s']:.1f} s; results in {out}", soft_wrap=True)
 
 
 def _show_inspection(report: dict[str, Any]) -> None:

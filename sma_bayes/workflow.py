@@ -6,13 +6,14 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from sma_bayes import __version__
 from sma_bayes.assess.bands import Band, band_channels, credible_band, overall_band
@@ -355,6 +356,75 @@ def _check_mark(folder: Path, identity: dict[str, Any], resume: bool) -> None:
             expected="the same data, priors, options and versions",
             remedy="resume with what the run was started with, or choose another --out",
         )
+
+
+def study_gap(
+    campaign: Campaign,
+    out: str | Path | None = None,
+    *,
+    seed: int = 0,
+    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    pool: Pool = "none",
+    jobs: int | None = None,
+    resume: bool = False,
+    figures: bool = True,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    out : str or Path, optional
+        Folder for `gap.json`, the posterior, tables, figures and the report; nothing is written without it.
+    seed, priors, pool, jobs, resume, figures, progress
+        See `fit_campaign`. With ``pool="campaign"`` one set of A and B a branch serves all conditions: what differs
+        between conditions (stress, rate, lag) then shows instead of being swallowed.
+
+    Returns
+    -------
+    dict
+        What `gap.json` holds.
+
+    Raises
+    ------
+    MeasurementError
+        If the histories can't be compared.
+    OutputError, ResumeError
+        If `out` can't be used.
+    """
+    from sma_bayes.gap.outcome import gap_outcome, outcome_json
+
+    clock = time.perf_counter()
+    options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, pool=pool)
+    tell = progress or (lambda done, total, message: None)
+    stage = iter(range(1000))
+    identity = {**_identity(campaign, options), "kind": "gap"}
+    folder = None if out is None else Path(out)
+    with nullcontext() if folder is None else claimed_folder(folder, identity, resume):
+        with threadpool_limits(limits=1):
+            outcome = gap_outcome(
+                campaign,
+                options.priors,
+                pooled=pool == "campaign",
+                seed=seed,
+                jobs=jobs,
+                progress=lambda message: tell(next(stage), 0, message),
+            )
+        found = {
+            **outcome_json(outcome),
+            "campaign": campaign.name,
+            "source": campaign.source,
+            "seed": seed,
+            "pool": pool,
+            "versions": all_versions(),
+            "data_sha256": campaign.sha256,
+            "findings": [asdict(f) for f in campaign.findings],
+            "wall_s": time.perf_counter() - clock,
+        }
+        if folder is not None:
+            write_json(folder / "gap.json", found)
+    return found
 
 
 def all_versions() -> dict[str, str]:

@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.effects.types import Effect
-from sma_bayes.gap.fitting import BlockNoise, Fitted, Noise, blocks_of, fit_hypothesis, measured, stacked
+from sma_bayes.gap.fitting import Fitted, fit_hypothesis, fit_with_noise, measured, stacked
 from sma_bayes.gap.flexible import SIZES, Gain, Term, gains, terms_of
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.name import Candidate
-from sma_bayes.gap.study import GapStudy, Progress, study_from
+from sma_bayes.gap.noise import BlockNoise, Noise, blocks_of
+from sma_bayes.gap.study import GapStudy, study_from
+from sma_bayes.inference.jobs import run
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 
@@ -94,8 +96,27 @@ def _stretches(history: History) -> NDArray[np.intp]:
     return out
 
 
+@dataclass(frozen=True, slots=True)
+class Fold:
+    """A fold to predict: what a process needs for it."""
+
+    study: GapStudy
+    effects: Mapping[str, Effect]
+    out: Masks
+    seed: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Predicted:
+    """Sums of squares over a fold: before, after, and with a flexible term besides."""
+
+    squares: tuple[float, float, float]
+    count: int
+    chosen: tuple[str, ...]
+
+
 def close(
-    study: GapStudy, effects: Mapping[str, Effect], *, pooled: bool, rng: np.random.Generator, tell: Progress
+    study: GapStudy, effects: Mapping[str, Effect], *, pooled: bool, seed: int, jobs: int | None = 1
 ) -> Gap:
     """Gap before and after on held-out measurements.
 
@@ -105,33 +126,36 @@ def close(
     effects : mapping of str to Effect
         Catalogue from which each fold chooses anew.
     pooled : bool
-    rng : numpy.random.Generator
-    tell : callable
+    seed : int
+    jobs : int, optional
+        Processes; by default one for each core.
     """
-    first = study.baseline
-    folds, named = folds_of(first.hypothesis.histories, pooled=pooled)
-    squares, count, chosen = np.zeros(3), 0, []
-    for i, out in enumerate(folds):
-        tell(f"choosing without fold {i + 1} of {len(folds)}")
-        kept = tuple(~m for m in out)
-        train, test = first.hypothesis.on(kept), first.hypothesis.on(out)
-        rows_train, rows_test = _rows(first, kept), _rows(first, out)
-        base = fit_hypothesis(train, first.z)
-        again = study_from(base, effects, rng, lambda _: None)
-        final = again.final
-        chosen.append(tuple(e.id for e in final.hypothesis.effects))
-        noise = _noise_on(study.final, out)
-        before = _residual(test, base.theta)
-        extended = test.with_effects(final.hypothesis.effects)
-        after = _residual(extended, final.theta)
-        w = [_whitened(test, noise, r) for r in (before, after)]
-        helped = _with_flexible(final, extended, study.final, rows_train, rows_test)
-        w.append(_whitened(test, noise, helped))
-        sums = [float(x @ x) for x in w]
-        squares += [sums[0], sums[1], sums[2]]
-        count += rows_test.size
-    rms = np.sqrt(squares / max(count, 1))
-    return Gap(float(rms[0]), float(rms[1]), float(min(rms[1], rms[2])), named, tuple(chosen))
+    masks, named = folds_of(study.baseline.hypothesis.histories, pooled=pooled)
+    folds = [Fold(study, effects, out, (seed, 11, i)) for i, out in enumerate(masks)]
+    found = list(run(predict_fold, folds, jobs))
+    count = sum(f.count for f in found)
+    rms = np.sqrt(np.sum([f.squares for f in found], axis=0) / max(count, 1))
+    floor = min(float(rms[1]), float(rms[2]))
+    return Gap(float(rms[0]), float(rms[1]), floor, named, tuple(f.chosen for f in found))
+
+
+def predict_fold(fold: Fold) -> Predicted:
+    """Run the loop without a fold, and predict it."""
+    first, out = fold.study.baseline, fold.out
+    kept = tuple(~m for m in out)
+    train, test = first.hypothesis.on(kept), first.hypothesis.on(out)
+    base = fit_with_noise(train, first.z)
+    final = study_from(base, fold.effects, np.random.default_rng(fold.seed), lambda _: None).final
+    noise = _noise_on(fold.study.final, out)
+    extended = test.with_effects(final.hypothesis.effects)
+    left = (
+        _residual(test, base.theta),
+        _residual(extended, final.theta),
+        _with_flexible(final, extended, fold.study.final, _rows(first, kept), _rows(first, out)),
+    )
+    before, after, helped = (float(np.sum(_whitened(test, noise, r) ** 2)) for r in left)
+    chosen = tuple(e.id for e in final.hypothesis.effects)
+    return Predicted((before, after, helped), left[0].size, chosen)
 
 
 def held_out_scores(
@@ -150,14 +174,16 @@ def held_out_scores(
     gained: dict[str, list[Floats]] = {}
     for out in folds:
         kept = tuple(~m for m in out)
-        plain = fit_hypothesis(fitted.hypothesis.on(kept), fitted.z)
+        plain = fit_hypothesis(fitted.hypothesis.on(kept), fitted.z, _noise_on(fitted, kept))
         test = fitted.hypothesis.on(out)
         noise = _noise_on(fitted, out)
         before = _whitened(test, noise, _residual(test, plain.theta))
         for candidate in candidates:
             if candidate.fitted is None:
                 continue
-            own = fit_hypothesis(candidate.fitted.hypothesis.on(kept), candidate.fitted.z)
+            own = fit_hypothesis(
+                candidate.fitted.hypothesis.on(kept), candidate.fitted.z, _noise_on(fitted, kept)
+            )
             extended = candidate.fitted.hypothesis.on(out)
             after = _whitened(test, noise, _residual(extended, own.theta))
             gained.setdefault(candidate.effect.id, []).append(0.5 * (before**2 - after**2))
@@ -168,7 +194,7 @@ def held_out_scores(
 
 
 def _rows(fitted: Fitted, kept: Masks) -> NDArray[np.intp]:
-    return np.concatenate([b.at.start + np.flatnonzero(kept[b.history]) for b in fitted.blocks])
+    return np.concatenate([np.flatnonzero(kept[b.history]) + b.at.start for b in fitted.blocks])
 
 
 def _noise_on(fitted: Fitted, kept: Masks) -> Noise:
@@ -176,6 +202,7 @@ def _noise_on(fitted: Fitted, kept: Masks) -> Noise:
     return tuple(
         BlockNoise(n.sd, _memory_on(n.memory, kept[b.history]))
         for b, n in zip(fitted.blocks, fitted.noise, strict=True)
+        if kept[b.history].any()
     )
 
 
@@ -187,14 +214,13 @@ def _memory_on(memory: Floats, kept: NDArray[np.bool_]) -> Floats:
 
 def _residual(hypothesis: Hypothesis, theta: Floats) -> Floats:
     blocks = blocks_of(hypothesis)
-    return measured(hypothesis, blocks) - stacked(hypothesis, blocks, theta)
+    return np.asarray(measured(hypothesis, blocks) - stacked(hypothesis, blocks, theta))
 
 
 def _whitened(hypothesis: Hypothesis, noise: Noise, residual: Floats) -> Floats:
     out = np.empty_like(residual)
     for block, own in zip(blocks_of(hypothesis), noise, strict=True):
-        if residual[block.at].size:
-            out[block.at] = own.whiten(residual[block.at])
+        out[block.at] = own.whiten(residual[block.at])
     return out
 
 
@@ -216,7 +242,7 @@ def _with_flexible(
     coefficients = axes @ ((axes.T @ b) / (np.maximum(information, 0.0) + size**-2.0))
     pull = train.jacobian.T @ (train.whitened - whitened @ coefficients)
     z = train.z + np.linalg.solve(train.precision, pull)
-    return _residual(test, test.space.to_physical(z)) - columns[rows_test] @ coefficients
+    return np.asarray(_residual(test, test.space.to_physical(z)) - columns[rows_test] @ coefficients)
 
 
 def _evidence(b: Floats, information: Floats, size: float) -> float:

@@ -1,98 +1,22 @@
-"""Fit a hypothesis: mode, noise, evidence, and the residuals as the noise would have them.
-
-Noise of each history and channel is an AR(1) series, in sample index or in time. Standard deviation and memory are
-those of greatest likelihood at the mode, under each hypothesis anew: every hypothesis has as many of them, and a
-memory that stands in for a missing effect has to compete with it.
-"""
+"""Fit a hypothesis under given noise: mode, evidence, and the residuals as the noise would have them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from sma_bayes.gap.hypothesis import Hypothesis
+from sma_bayes.gap.noise import Block, Noise, blocks_of, noise_of, whiten
 from sma_bayes.quantities import Floats
 
 HALF_LN_2PI = 0.9189385332046727
 STEP = 1e-4
 """Step of finite differences, in standard deviations of the prior."""
-ROUNDS = 4
-"""Greatest number of times that noise and parameters are fitted in turn."""
-GREATEST_MEMORY = 0.995
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Block:
-    """One channel of one history: where it is in the stacked vectors, and how its samples follow each other.
-
-    Attributes
-    ----------
-    history : int
-    channel : str
-    at : slice
-        Place in vectors over all samples of all blocks.
-    first : ndarray of bool, shape (n,)
-        Samples that remember nothing.
-    dt : ndarray, shape (n,)
-        Time since the sample before, in medians; 1 where time was not recorded.
-    """
-
-    history: int
-    channel: str
-    at: slice
-    first: NDArray[np.bool_]
-    dt: Floats
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BlockNoise:
-    """Noise of a block.
-
-    Attributes
-    ----------
-    sd : float
-        Of the series [unit of the channel].
-    memory : ndarray, shape (n,)
-        Correlation with the sample before; 0 at the first of a sweep.
-    """
-
-    sd: float
-    memory: Floats
-
-    def whiten(self, x: Floats) -> Floats:
-        """Series (..., n) as innovations of unit variance."""
-        e = x / self.sd
-        out = e.copy()
-        out[..., 1:] -= self.memory[1:] * e[..., :-1]
-        return np.asarray(out / np.sqrt(1.0 - self.memory**2))
-
-    @property
-    def log_scale(self) -> float:
-        """Sum over samples of the logarithm of the scale of an innovation."""
-        return float(self.memory.size * np.log(self.sd) + 0.5 * np.log1p(-(self.memory**2)).sum())
-
-
-Noise = tuple[BlockNoise, ...]
-
-
-def blocks_of(hypothesis: Hypothesis) -> tuple[Block, ...]:
-    """Every channel of every history, stacked."""
-    out, at = [], 0
-    for i, history in enumerate(hypothesis.histories):
-        first = np.diff(history.inputs["segment"], prepend=-1.0) != 0
-        dt = np.ones(history.n)
-        if "time" in history.inputs:
-            dt[1:] = np.maximum(np.diff(history.inputs["time"]), 0.0)
-            usual = float(np.median(dt[~first])) if (~first).any() else 1.0
-            dt = dt / max(usual, 1e-300)
-        for channel in hypothesis.channels:
-            out.append(Block(i, channel, slice(at, at + history.n), first, dt))
-            at += history.n
-    return tuple(out)
+ROUNDS = 2
+"""How often noise and parameters are fitted in turn; the noise hardly depends on the parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,14 +73,6 @@ class Fitted:
         return whiten(self.blocks, self.noise, series)
 
 
-def whiten(blocks: Sequence[Block], noise: Noise, series: Floats) -> Floats:
-    """Stacked series (..., N) as innovations of unit variance."""
-    out = np.empty_like(series)
-    for block, own in zip(blocks, noise, strict=True):
-        out[..., block.at] = own.whiten(series[..., block.at])
-    return out
-
-
 def stacked(hypothesis: Hypothesis, blocks: Sequence[Block], theta: Floats) -> Floats:
     """Prediction of every block, shape (N,)."""
     out = np.empty(blocks[-1].at.stop)
@@ -173,7 +89,7 @@ def measured(hypothesis: Hypothesis, blocks: Sequence[Block]) -> Floats:
     return np.concatenate([hypothesis.histories[b.history].observed[b.channel] for b in blocks])
 
 
-def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise | None = None) -> Fitted:
+def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise) -> Fitted:
     """Find the mode nearest to a start.
 
     Parameters
@@ -181,20 +97,19 @@ def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise | None = 
     hypothesis : Hypothesis
     start : ndarray, shape (D,)
         Sampled coordinates.
-    noise : tuple of BlockNoise, optional
-        To start from; by default that of the residuals at the start. It is fitted in any case.
+    noise : tuple of BlockNoise
     """
     problem = _Problem(hypothesis)
+    return problem.fitted(problem.climb(np.asarray(start, dtype=float), noise), noise)
+
+
+def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> Fitted:
+    """Find mode and noise in turn."""
+    problem = _Problem(hypothesis)
     z = np.asarray(start, dtype=float)
-    if noise is None:
-        noise = problem.noise(z)
-    value = np.inf
     for _ in range(ROUNDS):
+        noise = noise_of(hypothesis, problem.blocks, problem.residual(z))
         z = problem.climb(z, noise)
-        noise = problem.noise(z)
-        previous, value = value, -problem.log_likelihood(z, noise)
-        if abs(previous - value) < 1e-3:
-            break
     return problem.fitted(z, noise)
 
 
@@ -248,12 +163,6 @@ class _Problem:
         up, down = np.split(value[1:], 2)
         curvature = (up + down - 2.0 * value[0]) / h**2
         return float(value[0]), (up - down) / (2.0 * h), np.minimum(curvature, -1e-3 / self.width**2)
-
-    def noise(self, z: Floats) -> Noise:
-        """Noise of greatest likelihood given the residuals."""
-        residual = self.residual(z)
-        free = self.space.dimension / self.y.size  # share of the samples that the parameters have used up
-        return tuple(block_noise(residual[b.at], b, free) for b in self.blocks)
 
     def log_likelihood(self, z: Floats, noise: Noise) -> float:
         w = whiten(self.blocks, noise, self.residual(z))
@@ -314,49 +223,3 @@ class _Problem:
             log_likelihood=likelihood,
             ln_evidence=likelihood + prior + z.size * HALF_LN_2PI - volume,
         )
-
-
-def block_noise(residual: Floats, block: Block, used: float) -> BlockNoise:
-    """Standard deviation and memory of greatest likelihood for the residuals of a block.
-
-    The memory is either one number a sample or falls exponentially in time, whichever is likelier.
-
-    Parameters
-    ----------
-    residual : ndarray, shape (n,)
-    block : Block
-    used : float
-        Share of the samples that estimated parameters have used up, by which the variance is widened.
-    """
-    follows = ~block.first
-    if not follows.any() or not np.any(residual):
-        scale = float(np.sqrt(np.mean(residual**2))) or 1e-12
-        return BlockNoise(scale, np.zeros(residual.size))
-    forms = [np.where(follows, 1.0, 0.0)]
-    dt = block.dt[follows]
-    if np.std(dt) > 0.05 * np.mean(dt):
-        forms.append(np.where(follows, np.maximum(block.dt, 1e-3), 0.0))
-    best: tuple[float, BlockNoise] | None = None
-    for form in forms:
-        for memory in _memories(residual, form, follows):
-            step = residual.copy()
-            step[1:] -= memory[1:] * residual[:-1]
-            variance = float(np.mean(step**2 / (1.0 - memory**2))) / (1.0 - used)
-            noise = BlockNoise(max(np.sqrt(variance), 1e-300), memory)
-            found = (-noise.log_scale, noise)
-            if best is None or found[0] > best[0]:
-                best = found
-    assert best is not None
-    return best[1]
-
-
-def _memories(residual: Floats, form: Floats, follows: NDArray[np.bool_]) -> Iterator[Floats]:
-    """Candidate memories about the plain estimate of the correlation."""
-    before, now = residual[:-1][follows[1:]], residual[1:][follows[1:]]
-    plain = float(before @ now) / max(float(np.sqrt((before @ before) * (now @ now))), 1e-300)
-    if np.all(form[follows] == 1.0):
-        candidates = np.tanh(np.arctanh(np.clip(plain, -0.9, GREATEST_MEMORY)) + np.linspace(-0.15, 0.15, 7))
-    else:
-        candidates = np.tanh(np.linspace(0.05, 3.0, 16))
-    for phi in np.clip(candidates, -0.9, GREATEST_MEMORY).tolist():
-        yield np.where(follows, phi if np.all(form[follows] == 1.0) else np.abs(phi) ** form, 0.0)

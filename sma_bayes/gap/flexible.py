@@ -17,16 +17,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
 from scipy.special import logsumexp
 
-from sma_bayes.gap.fitting import Block, Fitted
+from sma_bayes.gap.fitting import Fitted
+from sma_bayes.gap.noise import Block
+from sma_bayes.gap.splines import bumps, grouped, one_of_each, times
 from sma_bayes.quantities import Floats
 
 SIZES = np.geomspace(0.03, 100.0, 10)
 """Sizes of the coefficients that are averaged over, in standard deviations of the noise of the channel."""
-MOST_CYCLES = 8
-"""Cycles that get a column of their own; where there are more, neighbours share one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,34 +179,3 @@ def _columns(v: dict[str, Floats]) -> list[tuple[str, Floats]]:
             ("drive phase", np.stack([f(k * phase) for k in range(1, 5) for f in (np.sin, np.cos)], axis=1))
         )
     return out
-
-
-def bumps(x: Floats, count: int) -> Floats:
-    """Cubic B-splines on equal steps over the range of a covariate, shape (N, count).
-
-    Each is at most 1. For fewer than four the powers of the covariate serve instead.
-    """
-    low, high = float(np.min(x)), float(np.max(x))
-    unit = np.clip((x - low) / max(high - low, 1e-300), 0.0, 1.0)
-    if count < 4:
-        return np.stack([(2.0 * unit - 1.0) ** k for k in range(count)], axis=1)
-    inner = np.linspace(0.0, 1.0, count - 2)
-    knots = np.concatenate([np.zeros(3), inner, np.ones(3)])
-    return np.asarray(BSpline.design_matrix(unit, knots, 3).toarray())
-
-
-def one_of_each(labels: Floats) -> Floats:
-    """Columns that are 1 where a label is found, shape (N, number of labels)."""
-    return np.asarray(labels[:, None] == np.unique(labels), dtype=float)
-
-
-def grouped(cycle: Floats) -> Floats:
-    """Cycles, neighbours joined where there are more than `MOST_CYCLES`."""
-    distinct, index = np.unique(cycle, return_inverse=True)
-    return np.asarray(np.floor(index * min(1.0, MOST_CYCLES / distinct.size)))
-
-
-def times(a: Floats, b: Floats) -> Floats:
-    """All products of a column of `a` (N, i) and one of `b` (N, j), without those that vanish."""
-    product = (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
-    return np.asarray(product[:, np.any(product != 0.0, axis=0)])

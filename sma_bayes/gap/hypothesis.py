@@ -102,9 +102,13 @@ class Hypothesis:
         return replace(self, effects=tuple(effects), space=ParameterSpace(tuple(parameters)))
 
     def on(self, kept: Sequence[NDArray[np.bool_]]) -> Hypothesis:
-        """The same hypothesis about a part of the samples of each history; priors stay as they are."""
-        parts = tuple(h.part(k) for h, k in zip(self.histories, kept, strict=True))
-        return replace(self, histories=parts)
+        """The same hypothesis about a part of the samples; a history of which nothing is left goes.
+
+        Priors stay as they are.
+        """
+        some = [i for i, k in enumerate(kept) if k.any()]
+        parts = tuple(self.histories[i].part(kept[i]) for i in some)
+        return replace(self, histories=parts, layout=tuple(self.layout[i] for i in some))
 
 
 def baseline(

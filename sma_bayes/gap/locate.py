@@ -15,8 +15,9 @@ from typing import Protocol
 
 import numpy as np
 
-from sma_bayes.gap.fitting import Block, Fitted
+from sma_bayes.gap.fitting import Fitted
 from sma_bayes.gap.flexible import Gain, gains, terms_of
+from sma_bayes.gap.noise import Block
 from sma_bayes.quantities import Floats
 
 SHUFFLES = 400

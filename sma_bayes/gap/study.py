@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.effects import EFFECTS, Effect
-from sma_bayes.gap.fitting import Fitted, fit_hypothesis
+from sma_bayes.gap.fitting import Fitted, fit_hypothesis, fit_with_noise
 from sma_bayes.gap.hypothesis import Hypothesis, baseline
 from sma_bayes.gap.locate import Disagreement, Look, disagreements, look
 from sma_bayes.gap.name import Candidate, candidates, screen_all
@@ -130,7 +130,7 @@ def study_campaign(
     rng = np.random.default_rng(np.random.SeedSequence([seed, 7]))
     tell("fitting the model without effects")
     hypothesis = baseline(campaign, histories(campaign), priors, pooled=pooled)
-    first = fit_hypothesis(hypothesis, baseline_start(hypothesis, campaign, priors, pooled=pooled, rng=rng))
+    first = fit_with_noise(hypothesis, baseline_start(hypothesis, campaign, priors, pooled=pooled, rng=rng))
     return study_from(first, effects, rng, tell)
 
 
@@ -146,7 +146,8 @@ def study_from(
         chosen = steps[-1].chosen
         if chosen is None or chosen.fitted is None:
             break
-        current = without_needless(chosen.fitted)
+        kept = without_needless(chosen.fitted)
+        current = fit_with_noise(kept.hypothesis, kept.z)
     where = disagreements(first, _covariates(first))
     return GapStudy(_verdict(steps, current), first, current, tuple(steps), tuple(where))
 
@@ -190,7 +191,7 @@ def _verdict(steps: Sequence[Step], final: Fitted) -> str:
         return "none"
     if not final.hypothesis.effects:
         return "unnamed"
-    explained = final.ln_evidence - steps[0].before.ln_evidence
+    explained = sum(s.chosen.ln_bayes_factor for s in steps if s.chosen is not None)
     left = steps[-1].look
     rest = left.best.ln_bayes_factor if left.p_value <= SIGNIFICANT else 0.0
     return "unnamed" if rest > UNEXPLAINED * explained else "named"

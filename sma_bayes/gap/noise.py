@@ -1,0 +1,165 @@
+"""The noise that hypotheses are judged by.
+
+Noise of each history and channel is an AR(1) series, in sample index or in time. What a model misses looks like memory
+too: estimated from its residuals, the memory would swallow the very disagreement that is looked for. So it is
+estimated from what is left after smooth functions of temperature on each branch, and a level of each cycle, have been
+taken out, by restricted likelihood, which counts the freedom that they use up. Noise without any misfit is then
+estimated without bias, and a misfit that repeats from cycle to cycle does not pass for noise. All hypotheses of a round
+share the estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sma_bayes.gap.hypothesis import Hypothesis
+from sma_bayes.gap.splines import bumps, grouped, one_of_each, times
+from sma_bayes.quantities import Floats
+from sma_bayes.records.history import History
+
+MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
+"""Correlations of neighbouring samples that are tried."""
+SMOOTH = 8
+"""Splines of temperature on each branch that are taken out; fewer where samples are few."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """One channel of one history: where it is in the stacked vectors, and how its samples follow each other.
+
+    Attributes
+    ----------
+    history : int
+    channel : str
+    at : slice
+        Place in vectors over all samples of all blocks.
+    first : ndarray of bool, shape (n,)
+        Samples that remember nothing.
+    dt : ndarray, shape (n,)
+        Time since the sample before, in medians; 1 where time was not recorded.
+    """
+
+    history: int
+    channel: str
+    at: slice
+    first: NDArray[np.bool_]
+    dt: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockNoise:
+    """Noise of a block.
+
+    Attributes
+    ----------
+    sd : float
+        Of the series [unit of the channel].
+    memory : ndarray, shape (n,)
+        Correlation with the sample before; 0 at the first of a sweep.
+    """
+
+    sd: float
+    memory: Floats
+
+    def whiten(self, x: Floats) -> Floats:
+        """Series (..., n) as innovations of unit variance."""
+        e = x / self.sd
+        out = e.copy()
+        out[..., 1:] -= self.memory[1:] * e[..., :-1]
+        return np.asarray(out / np.sqrt(1.0 - self.memory**2))
+
+    @property
+    def log_scale(self) -> float:
+        """Sum over samples of the logarithm of the scale of an innovation."""
+        return float(self.memory.size * np.log(self.sd) + 0.5 * np.log1p(-(self.memory**2)).sum())
+
+
+Noise = tuple[BlockNoise, ...]
+
+
+def blocks_of(hypothesis: Hypothesis) -> tuple[Block, ...]:
+    """Every channel of every history, stacked."""
+    out, at = [], 0
+    for i, history in enumerate(hypothesis.histories):
+        first = np.diff(history.inputs["segment"], prepend=-1.0) != 0
+        dt = np.ones(history.n)
+        if "time" in history.inputs:
+            dt[1:] = np.maximum(np.diff(history.inputs["time"]), 0.0)
+            usual = float(np.median(dt[~first])) if (~first).any() else 1.0
+            dt = dt / max(usual, 1e-300)
+        for channel in hypothesis.channels:
+            out.append(Block(i, channel, slice(at, at + history.n), first, dt))
+            at += history.n
+    return tuple(out)
+
+
+def whiten(blocks: Sequence[Block], noise: Noise, series: Floats) -> Floats:
+    """Stacked series (..., N) as innovations of unit variance."""
+    out = np.empty_like(series)
+    for block, own in zip(blocks, noise, strict=True):
+        out[..., block.at] = own.whiten(series[..., block.at])
+    return out
+
+
+def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats) -> Noise:
+    """Noise of every block, from stacked residuals (N,)."""
+    return tuple(
+        block_noise(residual[b.at], b, smooth_columns(hypothesis.histories[b.history])) for b in blocks
+    )
+
+
+def smooth_columns(history: History) -> Floats:
+    """What a model may miss without it being noise, shape (n, k)."""
+    v = history.inputs
+    branch = one_of_each(v["branch"])
+    count = int(np.clip(history.n // (12 * branch.shape[1]), 4, SMOOTH))
+    cycle = one_of_each(grouped(v["cycle"]))
+    parts = [times(branch, bumps(v["temperature"], count))]
+    if cycle.shape[1] > 1:
+        parts.append(cycle[:, 1:])
+    return np.concatenate(parts, axis=1)
+
+
+def block_noise(residual: Floats, block: Block, smooth: Floats) -> BlockNoise:
+    """Standard deviation and memory of greatest restricted likelihood.
+
+    The memory is either one number a sample or falls exponentially in time, whichever is likelier.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    block : Block
+    smooth : ndarray, shape (n, k)
+        Columns that are taken out of the residuals.
+    """
+    follows = ~block.first
+    forms = [np.where(follows, 1.0, 0.0)]
+    dt = block.dt[follows]
+    if dt.size > 2 and np.std(dt) > 0.05 * np.mean(dt):
+        forms.append(np.where(follows, np.maximum(block.dt, 1e-3), 0.0))
+    best = (-np.inf, BlockNoise(float(np.sqrt(np.mean(residual**2))) or 1e-12, np.zeros(residual.size)))
+    for i, form in enumerate(forms):
+        for phi in MEMORIES if i == 0 else MEMORIES[MEMORIES > 0.0]:
+            memory = np.where(follows, np.sign(phi) * np.abs(phi) ** form, 0.0)
+            value, noise = _restricted(residual, memory, smooth)
+            if value > best[0]:
+                best = value, noise
+    return best[1]
+
+
+def _restricted(residual: Floats, memory: Floats, smooth: Floats) -> tuple[float, BlockNoise]:
+    """Restricted log likelihood of a memory, up to a constant, with the standard deviation that goes with it."""
+    unit = BlockNoise(1.0, memory)
+    w, columns = unit.whiten(residual), unit.whiten(smooth.T).T
+    gram = columns.T @ columns
+    gram[np.diag_indices_from(gram)] += 1e-9 * np.trace(gram) / len(gram)
+    pull = columns.T @ w
+    free = max(residual.size - len(gram), 1)
+    squares = max(float(w @ w - pull @ np.linalg.solve(gram, pull)), 1e-300)
+    sd = np.sqrt(squares / free)
+    value = -free * np.log(sd) - 0.5 * np.log1p(-(memory**2)).sum() - 0.5 * float(np.linalg.slogdet(gram)[1])
+    return value, BlockNoise(float(sd), memory)
