@@ -13,6 +13,8 @@ from sma_bayes.gap.noise import Block, Noise, blocks_of, noise_of, whiten
 from sma_bayes.quantities import Floats
 
 HALF_LN_2PI = 0.9189385332046727
+SETTLED = 5e-3
+"""Gain of the log posterior in a step below which the mode is found; evidence is not known better than that."""
 STEP = 1e-4
 """Step of finite differences, in standard deviations of the prior."""
 ROUNDS = 2
@@ -195,7 +197,7 @@ class _Problem:
             gain = value - trial_value
             z, w, value = trial, w_trial, trial_value
             damping = max(damping / 10.0, 1e-9)
-            if gain < 1e-4:
+            if gain < SETTLED:
                 return z
             _, gradient, curvature = self.prior(z)
         return z

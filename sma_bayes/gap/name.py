@@ -29,9 +29,9 @@ SIZES = {True: (0.1, 0.5, 0.9), False: (0.25, 0.75)}
 """Quantiles of the prior at which sizes are screened: those that are positive, those of either sign."""
 SHAPES = (0.15, 0.5, 0.85)
 """Quantiles at which the other parameters are screened."""
-NEAR = 15.0
+NEAR = 12.0
 """Screened gain below the best up to which candidates are refitted."""
-REFITTED = 8
+REFITTED = 6
 """Greatest number of candidates that are refitted at a step."""
 CONTAINED = 0.5
 """Share of a signature from which on a flexible term stands for it."""
@@ -78,7 +78,7 @@ class Candidate:
     fitted : Fitted or None
         None where it was not refitted.
     ln_bayes_factor : float
-        For the effect, over the model as it was; minus infinity where it was not refitted.
+        For the effect, over the model as it was: from the full fit, or as screened where there was none.
     guard : float
         Greatest Bayes factor of a flexible term that contains most of its signature.
     guard_covariate : str
@@ -110,8 +110,10 @@ def screen_all(fitted: Fitted, effects: Iterable[Effect]) -> tuple[list[Screened
     return sorted(screened, key=lambda s: -s.gain), untested
 
 
-def candidates(fitted: Fitted, screened: Sequence[Screened], flexible: Sequence[Gain]) -> list[Candidate]:
-    """Refit and judge the effects that come near the best.
+def candidates(
+    fitted: Fitted, screened: Sequence[Screened], flexible: Sequence[Gain], *, refit: bool
+) -> list[Candidate]:
+    """Judge effects, and refit those that come near the best.
 
     Parameters
     ----------
@@ -121,6 +123,8 @@ def candidates(fitted: Fitted, screened: Sequence[Screened], flexible: Sequence[
         Greatest gain first.
     flexible : sequence of Gain
         What flexible terms would bring to the same model.
+    refit : bool
+        Without it they are judged by the screening alone, which is enough where there is nothing to explain.
 
     Returns
     -------
@@ -129,8 +133,8 @@ def candidates(fitted: Fitted, screened: Sequence[Screened], flexible: Sequence[
     """
     out: list[Candidate] = []
     for place, s in enumerate(screened):
-        if place >= REFITTED or s.gain < screened[0].gain - NEAR:
-            out.append(Candidate(s.effect, None, -np.inf))
+        if not refit or place >= REFITTED or s.gain < screened[0].gain - NEAR:
+            out.append(Candidate(s.effect, None, s.ln_bayes_factor))
             continue
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
         guard, covariate = guard_of(signature_at_mode(fitted, found), flexible)

@@ -179,7 +179,7 @@ def _candidate_json(outcome: GapOutcome, candidate: Candidate) -> dict[str, Any]
     status, why = judgement(outcome.study, candidate)
     return {
         "id": candidate.effect.id,
-        "ln_bayes_factor": candidate.ln_bayes_factor if candidate.fitted is not None else None,
+        "ln_bayes_factor": None if candidate.untestable else candidate.ln_bayes_factor,
         "delta_elpd_held_out": None if score is None else score.delta,
         "delta_elpd_se": None if score is None else score.se,
         "status": status,

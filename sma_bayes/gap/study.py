@@ -158,12 +158,16 @@ def one_round(
     """Look, try the effects that the model does not have, and choose the one to add, if any deserves it."""
     screened, untested = screen_all(current, effects.values())
     seen = look(current, screened, rng)
-    tried = candidates(current, screened, seen.gains)
-    worthy = [c for c in tried if c.ln_bayes_factor >= WORTH and c.ln_bayes_factor > c.guard]
-    if last or seen.p_value > SIGNIFICANT or not worthy:
+    refit = not last and seen.p_value <= SIGNIFICANT
+    tried = candidates(current, screened, seen.gains, refit=refit)
+    fitted = [c for c in tried if c.fitted is not None]
+    worthy = [c for c in fitted if c.ln_bayes_factor >= WORTH and c.ln_bayes_factor > c.guard]
+    if not worthy:
         return Step(current, seen, (*tried, *untested), None, ())
     best = worthy[0]
-    like = [c.effect.id for c in tried if c.ln_bayes_factor >= best.ln_bayes_factor - APART and c is not best]
+    like = [
+        c.effect.id for c in fitted if c.ln_bayes_factor >= best.ln_bayes_factor - APART and c is not best
+    ]
     return Step(current, seen, (*tried, *untested), best, (best.effect.id, *like))
 
 
