@@ -1,0 +1,360 @@
+"""Campaigns with a mechanism hidden in them, of a stated size in sigma.
+
+The size is the norm of the whitened residuals that noise-free data with the mechanism leave once the plain model has
+been refitted to them: what no choice of its parameters absorbs. The mechanism is scaled to it; where that would take
+it out of its physical range, the noise is scaled, up to fourfold either way; and beyond that the mechanism after all.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gap_benchmark.absorb import leftover, size_in_sigma
+from gap_benchmark.designs import DESIGNS, Course, Design, courses
+from gap_benchmark.kinetics import KINETICS
+from gap_benchmark.noise import NOISES, Noise
+from gap_benchmark.rig import RIG
+from gap_benchmark.spring import CHANNELS, Floats
+from gap_benchmark.state import Hidden, Mechanism, Readings, Traits, simulate
+from sma_bayes.records.types import Branch, Campaign, Condition, Record
+
+MECHANISMS: Mapping[str, Mechanism] = {m.id: m for m in (*KINETICS, *RIG)}
+OUTSIDE = ("detent", "step_in_the_middle", "odd_even_cycles")
+"""Mechanisms that no catalogue of effects has."""
+NEUTRAL = ("none", "wrong_calibration")
+"""Where nothing is to be named."""
+INSIDE = tuple(sorted(set(MECHANISMS) - {*OUTSIDE, *NEUTRAL}))
+"""Mechanisms of the catalogue of effects."""
+
+NOISE_FACTOR = 4.0
+"""How much more or less noise than usual there may be."""
+PRECISION = 1e-4
+"""Relative precision with which the size in sigma is met."""
+TRACE = 0.01
+"""Share of the size asked for below which a mechanism counts as absorbed."""
+UNITS = {
+    "temperature": "degC", "time": "s", "current": "A", "ambient_temperature": "degC", "cycle": "1", "force": "N",
+    "displacement": "m",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What was hidden.
+
+    Attributes
+    ----------
+    effect : str
+    size : float
+        Of the mechanism, in `unit`; 0 for ``none``.
+    unit : str
+    traits : mapping of str to float
+        Its other properties.
+    sigma : float
+        Norm of the whitened residuals after the refit, of this mechanism alone.
+    in_range : bool
+        Whether the size is in its physical range.
+    """
+
+    effect: str
+    size: float
+    unit: str
+    traits: Traits
+    sigma: float
+    in_range: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """A campaign and the truth about it.
+
+    Attributes
+    ----------
+    campaign : Campaign
+    answers : tuple of Answer
+        One for each mechanism that was hidden.
+    design, noise : str
+    seed : int
+    pooled : bool
+        Whether the plain model was refitted with parameters common to all conditions.
+    noise_factor : float
+        Noise over the usual noise of the design.
+    noise_sd : mapping of str to float
+        Standard deviation of the noise of each outcome, in its unit.
+    sigma : float
+        As of an answer, of all mechanisms together.
+    clean : tuple of Readings
+        Readings without noise and digitisers.
+    """
+
+    campaign: Campaign
+    answers: tuple[Answer, ...]
+    design: str
+    noise: str
+    seed: int
+    pooled: bool
+    noise_factor: float
+    noise_sd: Mapping[str, float]
+    sigma: float
+    clean: tuple[Readings, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bench:
+    """A campaign that is about to be measured.
+
+    Attributes
+    ----------
+    courses : tuple of Course
+    noise : Noise
+    sd : mapping of str to float
+        Usual noise of each outcome.
+    errors : tuple of mapping
+        Noise of unit variance of each condition and outcome.
+    pooled : bool
+    """
+
+    courses: tuple[Course, ...]
+    noise: Noise
+    sd: Mapping[str, float]
+    errors: tuple[Mapping[str, Floats], ...]
+    pooled: bool
+
+    def readings(self, hidden: Sequence[Hidden]) -> tuple[Readings, ...]:
+        """Without noise and digitisers."""
+        return tuple(simulate(course, hidden) for course in self.courses)
+
+    def measured(
+        self, clean: Sequence[Readings], hidden: Sequence[Hidden], factor: float
+    ) -> tuple[Readings, ...]:
+        """With noise and digitisers."""
+        return tuple(
+            _digitised(_with(r, {c: r.channels[c] + factor * self.sd[c] * e[c] for c in self.sd}), hidden)
+            for r, e in zip(clean, self.errors, strict=True)
+        )
+
+    def sigma(self, hidden: Sequence[Hidden], factor: float = 1.0) -> float:
+        """Size of what is hidden after the refit.
+
+        Steps of a digitiser depend on the noise that carries the readings over them; they are taken with it, and the
+        noise is subtracted again.
+        """
+        clean = self.readings(hidden)
+        if any(h.mechanism.id == "quantisation" for h in hidden):
+            noisy = self.measured(clean, hidden, factor)
+            back = [
+                _with(r, {c: r.channels[c] - factor * self.sd[c] * e[c] for c in self.sd})
+                for r, e in zip(noisy, self.errors, strict=True)
+            ]
+        else:
+            back = [_digitised(r, hidden) for r in clean]
+        sd = {c: factor * s for c, s in self.sd.items()}
+        return size_in_sigma(leftover(back, self.noise, sd, pooled=self.pooled))
+
+
+def hide(
+    effect: str,
+    sigma: float,
+    noise: str = "white",
+    design: str = "standard",
+    seed: int = 0,
+    *,
+    pooled: bool | None = None,
+) -> Case:
+    """Make a campaign with one mechanism hidden in it; see `hide_several`."""
+    return hide_several([effect], sigma, noise, design, seed, pooled=pooled)
+
+
+def hide_several(
+    effects: Sequence[str],
+    sigma: float,
+    noise: str = "white",
+    design: str = "standard",
+    seed: int = 0,
+    *,
+    pooled: bool | None = None,
+) -> Case:
+    """Make a campaign with several mechanisms hidden in it, each of the stated size when alone.
+
+    Parameters
+    ----------
+    effects : sequence of str
+        Names in `MECHANISMS`, or ``none``.
+    sigma : float
+        Norm of the whitened residuals of each after the refit; it does not matter for ``none`` and for
+        ``wrong_calibration``, which the refit absorbs.
+    noise : str
+        Name in `NOISES`.
+    design : str
+        Name in `DESIGNS`.
+    seed : int
+        Of the spring, the room, the properties of mechanisms, and the noise.
+    pooled : bool, optional
+        Whether the refitted plain model shares its parameters between conditions; as in the design by default.
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    ValueError
+        If a mechanism leaves no trace in this design.
+    """
+    plan = DESIGNS[design]
+    shared = plan.pooled if pooled is None else pooled
+    bench = _bench(plan, NOISES[noise], seed, shared)
+    wanted = [MECHANISMS[e] for e in effects if e != "none"]
+    drawn = [_hidden(m, 1.0, seed) for m in wanted]
+    factor = _noise_factor(bench, drawn, sigma)
+    hidden = [_scaled(bench, h, sigma, factor) for h in drawn]
+    clean = bench.readings(hidden)
+    return Case(
+        campaign=_campaign(bench.measured(clean, hidden, factor), plan, factor, (*effects, noise, design, seed)),
+        answers=tuple(_answer(bench, h, factor) for h in hidden),
+        design=design, noise=noise, seed=seed, pooled=shared, noise_factor=factor,
+        noise_sd={c: factor * s for c, s in bench.sd.items()},
+        sigma=bench.sigma(hidden, factor), clean=clean,
+    )  # fmt: skip
+
+
+# --- sizes --------------------------------------------------------------------------------------------
+
+
+def _hidden(mechanism: Mechanism, size: float, seed: int) -> Hidden:
+    rng = np.random.default_rng([seed, 2, zlib.crc32(mechanism.id.encode())])
+    return Hidden(mechanism, size, mechanism.traits(rng))
+
+
+def _noise_factor(bench: Bench, drawn: Sequence[Hidden], sigma: float) -> float:
+    """Factor on the noise that brings the first mechanism that needs it into its physical range."""
+    for h in drawn:
+        m = h.mechanism
+        if m.id in NEUTRAL:
+            continue
+        weak, strong = (bench.sigma([replace(h, size=size)]) for size in (m.low, m.high))
+        needed = weak / sigma if weak > sigma else strong / sigma if strong < sigma else 1.0
+        if needed != 1.0:
+            return float(np.clip(needed, 1.0 / NOISE_FACTOR, NOISE_FACTOR))
+    return 1.0
+
+
+def _scaled(bench: Bench, h: Hidden, sigma: float, factor: float) -> Hidden:
+    m = h.mechanism
+    if m.id in NEUTRAL:
+        return replace(h, size=m.high)
+
+    def reached(size: float) -> float:
+        return bench.sigma([replace(h, size=size)], factor)
+
+    return replace(
+        h, size=_solve(reached, sigma, math.sqrt(m.low * m.high), min(m.limit, 10.0 * m.high), m.id)
+    )
+
+
+def _solve(reached: Callable[[float], float], sigma: float, start: float, limit: float, name: str) -> float:
+    """Size at which the size in sigma is met, by the secant rule in logarithms within a bracket.
+
+    At the limit of what makes sense the search ends, met or not.
+
+    Raises
+    ------
+    ValueError
+        If there is hardly any trace even there.
+    """
+    low, high, slope, size = 0.0, limit, 1.0, start
+    before: tuple[float, float] | None = None
+    for _ in range(60):
+        got = reached(size)
+        if abs(got / sigma - 1.0) < PRECISION:
+            break
+        if size >= limit and got < sigma:
+            if got < TRACE * sigma:
+                raise ValueError(
+                    f"{name} leaves no trace: the design lacks what shows it, or the plain model absorbs all of it"
+                )
+            break
+        low, high = (size, high) if got < sigma else (low, size)
+        if before is not None and min(got, before[1]) > 0.0 and size != before[0]:
+            slope = float(np.clip(math.log(got / before[1]) / math.log(size / before[0]), 0.3, 5.0))
+        before = (size, got)
+        guess = size * float(np.clip((sigma / max(got, 1e-12)) ** (1.0 / slope), 1.0 / 30.0, 30.0))
+        if not low < guess < high:
+            guess = limit if high == limit and guess >= limit else 0.5 * (low + high)
+        size = guess
+    return size
+
+
+def _answer(bench: Bench, h: Hidden, factor: float) -> Answer:
+    m = h.mechanism
+    return Answer(
+        m.id, h.size, m.unit, dict(h.traits), bench.sigma([h], factor),
+        bool(m.low * (1 - 1e-3) <= h.size <= m.high * (1 + 1e-3)),
+    )  # fmt: skip
+
+
+# --- measuring ----------------------------------------------------------------------------------------
+
+
+def _bench(plan: Design, noise: Noise, seed: int, pooled: bool) -> Bench:
+    runs = courses(plan, seed)
+    rng = np.random.default_rng([seed, 3])
+    sd = {c: plan.noise * runs[0].spring.span(c) for c in CHANNELS}
+    if plan.square:
+        sd["temperature"] = plan.temperature_noise
+    errors = tuple({c: noise.draw(rng, run.samples.size) for c in sd} for run in runs)
+    return Bench(runs, noise, sd, errors, pooled)
+
+
+def _with(readings: Readings, channels: Mapping[str, Floats]) -> Readings:
+    return replace(readings, channels={**readings.channels, **channels})
+
+
+def _digitised(readings: Readings, hidden: Sequence[Hidden]) -> Readings:
+    """Force as the converter gives it: cut off at its upper end, or in steps."""
+    force = readings.channels["force"]
+    for h in hidden:
+        if h.mechanism.id == "saturation":
+            curve = readings.course.spring.curves["force", "heating"]
+            force = np.minimum(force, curve.low + curve.span - h.size)
+        elif h.mechanism.id == "quantisation":
+            force = h.size * np.round(force / h.size)
+    return _with(readings, {"force": force})
+
+
+def _campaign(measured: Sequence[Readings], plan: Design, factor: float, what: Sequence[object]) -> Campaign:
+    digest = hashlib.sha256(repr(tuple(what)).encode())
+    for r in measured:
+        for values in r.channels.values():
+            digest.update(np.ascontiguousarray(values).tobytes())
+    records = tuple(_record(r, branch, plan, factor) for r in measured for branch in Branch)
+    return Campaign("bench rig", "simulated", digest.hexdigest(), records)
+
+
+def _record(r: Readings, branch: Branch, plan: Design, factor: float) -> Record:
+    c, at = r.course, r.course.samples
+    own = r.heating if branch is Branch.HEATING else ~r.heating
+    inputs = {
+        "temperature": r.channels["temperature"], "time": c.time[at], "ambient_temperature": c.ambient[at],
+        "cycle": 1.0 + r.sweep // 2, "segment": (r.sweep // 2).astype(float),
+    }  # fmt: skip
+    if plan.square:
+        inputs["current"] = c.current[at]
+    names = (*inputs, *CHANNELS)
+    setting = c.setting
+    return Record(
+        Condition(setting.id, float(c.current.max()), setting.load, setting.frequency, setting.duty),
+        branch,
+        {name: values[own] for name, values in inputs.items()},
+        {channel: r.channels[channel][own] for channel in CHANNELS},
+        np.flatnonzero(own) + 2,
+        {name: UNITS[name] for name in names if name in UNITS},
+        temperature_sd=factor * plan.temperature_noise,
+        source=f"{setting.id}.csv",
+    )
