@@ -1,15 +1,28 @@
 """Physical effects that a plain modified sigmoid may miss."""
 
 from sma_bayes.catalogue import Catalogue
+from sma_bayes.effects.ambient_draught import AmbientDraught
 from sma_bayes.effects.amplitude_fatigue import AmplitudeFatigue
 from sma_bayes.effects.asymmetric_kinetics import AsymmetricKinetics
+from sma_bayes.effects.bias_spring import BiasSpring
+from sma_bayes.effects.clock_skew import ClockSkew
 from sma_bayes.effects.contact_error import ContactError
+from sma_bayes.effects.drive_ripple import DriveRipple
+from sma_bayes.effects.fixture_compliance import FixtureCompliance
+from sma_bayes.effects.guide_friction import GuideFriction
+from sma_bayes.effects.hot_creep import HotCreep
+from sma_bayes.effects.latent_heat import LatentHeat
+from sma_bayes.effects.load_cell_thermal_drift import LoadCellThermalDrift
+from sma_bayes.effects.minor_loop import MinorLoop
 from sma_bayes.effects.path_stress_shift import PathStressShift
+from sma_bayes.effects.quantisation import Quantisation
 from sma_bayes.effects.r_phase import RPhase
 from sma_bayes.effects.rate_dependence import RateDependence
+from sma_bayes.effects.saturation import Saturation
 from sma_bayes.effects.sensor_drift import SensorDrift
 from sma_bayes.effects.stress_shift import StressShift
 from sma_bayes.effects.temperature_gradient import TemperatureGradient
+from sma_bayes.effects.thermal_expansion import ThermalExpansion
 from sma_bayes.effects.thermocouple_lag import ThermocoupleLag
 from sma_bayes.effects.training_drift import TrainingDrift
 from sma_bayes.effects.types import Effect, EffectParameter, Scales, with_effects
@@ -25,7 +38,20 @@ _SHIPPED: tuple[Effect, ...] = (
     RPhase(),
     TrainingDrift(),
     AmplitudeFatigue(),
+    HotCreep(),
+    GuideFriction(),
     SensorDrift(),
+    LoadCellThermalDrift(),
+    ThermalExpansion(),
+    FixtureCompliance(),
+    BiasSpring(),
+    Saturation(),
+    Quantisation(),
+    DriveRipple(),
+    MinorLoop(),
+    ClockSkew(),
+    LatentHeat(),
+    AmbientDraught(),
 )
 EFFECTS: Catalogue[Effect] = Catalogue(
     "effect", {effect.id: effect for effect in _SHIPPED}, entry_point_group="sma_bayes.effects"

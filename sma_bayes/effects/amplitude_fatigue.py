@@ -23,7 +23,8 @@ class AmplitudeFatigue:
     equation = "B1, A1 -> (1 - k (N - 1)) of themselves"
     reference = (
         "functional fatigue of NiTi: Eggeler, Hornbogen, Yawny, Heckmann and Wagner, "
-        "Mater. Sci. Eng. A 378 (2004) 24-33"
+        "Mater. Sci. Eng. A 378 (2004) 24-33; transformation strain of 8 % in one cycle, 6 % after 100 (Selected "
+        "Properties of NiTi, sma-inc.com): 0.25 % of the span a cycle"
     )
     needs = ("curve", "cycles")
 

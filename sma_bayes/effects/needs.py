@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sma_bayes.quantities import CHANNELS
+from sma_bayes.effects.types import Scales
+from sma_bayes.quantities import CHANNELS, Floats
 from sma_bayes.records.history import History
 
 Test = Callable[[Sequence[History]], str]
@@ -17,6 +19,11 @@ Test = Callable[[Sequence[History]], str]
 LEAST_CYCLES = 3
 VARIES = 0.1
 """Least relative difference by which something counts as varied."""
+LEAST_REVERSALS = 2
+LONG_RECORD = 300.0
+"""Length of record from which on the heat of the alloy can have reached a load cell [s]."""
+FLAT = 0.05
+"""Greatest change over a tenth of the temperatures on a plateau, in spans."""
 
 
 def untestable(needs: Sequence[str], histories: Sequence[History]) -> str:
@@ -108,9 +115,88 @@ def _ambient_varies(histories: Sequence[History]) -> str:
 
 
 def _lattice(histories: Sequence[History]) -> str:
-    from sma_bayes.effects.types import Scales
+    """Of the channel that a converter's steps act on: force, or displacement where there is no force."""
+    step = Scales.of(histories).step
+    channel = next((c for c in ("force", "displacement") if c in step), None)
+    return "" if channel and step[channel] else "neither force nor displacement has values on a lattice"
 
-    return "" if any(Scales.of(histories).step.values()) else "no channel has values on a lattice"
+
+def _reversals(histories: Sequence[History]) -> str:
+    turns = max(
+        np.count_nonzero((np.diff(h.inputs["branch"]) != 0) & (np.diff(h.inputs["stretch"]) == 0))
+        for h in histories
+    )
+    return (
+        ""
+        if turns >= LEAST_REVERSALS
+        else f"{turns} reversal(s) without a break; {LEAST_REVERSALS} are needed"
+    )
+
+
+def _warming_cell(histories: Sequence[History]) -> str:
+    """Heat takes minutes to reach a load cell, unless the room itself warms."""
+    if not _ambient_varies(histories):
+        return ""
+    if not all("time" in h.inputs for h in histories):
+        return "neither time nor a changing ambient temperature was recorded"
+    longest = max(float(np.ptp(h.inputs["time"])) for h in histories)
+    return "" if longest >= LONG_RECORD else f"ambient did not vary and the record is short ({longest:.3g} s)"
+
+
+def _ends(history: History, branch: float) -> Iterator[tuple[Floats, Floats]]:
+    """Displacement in the outermost part of a branch and beside it, cold end first."""
+    temperature = history.inputs["temperature"]
+    low, span = float(temperature.min()), float(np.ptp(temperature))
+    place = (temperature - low) / max(span, 1e-300)
+    on, x = history.inputs["branch"] == branch, history.observed["displacement"]
+    for depth in (place, 1.0 - place):
+        yield x[on & (depth < 0.05)], x[on & (depth >= 0.1) & (depth < 0.15)]
+
+
+def _plateaus(histories: Sequence[History]) -> str:
+    """At one end of the temperatures at least, the displacement no longer transforms."""
+    if not all("displacement" in h.observed for h in histories):
+        return "displacement was not observed"
+    for h in histories:
+        span = float(np.ptp(h.observed["displacement"]))
+        for branch in (1.0, -1.0):
+            for outer, inner in _ends(h, branch):
+                flat = outer.size and inner.size and abs(np.median(outer) - np.median(inner)) < FLAT * span
+                if flat:
+                    return ""
+    return "no plateau of the displacement was reached"
+
+
+def _isothermal_pull(histories: Sequence[History]) -> str:
+    """At an end of the temperatures the displacement differs between cycles or conditions."""
+    if not all("displacement" in h.observed for h in histories):
+        return "displacement was not observed"
+    whole = np.concatenate([h.observed["displacement"] for h in histories])
+    temperature = np.concatenate([h.inputs["temperature"] for h in histories])
+    for low, high in (np.quantile(temperature, (0.0, 0.05)), np.quantile(temperature, (0.95, 1.0))):
+        seen = [
+            np.median(h.observed["displacement"][at])
+            for h in histories
+            for cycle in np.unique(h.inputs["cycle"])
+            if (at := (h.inputs["cycle"] == cycle) & _within(h.inputs["temperature"], low, high)).any()
+        ]
+        if len(seen) > 1 and np.ptp(seen) > VARIES * np.ptp(whole):
+            return ""
+    return "the displacement was not changed at a constant temperature"
+
+
+def _within(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
+    return np.asarray((values >= low) & (values <= high))
+
+
+def _flat_tops(histories: Sequence[History]) -> str:
+    """The greatest force occurs again and again, more often than other values do."""
+    if not all("force" in h.observed for h in histories):
+        return "force was not observed"
+    force = np.concatenate([h.observed["force"] for h in histories])
+    _, count = np.unique(force, return_counts=True)
+    usual = float(np.quantile(count[:-1], 0.99)) if count.size > 1 else 0.0
+    return "" if count[-1] >= max(5.0, 3.0 * usual) else "the greatest force is not cut off"
 
 
 NEEDS: Final[Mapping[str, Test]] = {
@@ -136,5 +222,10 @@ NEEDS: Final[Mapping[str, Test]] = {
     "several_peaks": _several_peaks,
     "both_branches": _both_branches,
     "lattice": _lattice,
+    "reversals": _reversals,
+    "warming_cell": _warming_cell,
+    "plateaus": _plateaus,
+    "isothermal_pull": _isothermal_pull,
+    "flat_tops": _flat_tops,
 }
 """Needs that effects may name, each with its test."""

@@ -26,8 +26,7 @@ def coefficient(scales: Scales, of: str) -> EffectParameter:
     scales : Scales
     of : {"load", "force"}
     """
-    unit = scales.units.get("force", "Pa" if scales.specimen else "N") if of == "force" else ""
-    unit = unit or ("Pa" if scales.specimen else "N")
+    unit = scales.units["force"] if of == "force" else ("Pa" if scales.specimen else "N")
     if unit == "Pa":
         prior, source = LogNormal(1.4e-7, 0.4), "5-10 MPa/K, 90 % between 3.7 and 14 MPa/K"
     elif unit == "N":

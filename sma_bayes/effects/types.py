@@ -8,7 +8,7 @@ noise, priors of the model, or other effects; several are applied one around the
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -57,6 +57,8 @@ class Scales:
         Distance of neighbouring values of a channel if all lie on a lattice, else 0.
     units : mapping of str to str
     specimen : bool
+    on_lattice : mapping of str to float
+        The middle one of each channel's values, which lies on its lattice where there is one.
     """
 
     span: Mapping[str, float]
@@ -66,6 +68,7 @@ class Scales:
     step: Mapping[str, float]
     units: Mapping[str, str]
     specimen: bool
+    on_lattice: Mapping[str, float] = field(default_factory=dict)
 
     @staticmethod
     def of(histories: Sequence[History]) -> Scales:
@@ -87,6 +90,9 @@ class Scales:
             step={k: lattice_step(joined[k]) for k in first.channels if k in joined},
             units=first.units,
             specimen=first.specimen,
+            on_lattice={
+                k: float(np.sort(joined[k])[joined[k].size // 2]) for k in first.channels if k in joined
+            },
         )
 
 

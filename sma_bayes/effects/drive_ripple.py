@@ -1,0 +1,58 @@
+"""Pick-up of the drive in the measured channel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.parameters.distributions import Normal, Uniform
+from sma_bayes.quantities import Floats
+
+HARMONICS: Final = 4
+"""Highest harmonic."""
+
+
+@dataclass(frozen=True)
+class DriveRipple:
+    """Pick-up at a harmonic of the drive: ``F -> F + a sin(2 pi k f t + phi)``.
+
+    It acts on force, or on displacement where there is no force. For the sake of the fit k may lie between two whole
+    numbers, where it mixes the two (weights ``cos(pi (k - j)/2)**2``); only whole numbers are meant. A drive that sets
+    the temperature makes temperature periodic as well, so the sigmoids absorb part of the lowest harmonic. Nothing else
+    keeps the phase of the drive; a supply from batteries settles it.
+    """
+
+    id = "drive_ripple"
+    title = "pick-up of the drive in the signal"
+    equation = "F -> F + a sin(2 pi k f t + phi)"
+    reference = (
+        "coupling of switched currents into low-level signals: Ott, Electromagnetic Compatibility Engineering "
+        "(Wiley, 2009)"
+    )
+    needs = ("curve", "time", "frequency")
+
+    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+        channel = "force" if "force" in scales.step else "displacement"
+        half = 0.5 * np.pi
+        size = Normal(0.0, 0.02 * scales.span[channel])
+        return (
+            EffectParameter("a", scales.units[channel], "amplitude", size, "a few per cent of the span"),
+            EffectParameter("phi", "rad", "phase", Uniform(-half, half), "any, as the amplitude has a sign"),
+            EffectParameter(
+                "k", "1", "harmonic", Uniform(2.0 - 1.0 / 0.7, 2.0 + 1.0 / 0.7), "first to third"
+            ),
+        )
+
+    def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
+        out = response(inputs)
+        channel = "force" if "force" in out else "displacement"
+        a, phi, k = (theta[..., i, None] for i in range(3))
+        turn = 2.0 * np.pi * inputs["frequency"] * inputs["time"]
+        ripple = np.zeros(np.broadcast_shapes(turn.shape, phi.shape))
+        for j in range(1, HARMONICS + 1):
+            weight = np.cos(0.5 * np.pi * np.clip(k - j, -1.0, 1.0)) ** 2
+            ripple += weight * np.sin(j * turn + phi)
+        return {**out, channel: out[channel] + a * ripple}

@@ -1,0 +1,50 @@
+"""A rig that gives way under the force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.quantities import Floats
+
+
+@dataclass(frozen=True)
+class FixtureCompliance:
+    """A spring in series that no drawing shows: ``X -> X + q F`` and ``1/K -> 1/K + q``.
+
+    Force and displacement are sigmoids of nearly the same midpoint, so the share of the force goes into the span of
+    the displacement; only a stiffness that was measured by itself says how much. A shift of the transformation along
+    the path also mixes the two channels, but moves the temperature; a rigid dummy in place of the spring settles it.
+    """
+
+    id = "fixture_compliance"
+    title = "the rig stretches in series with the spring"
+    equation = "X -> X + q F, 1/K -> 1/K + q"
+    reference = (
+        "compliance of test machines, Kf of light rigs 1-50 N/mm: Kalidindi, Abusafieh and El-Danaf, Accurate "
+        "characterization of machine compliance, Experimental Mechanics 37 (1997) 210-215"
+    )
+    needs = ("force", "displacement", "stiffness")
+
+    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+        force, displacement = scales.units["force"], scales.units["displacement"]
+        unit = f"{displacement}/{force}"
+        if (force, displacement) == ("N", "m"):
+            prior, source = LogNormal(1.4e-4, 1.2), "1-50 N/mm, 90 %"
+        elif (force, displacement) == ("Pa", "1"):
+            unit = "1/Pa"
+            prior, source = LogNormal(5e-12, 1.2), "some 10 % of the compliance of martensite, 30 GPa"
+        else:
+            some = 0.03 * scales.span["displacement"] / scales.span["force"]
+            prior, source = LogNormal(some, 1.2), "some 3 % of the stroke"
+        return (EffectParameter("q", unit, "compliance of the rig, 1/Kf", prior, source),)
+
+    def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
+        out = response(inputs)
+        q = theta[..., :1]
+        with np.errstate(divide="ignore"):  # a stiffness of 0 stays 0
+            stiffness = 1.0 / (1.0 / out["stiffness"] + q)
+        return {**out, "displacement": out["displacement"] + q * out["force"], "stiffness": stiffness}
