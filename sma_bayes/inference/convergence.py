@@ -169,20 +169,23 @@ def _rhat(chains: Floats) -> Floats:
 def _ess(chains: Floats) -> Floats:
     """Effective sample size by Geyer's initial monotone sequence."""
     c, n, d = chains.shape
-    centred = chains - chains.mean(axis=1, keepdims=True)
+    means = chains.mean(axis=1)
     length = next_fast_len(2 * n, real=True)
-    spectrum = rfft(centred, n=length, axis=1)
-    autocovariance = irfft(np.abs(spectrum) ** 2, n=length, axis=1)[:, :n] / n
-    mean_variance = autocovariance[:, 0].mean(axis=0) * n / (n - 1.0)
+    series = np.ascontiguousarray((chains - means[:, None]).transpose(2, 0, 1))
+    spectrum = rfft(series, n=length)
+    # only the mean over chains is used, and it may as well be taken before the transform back
+    power = (spectrum.real**2 + spectrum.imag**2).mean(axis=1)
+    autocovariance = irfft(power, n=length)[:, :n] / n
+    mean_variance = autocovariance[:, 0] * n / (n - 1.0)
     total = mean_variance * (n - 1.0) / n
     if c > 1:
-        total = total + chains.mean(axis=1).var(axis=0, ddof=1)
+        total = total + means.var(axis=0, ddof=1)
     out = np.empty(d)
     for k in range(d):
         if not total[k] > 0:
             out[k] = np.nan
             continue
-        rho = 1.0 - (mean_variance[k] - autocovariance[:, :, k].mean(axis=0)) / total[k]
+        rho = 1.0 - (mean_variance[k] - autocovariance[k]) / total[k]
         rho[0] = 1.0
         pairs = rho[: 2 * (n // 2)].reshape(-1, 2).sum(axis=1)
         negative = np.flatnonzero(pairs < 0)

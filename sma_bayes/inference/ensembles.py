@@ -62,7 +62,7 @@ class Plan:
     target: Target = field(default_factory=Target)
     groups: int = 4
     walkers: int = 64
-    block: int = 24
+    block: int = 20
     burn: int = 4
     explore_block: int = 250
     evaluations: int = 6_000_000
@@ -384,7 +384,7 @@ class _Group:
         found: list[Floats] = []
         count = 0
         while count < run.walkers:
-            z = adapted.proposal.draw(rng, 2 * run.walkers)[0]
+            z = adapted.proposal.draw(rng, run.walkers + run.walkers // 8)[0]
             if modes:
                 which = rng.integers(len(modes), size=len(z))
                 root = np.stack([np.linalg.cholesky(m.covariance) for m in modes])

@@ -22,7 +22,7 @@ class IndependenceMove(Move):  # type: ignore[misc]
 
     A walker at ``z`` goes to ``z'`` with probability ``min(1, w(z')/w(z))``, where ``w`` is the posterior over the
     density of the proposal. Because proposals do not depend on the walkers, those of many steps are drawn and
-    evaluated in one batch.
+    evaluated in one batch. The sampler must be vectorised.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class IndependenceMove(Move):  # type: ignore[misc]
         usable = np.isfinite(log_q)
         log_p = np.full(size, -np.inf)
         if usable.any():
-            log_p[usable] = model.compute_log_prob_fn(z[usable])[0]
+            log_p[usable] = model.log_prob_fn(z[usable])
         log_w = np.full(size, -np.inf)
         log_w[usable] = log_p[usable] - log_q[usable]
         self.log_weights.append(log_w)
@@ -74,7 +74,8 @@ class IndependenceMove(Move):  # type: ignore[misc]
         self._log_q = np.where(accepted, log_q, self._log_q)
         self._coords = coords
         log_prob = np.where(accepted, log_p, state.log_prob)
-        return State(coords, log_prob=log_prob, random_state=model.random.get_state(), copy=True), accepted
+        # a copy, since other moves change the state in place; the sampler adds the state of its random numbers
+        return State(coords.copy(), log_prob=log_prob), accepted
 
 
 def differential_evolution(dimension: int) -> list[tuple[Move, float]]:

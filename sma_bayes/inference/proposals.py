@@ -8,7 +8,7 @@ carries the Jacobian of the map, and a point that the map would not give back ha
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -73,6 +73,17 @@ class StudentMixture:
     mean: Floats
     root: Floats
     df: float
+    _whiten: Floats = field(init=False, repr=False)
+    _log_scale: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        d, df = self.dimension, self.df
+        eye = np.eye(d)
+        whiten = np.stack([solve_triangular(r, eye, lower=True, check_finite=False).T for r in self.root])
+        norm = gammaln(0.5 * (df + d)) - gammaln(0.5 * df) - 0.5 * d * math.log(df * math.pi)
+        volume = np.log(np.einsum("kii->ki", self.root)).sum(axis=1)
+        object.__setattr__(self, "_whiten", whiten)
+        object.__setattr__(self, "_log_scale", np.log(self.weight) + norm - volume)
 
     @staticmethod
     def from_covariances(weight: Floats, mean: Floats, covariance: Floats, df: float) -> StudentMixture:
@@ -87,26 +98,29 @@ class StudentMixture:
 
     def draw(self, rng: RandomStream, size: int) -> Floats:
         """Draws, shape (size, D)."""
-        which = np.searchsorted(np.cumsum(self.weight)[:-1], rng.random(size), side="right")
         normal = rng.standard_normal((size, self.dimension))
-        stretch = np.sqrt(self.df / rng.chisquare(self.df, size))
+        normal *= np.sqrt(self.df / rng.chisquare(self.df, size))[:, None]
+        if len(self.weight) == 1:
+            return np.asarray(self.mean[0] + normal @ self.root[0].T)
+        which = np.searchsorted(np.cumsum(self.weight)[:-1], rng.random(size), side="right")
         x = np.empty_like(normal)
         for k in range(len(self.weight)):
             mine = which == k
-            x[mine] = self.mean[k] + (normal[mine] @ self.root[k].T) * stretch[mine, None]
+            x[mine] = self.mean[k] + normal[mine] @ self.root[k].T
         return x
 
     def log_components(self, x: Floats) -> Floats:
         """Log of weight times density of each component, shape (W, K)."""
-        d, df = self.dimension, self.df
-        norm = gammaln(0.5 * (df + d)) - gammaln(0.5 * df) - 0.5 * d * math.log(df * math.pi)
+        power = 0.5 * (self.df + self.dimension)
         out = np.empty((len(x), len(self.weight)))
-        for k, (weight, mean, root) in enumerate(zip(self.weight, self.mean, self.root, strict=True)):
-            y = solve_triangular(root, (x - mean).T, lower=True, check_finite=False)
-            distance = np.einsum("ij,ij->j", y, y)
-            volume = float(np.log(np.diag(root)).sum())
-            out[:, k] = math.log(weight) + norm - volume - 0.5 * (df + d) * np.log1p(distance / df)
+        for k, log_scale in enumerate(self._log_scale):
+            out[:, k] = log_scale - power * np.log1p(self._distance(x, k) / self.df)
         return out
+
+    def _distance(self, x: Floats, component: int) -> Floats:
+        """Squared distance (W,) from the mean of a component, in units of its scale."""
+        y = (x - self.mean[component]) @ self._whiten[component]
+        return np.asarray(np.einsum("ij,ij->i", y, y))
 
     def log_density(self, x: Floats) -> Floats:
         """Log density, shape (W,)."""
@@ -138,8 +152,7 @@ class StudentMixture:
                         continue
                     return mixture
                 mean = share[:, k] @ x / total
-                y = solve_triangular(mixture.root[k], (x - mixture.mean[k]).T, lower=True, check_finite=False)
-                tail = (df + d) / (df + np.einsum("ij,ij->j", y, y)) * share[:, k]
+                tail = (df + d) / (df + mixture._distance(x, k)) * share[:, k]
                 centred = x - mean
                 scale = (centred * tail[:, None]).T @ centred / total
                 weights.append(total)
@@ -218,14 +231,14 @@ class Proposal:
     def draw(self, rng: RandomStream, size: int) -> tuple[Floats, Floats]:
         """Points (size, D) and their log density (size,); a point that could not be built has NaN coordinates."""
         from_wide = rng.random(size) < self.share
-        z_wide = self.wide.draw(rng, size)
+        z_wide = self.wide.draw(rng, int(from_wide.sum()))
         u = self.narrow.draw(rng, size)
         z, log_jacobian, found = self.coordinates.inverse(u)
         narrow = np.where(found, self.narrow.log_density(u) + log_jacobian, -np.inf)
         if from_wide.any():
-            u_wide, jacobian_wide, back = self.coordinates.forward(z_wide[from_wide])
+            u_wide, jacobian_wide, back = self.coordinates.forward(z_wide)
             z = z.copy()
-            z[from_wide] = z_wide[from_wide]
+            z[from_wide] = z_wide
             narrow[from_wide] = np.where(back, self.narrow.log_density(u_wide) + jacobian_wide, -np.inf)
             found = found | from_wide
         z[~found] = np.nan
