@@ -48,7 +48,7 @@ def run(
         Path, typer.Option(help="Folder for raw timings (samplers.csv, machine.json); rows are added.")
     ],
     records: Annotated[
-        str, typer.Option(help="all, or a number of records spread evenly over the 18.")
+        str, typer.Option(help="all, a number of records spread evenly over the 18, or keys of records.")
     ] = "all",
     channels: Annotated[str, typer.Option(help="S, FX or FXS.")] = "FX",
     points: Annotated[int, typer.Option(help="Samples of each record; 0 for as many as the demo has.")] = 0,
@@ -77,11 +77,10 @@ def run(
     session = time.strftime("%Y-%m-%dT%H:%M:%S")
     names = samplers.split(",")
     _describe(out)
-    available = len(case.records())
-    count = available if records == "all" else int(records)
+    measured = case.records()
     with threadpool_limits(limits=1):
-        for index in dict.fromkeys(np.linspace(0, available - 1, count).round().astype(int).tolist()):
-            problem = Problem.of(case.records()[index], noise)
+        for index in _chosen(records, [record.key for record in measured]):
+            problem = Problem.of(measured[index], noise)
             for repeat in range(repeats):
                 order = names if repeat % 2 == 0 else names[::-1]
                 for place, name in enumerate(order):
@@ -89,6 +88,16 @@ def run(
                     row = _fresh(task) if cold else measure(task, problem)
                     _append(out / "samplers.csv", row)
                     _tell(row)
+
+
+def _chosen(records: str, keys: list[str]) -> list[int]:
+    if records == "all" or records.isdecimal():
+        count = len(keys) if records == "all" else int(records)
+        return list(dict.fromkeys(np.linspace(0, len(keys) - 1, count).round().astype(int).tolist()))
+    unknown = set(records.split(",")) - set(keys)
+    if unknown:
+        raise typer.BadParameter(f"no record {', '.join(sorted(unknown))}; there are {', '.join(keys)}")
+    return [keys.index(key) for key in records.split(",")]
 
 
 @app.command(hidden=True)

@@ -16,7 +16,7 @@ import numpy as np
 from benchmark.problems import Case, Problem
 from benchmark.samplers import ONE_BY_ONE, SAMPLERS, Progress, Settings
 
-from sma_bayes.inference.convergence import Convergence, Target, assess
+from sma_bayes.inference.convergence import Convergence, Target, ess_bulk, ess_tail, rank_rhat
 from sma_bayes.quantities import Floats
 
 TARGET = Target(rhat=1.01, ess=1000.0)
@@ -26,8 +26,8 @@ SD_RATIO = 0.1
 """Greatest relative difference of standard deviations of 'the same posterior'."""
 ERRORS = 4.0
 """Standard errors of the draws that are allowed for where they are more than that."""
-OVERSHOOT = 1.05
-"""Draws at a check over those at the check before, once the target is near: what stopping late can cost."""
+LATE = 0.02
+"""By what share of the steps the moment at which the target was reached may be found too late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +166,11 @@ class Verdict:
         return bool(np.all(means & widths))
 
     @property
+    def least(self) -> float:
+        """Least effective sample size."""
+        return float(np.nanmin(np.minimum(self.convergence.ess_bulk, self.convergence.ess_tail)))
+
+    @property
     def reached(self) -> bool:
         """Whether the target is met by draws of the right posterior."""
         return self.convergence.converged and self.same
@@ -176,7 +181,40 @@ def judge(progress: Progress, discard: float, reference: tuple[Floats, Floats]) 
     chains = progress.chains[:, int(discard * progress.chains.shape[1]) :]
     flat = chains.reshape(-1, chains.shape[-1])
     mean, sd = reference
-    return Verdict(discard, assess(chains, TARGET), (flat.mean(axis=0) - mean) / sd, flat.std(axis=0) / sd)
+    return Verdict(discard, diagnose(chains), (flat.mean(axis=0) - mean) / sd, flat.std(axis=0) / sd)
+
+
+def diagnose(chains: Floats) -> Convergence:
+    """R-hat and effective sample sizes with the walkers of an ensemble joined end to end, in the same way for all.
+
+    `sma_bayes.inference.convergence.assess` adds a second estimate, from the means over walkers, to runs of a hundred
+    steps or more. It is on the safe side by a factor of about two for stretch moves, and would be asked of other
+    samplers only, since this package's runs are shorter.
+    """
+    groups, steps, walkers, dimension = chains.shape
+    joined = np.swapaxes(chains, 1, 2).reshape(groups, walkers * steps, dimension)
+    in_order = chains.reshape(groups, steps * walkers, dimension)
+    rhat = np.maximum(rank_rhat(joined), rank_rhat(in_order))
+    bulk, tail = ess_bulk(joined), ess_tail(joined)
+    reached = np.all(rhat <= TARGET.rhat) and np.all(np.minimum(bulk, tail) >= TARGET.ess)
+    return Convergence(rhat, bulk, tail, bool(reached))
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Steps made, and the time that they took."""
+
+    steps: int
+    wall_s: float
+    cpu_s: float
+
+    def towards(self, later: Clock, share: float) -> Clock:
+        """The clock at a share of the steps between."""
+        return Clock(
+            round(self.steps + share * (later.steps - self.steps)),
+            self.wall_s + share * (later.wall_s - self.wall_s),
+            self.cpu_s + share * (later.cpu_s - self.cpu_s),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,44 +224,72 @@ class Outcome:
     progress: Progress
     verdict: Verdict
     claimed_s: float
-    wall_s: float
-    cpu_s: float
+    clock: Clock
 
 
 def to_target(
     steps: Generator[Progress, float, None], reference: tuple[Floats, Floats], limit_s: float
 ) -> Outcome:
     """Run a sampler until its draws meet the target and are right, or its time is up. Checks are not timed."""
-    wall = cpu = 0.0
+    before = Clock(0, 0.0, 0.0)
+    now = before
     claimed = float("nan")
     outcome = growth = None
-    while wall < limit_s:
-        wall_began, cpu_began = time.perf_counter(), time.process_time()
+    while now.wall_s < limit_s:
+        wall, cpu = time.perf_counter(), time.process_time()
         try:
             progress = steps.send(growth)
         except StopIteration:
             break
-        wall += time.perf_counter() - wall_began
-        cpu += time.process_time() - cpu_began
-        for discard in progress.discards:
-            verdict = judge(progress, discard, reference)
-            if verdict.convergence.converged and np.isnan(claimed):
-                claimed = wall
-            if verdict.reached:
-                break
-        outcome = Outcome(progress, verdict, claimed, wall, cpu)
+        length = progress.chains.shape[1]
+        now = Clock(length, now.wall_s + time.perf_counter() - wall, now.cpu_s + time.process_time() - cpu)
+        verdict = _verdict(progress, reference)
+        if verdict.convergence.converged and np.isnan(claimed):
+            claimed = now.wall_s
+        if verdict.reached and before.steps:
+            progress, verdict, now = _earliest(progress, verdict, before, now, reference)
+        outcome = Outcome(progress, verdict, min(claimed, now.wall_s) if verdict.reached else claimed, now)
         if verdict.reached:
             break
-        growth = _growth(verdict.convergence, limit_s / wall)
+        before = now
+        growth = _growth(verdict.least, limit_s / now.wall_s)
     if outcome is None:
         raise ValueError("the sampler made no draws")
     return outcome
 
 
-def _growth(convergence: Convergence, most: float) -> float:
-    """By what factor to go on: nine tenths of the way that the effective sample size suggests, at least a twentieth."""
-    least = float(np.nanmin(np.minimum(convergence.ess_bulk, convergence.ess_tail)))
-    return float(np.clip(0.9 * TARGET.ess / max(least, 1.0), OVERSHOOT, min(4.0, max(most, OVERSHOOT))))
+def _verdict(progress: Progress, reference: tuple[Floats, Floats]) -> Verdict:
+    """The best verdict over the shares that may be dropped."""
+    verdicts = []
+    for discard in progress.discards:
+        verdicts.append(judge(progress, discard, reference))
+        if verdicts[-1].reached:
+            return verdicts[-1]
+    return max(verdicts, key=lambda v: (v.convergence.converged, v.least))
+
+
+def _earliest(
+    progress: Progress, verdict: Verdict, before: Clock, now: Clock, reference: tuple[Floats, Floats]
+) -> tuple[Progress, Verdict, Clock]:
+    """Where the target was reached since the check before, by bisection; steps take equal times."""
+    low, high = before.steps, now.steps
+    best = progress, verdict, now
+    while high - low > max(1, LATE * low):
+        middle = (low + high) // 2
+        share = (middle - before.steps) / (now.steps - before.steps)
+        shorter = progress.cut(middle)
+        found = _verdict(shorter, reference)
+        if found.reached:
+            high = middle
+            best = shorter, found, before.towards(now, share)
+        else:
+            low = middle
+    return best
+
+
+def _growth(least: float, most: float) -> float:
+    """By what factor to go on: as the effective sample size suggests, but not far beyond the limit of time."""
+    return float(np.clip(TARGET.ess / max(least, 1.0), 1.1, min(2.0, max(1.1 * most, 1.1))))
 
 
 def measure(task: Task, problem: Problem) -> Row:
@@ -254,8 +320,8 @@ def measure(task: Task, problem: Problem) -> Row:
         limit_s=task.limit_s,
         reached=verdict.reached,
         claimed_s=outcome.claimed_s,
-        wall_s=outcome.wall_s,
-        cpu_s=outcome.cpu_s,
+        wall_s=outcome.clock.wall_s,
+        cpu_s=outcome.clock.cpu_s,
         warm_s=problem.warm_s,
         evaluations=outcome.progress.evaluations,
         steps=outcome.progress.chains.shape[1],

@@ -43,6 +43,11 @@ class Progress:
     evaluations: int
     discards: tuple[float, ...] = (0.1, 0.25, 0.5)
 
+    def cut(self, steps: int) -> Progress:
+        """What there was after fewer steps."""
+        share = steps / self.chains.shape[1]
+        return Progress(self.chains[:, :steps], round(self.evaluations * share), self.discards)
+
 
 @dataclass(frozen=True, slots=True)
 class Settings:
