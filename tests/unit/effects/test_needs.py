@@ -1,0 +1,96 @@
+"""Without what it needs, an effect is untestable and says why."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sma_bayes.effects import EFFECTS
+from sma_bayes.effects.needs import NEEDS, untestable
+from sma_bayes.records.history import History
+
+
+def without(*names: str) -> Callable[[History], History]:
+    def strip(h: History) -> History:
+        return replace(
+            h,
+            inputs={k: v for k, v in h.inputs.items() if k not in names},
+            observed={k: v for k, v in h.observed.items() if k not in names},
+        )
+
+    return strip
+
+
+def changed(name: str, new: Callable[[History], np.ndarray]) -> Callable[[History], History]:
+    def change(h: History) -> History:
+        where = "observed" if name in h.observed else "inputs"
+        return replace(h, **{where: {**getattr(h, where), name: new(h)}})
+
+    return change
+
+
+def constant(name: str, value: float) -> Callable[[History], History]:
+    return changed(name, lambda h: np.full(h.n, value))
+
+
+UNMET = {
+    "channel": without("force", "displacement", "stiffness"),
+    "curve": without("force", "displacement"),
+    "force": without("force"),
+    "displacement": without("displacement"),
+    "stiffness": without("stiffness"),
+    "temperature_response": without("temperature"),
+    "time": without("time"),
+    "current": without("current"),
+    "load": without("load"),
+    "frequency": without("frequency"),
+    "ambient": without("ambient_temperature"),
+    "ambient_varies": constant("ambient_temperature", 22.0),
+    "cycles": constant("cycle", 1.0),
+    "several_loads": constant("load", 1.0),
+    "several_rates": changed("rate", lambda h: np.sign(h.inputs["branch"])),
+    "both_branches": constant("branch", 1.0),
+    "reversals": constant("branch", 1.0),
+    "plateaus": changed("displacement", lambda h: h.inputs["temperature"].copy()),
+    "isothermal_pull": changed("displacement", lambda h: h.inputs["temperature"].copy()),
+}
+
+
+@pytest.mark.parametrize("need", UNMET)
+def test_an_unmet_need_says_why(need: str, measured: tuple[History, ...]) -> None:
+    assert NEEDS[need](measured) == ""
+    assert NEEDS[need]([UNMET[need](h) for h in measured]) != ""
+
+
+def test_peaks_that_do_not_vary(measured: tuple[History, ...]) -> None:
+    assert NEEDS["several_peaks"](measured) == ""
+    first = [h.part(h.inputs["cycle"] == 1.0) for h in measured]
+    assert "not varied" in NEEDS["several_peaks"](first)
+
+
+def test_a_cell_has_no_time_to_warm(measured: tuple[History, ...]) -> None:
+    bare = [without("ambient_temperature")(h) for h in measured]
+    quick = [changed("time", lambda h: 0.1 * h.inputs["time"])(h) for h in bare]
+    assert NEEDS["warming_cell"](bare) == ""
+    assert "short" in NEEDS["warming_cell"](quick)
+
+
+def test_cut_tops_and_lattices(measured, suited) -> None:
+    assert NEEDS["flat_tops"](measured) != ""
+    assert NEEDS["flat_tops"](suited["saturation"]) == ""
+    assert NEEDS["lattice"](measured) != ""
+    assert NEEDS["lattice"](suited["quantisation"]) == ""
+
+
+def test_effects_without_their_needs(measured: tuple[History, ...]) -> None:
+    held = [without("force", "load", "stiffness")(h) for h in measured]
+    barred = {e.id for e in EFFECTS.values() if untestable(e.needs, held)}
+    assert {
+        "path_stress_shift",
+        "fixture_compliance",
+        "bias_spring",
+        "sensor_drift",
+        "stress_shift",
+    } <= barred
+    assert {"training_drift", "r_phase", "latent_heat"}.isdisjoint(barred)
