@@ -90,16 +90,21 @@ class Adapted:
     weights : Weights
         Of the last round of draws.
     evaluations : int
+    greatest_seen : float
+        Greatest weight, as a multiple of the mean weight, at draws of another move that were not used in the fit:
+        what the proposal would hardly ever draw shows there, not in its own draws. Zero where there are none.
     """
 
     proposal: AnyProposal
     weights: Weights
     evaluations: int
+    greatest_seen: float = 0.0
 
     @property
     def carries(self) -> bool:
         """Whether an independence move with this proposal is enough by itself."""
-        return self.weights.efficiency >= USABLE and self.weights.greatest <= GREATEST_SHARE
+        greatest = max(self.weights.greatest, self.greatest_seen)
+        return self.weights.efficiency >= USABLE and greatest <= GREATEST_SHARE
 
 
 def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator) -> Adapted:
@@ -294,19 +299,22 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
     chosen = z[rng.choice(len(z), size=min(len(z), 8000), replace=False)]
     covariance = np.cov(chosen.T).reshape(z.shape[1], z.shape[1])
     wide = StudentMixture.from_covariances(np.ones(1), chosen.mean(axis=0)[None], 4.0 * covariance[None], 4.0)
-    weight = np.full(len(chosen), 1.0 / len(chosen))
+    fit, rest = np.array_split(chosen, 2)
+    weight = np.full(len(fit), 1.0 / len(fit))
+    log_prob = density.log_prob(rest)
     best: Adapted | None = None
-    evaluations = 0
-    for components in (1, 4, 12):
-        means = chosen[rng.choice(len(chosen), size=components, replace=False)]
+    evaluations = len(rest)
+    for components in (1, 4, 12, 32):
+        means = fit[rng.choice(len(fit), size=components, replace=False)]
         start = StudentMixture.from_covariances(
             np.ones(components), means, np.repeat(covariance[None] / components, components, axis=0), DF
         )
-        proposal = Proposal(PlainCoordinates(), start.refitted(chosen, weight, rounds=40), wide)
+        proposal = Proposal(PlainCoordinates(), start.refitted(fit, weight, rounds=40), wide)
         _, weights = _weigh(density, proposal, rng, 2 * DRAWS)
         evaluations += 2 * DRAWS
         if best is None or weights.efficiency > best.weights.efficiency:
-            best = Adapted(proposal, weights, evaluations)
+            seen = float(np.max(log_prob - proposal.log_density(rest))) - weights.log_evidence()[0]
+            best = Adapted(proposal, weights, evaluations, float(np.exp(seen)))
     if best is None:
         return adapt(density, modes, rng)
-    return Adapted(best.proposal, best.weights, evaluations)
+    return replace(best, evaluations=evaluations)
