@@ -30,7 +30,7 @@ SUPPORTING = {
 }
 """Folders that hold one idea a file, and their few files that are no entry: what several entries share."""
 
-HEAVY = {"matplotlib", "arviz", "pint", "pandas"}
+HEAVY = {"matplotlib", "corner", "arviz", "pint", "pandas", "emcee", "scipy"}
 
 
 def modules() -> list[str]:
