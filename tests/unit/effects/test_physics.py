@@ -133,6 +133,16 @@ def test_the_r_phase_has_its_share() -> None:
     np.testing.assert_allclose((out["displacement"] - A4) / A1, [0.0, 0.15, 1.0], atol=2e-3)
 
 
+def test_the_r_phase_comes_back_a_little_colder() -> None:
+    half = {}
+    for branch in (1.0, -1.0):
+        inputs = inputs_of(np.linspace(-10.0, 35.0, 4501), branch)
+        out = applied("r_phase", [0.1, 15.0, 0.5], inputs)["displacement"]
+        out = out - response_at(THETA)(inputs)["displacement"] * 0.9
+        half[branch] = inputs["temperature"][np.argmin(np.abs(out - 0.5 * (out[0] + out[-1])))]
+    assert half[1.0] - half[-1.0] == pytest.approx(3.0, abs=0.05)
+
+
 def test_training_levels_off() -> None:
     cycle = np.array([1.0, 2.0, 11.0, 400.0])
     inputs = inputs_of(np.full(4, 80.0), cycle=cycle)
@@ -223,6 +233,14 @@ def test_a_whole_harmonic_is_one_sine() -> None:
     np.testing.assert_allclose(ripple, 0.05 * np.sin(2 * np.pi * 3 * 0.03 * inputs["time"] + 0.4), atol=1e-12)
 
 
+def test_between_whole_harmonics_they_are_mixed() -> None:
+    inputs = inputs_of(RAMP, frequency=np.full(RAMP.size, 0.03))
+    first, mixed, second = (
+        applied("drive_ripple", [0.05, 0.0, k], inputs)["force"] - PLAIN["force"] for k in (1.0, 1.5, 2.0)
+    )
+    np.testing.assert_allclose(mixed, 0.5 * (first + second), atol=1e-12)
+
+
 def turned_at(peak: float) -> tuple[dict[str, Floats], int]:
     up = np.linspace(0.0, peak, 300)
     temperature = np.r_[up, up[::-1]]
@@ -239,6 +257,19 @@ def test_a_branch_starts_from_the_share_reached() -> None:
     major = expit(COOLING[1] * (inputs["temperature"][turn:] - COOLING[2]))
     np.testing.assert_allclose(
         (out["displacement"][turn:] - cold) / span, major * reached / major[0], rtol=1e-9
+    )
+
+
+def test_heating_starts_from_what_the_cooling_left() -> None:
+    down = np.linspace(160.0, 50.0, 300)
+    branch = np.r_[-np.ones(300), np.ones(300)]
+    inputs = inputs_of(np.r_[down, down[::-1]], **{"branch": branch, "segment": (branch > 0) * 1.0})  # type: ignore[arg-type]
+    share = (applied("minor_loop", [1.0], inputs)["displacement"][300:] - A4) / A1
+    kept = expit(COOLING[1] * (50.0 - COOLING[2]))
+    major = expit(A2 * (down[::-1] - A3))
+    assert share[0] == pytest.approx(kept, rel=1e-6)
+    np.testing.assert_allclose(
+        1.0 - share, (1.0 - major) * (1.0 - kept) / (1.0 - major[0]), rtol=1e-4, atol=1e-9
     )
 
 
