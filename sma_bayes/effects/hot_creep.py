@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -40,7 +41,7 @@ class HotCreep:
     needs = ("displacement", "time")
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
-        cooler = np.exp(-(scales.high["temperature"] - REFERENCE) / WIDTH)
+        cooler = math.exp(-(scales.high["temperature"] - REFERENCE) / WIDTH)
         whole = 0.5 * scales.span["displacement"] / scales.span["time"]
         return (
             EffectParameter(

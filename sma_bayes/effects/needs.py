@@ -34,7 +34,7 @@ def untestable(needs: Sequence[str], histories: Sequence[History]) -> str:
     UnknownNameError
         If no need has that name.
     """
-    return "; ".join(filter(None, (NEEDS[need](histories) for need in needs)))
+    return "; ".join(dict.fromkeys(filter(None, (NEEDS[need](histories) for need in needs))))
 
 
 def _input(name: str, what: str) -> Test:
@@ -42,7 +42,13 @@ def _input(name: str, what: str) -> Test:
 
 
 def _channel(name: str) -> Test:
-    return lambda histories: "" if all(name in h.observed for h in histories) else f"{name} was not observed"
+    def test(histories: Sequence[History]) -> str:
+        if all(name in h.observed for h in histories):
+            return ""
+        held = any(name in h.held for h in histories)
+        return f"{name} was kept constant by the rig" if held else f"{name} was not observed"
+
+    return test
 
 
 def _any_channel(histories: Sequence[History]) -> str:
@@ -103,7 +109,7 @@ def _several_peaks(histories: Sequence[History]) -> str:
 
 
 def _both_branches(histories: Sequence[History]) -> str:
-    both = all(np.ptp(h.inputs["branch"]) > 0.0 for h in histories)
+    both = any(np.ptp(h.inputs["branch"]) > 0.0 for h in histories)
     return "" if both else "only one branch was measured"
 
 
@@ -122,7 +128,7 @@ def _lattice(histories: Sequence[History]) -> str:
 
 
 def _reversals(histories: Sequence[History]) -> str:
-    turns = max(
+    turns = sum(
         np.count_nonzero((np.diff(h.inputs["branch"]) != 0) & (np.diff(h.inputs["stretch"]) == 0))
         for h in histories
     )
@@ -155,8 +161,8 @@ def _ends(history: History, branch: float) -> Iterator[tuple[Floats, Floats]]:
 
 def _plateaus(histories: Sequence[History]) -> str:
     """At one end of the temperatures at least, the displacement no longer transforms."""
-    if not all("displacement" in h.observed for h in histories):
-        return "displacement was not observed"
+    if why := _channel("displacement")(histories):
+        return why
     for h in histories:
         span = float(np.ptp(h.observed["displacement"]))
         for branch in (1.0, -1.0):
@@ -169,8 +175,8 @@ def _plateaus(histories: Sequence[History]) -> str:
 
 def _isothermal_pull(histories: Sequence[History]) -> str:
     """At an end of the temperatures the displacement differs between cycles or conditions."""
-    if not all("displacement" in h.observed for h in histories):
-        return "displacement was not observed"
+    if why := _channel("displacement")(histories):
+        return why
     whole = np.concatenate([h.observed["displacement"] for h in histories])
     temperature = np.concatenate([h.inputs["temperature"] for h in histories])
     for low, high in (np.quantile(temperature, (0.0, 0.05)), np.quantile(temperature, (0.95, 1.0))):
@@ -191,8 +197,8 @@ def _within(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
 
 def _flat_tops(histories: Sequence[History]) -> str:
     """The greatest force occurs again and again, more often than other values do."""
-    if not all("force" in h.observed for h in histories):
-        return "force was not observed"
+    if why := _channel("force")(histories):
+        return why
     force = np.concatenate([h.observed["force"] for h in histories])
     _, count = np.unique(force, return_counts=True)
     usual = float(np.quantile(count[:-1], 0.99)) if count.size > 1 else 0.0

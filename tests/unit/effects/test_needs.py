@@ -83,6 +83,11 @@ def test_cut_tops_and_lattices(measured, suited) -> None:
     assert NEEDS["lattice"](suited["quantisation"]) == ""
 
 
+def test_a_held_channel_is_named_once(measured: tuple[History, ...]) -> None:
+    held = [replace(without("force")(h), held={"force": 1.0}) for h in measured]
+    assert untestable(EFFECTS["saturation"].needs, held) == "force was kept constant by the rig"
+
+
 def test_effects_without_their_needs(measured: tuple[History, ...]) -> None:
     held = [without("force", "load", "stiffness")(h) for h in measured]
     barred = {e.id for e in EFFECTS.values() if untestable(e.needs, held)}

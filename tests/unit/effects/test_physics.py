@@ -178,7 +178,7 @@ def test_a_load_cell_follows_a_step_of_the_ambient() -> None:
     time = np.linspace(0.0, 600.0, 601)
     ambient = np.where(time < 0.5, 20.0, 25.0)
     inputs = inputs_of(np.full(601, 30.0), time=time, ambient_temperature=ambient)
-    drift = applied("load_cell_thermal_drift", [0.002, 100.0], inputs)["force"]
+    drift = applied("load_cell_thermal_drift", [0.002, 100.0, 1e-9], inputs)["force"]
     expected = 0.01 * (1.0 - np.exp(-(time - 0.5) / 100.0))
     np.testing.assert_allclose((drift - drift[0])[2:], expected[2:], atol=1e-5)
 
@@ -186,8 +186,8 @@ def test_a_load_cell_follows_a_step_of_the_ambient() -> None:
 def test_a_load_cell_without_ambient_follows_the_alloy() -> None:
     inputs = inputs_of(np.r_[30.0, np.full(400, 90.0)])
     inputs["rate"] = np.zeros(401)
-    change = applied("load_cell_thermal_drift", [0.002, 50.0], inputs)["force"][-1]
-    assert change - force(np.array(90.0)) == pytest.approx(0.002 * 60.0, rel=1e-2)
+    change = applied("load_cell_thermal_drift", [0.002, 50.0, 0.2], inputs)["force"][-1]
+    assert change - force(np.array(90.0)) == pytest.approx(0.002 * 0.2 * 60.0, rel=1e-2)
 
 
 def test_both_phases_expand() -> None:
