@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.types import Record
 from sma_bayes.response.modified_sigmoid import channel_unit
 
@@ -43,26 +44,30 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
         Standard deviation of the noise of each observed channel.
     """
     unit = channel_unit(record.units, "stiffness")
+    force, displacement, stiffness = (record.quantity(c) for c in CHANNELS)
+    slope_text = f"d{record.symbol('force')}/d{record.symbol('displacement')}"
+    tested = "specimen" if record.specimen else "spring"
     if "force" in record.held:
         held = record.held["force"]
         return PathRemark(
             "constant_load",
-            f"the rig held the {record.quantity('force')} at {held.mean:.4g} {record.units.get('force', '')} "
-            f"(sd {held.sd:.2g}): the slope dF/dX of the path is zero by construction and says nothing about the "
-            "spring; only the displacement is fitted",
+            f"the rig held the {force} at {held.mean:.4g} {record.units.get('force', '')} "
+            f"(sd {held.sd:.2g}): the slope {slope_text} of the path is zero by construction and says nothing about "
+            f"the {tested}; only the {displacement} is fitted",
         )
     if "displacement" in record.held:
         return PathRemark(
             "constant_displacement",
-            f"the rig held the {record.quantity('displacement')}: the slope dF/dX of the path is not defined; only "
-            "the force is fitted",
+            f"the rig held the {displacement}: the slope {slope_text} of the path is not defined; only "
+            f"the {force} is fitted",
         )
     if not {"force", "displacement"} <= set(record.channels):
         kind = "path_slope" if "stiffness" in record.channels else "not_observed"
         text = (
-            "stiffness is the slope dF/dX of the actuation path, as the paper has it; only B1/A1 follows from it"
+            f"{stiffness} is the slope {slope_text} of the actuation path, as the paper has it; only B1/A1 follows "
+            "from it"
             if kind == "path_slope"
-            else "force and displacement were not both observed: no stiffness follows from this record"
+            else f"{force} and {displacement} were not both observed: no {stiffness} follows from this record"
         )
         return PathRemark(kind, text)
     x, f = record.observed["displacement"], record.observed["force"]
@@ -70,14 +75,15 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
     residual = float(np.sqrt(np.mean((f - intercept - slope * x) ** 2)))
     noise = float(np.hypot(noise_sd["force"], slope * noise_sd["displacement"]))
     if residual <= STRAIGHT * noise:
+        other = "an elastic constraint" if record.specimen else "a bias spring"
         return PathRemark(
             "straight_path",
-            f"force is a straight line in displacement within the noise, with slope {slope:.4g} {unit}: that is "
-            "what a bias spring of this stiffness enforces at every temperature, so the path slope tells the "
-            "bias spring's stiffness and nothing about the alloy",
+            f"{force} is a straight line in {displacement} within the noise, with slope {slope:.4g} {unit}: that is "
+            f"what {other} of this {stiffness} imposes at every temperature, so the path slope tells "
+            f"{other}'s {stiffness} and nothing about the alloy",
         )
     return PathRemark(
         "path_slope",
-        "stiffness is the slope dF/dX of the actuation path, along which temperature changes; it is not the "
-        "stiffness of the spring at constant temperature",
+        f"{stiffness} is the slope {slope_text} of the actuation path, along which temperature changes; it is not the "
+        f"{stiffness} of the {tested} at constant temperature",
     )

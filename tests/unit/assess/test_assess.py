@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -229,6 +231,36 @@ def test_what_the_rig_makes_of_the_path() -> None:
     remark = path_remark(dead, {"displacement": 1e-5})
     assert remark.kind == "constant_load"
     assert "1.5 N" in remark.message
+
+
+def test_the_path_of_a_specimen_is_told_in_its_own_quantities() -> None:
+    units = {"temperature": "degC", "force": "Pa", "displacement": "1"}
+    t = np.linspace(20.0, 90.0, 60)
+    x = sigmoid(t, 0.04, 0.3, 55.0, 0.0)
+    straight, curved = 1e6 + 2e9 * x, sigmoid(t, 1e8, 0.2, 65.0, 0.0)
+    noise = {"force": 1e4, "displacement": 1e-5}
+    records = [
+        spring(
+            specimen=True, units=units, held={"force": HeldChannel(1e8, 1e5)}, observed={"displacement": x}
+        ),
+        spring(
+            specimen=True,
+            units=units,
+            held={"displacement": HeldChannel(0.01, 1e-6)},
+            observed={"force": curved},
+        ),
+        spring(specimen=True, units=units, observed={"displacement": x}),
+        spring(specimen=True, units=units, observed={"force": straight, "displacement": x}),
+        spring(specimen=True, units=units, observed={"force": curved, "displacement": x}),
+    ]
+    remarks = [path_remark(record, noise) for record in records]
+    assert [r.kind for r in remarks] == [
+        "constant_load", "constant_displacement", "not_observed", "straight_path", "path_slope",
+    ]  # fmt: skip
+    for r in remarks:
+        assert not {"force", "displacement", "stiffness", "spring", "dF/dX"} & set(
+            re.findall(r"[\w/]+", r.message)
+        )
 
 
 def test_calibration_widens_spans_and_offsets_and_nothing_else() -> None:
