@@ -66,7 +66,7 @@ STYLE: Final[dict[Any, Any]] = {
     "legend.frameon": False,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
-    "pdf.fonttype": 3,
+    "pdf.fonttype": 42,  # TrueType, as journals ask for
     "path.simplify": True,
 }
 """Settings in force while a figure is drawn; nobody else's settings are touched."""
