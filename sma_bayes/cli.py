@@ -85,6 +85,7 @@ def demo(
     seed: Seed = 0,
     jobs: Jobs = None,
     noise: Noise = "auto",
+    figures: Figures = True,
     resume: Resume = False,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -97,7 +98,14 @@ def demo(
     again = resume or is_run_of(out, campaign)
     with _progress(quiet or as_json) as progress:
         summary = fit_campaign(
-            campaign, out, seed=seed, noise=noise, jobs=jobs, resume=again, progress=progress
+            campaign,
+            out,
+            seed=seed,
+            noise=noise,
+            jobs=jobs,
+            resume=again,
+            figures=figures,
+            progress=progress,
         )
     _finish(summary, out, quiet, as_json)
 
