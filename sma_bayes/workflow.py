@@ -183,6 +183,7 @@ def fit_campaign(
         "schema": "sma-bayes/fit/1",
         "campaign": campaign.name,
         "source": campaign.source,
+        **({"data_dir": campaign.data_dir} if campaign.data_dir else {}),
         "seed": seed,
         "options": {
             "noise": noise,

@@ -58,6 +58,7 @@ def read_campaign(
         sha256=digest(declaration),
         records=tuple(records),
         findings=tuple(findings),
+        data_dir="" if data_dir is None else str(data_dir),
     )
 
 

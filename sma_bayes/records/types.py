@@ -235,6 +235,8 @@ class Campaign:
         Digest of the declaration and of all data files.
     records : tuple of Record
     findings : tuple of Finding
+    data_dir : str
+        Folder of the data files that was named beside the source; empty where none was.
     """
 
     name: str
@@ -242,6 +244,7 @@ class Campaign:
     sha256: str
     records: tuple[Record, ...]
     findings: tuple[Finding, ...] = ()
+    data_dir: str = ""
 
     def record(self, key: str) -> Record:
         """Look up a record by its key.

@@ -269,6 +269,8 @@ def _provenance(run: StoredRun) -> Provenance:
 
 def _command(summary: Mapping[str, Any], options: Mapping[str, str]) -> str:
     common = [f"--seed {summary['seed']}", f"--noise {options.get('noise', 'auto')}"]
+    if summary.get("data_dir"):
+        common.insert(0, f"--data {_quoted(str(summary['data_dir']))}")
     if is_twin(summary) and options.get("pool", "none") == "none":
         return " ".join(("sma-bayes demo --out NEW", *common))
     if float(options.get("extrapolate") or 0.0):

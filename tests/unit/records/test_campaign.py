@@ -122,6 +122,7 @@ class TestWays:
         named = tmp_path / "named.toml"
         named.write_text('[campaign]\nname = "bench"\ndata = "data"\n' + COLUMNS + CONDITION)
         declared = read_campaign(named)
+        assert (given.data_dir, declared.data_dir) == (str(tmp_path / "data"), "")
         assert given.name == declared.name == "bench"
         np.testing.assert_array_equal(given.records[0].row, declared.records[0].row)
         with pytest.raises(CampaignError, match="there is no folder"):

@@ -145,6 +145,10 @@ def test_the_command_gives_the_same_run_again(run_copy: Path, edit_summary: Edit
     assert report_content(read_run(other)).provenance.command == (
         'sma-bayes fit "my rig" --out NEW --seed 7 --noise ar1 --extrapolate 5.0 --pool campaign --priors priors.toml'
     )
+    apart = edit_summary(other, lambda s: s.update(data_dir="raw data"))
+    assert report_content(read_run(apart)).provenance.command.startswith(
+        'sma-bayes fit "my rig" --out NEW --data "raw data" --seed 7'
+    )
 
 
 def test_a_prior_is_put_into_words(content: Content) -> None:
