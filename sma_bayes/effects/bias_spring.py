@@ -13,9 +13,9 @@ from sma_bayes.quantities import Floats
 class BiasSpring:
     """Force of a spring beside the alloy: ``F -> F + K2 X``, ``K -> K + K2``; its preload goes into the offset.
 
-    Along one path the share of the displacement goes into the span of the force. It shows where the displacement was
-    also changed at a constant temperature, or as the difference between the midpoints of the two channels. Saturation
-    bends only the top of the curve; removing the bias spring settles it.
+    Where force and displacement have the same midpoint and rate, the span of the force absorbs it, unless the
+    displacement was also changed at a constant temperature; where they differ, a share of the displacement stays
+    visible in the force. Saturation bends only the top of the curve; removing the bias spring settles it.
     """
 
     id = "bias_spring"
@@ -25,7 +25,7 @@ class BiasSpring:
         "bias spring of 130 N/m +-10 % in the published experiment; a bias spring is chosen between the stiffness of "
         "the alloy's spring in martensite and in austenite (Ikuta, Proc. IEEE ICRA 1990, 2156-2161)"
     )
-    needs = ("force", "displacement", "isothermal_pull")
+    needs = ("force", "displacement")
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
         force, displacement = scales.units["force"], scales.units["displacement"]

@@ -15,9 +15,10 @@ from sma_bayes.quantities import Floats
 class FixtureCompliance:
     """A spring in series that no drawing shows: ``X -> X + q F`` and ``1/K -> 1/K + q``.
 
-    Force and displacement are sigmoids of nearly the same midpoint, so the share of the force goes into the span of
-    the displacement; only a stiffness that was measured by itself says how much. A shift of the transformation along
-    the path also mixes the two channels, but moves the temperature; a rigid dummy in place of the spring settles it.
+    Where force and displacement have the same midpoint and rate, the span of the displacement absorbs it, and only a
+    stiffness that was measured by itself tells; where they differ, a share of the force stays visible in the
+    displacement. A shift of the transformation along the path also mixes the two channels, but moves the temperature;
+    a rigid dummy in place of the spring settles it.
     """
 
     id = "fixture_compliance"
@@ -27,7 +28,7 @@ class FixtureCompliance:
         "compliance of test machines, Kf of light rigs 1-50 N/mm: Kalidindi, Abusafieh and El-Danaf, Accurate "
         "characterization of machine compliance, Experimental Mechanics 37 (1997) 210-215"
     )
-    needs = ("force", "displacement", "stiffness")
+    needs = ("force", "displacement")
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
         force, displacement = scales.units["force"], scales.units["displacement"]
@@ -45,6 +46,8 @@ class FixtureCompliance:
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out = response(inputs)
         q = theta[..., :1]
-        with np.errstate(divide="ignore"):  # a stiffness of 0 stays 0
-            stiffness = 1.0 / (1.0 / out["stiffness"] + q)
-        return {**out, "displacement": out["displacement"] + q * out["force"], "stiffness": stiffness}
+        changed = {"displacement": out["displacement"] + q * out["force"]}
+        if "stiffness" in out:
+            with np.errstate(divide="ignore"):  # a stiffness of 0 stays 0
+                changed["stiffness"] = 1.0 / (1.0 / out["stiffness"] + q)
+        return {**out, **changed}

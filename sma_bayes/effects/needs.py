@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sma_bayes.effects.types import Scales
 from sma_bayes.quantities import CHANNELS, Floats
@@ -173,28 +172,6 @@ def _plateaus(histories: Sequence[History]) -> str:
     return "no plateau of the displacement was reached"
 
 
-def _isothermal_pull(histories: Sequence[History]) -> str:
-    """At an end of the temperatures the displacement differs between cycles or conditions."""
-    if why := _channel("displacement")(histories):
-        return why
-    whole = np.concatenate([h.observed["displacement"] for h in histories])
-    temperature = np.concatenate([h.inputs["temperature"] for h in histories])
-    for low, high in (np.quantile(temperature, (0.0, 0.05)), np.quantile(temperature, (0.95, 1.0))):
-        seen = [
-            np.median(h.observed["displacement"][at])
-            for h in histories
-            for cycle in np.unique(h.inputs["cycle"])
-            if (at := (h.inputs["cycle"] == cycle) & _within(h.inputs["temperature"], low, high)).any()
-        ]
-        if len(seen) > 1 and np.ptp(seen) > VARIES * np.ptp(whole):
-            return ""
-    return "the displacement was not changed at a constant temperature"
-
-
-def _within(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
-    return np.asarray((values >= low) & (values <= high))
-
-
 def _flat_tops(histories: Sequence[History]) -> str:
     """The greatest force occurs again and again, more often than other values do."""
     if why := _channel("force")(histories):
@@ -231,7 +208,6 @@ NEEDS: Final[Mapping[str, Test]] = {
     "reversals": _reversals,
     "warming_cell": _warming_cell,
     "plateaus": _plateaus,
-    "isothermal_pull": _isothermal_pull,
     "flat_tops": _flat_tops,
 }
 """Needs that effects may name, each with its test."""

@@ -28,7 +28,7 @@ class Saturation:
     needs = ("force", "flat_tops")
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
-        top = Normal(scales.high["force"], 0.02 * scales.span["force"])
+        top = Normal(scales.high["force"], 0.01 * scales.span["force"])
         share = LogNormal(1.0, 0.2)
         return (
             EffectParameter("w", "1", "share of the excess that is lost", share, "all of it, within 20 %"),

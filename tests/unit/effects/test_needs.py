@@ -53,7 +53,6 @@ UNMET = {
     "both_branches": constant("branch", 1.0),
     "reversals": constant("branch", 1.0),
     "plateaus": changed("displacement", lambda h: h.inputs["temperature"].copy()),
-    "isothermal_pull": changed("displacement", lambda h: h.inputs["temperature"].copy()),
 }
 
 
