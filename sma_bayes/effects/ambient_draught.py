@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
-from sma_bayes.parameters.distributions import LogNormal, Normal, Uniform
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.parameters.distributions import LogNormal, Uniform
 from sma_bayes.quantities import Floats
 
 
@@ -33,7 +33,7 @@ class AmbientDraught:
         half = 0.5 * np.pi
         return (
             EffectParameter(
-                "e", "1", "swing of ln h", Normal(0.0, 0.3), "h between 20 and 100 W/(m2 K) at most: 0.8"
+                "e", "1", "swing of ln h", either_sign(0.3), "h between 20 and 100 W/(m2 K) at most: 0.8"
             ),
             EffectParameter(
                 "P",

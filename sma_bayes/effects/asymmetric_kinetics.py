@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.effects.transformation import curves
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import Normal
 from sma_bayes.quantities import Floats
 
@@ -28,7 +28,7 @@ class AsymmetricKinetics:
     needs = ("curve",)
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
-        size, ratio = Normal(0.0, 0.4), Normal(0.0, 1.0)
+        size, ratio = either_sign(0.7), Normal(0.0, 1.0)
         return (
             EffectParameter(
                 "a", "1", "logarithm of the exponent", size, "nu 0.5-2; 90 % between 0.52 and 1.9"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
-from sma_bayes.parameters.distributions import Normal
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
 from sma_bayes.quantities import Floats
 
 
@@ -33,7 +32,7 @@ class BiasSpring:
         newtons = (force, displacement) == ("N", "m")
         size = 130.0 if newtons else scales.span["force"] / scales.span["displacement"]
         source = "130 N/m, of either sign" if newtons else "span of force over stroke, of either sign"
-        return (EffectParameter("K2", unit, "stiffness of the bias spring", Normal(0.0, size), source),)
+        return (EffectParameter("K2", unit, "stiffness of the bias spring", either_sign(size), source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out = response(inputs)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sma_bayes.effects.transformation import moved
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
-from sma_bayes.parameters.distributions import Normal
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
 from sma_bayes.quantities import Floats
 
 
@@ -28,7 +27,7 @@ class ClockSkew:
     needs = ("force", "displacement", "time")
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
-        prior = Normal(0.0, 0.05)
+        prior = either_sign(0.05)
         return (EffectParameter("d", "s", "delay of the force", prior, "1-100 ms of either sign"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

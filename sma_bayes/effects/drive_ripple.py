@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
-from sma_bayes.parameters.distributions import Normal, Uniform
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.parameters.distributions import Uniform
 from sma_bayes.quantities import Floats
 
-HARMONICS: Final = 4
+HARMONICS: Final = 8
 """Highest harmonic."""
 
 
@@ -37,13 +37,11 @@ class DriveRipple:
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
         channel = "force" if "force" in scales.step else "displacement"
         half = 0.5 * np.pi
-        size = Normal(0.0, 0.02 * scales.span[channel])
+        size = either_sign(0.02 * scales.span[channel])
         return (
             EffectParameter("a", scales.units[channel], "amplitude", size, "a few per cent of the span"),
             EffectParameter("phi", "rad", "phase", Uniform(-half, half), "any, as the amplitude has a sign"),
-            EffectParameter(
-                "k", "1", "harmonic", Uniform(2.0 - 1.0 / 0.7, 2.0 + 1.0 / 0.7), "first to third"
-            ),
+            EffectParameter("k", "1", "harmonic", Uniform(0.5, HARMONICS + 0.5), "first to eighth"),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

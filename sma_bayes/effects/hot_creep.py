@@ -10,8 +10,8 @@ import numpy as np
 
 from sma_bayes.effects.memory import elapsed
 from sma_bayes.effects.transformation import measured
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
-from sma_bayes.parameters.distributions import LogNormal, Normal
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.quantities import Floats
 
 REFERENCE: Final = 100.0
@@ -45,7 +45,7 @@ class HotCreep:
         whole = 0.5 * scales.span["displacement"] / scales.span["time"]
         return (
             EffectParameter(
-                "c", f"{scales.units['displacement']}/s", "rate of creep at 100 degC", Normal(0.0, whole * cooler),
+                "c", f"{scales.units['displacement']}/s", "rate of creep at 100 degC", either_sign(whole * cooler),
                 "of either sign; a tenth of the stroke if a fifth of the record is hot",
             ),
             EffectParameter(

@@ -9,8 +9,8 @@ import numpy as np
 
 from sma_bayes.effects.memory import elapsed, lagged
 from sma_bayes.effects.transformation import measured
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
-from sma_bayes.parameters.distributions import LogNormal, Normal
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.quantities import Floats
 
 CAPACITY: Final = 5.0
@@ -24,13 +24,14 @@ class LoadCellThermalDrift:
     """Zero that follows the cell: ``F -> F + k (Tc - Tc0)``, ``tau dTc/dt = Ta + soak (T - Ta) - Tc``.
 
     A share of the alloy's heat soaks into the cell, and a change of the ambient temperature reaches it as a whole. The
-    cell begins in balance, and over a break stays as it is. Offsets take the mean. A zero that drifts in time alone
+    cell begins in balance, and over a break stays as it is. Offsets take the mean; a cell that was tared in one room
+    and used in another shows as a difference between conditions. A zero that drifts in time alone
     follows neither; heating the rig without a spring tells the two apart.
     """
 
     id = "load_cell_thermal_drift"
     title = "zero of the load cell follows its temperature"
-    equation = "F -> F + k (Tc - Tc0), tau dTc/dt = Ta + soak (T - Ta) - Tc"
+    equation = "F -> F + k (Tc - 22 degC), tau dTc/dt = Ta + soak (T - Ta) - Tc"
     reference = (
         "zero of strain-gauge load cells, 0.005 to 0.025 % of capacity a kelvin on data sheets (HBM, temperature "
         "coefficient of the zero point; Load Cell Shop, temperature effects), more where uncompensated"
@@ -38,7 +39,7 @@ class LoadCellThermalDrift:
     needs = ("force", "time", "warming_cell")
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
-        size = Normal(0.0, 5e-4 * CAPACITY * scales.level["force"])
+        size = either_sign(5e-4 * CAPACITY * scales.level["force"])
         time, soak = LogNormal(300.0, 1.0), LogNormal(0.1, 1.0)
         whole = "0.05 % of a capacity of 5 times the greatest force"
         return (
@@ -52,4 +53,4 @@ class LoadCellThermalDrift:
         ambient = inputs.get("ambient_temperature", np.array(ROOM))
         source = ambient + theta[..., 2:3] * (measured(inputs) - ambient)
         cell = lagged(source, elapsed(inputs) / theta[..., 1:2])
-        return {**out, "force": out["force"] + theta[..., :1] * (cell - source[..., :1])}
+        return {**out, "force": out["force"] + theta[..., :1] * (cell - ROOM)}

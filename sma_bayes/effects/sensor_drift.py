@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
-from sma_bayes.parameters.distributions import Normal
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
 from sma_bayes.quantities import Floats
 
 
@@ -23,7 +22,7 @@ class SensorDrift:
     needs = ("force", "time")
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
-        prior = Normal(0.0, 0.05 * scales.span["force"] / scales.span["time"])
+        prior = either_sign(0.05 * scales.span["force"] / scales.span["time"])
         unit = f"{scales.units['force']}/s"
         return (
             EffectParameter(

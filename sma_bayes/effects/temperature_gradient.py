@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.effects.memory import elapsed, lagged
 from sma_bayes.effects.transformation import at
 from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
@@ -23,16 +24,18 @@ SHARES: Final = 0.5 * _WEIGHTS
 
 @dataclass(frozen=True)
 class TemperatureGradient:
-    """Grips cool the ends: at the distance x from the middle (1 at the ends) ``T(x) = T - g (T - Ta) x**2``.
+    """Grips cool the ends: at the distance x from the middle (1 at the ends) ``T(x) = T - D x**2``.
 
-    Force and displacement are averages along the spring. Most of the smearing looks like a slower curve and goes into
-    the rates; what is left is the skew, because only part of the spring is late. An error of contact shifts without
-    skew; several peak temperatures or an infrared line separate the two.
+    The deficit D follows the excess of the middle over the room with the thermal time constant of the wire,
+    ``tau dD/dt = g (T - Ta) - D``; where time was not recorded it is there at once. Force and displacement are
+    averages along the spring. Most of the smearing looks like a slower curve and goes into the rates; what is left is
+    the skew, because only part of the spring is late, and what the rate changes in it. An error of contact shifts
+    without skew; several peak temperatures or an infrared line separate the two.
     """
 
     id = "temperature_gradient"
     title = "ends of the spring are cooler than its middle"
-    equation = "average over x of the response at T - g (T - Ta) x^2"
+    equation = "average over x of the response at T - D x^2, tau dD/dt = g (T - Ta) - D"
     reference = (
         "parabola of a conducting wire between heat sinks (Carslaw and Jaeger, Conduction of Heat in Solids, 1959); "
         "2-20 K between middle and ends"
@@ -43,11 +46,19 @@ class TemperatureGradient:
         excess = max(abs(scales.high["temperature"] - ROOM), abs(scales.low["temperature"] - ROOM), ENDS)
         prior = LogNormal(ENDS / excess, 0.7)
         source = "2-20 K at the temperature farthest from ambient; 90 % between 2.5 and 25 K"
-        return (EffectParameter("g", "1", "cooling of the ends over the excess", prior, source),)
+        wire = LogNormal(8.0, 0.8)
+        return (
+            EffectParameter("g", "1", "cooling of the ends over the excess", prior, source),
+            EffectParameter(
+                "tau", "s", "thermal time constant of the wire", wire, "90 % from 2 to 30 s, in air"
+            ),
+        )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         temperature = inputs["temperature"]
-        ends = theta[..., :1] * (temperature - inputs.get("ambient_temperature", np.array(ROOM)))
+        excess = temperature - inputs.get("ambient_temperature", np.array(ROOM))
+        late = lagged(excess, elapsed(inputs) / theta[..., 1:2]) if "time" in inputs else excess
+        ends = theta[..., :1] * late
         along = [response(at(inputs, temperature - ends * x**2)) for x in PLACES.tolist()]
         out = {
             c: np.asarray(sum(share * part[c] for share, part in zip(SHARES.tolist(), along, strict=True)))

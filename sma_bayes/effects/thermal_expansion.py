@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from sma_bayes.effects.transformation import curves, measured
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
-from sma_bayes.parameters.distributions import Normal
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
 from sma_bayes.quantities import Floats
 
 MARTENSITE: Final = 6.6e-6
@@ -43,7 +42,7 @@ class ThermalExpansion:
         source = {"1": "11e-6 1/K, and as much from the grips", "m": "11e-6 1/K over some 0.1 m"}.get(
             unit, "11e-6 1/K over some three strokes"
         )
-        prior = Normal(0.0, AUSTENITE * length)
+        prior = either_sign(AUSTENITE * length)
         return (EffectParameter("e", f"{unit}/K", "growth of austenite a kelvin", prior, source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
-from sma_bayes.parameters.distributions import LogNormal, Normal
+from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.quantities import Floats
 
 
@@ -32,7 +32,7 @@ class TrainingDrift:
     needs = ("displacement", "cycles")
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
-        size = Normal(0.0, 0.1 * scales.span["displacement"])
+        size = either_sign(0.1 * scales.span["displacement"])
         return (
             EffectParameter(
                 "d", scales.units["displacement"], "residual displacement of a trained spring", size,

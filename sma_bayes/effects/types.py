@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sma_bayes.parameters.distributions import Distribution
+from sma_bayes.parameters.distributions import Distribution, StudentT
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 
@@ -143,6 +143,20 @@ class Effect(Protocol):
         dict of str to ndarray, shape (..., n)
         """
         ...
+
+
+def either_sign(typical: float) -> StudentT:
+    """Prior of a size that may have either sign and of which only the order of magnitude is known.
+
+    Student's t with 2 degrees of freedom: half of it is within 16 % of the typical size, 90 % within 58 %, and one in
+    forty beyond it, so that an effect ten times smaller or larger than usual is not ruled out.
+
+    Parameters
+    ----------
+    typical : float
+        Size that would be no surprise [unit of the parameter].
+    """
+    return StudentT(2.0, 0.0, 0.2 * typical)
 
 
 def with_effects(response: Response, effects: Sequence[tuple[Effect, Floats]]) -> Response:

@@ -27,8 +27,10 @@ from sma_bayes.quantities import Floats
 
 SIZES = {True: (0.1, 0.5, 0.9), False: (0.25, 0.75)}
 """Quantiles of the prior at which sizes are screened: those that are positive, those of either sign."""
-SHAPES = (0.15, 0.5, 0.85)
-"""Quantiles at which the other parameters are screened."""
+SHAPES = {0: 0, 1: 16, 2: 8, 3: 5}
+"""Into how many equal slices of probability each other parameter is cut, by their number; their middles are tried."""
+SCALES = (0.1, 0.3, 1.0, 3.0)
+"""Sizes over those of the grid that are averaged over when an effect is screened."""
 NEAR = 12.0
 """Screened gain below the best up to which candidates are refitted."""
 REFITTED = 6
@@ -180,16 +182,21 @@ def screen(fitted: Fitted, effect: Effect) -> Screened:
 
 
 def _averaged(b: Floats, information: Floats) -> Floats:
-    """Log Bayes factor of a single column with a standard normal coefficient, averaged over columns, shape (S,)."""
+    """Log Bayes factor of a single column with a normal coefficient, averaged over columns and sizes, shape (S,)."""
     if not information.size:
         return np.full(b.shape[1], -np.inf)
-    each = 0.5 * b**2 / (information + 1.0)[:, None] - 0.5 * np.log1p(information)[:, None]
-    return np.asarray(logsumexp(each, axis=0) - np.log(information.size))
+    each = []
+    for scale in SCALES:
+        each.append(0.5 * b**2 / (information + scale**-2.0)[:, None])
+        each[-1] -= 0.5 * np.log1p(scale**2 * information)[:, None]
+    return np.asarray(logsumexp(each, axis=(0, 1)) - np.log(len(SCALES) * information.size))
 
 
 def _grid(priors: Sequence[Distribution]) -> list[tuple[float, ...]]:
     sizes = SIZES[isinstance(priors[0], LogNormal)]
-    return list(product(sizes, *[SHAPES for _ in priors[1:]]))
+    count = SHAPES.get(len(priors) - 1, 3)
+    shapes = [(i + 0.5) / count for i in range(count)]
+    return list(product(sizes, *[shapes for _ in priors[1:]]))
 
 
 def signature_at_mode(fitted: Fitted, extended: Fitted) -> Floats:

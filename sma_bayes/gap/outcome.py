@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -12,17 +12,37 @@ from sma_bayes.effects import EFFECTS, Effect
 from sma_bayes.gap.close import Gap, HeldOutScore, close, held_out_scores
 from sma_bayes.gap.density import sample_hypothesis
 from sma_bayes.gap.experiments import Proposal, next_experiment
+from sma_bayes.gap.fitting import Fitted
+from sma_bayes.gap.locate import Disagreement
 from sma_bayes.gap.name import Candidate
-from sma_bayes.gap.study import APART, SIGNIFICANT, WORTH, GapStudy, Progress, Step, study_campaign
+from sma_bayes.gap.noise import Block, BlockNoise
+from sma_bayes.gap.study import (
+    APART,
+    MOST,
+    SIGNIFICANT,
+    UNEXPLAINED,
+    WORTH,
+    GapStudy,
+    Step,
+    study_campaign,
+)
 from sma_bayes.inference.ensembles import Draws
+from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.quantities import Floats
+from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, Floats
+from sma_bayes.records.history import History
 from sma_bayes.records.types import Campaign
 
 METRIC = (
     "root mean square of held-out residuals, as innovations of the noise, in its standard deviations; "
     "1 where only noise is left"
 )
+STAGES = MOST + 5
+"""Stages that progress counts: the first fit, at most so many looks, held-out data twice, sampling."""
+Progress = Callable[[int, str], None]
+"""Told how many of `STAGES` are done, and what is going on."""
+
+QUANTILES = np.array([0.05, 0.5, 0.95])
 HALF = 0.5
 """Prior probability that nothing is missing; what is left is shared by the testable effects and the flexible terms."""
 
@@ -39,7 +59,7 @@ class GapOutcome:
     gap : Gap
         On held-out measurements.
     scores : mapping of str to HeldOutScore
-        Of the candidates of the first round.
+        Of the candidates of the first round, and of effects that were added later, over the model of their round.
     experiments : mapping of str to Proposal
         For each effect with rivals, what would separate them.
     pooled : bool
@@ -69,46 +89,82 @@ def gap_outcome(
     jobs: int | None = 1,
     progress: Progress | None = None,
 ) -> GapOutcome:
-    """Study a campaign from end to end; see `study_campaign` for the parameters."""
-    tell = progress or (lambda _: None)
-    study = study_campaign(campaign, priors, pooled=pooled, effects=effects, seed=seed, progress=tell)
-    tell("choosing and predicting without each third of the measurements")
+    """Study a campaign from end to end.
+
+    Parameters
+    ----------
+    campaign, priors, pooled, effects, seed
+        See `study_campaign`.
+    jobs : int, optional
+        Processes; by default one for each core.
+    progress : callable, optional
+    """
+    tell = progress or (lambda done, message: None)
+    looks = iter(range(MOST + 2))
+    study = study_campaign(
+        campaign,
+        priors,
+        pooled=pooled,
+        effects=effects,
+        seed=seed,
+        progress=lambda message: tell(next(looks, MOST + 1), message),
+    )
+    tell(MOST + 2, "choosing and predicting without each third of the measurements")
     gap = close(study, effects, pooled=pooled, seed=seed, jobs=jobs)
-    first = study.steps[0]
-    scores = held_out_scores(first.before, first.candidates, pooled=pooled)
-    tell("sampling the final model")
+    tell(MOST + 3, "scoring candidates on held-out measurements")
+    scores = _scores(study, pooled=pooled)
+    tell(MOST + 4, "sampling the final model")
     draws = sample_hypothesis(study.final, np.random.SeedSequence([seed, 13]))
-    experiments = {}
+    return GapOutcome(study, draws, gap, scores, _experiments(study), pooled)
+
+
+def _scores(study: GapStudy, *, pooled: bool) -> dict[str, HeldOutScore]:
+    """Of all candidates that were refitted in the first round, and of what was added in a later one."""
+    first, *later = study.steps
+    scores = held_out_scores(first.before, first.candidates, pooled=pooled)
+    for step in later:
+        if step.chosen is not None:
+            scores |= held_out_scores(step.before, [step.chosen], pooled=pooled)
+    return scores
+
+
+def _experiments(study: GapStudy) -> dict[str, Proposal]:
+    """For each effect that has rivals, what would separate them."""
+    out = {}
     for step in study.steps:
         if step.chosen is not None and len(step.class_) > 1:
-            rivals = [
-                c.fitted for c in step.candidates if c.effect.id in step.class_ and c.fitted is not None
-            ]
+            fitted = {c.effect.id: c.fitted for c in step.candidates}
+            rivals = [f for f in (fitted[name] for name in step.class_) if f is not None]
             proposal = next_experiment(rivals)
             if proposal is not None:
-                experiments[step.chosen.effect.id] = proposal
-    return GapOutcome(study, draws, gap, scores, experiments, pooled)
+                out[step.chosen.effect.id] = proposal
+    return out
 
 
 def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
-    """What `gap.json` holds, apart from what every run records (seed, versions, times)."""
+    """What `gap.json` holds, apart from what every run records (seed, versions, times).
+
+    Without a disagreement beyond chance ``disagreement`` is empty, and the stretches that lean most are under
+    ``within_chance``. Without a name ``effects`` is empty, and what was added on the way is under ``partial``.
+    """
     study = outcome.study
+    found = [_disagreement_json(d) for d in study.disagreements]
+    effects = [_effect_json(outcome, e) for e in study.effects]
+    none, named = study.verdict == "none", study.verdict == "named"
     return {
         "schema": "sma-bayes/gap/1",
         "verdict": study.verdict,
         "p_value": study.p_value,
         "p_value_extrapolated": study.steps[0].look.extrapolated,
         "converged": outcome.draws.convergence.converged,
-        "pooled": outcome.pooled,
-        "disagreement": [
-            {
-                "condition": d.condition, "branch": d.branch, "channel": d.channel, "covariate": d.covariate,
-                "from": d.start, "to": d.stop, "unit": d.unit, "size_sigma": d.size_sigma, "mean_residual": d.mean,
-            }
-            for d in study.disagreements
+        "disagreement": [] if none else found,
+        "within_chance": found if none else [],
+        "effects": effects if named else [],
+        "partial": [] if named else effects,
+        "candidates": [
+            _candidate_json(outcome, c)
+            for c in sorted(study.steps[0].candidates, key=lambda c: _order(study, c.effect.id))
         ],
-        "effects": [_effect_json(outcome, e) for e in study.effects],
-        "candidates": [_candidate_json(outcome, c) for c in study.steps[0].candidates],
         "rounds": [_round_json(s) for s in study.steps],
         "remaining": {
             "p_value": study.left.p_value,
@@ -117,49 +173,131 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
             "ln_bayes_factor": study.left.best.ln_bayes_factor,
         },
         "gap": {
-            "metric": METRIC, "before": outcome.gap.before, "after": outcome.gap.after, "floor": outcome.gap.floor,
-            "shrink": outcome.gap.shrink, "held_out": outcome.gap.held_out,
+            "metric": METRIC,
+            "before": outcome.gap.before,
+            "after": outcome.gap.after,
+            "floor": outcome.gap.floor,
+            "shrink": outcome.gap.shrink,
+            "held_out": outcome.gap.held_out,
             "chosen_without": [list(c) for c in outcome.gap.chosen],
         },
-        "noise": [
-            {
-                "condition": study.final.hypothesis.histories[b.history].condition.id, "channel": b.channel,
-                "sd": n.sd, "lag1": float(np.median(n.memory[~b.first])) if (~b.first).any() else 0.0,
-            }
-            for b, n in zip(study.final.blocks, study.final.noise, strict=True)
-        ],
-    }  # fmt: skip
+        "thresholds": {
+            "p_value": SIGNIFICANT,
+            "ln_bayes_factor": WORTH,
+            "ln_bayes_factor_apart": APART,
+            "unexplained_share": UNEXPLAINED,
+        },
+        "channels": _channels(study.final),
+        "units": dict(study.final.hypothesis.histories[0].units),
+        "conditions": [_condition_json(h) for h in study.final.hypothesis.histories],
+        "noise": [_noise_json(study.final, b, n) for b, n in _with_noise(study.final)],
+    }
+
+
+def _disagreement_json(d: Disagreement) -> dict[str, Any]:
+    return {
+        "condition": d.condition,
+        "branch": d.branch,
+        "channel": d.channel,
+        "covariate": d.covariate,
+        "from": d.start,
+        "to": d.stop,
+        "unit": d.unit,
+        "size_sigma": d.size_sigma,
+        "mean_residual": d.mean,
+    }
+
+
+def _channels(fitted: Fitted) -> dict[str, dict[str, str]]:
+    """Name, symbol and unit of each channel, as this campaign calls it."""
+    first = fitted.hypothesis.histories[0]
+    names = {c: SPECIMEN_QUANTITY.get(c, c) if first.specimen else c for c in fitted.hypothesis.channels}
+    return {c: {"name": n, "symbol": QUANTITIES[n].symbol, "unit": first.units[c]} for c, n in names.items()}
+
+
+def _condition_json(history: History) -> dict[str, Any]:
+    settings = {k: v for k, v in asdict(history.condition).items() if k != "id" and v is not None}
+    return {
+        "id": history.condition.id,
+        "settings": settings,
+        "n": history.n,
+        "cycles": int(np.unique(history.inputs["cycle"]).size),
+        "rows_averaged": history.averaged,
+    }
+
+
+def _with_noise(fitted: Fitted) -> list[tuple[Block, BlockNoise]]:
+    return list(zip(fitted.blocks, fitted.noise, strict=True))
+
+
+def _noise_json(fitted: Fitted, block: Block, noise: BlockNoise) -> dict[str, Any]:
+    follows = ~block.first
+    return {
+        "condition": fitted.hypothesis.histories[block.history].condition.id,
+        "channel": block.channel,
+        "sd": noise.sd,
+        "lag1": float(np.median(noise.memory[follows])) if follows.any() else 0.0,
+    }
 
 
 def _effect_json(outcome: GapOutcome, effect: Effect) -> dict[str, Any]:
     study = outcome.study
-    step = next(s for s in study.steps if s.chosen is not None and s.chosen.effect.id == effect.id)
-    assert step.chosen is not None
-    at = study.final.hypothesis.effect_positions[effect.id]
+    place, step, chosen = _added(study)[effect.id]
     experiment = outcome.experiments.get(effect.id)
     return {
         "id": effect.id,
         "title": effect.title,
         "equation": effect.equation,
         "reference": effect.reference,
+        "round": place,
         "class": list(step.class_),
-        "probability": probability(step, step.chosen),
-        "ln_bayes_factor": step.chosen.ln_bayes_factor,
-        "parameters": {
-            p.name: {
-                "unit": p.unit,
-                "meaning": p.meaning,
-                "source": p.source,
-                **_quantiles(outcome.flat[:, i]),
-            }
-            for i, p in zip(at, effect.parameters(study.final.hypothesis.scales), strict=True)
-        },
+        "probability": probability(step, chosen),
+        "ln_bayes_factor": chosen.ln_bayes_factor,
+        "guard": _finite(chosen.guard),
+        "guard_covariate": chosen.guard_covariate,
+        "parameters": _parameters_json(outcome, effect),
         "next_experiment": None if experiment is None else str(experiment),
-    }  # fmt: skip
+    }
+
+
+def _added(study: GapStudy) -> dict[str, tuple[int, Step, Candidate]]:
+    """For each effect that was ever added, the round, counted from 1, the step, and what was found about it then."""
+    return {
+        s.chosen.effect.id: (i, s, s.chosen) for i, s in enumerate(study.steps, 1) if s.chosen is not None
+    }
+
+
+def _order(study: GapStudy, name: str) -> int:
+    """Effects that were added come first, in that order; the others stay as they were ranked."""
+    added = list(_added(study))
+    return added.index(name) if name in added else len(added)
+
+
+def _parameters_json(outcome: GapOutcome, effect: Effect) -> dict[str, Any]:
+    hypothesis = outcome.study.final.hypothesis
+    free = hypothesis.space.free_index.tolist()
+    convergence = outcome.draws.convergence
+    out = {}
+    at = hypothesis.effect_positions[effect.id].tolist()
+    for i, p in zip(at, effect.parameters(hypothesis.scales), strict=True):
+        z = free.index(i)
+        out[p.name] = {
+            "unit": p.unit,
+            "meaning": p.meaning,
+            **_quantiles(outcome.flat[:, i]),
+            "rhat": float(convergence.rhat[z]),
+            "ess_bulk": float(convergence.ess_bulk[z]),
+            "ess_tail": float(convergence.ess_tail[z]),
+            "prior": {
+                "family": family_name(p.prior), **numbers(p.prior), "source": p.source,
+                **dict(zip(("q05", "median", "q95"), p.prior.quantile(QUANTILES).tolist(), strict=True)),
+            },
+        }  # fmt: skip
+    return out
 
 
 def _quantiles(draws: Floats) -> dict[str, float]:
-    return dict(zip(("q05", "median", "q95"), np.quantile(draws, (0.05, 0.5, 0.95)).tolist(), strict=True))
+    return dict(zip(("q05", "median", "q95"), np.quantile(draws, QUANTILES).tolist(), strict=True))
 
 
 def probability(step: Step, candidate: Candidate) -> float:
@@ -175,10 +313,16 @@ def probability(step: Step, candidate: Candidate) -> float:
 
 
 def _candidate_json(outcome: GapOutcome, candidate: Candidate) -> dict[str, Any]:
+    """As judged in the first round; what was added in a later one, as judged then."""
+    study = outcome.study
+    place, _, candidate = _added(study).get(candidate.effect.id, (1, study.steps[0], candidate))
     score = outcome.scores.get(candidate.effect.id)
-    status, why = judgement(outcome.study, candidate)
+    status, why = judgement(study, candidate)
     return {
         "id": candidate.effect.id,
+        "title": candidate.effect.title,
+        "round": place,
+        "refitted": candidate.fitted is not None,
         "ln_bayes_factor": None if candidate.untestable else candidate.ln_bayes_factor,
         "delta_elpd_held_out": None if score is None else score.delta,
         "delta_elpd_se": None if score is None else score.se,
@@ -188,12 +332,12 @@ def _candidate_json(outcome: GapOutcome, candidate: Candidate) -> dict[str, Any]
 
 
 def judgement(study: GapStudy, candidate: Candidate) -> tuple[str, str]:
-    """Status of a candidate of the first round, and why, in words."""
+    """Status of a candidate, and why, in words."""
     name = candidate.effect.id
     if candidate.untestable:
-        return "untestable", candidate.untestable
-    if any(e.id == name for e in study.effects):
-        return "named", "worth more than its price, and than a flexible term in its place"
+        return "untestable", "; ".join(dict.fromkeys(candidate.untestable.split("; ")))
+    if name in _added(study):
+        return _judgement_of_added(study, candidate)
     for leader, members in study.classes.items():
         if name in members:
             return "rejected", f"these data cannot tell it from {leader}, within {APART:g} of ln Bayes factor"
@@ -209,6 +353,21 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[str, str]:
             f"(ln Bayes factor {candidate.guard:.1f} against {candidate.ln_bayes_factor:.1f})"
         )
     return "rejected", "another effect explains more, and once that is added this one is not needed"
+
+
+def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[str, str]:
+    place = _added(study)[candidate.effect.id][0]
+    if all(e.id != candidate.effect.id for e in study.effects):
+        return "rejected", f"added in round {place}, and made needless by what was added later"
+    if study.verdict != "named":
+        return (
+            "rejected",
+            f"added in round {place}, but too much of the disagreement remains for it to be the cause",
+        )
+    return (
+        "named",
+        f"added in round {place}: worth more than its price, and than a flexible term in its place",
+    )
 
 
 def _round_json(step: Step) -> dict[str, Any]:

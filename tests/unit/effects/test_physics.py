@@ -190,7 +190,7 @@ def test_a_load_cell_without_ambient_follows_the_alloy() -> None:
     inputs = inputs_of(np.r_[30.0, np.full(400, 90.0)])
     inputs["rate"] = np.zeros(401)
     change = applied("load_cell_thermal_drift", [0.002, 50.0, 0.2], inputs)["force"][-1]
-    assert change - force(np.array(90.0)) == pytest.approx(0.002 * 0.2 * 60.0, rel=1e-2)
+    assert change - force(np.array(90.0)) == pytest.approx(0.002 * 0.2 * (90.0 - ROOM), rel=1e-2)
 
 
 def test_both_phases_expand() -> None:

@@ -1,0 +1,108 @@
+"""Posterior and series of a study on disk."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sma_bayes.gap.outcome import GapOutcome
+from sma_bayes.gap.series import series_columns, series_of
+from sma_bayes.posterior import versions
+from sma_bayes.results.store import write_csv, write_file
+
+KEPT = 500
+"""Draws of each ensemble that are stored at most."""
+PRIOR_DRAWS = 2000
+
+POSTERIOR = Path("posterior") / "gap.nc"
+SERIES = Path("series.csv")
+
+
+def write_study(folder: Path, outcome: GapOutcome, *, seed: int) -> None:
+    """Write ``posterior/gap.nc`` and ``series.csv``.
+
+    Parameters
+    ----------
+    folder : Path
+    outcome : GapOutcome
+    seed : int
+
+    Raises
+    ------
+    OutputError
+        If a file can't be written.
+    """
+    tree = posterior_tree(outcome, seed)
+    write_file(
+        folder / POSTERIOR,
+        lambda place: tree.to_netcdf(place, engine="h5netcdf"),
+        nbytes=int(tree.nbytes),
+    )
+    write_csv(
+        folder / SERIES, series_columns(outcome.study, series_of(outcome.study, outcome.flat)), digits=7
+    )
+
+
+def posterior_tree(outcome: GapOutcome, seed: int) -> Any:
+    """Draws of the final model as `arviz.from_netcdf` opens them.
+
+    Parameters
+    ----------
+    outcome : GapOutcome
+    seed : int
+
+    Returns
+    -------
+    xarray.DataTree
+        Groups ``posterior`` (chains are the independent ensembles; each parameter with its unit, meaning and prior),
+        ``sample_stats`` (``lp``) and ``prior`` (parameters of the effects; left out where there is no effect).
+    """
+    import xarray as xr
+
+    space = outcome.study.final.hypothesis.space
+    groups, steps, walkers, _ = outcome.draws.z.shape
+    kept = np.linspace(0, steps * walkers - 1, min(KEPT, steps * walkers)).round().astype(int)
+    z = np.swapaxes(outcome.draws.z, 1, 2).reshape(groups, steps * walkers, -1)[:, kept]
+    theta = space.to_physical(z)
+    lp = np.swapaxes(outcome.draws.log_prob, 1, 2).reshape(groups, -1)[:, kept]
+    coords = {"chain": np.arange(groups), "draw": np.arange(z.shape[1])}
+    dims = ("chain", "draw")
+    posterior = {
+        p.name: (
+            dims,
+            theta[:, :, i],
+            {"unit": p.unit, "long_name": p.meaning, "prior": repr(p.prior), "prior_source": p.source},
+        )
+        for i, p in enumerate(space.parameters)
+    }
+    tree = {
+        "/": xr.Dataset(attrs=_attributes(outcome, seed)),
+        "posterior": xr.Dataset(posterior, coords),
+        "sample_stats": xr.Dataset({"lp": (dims, lp)}, coords),
+    }
+    positions = outcome.study.final.hypothesis.effect_positions
+    if positions:
+        rng = np.random.default_rng(np.random.SeedSequence([seed, 17]))
+        prior = space.to_physical(space.draw(rng, PRIOR_DRAWS))
+        drawn = {space.parameters[i].name: (dims, prior[None, :, i]) for at in positions.values() for i in at}
+        tree["prior"] = xr.Dataset(drawn, {"chain": [0], "draw": np.arange(PRIOR_DRAWS)})
+    return xr.DataTree.from_dict(tree)
+
+
+def _attributes(outcome: GapOutcome, seed: int) -> dict[str, Any]:
+    return {
+        "title": "posterior of the model with the effects that were added",
+        "effects": ", ".join(e.id for e in outcome.study.effects),
+        "verdict": outcome.study.verdict,
+        "seed": seed,
+        "converged": int(outcome.draws.convergence.converged),
+        "sampler": f"emcee ensembles, {outcome.draws.method}",
+        "versions": json.dumps(versions()),
+        "inference_library": "emcee",
+        "inference_library_version": versions()["emcee"],
+        "creation_library": "sma_bayes",
+        "creation_library_version": versions()["sma-bayes"],
+    }
