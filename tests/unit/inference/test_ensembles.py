@@ -9,6 +9,7 @@ from pathlib import Path
 import emcee
 import numpy as np
 import pytest
+from scipy.stats import t as student_t
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.errors import ResumeError
@@ -17,7 +18,7 @@ from sma_bayes.inference.ensembles import Draws, Plan, dispersed_starts, sample
 from sma_bayes.inference.noise_choice import noise_start
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Record
 
@@ -79,6 +80,21 @@ def two_lumps(d: int = 2) -> Density:
 
     return Density(log_prob, d)
 
+
+EITHER_SIGN = """
+schema = "sma-bayes/priors/1"
+model = "modified_sigmoid"
+[both]
+A1 = { family = "lognormal", median = 0.02, sigma = 0.3, unit = "m" }
+A2 = { family = "normal", mean = 0.0, sd = 0.4, unit = "1/K" }
+A3 = { family = "normal", mean = 50.0, sd = 6.0, unit = "degC" }
+B1 = { family = "lognormal", median = 2.5, sigma = 0.3, unit = "N" }
+B2 = { family = "normal", mean = 0.0, sd = 0.4, unit = "1/K" }
+B3 = { family = "normal", mean = 50.0, sd = 6.0, unit = "degC" }
+[noise]
+phi = { family = "uniform", low = -1.0, high = 1.0 }
+sd = { family = "lognormal", median = 0.02, sigma = 1.0, relative_to = "span(channel)" }
+"""
 
 QUICK = Plan(target=Target(1.05, 200.0), explore_block=40, walkers=32)
 
@@ -148,6 +164,113 @@ def test_evaluations_are_those_that_the_density_saw() -> None:
         density.function = counted
         draws = sample(density, starts, width, np.random.SeedSequence(0), plan)
         assert draws.evaluations == pytest.approx(rows, rel=0.05)
+
+
+# --- planted shapes: never converged and wrong --------------------------------------------------------
+#
+# At least 1000 effective draws: means have standard errors of 0.03 sd and sds of 2 % (heavier tails: 4 %), shares
+# below a quantile of 0.016. Tolerances of 0.12 sd, 12 % and 0.06 are more than 3 of these, for a dozen coordinates.
+
+
+def right_moments(draws: Draws, mean: np.ndarray, sd: np.ndarray) -> None:
+    z = draws.z.reshape(-1, mean.size)
+    np.testing.assert_allclose((z.mean(axis=0) - mean) / sd, 0.0, atol=0.12, err_msg="means [sd]")
+    np.testing.assert_allclose(z.std(axis=0) / sd, 1.0, atol=0.12, err_msg="ratios of sds")
+
+
+def right_shares(draws: Draws, quantile: Callable[[float], float]) -> None:
+    """Of every coordinate, below quantiles of its marginal; for tails whose variance is hardly ever right."""
+    z = draws.z.reshape(-1, draws.z.shape[-1])
+    for p in (0.05, 0.25, 0.5, 0.75, 0.95):
+        np.testing.assert_allclose(np.mean(z < quantile(p), axis=0), p, atol=0.06)
+
+
+def test_a_nearly_singular_gaussian_in_twelve_dimensions() -> None:
+    """Widths from 1e-5 to 1 along axes that no coordinate follows."""
+    axes, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((12, 12)))
+    width = np.geomspace(1e-5, 1.0, 12)
+    draws = run(Density(lambda z: -0.5 * (((z @ axes) / width) ** 2).sum(axis=1), 12))
+    assert draws.convergence.converged
+    right_moments(draws, np.zeros(12), np.sqrt((axes**2) @ width**2))
+    along = (draws.z.reshape(-1, 12) @ axes).std(axis=0)
+    np.testing.assert_allclose(along / width, 1.0, atol=0.12)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_two_modes_of_unequal_weight_in_ten_dimensions(seed: int) -> None:
+    """One to four, ten standard deviations apart."""
+
+    def log_prob(z: np.ndarray) -> np.ndarray:
+        rest = -0.5 * (z[:, 1:] ** 2).sum(axis=1)
+        return rest + np.logaddexp(
+            np.log(0.8) - 0.5 * (z[:, 0] + 5) ** 2, np.log(0.2) - 0.5 * (z[:, 0] - 5) ** 2
+        )
+
+    draws = run(Density(log_prob, 10), seed)
+    assert draws.convergence.converged
+    assert len(draws.modes) == 2
+    right_moments(draws, np.array([-3.0, *np.zeros(9)]), np.array([np.sqrt(17.0), *np.ones(9)]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", [True, False], ids=["multivariate", "independent"])
+def test_heavy_tails_in_ten_dimensions(joint: bool) -> None:
+    """Student's t with 3 degrees of freedom: one radius for all coordinates, or each its own."""
+
+    def log_prob(z: np.ndarray) -> np.ndarray:
+        if joint:
+            return -6.5 * np.log1p((z**2).sum(axis=1) / 3.0)
+        return -2.0 * np.log1p(z**2 / 3.0).sum(axis=1)
+
+    draws = run(Density(log_prob, 10), plan=Plan(evaluations=600_000))
+    if draws.convergence.converged:
+        right_shares(draws, student_t(3).ppf)
+    else:
+        assert draws.evaluations >= 600_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1.0, 3.0])
+def test_a_funnel_in_ten_dimensions(width: float) -> None:
+    """Of widths from exp(-width) to exp(width) of that in the middle, in nine directions; the wider is out of reach."""
+
+    def log_prob(z: np.ndarray) -> np.ndarray:
+        v = z[:, 0]
+        return -0.5 * (v / width) ** 2 - 0.5 * (z[:, 1:] ** 2).sum(axis=1) * np.exp(-v) - 4.5 * v
+
+    draws = run(Density(log_prob, 10), plan=Plan(evaluations=600_000))
+    assert draws.convergence.converged == (width < 2.0)
+    if draws.convergence.converged:
+        right_moments(draws, np.zeros(10), np.array([width, *np.full(9, np.exp(0.25 * width**2))]))
+
+
+@pytest.mark.slow
+def test_a_banana_in_twelve_dimensions() -> None:
+    """Bent by as much as it is wide: ``x1 = x0**2 + N(0, 1)``."""
+
+    def log_prob(z: np.ndarray) -> np.ndarray:
+        bent = -0.5 * (z[:, 1] - z[:, 0] ** 2) ** 2
+        return bent - 0.5 * z[:, 0] ** 2 - 0.5 * (z[:, 2:] ** 2).sum(axis=1)
+
+    draws = run(Density(log_prob, 12), plan=Plan(evaluations=600_000))
+    if draws.convergence.converged:
+        right_moments(draws, np.array([0.0, 1.0, *np.zeros(10)]), np.array([1.0, np.sqrt(3.0), *np.ones(10)]))
+    else:
+        assert draws.evaluations >= 600_000
+
+
+def test_two_modes_of_a_record_with_memory(make_record: Callable[..., Record]) -> None:
+    """Stiffness does not tell the common sign of A2 and B2; with priors that do not either, both modes count alike."""
+    priors = parse_priors(EITHER_SIGN, "either_sign.toml")
+    record = make_record(("stiffness",), seed=1, noise=0.02, memory=0.6)
+    posterior = build_posterior([record], NOISE_MODELS["ar1"], priors)
+    z = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
+    signs = np.array([-1.0 if name in ("A2", "B2") else 1.0 for name in posterior.names])
+    draws = sample(posterior, [z, signs * z], posterior.space.prior_sd(), np.random.SeedSequence(3))
+    assert draws.convergence.converged
+    assert len(draws.modes) == 2
+    positive = draws.z[..., posterior.names.index("A2")] > 0
+    assert np.mean(positive) == pytest.approx(0.5, abs=0.06)
 
 
 # --- honesty ------------------------------------------------------------------------------------------
