@@ -2,7 +2,8 @@
 
 In a slow sweep (`standard` and its kin) the power rises and falls as a raised cosine, so that the rate dT/dt differs
 along the sweep and between conditions, by frequency and peak; currents are set, not sampled, so temperature is an
-input only. The design `thermal` is the paper's square wave with the current sampled, where temperature is an outcome.
+input only. In `thermal`, the paper's square wave, and in `thermal_slow` the current is sampled and held from sample to
+sample, and temperature is an outcome with noise of its own.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_benchmark.heating import Wire, warm
-from gap_benchmark.spring import Floats, Spring, another, bench_spring
+from gap_benchmark.spring import Floats, Spring, another, bench_spring, wide_spring
 
 GRAVITY = 9.80665
 FINE = 4
@@ -63,7 +64,11 @@ class Design:
     settings : tuple of Setting
     sampling : callable
     square : bool
-        Whether the drive is a square wave whose current is sampled; else a raised cosine whose current is set.
+        Whether the drive is a square wave; else a raised cosine.
+    sampled : bool
+        Whether the current is sampled, and held until the next sample; else it is only known as it was set.
+    spring : callable
+        Draws a spring.
     pooled : bool
         Whether all conditions show the same curves.
     noise : float
@@ -75,6 +80,8 @@ class Design:
     settings: tuple[Setting, ...]
     sampling: Sampling
     square: bool = False
+    sampled: bool = False
+    spring: Callable[[np.random.Generator], Spring] = bench_spring
     pooled: bool = True
     noise: float = 0.005
     temperature_noise: float = 0.0
@@ -95,8 +102,8 @@ class Course:
         Number of the sweep between extremes of the temperature, from 0; even ones are heating.
     samples : ndarray of int, shape (n,)
         Which of the m instants are sampled.
-    square : bool
-        Whether the current is held from one instant to the next.
+    held : bool
+        Whether current and ambient temperature are held from one instant to the next.
     zero : float
         Ambient temperature [degC] at which the load cell was zeroed.
     """
@@ -110,7 +117,7 @@ class Course:
     temperature: Floats
     sweep: NDArray[np.int64]
     samples: NDArray[np.int64]
-    square: bool
+    held: bool
     zero: float
 
     @property
@@ -157,7 +164,7 @@ def courses(design: Design, seed: int) -> tuple[Course, ...]:
         Of the spring, of the room and of uneven sampling.
     """
     rng = np.random.default_rng([seed, 1])
-    spring = bench_spring(rng)
+    spring = design.spring(rng)
     springs = [spring if design.pooled else another(spring, rng) for _ in design.settings]
     phase = rng.uniform(0.0, 2.0 * np.pi)
     return tuple(
@@ -176,15 +183,15 @@ def _course(
     sampled = np.concatenate(instants)
     ends = np.append(sampled[1:], turns[-1])
     time = (sampled[:, None] + (ends - sampled)[:, None] * np.arange(FINE) / FINE).ravel()
-    applied = np.repeat(sampled, FINE) if design.square else time
+    applied = np.repeat(sampled, FINE) if design.sampled else time
     ambient = _room(setting, phase, applied, period * len(setting.peaks))
     power = _power(design, setting, wire, applied)
-    temperature = warm(wire, power, ambient, time, ambient[0], held=design.square)
+    temperature = warm(wire, power, ambient, time, ambient[0], held=design.sampled)
     planned = np.repeat(np.arange(len(instants)), [i.size for i in instants])
     branch = np.repeat(sweeps(temperature[::FINE], planned), FINE)
     return Course(
         setting, spring, wire, time, np.sqrt(power / wire.resistance), ambient, temperature,
-        sweep=branch, samples=np.arange(sampled.size) * FINE, square=design.square, zero=22.0,
+        sweep=branch, samples=np.arange(sampled.size) * FINE, held=design.sampled, zero=22.0,
     )  # fmt: skip
 
 
@@ -236,22 +243,26 @@ def _turns(design: Design, setting: Setting, wire: Wire, phase: float) -> list[f
     return turns
 
 
-def _slow(peaks: tuple[tuple[float, ...], ...]) -> tuple[Setting, ...]:
-    grams, frequencies = (100, 150, 200), (1.0e-3, 1.7e-3, 2.8e-3)
+def _settings(
+    frequencies: tuple[float, float, float],
+    peaks: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]],
+    duties: tuple[float, float, float] = (0.5, 0.5, 0.5),
+) -> tuple[Setting, ...]:
+    """Three conditions; load, frequency and room do not go hand in hand."""
+    grams, rooms = (150, 100, 200), (22.5, 24.0, 20.5)
     return tuple(
-        Setting(f"{g}g", 1e-3 * g * GRAVITY, f, p, room)
-        for g, f, p, room in zip(grams, frequencies, peaks, (20.5, 22.5, 24.0), strict=True)
+        Setting(f"{g}g", 1e-3 * g * GRAVITY, f, p, room, duty)
+        for g, f, p, room, duty in zip(grams, frequencies, peaks, rooms, duties, strict=True)
     )
 
 
-STANDARD = _slow(((80.0,) * 5, (100.0,) * 5, (120.0,) * 5))
-LADDER = _slow(
-    ((64.0, 70.0, 76.0, 84.0, 95.0), (68.0, 76.0, 84.0, 95.0, 110.0), (72.0, 80.0, 90.0, 105.0, 120.0))
+SLOW = (1.0e-3, 1.7e-3, 2.8e-3)
+STANDARD = _settings(SLOW, ((80.0,) * 5, (100.0,) * 5, (120.0,) * 5))
+LADDER = _settings(
+    SLOW, ((64.0, 70.0, 76.0, 84.0, 95.0), (68.0, 76.0, 84.0, 95.0, 110.0), (72.0, 80.0, 90.0, 105.0, 120.0))
 )
-SQUARE = tuple(
-    Setting(f"{p:.0f}C", 0.15 * GRAVITY, 0.01, (p,) * 5, room, duty)
-    for p, room, duty in ((88.0, 20.5, 0.5), (112.0, 22.5, 0.4), (140.0, 24.0, 0.35))
-)
+PULSES = _settings((0.01,) * 3, ((110.0,) * 5, (125.0,) * 5, (140.0,) * 5), (0.5, 0.4, 0.35))
+HOURS = _settings((3e-4, 5e-4, 8e-4), ((110.0,) * 5, (125.0,) * 5, (140.0,) * 5))
 
 DESIGNS = {
     "standard": Design(STANDARD, even),
@@ -259,6 +270,9 @@ DESIGNS = {
     "single_condition": Design(STANDARD[1:2], even),
     "unpooled": Design(STANDARD, even, pooled=False),
     "ladder": Design(LADDER, even),
-    "thermal": Design(SQUARE, even, square=True, noise=0.02, temperature_noise=0.15),
+    "thermal": Design(
+        PULSES, even, square=True, sampled=True, spring=wide_spring, noise=0.01, temperature_noise=0.15
+    ),
+    "thermal_slow": Design(HOURS, even, sampled=True, spring=wide_spring, noise=0.02, temperature_noise=0.3),
 }
 """Designs by name. `ladder` varies the peak temperature from cycle to cycle, with incomplete transformation."""

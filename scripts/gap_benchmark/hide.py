@@ -2,7 +2,8 @@
 
 The size is the norm of the whitened residuals that noise-free data with the mechanism leave once the plain model has
 been refitted to them: what no choice of its parameters absorbs. The mechanism is scaled to it; where that would take
-it out of its physical range, the noise is scaled, up to fourfold either way; and beyond that the mechanism after all.
+it out of its physical range, the noise is scaled if up to eight times more or less of it is enough, and the mechanism
+all the same if not.
 """
 
 from __future__ import annotations
@@ -32,12 +33,10 @@ NEUTRAL = ("none", "wrong_calibration")
 INSIDE = tuple(sorted(set(MECHANISMS) - {*OUTSIDE, *NEUTRAL}))
 """Mechanisms of the catalogue of effects."""
 
-NOISE_FACTOR = 4.0
+NOISE_FACTOR = 8.0
 """How much more or less noise than usual there may be."""
 PRECISION = 1e-4
 """Relative precision with which the size in sigma is met."""
-TRACE = 0.01
-"""Share of the size asked for below which a mechanism counts as absorbed."""
 UNITS = {
     "temperature": "degC", "time": "s", "current": "A", "ambient_temperature": "degC", "cycle": "1", "force": "N",
     "displacement": "m",
@@ -118,6 +117,8 @@ class Bench:
     errors : tuple of mapping
         Noise of unit variance of each condition and outcome.
     pooled : bool
+    design, noise_name : str
+    seed : int
     """
 
     courses: tuple[Course, ...]
@@ -125,6 +126,9 @@ class Bench:
     sd: Mapping[str, float]
     errors: tuple[Mapping[str, Floats], ...]
     pooled: bool
+    design: str
+    noise_name: str
+    seed: int
 
     def readings(self, hidden: Sequence[Hidden]) -> tuple[Readings, ...]:
         """Without noise and digitisers."""
@@ -205,30 +209,44 @@ def hide_several(
     Raises
     ------
     ValueError
-        If a mechanism leaves no trace in this design.
+        If a mechanism can't leave that much in this design.
     """
-    plan = DESIGNS[design]
-    shared = plan.pooled if pooled is None else pooled
-    bench = _bench(plan, NOISES[noise], seed, shared)
-    wanted = [MECHANISMS[e] for e in effects if e != "none"]
-    drawn = [_hidden(m, 1.0, seed) for m in wanted]
+    bench = _bench(design, noise, seed, pooled)
+    drawn = [_hidden(e, 1.0, seed) for e in effects if e != "none"]
     factor = _noise_factor(bench, drawn, sigma)
-    hidden = [_scaled(bench, h, sigma, factor) for h in drawn]
-    clean = bench.readings(hidden)
-    return Case(
-        campaign=_campaign(bench.measured(clean, hidden, factor), plan, factor, (*effects, noise, design, seed)),
-        answers=tuple(_answer(bench, h, factor) for h in hidden),
-        design=design, noise=noise, seed=seed, pooled=shared, noise_factor=factor,
-        noise_sd={c: factor * s for c, s in bench.sd.items()},
-        sigma=bench.sigma(hidden, factor), clean=clean,
-    )  # fmt: skip
+    return _case(bench, [_scaled(bench, h, sigma, factor) for h in drawn], factor)
+
+
+def plant(
+    sizes: Mapping[str, float],
+    noise: str = "white",
+    design: str = "standard",
+    seed: int = 0,
+    *,
+    noise_factor: float = 1.0,
+    pooled: bool | None = None,
+) -> Case:
+    """Make a campaign with mechanisms of given sizes, whatever that is in sigma.
+
+    Parameters
+    ----------
+    sizes : mapping of str to float
+        Size of each mechanism, in its unit.
+    noise, design, seed, pooled
+        See `hide_several`.
+    noise_factor : float
+        Noise over the usual noise of the design.
+    """
+    bench = _bench(design, noise, seed, pooled)
+    return _case(bench, [_hidden(e, size, seed) for e, size in sizes.items()], noise_factor)
 
 
 # --- sizes --------------------------------------------------------------------------------------------
 
 
-def _hidden(mechanism: Mechanism, size: float, seed: int) -> Hidden:
-    rng = np.random.default_rng([seed, 2, zlib.crc32(mechanism.id.encode())])
+def _hidden(effect: str, size: float, seed: int) -> Hidden:
+    mechanism = MECHANISMS[effect]
+    rng = np.random.default_rng([seed, 2, zlib.crc32(effect.encode())])
     return Hidden(mechanism, size, mechanism.traits(rng))
 
 
@@ -240,8 +258,8 @@ def _noise_factor(bench: Bench, drawn: Sequence[Hidden], sigma: float) -> float:
             continue
         weak, strong = (bench.sigma([replace(h, size=size)]) for size in (m.low, m.high))
         needed = weak / sigma if weak > sigma else strong / sigma if strong < sigma else 1.0
-        if needed != 1.0:
-            return float(np.clip(needed, 1.0 / NOISE_FACTOR, NOISE_FACTOR))
+        if needed != 1.0 and 1.0 / NOISE_FACTOR <= needed <= NOISE_FACTOR:
+            return needed
     return 1.0
 
 
@@ -261,25 +279,25 @@ def _scaled(bench: Bench, h: Hidden, sigma: float, factor: float) -> Hidden:
 def _solve(reached: Callable[[float], float], sigma: float, start: float, limit: float, name: str) -> float:
     """Size at which the size in sigma is met, by the secant rule in logarithms within a bracket.
 
-    At the limit of what makes sense the search ends, met or not.
+    The search ends too where the size in sigma jumps across what was asked for, because a turn of the reading moves
+    from one sample to the next.
 
     Raises
     ------
     ValueError
-        If there is hardly any trace even there.
+        If it is not met at the limit of what makes sense.
     """
     low, high, slope, size = 0.0, limit, 1.0, start
     before: tuple[float, float] | None = None
-    for _ in range(60):
+    for _ in range(40):
         got = reached(size)
-        if abs(got / sigma - 1.0) < PRECISION:
+        if abs(got / sigma - 1.0) < PRECISION or high - low < 1e-9 * size:
             break
         if size >= limit and got < sigma:
-            if got < TRACE * sigma:
-                raise ValueError(
-                    f"{name} leaves no trace: the design lacks what shows it, or the plain model absorbs all of it"
-                )
-            break
+            raise ValueError(
+                f"{name} is {got:.2g} sigma at most, not {sigma:g}: "
+                "the design lacks what shows it, or the plain model absorbs it"
+            )
         low, high = (size, high) if got < sigma else (low, size)
         if before is not None and min(got, before[1]) > 0.0 and size != before[0]:
             slope = float(np.clip(math.log(got / before[1]) / math.log(size / before[0]), 0.3, 5.0))
@@ -302,14 +320,27 @@ def _answer(bench: Bench, h: Hidden, factor: float) -> Answer:
 # --- measuring ----------------------------------------------------------------------------------------
 
 
-def _bench(plan: Design, noise: Noise, seed: int, pooled: bool) -> Bench:
+def _bench(design: str, noise: str, seed: int, pooled: bool | None) -> Bench:
+    plan, kind = DESIGNS[design], NOISES[noise]
     runs = courses(plan, seed)
     rng = np.random.default_rng([seed, 3])
     sd = {c: plan.noise * runs[0].spring.span(c) for c in CHANNELS}
-    if plan.square:
+    if plan.sampled:
         sd["temperature"] = plan.temperature_noise
-    errors = tuple({c: noise.draw(rng, run.samples.size) for c in sd} for run in runs)
-    return Bench(runs, noise, sd, errors, pooled)
+    errors = tuple({c: kind.draw(rng, run.samples.size) for c in sd} for run in runs)
+    shared = plan.pooled if pooled is None else pooled
+    return Bench(runs, kind, sd, errors, shared, design, noise, seed)
+
+
+def _case(bench: Bench, hidden: Sequence[Hidden], factor: float) -> Case:
+    clean = bench.readings(hidden)
+    return Case(
+        campaign=_campaign(bench.measured(clean, hidden, factor), DESIGNS[bench.design], factor),
+        answers=tuple(_answer(bench, h, factor) for h in hidden),
+        design=bench.design, noise=bench.noise_name, seed=bench.seed, pooled=bench.pooled, noise_factor=factor,
+        noise_sd={c: factor * s for c, s in bench.sd.items()},
+        sigma=bench.sigma(hidden, factor), clean=clean,
+    )  # fmt: skip
 
 
 def _with(readings: Readings, channels: Mapping[str, Floats]) -> Readings:
@@ -328,10 +359,10 @@ def _digitised(readings: Readings, hidden: Sequence[Hidden]) -> Readings:
     return _with(readings, {"force": force})
 
 
-def _campaign(measured: Sequence[Readings], plan: Design, factor: float, what: Sequence[object]) -> Campaign:
-    digest = hashlib.sha256(repr(tuple(what)).encode())
+def _campaign(measured: Sequence[Readings], plan: Design, factor: float) -> Campaign:
+    digest = hashlib.sha256()
     for r in measured:
-        for values in r.channels.values():
+        for values in (r.course.time, *r.channels.values()):
             digest.update(np.ascontiguousarray(values).tobytes())
     records = tuple(_record(r, branch, plan, factor) for r in measured for branch in Branch)
     return Campaign("bench rig", "simulated", digest.hexdigest(), records)
@@ -344,7 +375,7 @@ def _record(r: Readings, branch: Branch, plan: Design, factor: float) -> Record:
         "temperature": r.channels["temperature"], "time": c.time[at], "ambient_temperature": c.ambient[at],
         "cycle": 1.0 + r.sweep // 2, "segment": (r.sweep // 2).astype(float),
     }  # fmt: skip
-    if plan.square:
+    if plan.sampled:
         inputs["current"] = c.current[at]
     names = (*inputs, *CHANNELS)
     setting = c.setting

@@ -64,7 +64,7 @@ def _ambient_draught(state: State, size: float, traits: Traits) -> State:
         c.ambient,
         c.time,
         float(c.temperature[0]),
-        held=c.square,
+        held=c.held,
         loss=c.wire.loss * (1.0 + size * gust),
     )
     return replace(state, course=replace(c, temperature=temperature))
@@ -118,7 +118,7 @@ def _temperature_gradient(state: State, size: float, traits: Traits) -> State:
     parts = []
     for s in place.tolist():
         wire = replace(c.wire, loss=c.wire.loss * (1.0 + extra * s ** traits["power"]))
-        own = warm(wire, c.power, c.ambient, c.time, float(c.temperature[0]), held=c.square)
+        own = warm(wire, c.power, c.ambient, c.time, float(c.temperature[0]), held=c.held)
         parts.append(c.spring.logit(own, c.heating))
     return replace(state, z=np.array(parts), weights=share)
 

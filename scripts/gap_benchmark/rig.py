@@ -80,12 +80,11 @@ def _guide_friction(state: State, size: float, traits: Traits) -> State:
 
 
 def _thermal_expansion(state: State, size: float, traits: Traits) -> State:
-    """``dX = L alpha(xi) dT``, with the expansion of the mixture, from the first temperature on."""
+    """``X += L alpha(xi) (T - T0)`` with the expansion of the mixture, T0 the first temperature."""
     c = state.course
     m, a = EXPANSION["martensite"], EXPANSION["austenite"]
-    alpha = m + (a - m) * state.fraction
-    growth = np.concatenate([[0.0], np.cumsum(0.5 * (alpha[1:] + alpha[:-1]) * np.diff(c.temperature))])
-    return replace(state, displacement=state.displacement + size * growth)
+    strain = (m + (a - m) * state.fraction) * (c.temperature - c.temperature[0])
+    return replace(state, displacement=state.displacement + size * strain)
 
 
 def _fixture_compliance(state: State, size: float, traits: Traits) -> State:

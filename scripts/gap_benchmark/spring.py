@@ -105,6 +105,19 @@ def bench_spring(rng: np.random.Generator) -> Spring:
     )
 
 
+def wide_spring(rng: np.random.Generator) -> Spring:
+    """A spring that transforms over some 35 K about 76 degC and 63 degC.
+
+    The wider the transformation, the less an error of temperature of a few tenths of a kelvin does to force and stroke.
+    """
+    return Spring(
+        {
+            key: replace(c, rate=0.42 * c.rate, midpoint=c.midpoint + 15.0)
+            for key, c in bench_spring(rng).curves.items()
+        }
+    )
+
+
 def another(spring: Spring, rng: np.random.Generator) -> Spring:
     """The same spring as another condition would show it: asymptotes, rates and midpoints moved."""
     size, quick, shift = rng.uniform(0.8, 1.2), rng.uniform(0.9, 1.1), rng.uniform(-3.0, 3.0)

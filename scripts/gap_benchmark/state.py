@@ -132,7 +132,7 @@ def simulate(course: Course, hidden: Sequence[Hidden] = ()) -> Readings:
     state = at_rest(course)
     for h in acts:
         if h.mechanism.stage == Stage.HEAT:
-            state = at_rest(h.mechanism.act(state, h.size, h.traits).course)
+            state = at_rest(_turned(h.mechanism.act(state, h.size, h.traits).course))
     for h in acts:
         if h.mechanism.stage == Stage.KINETICS:
             state = h.mechanism.act(state, h.size, h.traits)
@@ -153,6 +153,12 @@ def at_rest(course: Course) -> State:
     z = course.spring.logit(course.temperature, course.heating)[None]
     nothing = np.zeros(course.time.size)
     return State(course, z, np.ones(1), nothing, nothing, course.temperature)
+
+
+def _turned(course: Course) -> Course:
+    """A course whose branches begin where its temperature turns."""
+    found = sweeps(course.temperature[course.samples], course.sweep[course.samples])
+    return replace(course, sweep=np.repeat(found, np.diff([*course.samples, course.time.size])))
 
 
 def with_channels(state: State) -> State:
