@@ -3,49 +3,43 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
-from sma_bayes.parameters.distributions import LogNormal, Uniform
 from sma_bayes.quantities import Floats
+
+LEAST: Final = 0.2
+"""Least change of the ambient temperature that a size is reckoned with [K]."""
 
 
 @dataclass(frozen=True)
 class AmbientDraught:
-    """The heat transfer swings: ``h -> h exp(e sin(2 pi t/P + phi))``, as ventilation comes and goes.
+    """Air that comes in moves, and is colder or warmer than the room: ``h -> h exp(-e (Ta - Ta0))``.
 
-    A period longer than the record is a drift, a shorter one a ventilation that switches. The ambient temperature is
-    in the Joule-heating balance where it was recorded, and loss absorbs the mean of h. What is left follows the time
-    and not the share transformed.
+    Ta0 is the median of a condition, since a room that is always cold has no more draught than another. The ambient
+    temperature itself is in the Joule-heating balance where it was recorded, and loss absorbs the mean of h. What is
+    left follows the changes of the room, most of all where the alloy is hottest, and not the share transformed.
     """
 
     id = "ambient_draught"
     title = "cooling changes with the air of the room"
-    equation = "h -> h exp(e sin(2 pi t/P + phi))"
+    equation = "h -> h exp(-e (Ta - Ta0))"
     reference = (
         "heat transfer of thin wires in air, 20-100 W/(m2 K) from still air to a light draught: Incropera and DeWitt, "
         "Fundamentals of Heat and Mass Transfer (Wiley)"
     )
-    needs = ("temperature_response", "ambient")
+    needs = ("temperature_response", "ambient_varies")
 
     def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
-        half = 0.5 * np.pi
-        return (
-            EffectParameter(
-                "e", "1", "swing of ln h", either_sign(0.3), "h between 20 and 100 W/(m2 K) at most: 0.8"
-            ),
-            EffectParameter(
-                "P",
-                "s",
-                "period of the swing",
-                LogNormal(scales.span["time"], 0.7),
-                "of the length of the record",
-            ),
-            EffectParameter("phi", "rad", "phase", Uniform(-half, half), "any, as the swing has a sign"),
-        )
+        swing = 0.5 * max(scales.span["ambient_temperature"], LEAST)
+        size = either_sign(0.3 / swing)
+        source = "h between 20 and 100 W/(m2 K) at most, 0.8 in ln h, over half the swing of the room"
+        return (EffectParameter("e", "1/K", "growth of ln h for each kelvin below", size, source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
-        swing, period, phase = (theta[..., i, None] for i in range(3))
-        factor = np.exp(swing * np.sin(2.0 * np.pi * inputs["time"] / period + phase))
+        ambient = inputs["ambient_temperature"]
+        colder = np.median(ambient, axis=-1, keepdims=True) - ambient
+        factor = np.exp(np.clip(theta[..., :1] * colder, -5.0, 5.0))
         return response({**inputs, "loss_factor": factor * inputs.get("loss_factor", np.ones(1))})

@@ -308,8 +308,10 @@ def test_latent_heat_slows_the_heating() -> None:
 
 
 def test_a_draught_changes_the_cooling() -> None:
-    """A draught of constant strength, in a quarter of an endless period, is a greater loss."""
-    inputs = inputs_of(np.full(400, 60.0), time=np.linspace(0.0, 200.0, 400))
-    out = applied("ambient_draught", [0.3, 1e12, 0.5 * np.pi], inputs)["temperature"]
-    gain, loss, ambient = THERMAL
-    assert out[-1] == pytest.approx(ambient + 4.0 * gain / (loss * np.exp(0.3)), rel=1e-6)
+    """In the colder half of a record the loss is greater, so that the alloy settles nearer to the room."""
+    gain, loss, _ = THERMAL
+    ambient = np.r_[np.full(400, 23.0), np.full(400, 21.0)]
+    inputs = inputs_of(np.full(800, 60.0), time=np.linspace(0.0, 400.0, 800), ambient_temperature=ambient)
+    out = applied("ambient_draught", [0.3], inputs)["temperature"]
+    assert out[398] == pytest.approx(23.0 + 4.0 * gain / (loss * np.exp(-0.3)), rel=1e-3)
+    assert out[-1] == pytest.approx(21.0 + 4.0 * gain / (loss * np.exp(0.3)), rel=1e-3)
