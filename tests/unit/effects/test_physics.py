@@ -120,6 +120,15 @@ def test_a_gradient_averages_along_the_spring() -> None:
         assert value == pytest.approx(mean, abs=2e-4 * B1)
 
 
+def test_a_gradient_takes_its_time() -> None:
+    """After a jump of the middle the ends are not cooler yet, and the curve is the plain one at first."""
+    jump = inputs_of(np.r_[ROOM, np.full(200, B3)])
+    late, at_once = (applied("temperature_gradient", [0.2, tau], jump)["force"] for tau in (20.0, 1e-3))
+    plain = float(force(np.array(B3)))
+    assert plain - late[1] < 0.1 * (plain - at_once[-1])
+    assert late[-1] == pytest.approx(at_once[-1], rel=1e-3)
+
+
 def test_richards_curve() -> None:
     out = applied("asymmetric_kinetics", [np.log(1.7), 0.0], inputs_of(RAMP))
     np.testing.assert_allclose(out["force"], B4 + B1 * expit(B2 * (RAMP - B3)) ** 1.7, rtol=1e-9)
