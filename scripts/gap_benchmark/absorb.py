@@ -108,8 +108,8 @@ def _sigmoids(group: Sequence[Readings], channel: str) -> tuple[Model, Floats]:
 
 
 def _guess(temperature: Floats, data: Floats, rate: float) -> Floats:
-    """Asymptotes from the extremes; the midpoint from the readings next to half way."""
-    low, high = float(np.min(data)), float(np.max(data))
+    """Asymptotes from the outer readings; the midpoint from the readings next to half way."""
+    low, high = np.quantile(data, [0.01, 0.99]).tolist()
     half = np.argsort(np.abs(data - 0.5 * (low + high)))[:5]
     return np.array([low, high - low, rate, float(np.mean(temperature[half]))])
 
