@@ -262,7 +262,10 @@ def _tempered(weights: Weights) -> Floats:
             low = middle
         else:
             high = middle
-    return Weights(low * weights.log_weight).normalised
+    tempered = np.full_like(weights.log_weight, -np.inf)
+    usable = np.isfinite(weights.log_weight)  # a draw of no weight stays so, also where the power is zero
+    tempered[usable] = low * weights.log_weight[usable]
+    return Weights(tempered).normalised
 
 
 def _weigh(
@@ -314,7 +317,8 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
         evaluations += 2 * DRAWS
         if best is None or weights.efficiency > best.weights.efficiency:
             seen = float(np.max(log_prob - proposal.log_density(rest))) - weights.log_evidence()[0]
-            best = Adapted(proposal, weights, evaluations, float(np.exp(seen)))
+            with np.errstate(over="ignore"):  # a proposal may miss a draw by any factor
+                best = Adapted(proposal, weights, evaluations, float(np.exp(seen)))
     if best is None:
         return adapt(density, modes, rng)
     return replace(best, evaluations=evaluations)
