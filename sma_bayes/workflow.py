@@ -6,7 +6,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -19,6 +19,7 @@ from sma_bayes import __version__
 from sma_bayes.assess.bands import Band, band_channels, credible_band, overall_band
 from sma_bayes.assess.loops import loop_quantities
 from sma_bayes.assess.summary import record_summary
+from sma_bayes.effects import EFFECTS
 from sma_bayes.errors import OutputError, ResumeError, SmaBayesError, near_matches
 from sma_bayes.inference.ensembles import Plan
 from sma_bayes.inference.jobs import run
@@ -342,7 +343,7 @@ def _check_mark(folder: Path, identity: dict[str, Any], resume: bool) -> None:
             expected="what `fit` wrote there",
             remedy="choose another --out",
         )
-    different = [k for k in identity if k != "schema" and found.get(k) != identity[k]]
+    different = [k for k in {**identity, **found} if k != "schema" and found.get(k) != identity.get(k)]
     if not resume:
         raise OutputError(
             "holds another run" if different else "holds this run already",
@@ -364,6 +365,7 @@ def study_gap(
     out: str | Path | None = None,
     *,
     seed: int = 0,
+    noise: str = AUTO,
     priors: str | Path | PriorSet = DEFAULT_PRIORS,
     pool: Pool = "none",
     jobs: int | None = None,
@@ -377,8 +379,12 @@ def study_gap(
     ----------
     campaign : Campaign
     out : str or Path, optional
-        Folder for `gap.json`, the posterior, tables, figures and the report; nothing is written without it.
-    seed, priors, pool, jobs, resume, figures, progress
+        Folder for `gap.json`, the posterior, series, tables, figures and the report; nothing is written without it.
+    noise : str
+        Only ``auto``: the study estimates the noise of each channel by itself.
+    resume : bool
+        Where `out` holds this very study already, only what is missing of its report is made.
+    seed, priors, pool, jobs, figures, progress
         See `fit_campaign`. With ``pool="campaign"`` one set of A and B a branch serves all conditions: what differs
         between conditions (stress, rate, lag) then shows instead of being swallowed.
 
@@ -389,43 +395,90 @@ def study_gap(
 
     Raises
     ------
+    SmaBayesError
+        If another noise is asked for.
     MeasurementError
         If the histories can't be compared.
     OutputError, ResumeError
         If `out` can't be used.
     """
-    from sma_bayes.gap.outcome import gap_outcome, outcome_json
+    from sma_bayes.gap.check import check_campaign
+
+    if noise != AUTO:
+        raise SmaBayesError(
+            f"--noise {noise}",
+            expected=f"{AUTO!r}: a gap study estimates AR(1) noise of each channel beside smooth functions, since "
+            "noise that is told from residuals would swallow the very disagreement that is looked for",
+            remedy="leave --noise out; gap.json states the noise that was found",
+        )
+    options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, pool=pool)
+    check_call(groups_of(campaign, pool), options)
+    remarks = check_campaign(campaign)
+    tell = progress or (lambda done, total, message: None)
+    if out is None:
+        return _studied(campaign, None, options, remarks, jobs, tell)
+    folder = Path(out)
+    identity = {**_identity(campaign, options), "kind": "gap", "effects": sorted(EFFECTS)}
+    with claimed_folder(folder, identity, resume):
+        found = _finished_study(folder) or _studied(campaign, folder, options, remarks, jobs, tell)
+    if figures:
+        from sma_bayes.report.build import build_report
+
+        build_report(folder, jobs=jobs, progress=tell)
+    return found
+
+
+def _studied(
+    campaign: Campaign,
+    folder: Path | None,
+    options: FitOptions,
+    remarks: Sequence[str],
+    jobs: int | None,
+    tell: Progress,
+) -> dict[str, Any]:
+    """Study a campaign, and write what was found; `gap.json` last, so that where it is nothing is missing."""
+    from sma_bayes.gap.outcome import STAGES, gap_outcome, outcome_json
+    from sma_bayes.gap.store import write_study
 
     clock = time.perf_counter()
-    options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, pool=pool)
-    tell = progress or (lambda done, total, message: None)
-    stage = iter(range(1000))
-    identity = {**_identity(campaign, options), "kind": "gap"}
-    folder = None if out is None else Path(out)
-    with nullcontext() if folder is None else claimed_folder(folder, identity, resume):
-        with threadpool_limits(limits=1):
-            outcome = gap_outcome(
-                campaign,
-                options.priors,
-                pooled=pool == "campaign",
-                seed=seed,
-                jobs=jobs,
-                progress=lambda message: tell(next(stage), 0, message),
-            )
-        found = {
+    with threadpool_limits(limits=1):
+        outcome = gap_outcome(
+            campaign,
+            options.priors,
+            pooled=options.pool == "campaign",
+            seed=options.seed,
+            jobs=jobs,
+            progress=lambda done, message: tell(done, STAGES, message),
+        )
+    found: dict[str, Any] = plain(
+        {
             **outcome_json(outcome),
             "campaign": campaign.name,
             "source": campaign.source,
-            "seed": seed,
-            "pool": pool,
+            "seed": options.seed,
+            "pool": options.pool,
+            "priors": options.priors.title,
             "versions": all_versions(),
             "data_sha256": campaign.sha256,
+            "remarks": list(remarks),
             "findings": [asdict(f) for f in campaign.findings],
             "wall_s": time.perf_counter() - clock,
         }
-        if folder is not None:
-            write_json(folder / "gap.json", found)
+    )
+    if folder is not None:
+        write_study(folder, outcome, seed=options.seed)
+        write_text(folder / "priors.toml", options.priors.text)
+        write_json(folder / "gap.json", found)
     return found
+
+
+def _finished_study(folder: Path) -> dict[str, Any] | None:
+    """What `gap.json` of a folder holds, if the study came to its end."""
+    try:
+        found = json.loads((folder / "gap.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
 
 
 def all_versions() -> dict[str, str]:

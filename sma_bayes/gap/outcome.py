@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.effects import EFFECTS, Effect
+from sma_bayes.effects.needs import untestable
 from sma_bayes.gap.close import Gap, HeldOutScore, close, held_out_scores
 from sma_bayes.gap.density import sample_hypothesis
 from sma_bayes.gap.experiments import Proposal, next_experiment
@@ -328,7 +329,14 @@ def _candidate_json(outcome: GapOutcome, candidate: Candidate) -> dict[str, Any]
         "delta_elpd_se": None if score is None else score.se,
         "status": status,
         "why": why,
+        "unmet": _unmet(study, candidate) if candidate.untestable else [],
     }
+
+
+def _unmet(study: GapStudy, candidate: Candidate) -> list[str]:
+    """Needs of an effect that the measurements do not meet."""
+    found = study.baseline.hypothesis.histories
+    return [need for need in candidate.effect.needs if untestable((need,), found)]
 
 
 def judgement(study: GapStudy, candidate: Candidate) -> tuple[str, str]:

@@ -16,15 +16,23 @@ from sma_bayes.report.figures import (
     corner_figure,
     correlation_figure,
     diagnostics_figure,
+    disagreement_loops,
+    effect_figure,
+    effect_parameter_figure,
+    ladder_figure,
     loop_figure,
     overview_figure,
     parameter_figure,
     predictive_figure,
     printed_figure,
     residual_figure,
+    residual_maps,
     save,
     trace_figure,
 )
+from sma_bayes.report.gap_outputs import StoredStudy, is_study, read_study
+from sma_bayes.report.gap_page import write_gap_report
+from sma_bayes.report.gap_tables import gap_tables
 from sma_bayes.report.gather import report_content
 from sma_bayes.report.html import write_report
 from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
@@ -41,7 +49,7 @@ def build_report(folder: Path, *, jobs: int | None = None, progress: Progress | 
     Parameters
     ----------
     folder : Path
-        Output folder of a finished `fit`. Nothing but the three outputs is changed in it.
+        Output folder of a finished `fit` or `gap`. Nothing but the three outputs is changed in it.
     jobs : int, optional
         Processes that draw figures; by default one for each core.
     progress : callable, optional
@@ -52,6 +60,9 @@ def build_report(folder: Path, *, jobs: int | None = None, progress: Progress | 
         If the folder holds no run, an unfinished one, or can't be written.
     """
     folder = Path(folder)
+    if is_study(folder):
+        build_gap_report(folder, jobs=jobs, progress=progress)
+        return
     stored = read_run(folder)
     content = report_content(stored)
     tasks = [
@@ -70,6 +81,41 @@ def build_report(folder: Path, *, jobs: int | None = None, progress: Progress | 
     write_tables(tables, folder / "tables")
     write_report(folder, content, tables, figures)
     tell(total, total, "wrote report.html")
+
+
+def build_gap_report(folder: Path, *, jobs: int | None = None, progress: Progress | None = None) -> None:
+    """The same for a gap study; see `build_report`."""
+    study = read_study(folder)
+    tasks = [_GapTask(study, draw) for draw in _gap_drawings(study)]
+    tell = progress or (lambda done, total, message: None)
+    total = len(tasks) + 1
+    tell(0, total, "drawing figures")
+    figures: dict[str, FigureFiles] = {}
+    for done, drawn in enumerate(run(_draw_gap, tasks, jobs), 1):
+        figures[drawn.stem] = drawn
+        tell(done, total, f"drew {drawn.stem}")
+    tables = gap_tables(study)
+    write_tables(tables, folder / "tables")
+    write_gap_report(study, tables, figures)
+    tell(total, total, "wrote report.html")
+
+
+@dataclass(frozen=True, slots=True)
+class _GapTask:
+    """A figure of a gap study."""
+
+    study: StoredStudy
+    draw: Callable[[StoredStudy], Drawing]
+
+
+def _gap_drawings(study: StoredStudy) -> list[Callable[[StoredStudy], Drawing]]:
+    drawings: list[Callable[[StoredStudy], Drawing]] = [disagreement_loops, residual_maps, ladder_figure]
+    drawings += [partial(effect_figure, effect=e) for e in study.effects]
+    return [*drawings, effect_parameter_figure] if study.effects else drawings
+
+
+def _draw_gap(task: _GapTask) -> FigureFiles:
+    return save(partial(task.draw, task.study), task.study.folder / "figures")
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,7 +75,7 @@ def write_report(
     OutputError
         If it can't be written, or a figure can't be read.
     """
-    pictures = {stem: _picture(folder / "figures" / f"{stem}.png", f) for stem, f in figures.items()}
+    pictures = {stem: embedded(folder / "figures" / f"{stem}.png", f) for stem, f in figures.items()}
     write_text(folder / "report.html", render(content, tables, pictures))
 
 
@@ -89,12 +89,12 @@ def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str,
     pictures : mapping of str to Picture
         By stem; a picture that is missing is left out.
     """
-    environment = _environment()
+    environment = page_environment()
     return environment.get_template(TEMPLATE).render(
         content=content,
         tables=tables,
         pictures=pictures,
-        style=Markup(_style(environment)),  # ours, not the user's
+        style=Markup(style_sheet(environment)),  # ours, not the user's
         level=LEVEL,
         interval=INTERVAL,
         target=TARGET,
@@ -116,7 +116,8 @@ def _has_arbitrary_unit(record: RecordContent) -> bool:
     return any(ARBITRARY in unit for unit in (record.temperature_unit, *(c.unit for c in record.channels)))
 
 
-def _environment() -> Environment:
+def page_environment() -> Environment:
+    """Templates with what they call."""
     environment = Environment(
         loader=PackageLoader("sma_bayes.report", "templates"),
         autoescape=True,
@@ -138,14 +139,22 @@ def _environment() -> Environment:
     return environment
 
 
-def _style(environment: Environment) -> str:
+def style_sheet(environment: Environment) -> str:
+    """The style of all pages."""
     loader = environment.loader
     if loader is None:
         raise OutputError("the templates of the report are not there", remedy="install sma_bayes anew")
     return loader.get_source(environment, "report.css")[0]
 
 
-def _picture(path: Path, figure: FigureFiles) -> Picture:
+def embedded(path: Path, figure: FigureFiles) -> Picture:
+    """A figure with its pixels, from its PNG file.
+
+    Raises
+    ------
+    OutputError
+        If it can't be read.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -36,7 +36,7 @@ OF_ROW: Final = "unit"
 SQUARED: Final = "unit²"
 """The square of that."""
 
-WIDE: Final = {"finding": "0.45", "prior": "0.17"}
+WIDE: Final = {"finding": "0.45", "prior": "0.17", "meaning": "0.2", "remedy": "0.3"}
 """Columns whose words may be broken in LaTeX, with their share of the line."""
 
 Cell = str | int | bool | Number | Estimate | None

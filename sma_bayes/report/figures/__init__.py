@@ -7,7 +7,9 @@ from sma_bayes.report.figures.campaign import (
     printed_figure,
 )
 from sma_bayes.report.figures.condition import loop_figure, overview_figure
+from sma_bayes.report.figures.disagreement import disagreement_loops, residual_maps
 from sma_bayes.report.figures.marginals import corner_figure
+from sma_bayes.report.figures.missing import effect_figure, effect_parameter_figure, ladder_figure
 from sma_bayes.report.figures.record import predictive_figure, residual_figure, trace_figure
 from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles, save
 
@@ -18,12 +20,17 @@ __all__ = [
     "corner_figure",
     "correlation_figure",
     "diagnostics_figure",
+    "disagreement_loops",
+    "effect_figure",
+    "effect_parameter_figure",
+    "ladder_figure",
     "loop_figure",
     "overview_figure",
     "parameter_figure",
     "predictive_figure",
     "printed_figure",
     "residual_figure",
+    "residual_maps",
     "save",
     "trace_figure",
 ]

@@ -1,0 +1,189 @@
+"""What an output folder of a gap study holds, read back: verdict, series of every sample, draws."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from sma_bayes.errors import OutputError
+from sma_bayes.gap.store import POSTERIOR, SERIES
+from sma_bayes.quantities import Floats
+
+GAP_SCHEMA: Final = "sma-bayes/gap/1"
+AGAIN: Final = "give the command that started it once more, with --resume"
+WORDS: Final = ("condition", "branch", "channel")
+"""Columns of the series that hold words."""
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Some of the samples of a study, column by column.
+
+    Attributes
+    ----------
+    words : mapping of str to ndarray of str, shape (n,)
+        ``condition``, ``branch``, ``channel``.
+    numbers : mapping of str to ndarray, shape (n,)
+        See `sma_bayes.gap.series.series_columns`; NaN where a condition has no such input.
+    """
+
+    words: Mapping[str, NDArray[np.str_]]
+    numbers: Mapping[str, Floats]
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return int(self.words["condition"].size)
+
+    def __getitem__(self, name: str) -> Floats:
+        return self.numbers[name]
+
+    def where(self, mask: Mask) -> Samples:
+        """The samples for which a mask is true."""
+        return Samples(
+            {k: v[mask] for k, v in self.words.items()}, {k: v[mask] for k, v in self.numbers.items()}
+        )
+
+    def of(self, **wanted: str) -> Samples:
+        """The samples of a condition, branch or channel."""
+        mask = np.ones(self.n, dtype=bool)
+        for name, value in wanted.items():
+            mask &= self.words[name] == value
+        return self.where(mask)
+
+    def distinct(self, name: str) -> list[str]:
+        """Conditions, branches or channels, in the order of the file."""
+        return list(dict.fromkeys(self.words[name].tolist()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredStudy:
+    """A finished study.
+
+    Attributes
+    ----------
+    folder : Path
+    found : mapping
+        What ``gap.json`` holds.
+    samples : Samples
+    draws, prior : mapping of str to ndarray
+        Of the parameters of the effects, by ``<effect>.<parameter>``; ensembles (G, N), and (S,).
+    """
+
+    folder: Path
+    found: Mapping[str, Any]
+    samples: Samples
+    draws: Mapping[str, Floats]
+    prior: Mapping[str, Floats]
+
+    @property
+    def effects(self) -> list[dict[str, Any]]:
+        """Effects in the final model, whether they are named as the cause or not."""
+        return [*self.found["effects"], *self.found["partial"]]
+
+
+def is_study(folder: Path) -> bool:
+    """Whether a folder holds a gap study, finished or not."""
+    if (folder / "gap.json").is_file():
+        return True
+    try:
+        mark = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(mark, dict) and mark.get("kind") == "gap"
+
+
+def read_study(folder: Path) -> StoredStudy:
+    """Read a gap study.
+
+    Raises
+    ------
+    OutputError
+        If the study is not finished, of another version, or a file can't be read.
+    """
+    found = _found(folder)
+    lacking = [str(p) for p in (POSTERIOR, SERIES) if not (folder / p).is_file()]
+    if lacking:
+        raise OutputError(
+            f"lacks {' and '.join(lacking)}", file=folder, expected="what `gap` writes", remedy=_anew(folder)
+        )
+    draws, prior = _draws(folder)
+    return StoredStudy(folder, found, _samples(folder / SERIES), draws, prior)
+
+
+def _anew(folder: Path) -> str:
+    return f"remove {folder / 'gap.json'} and {AGAIN}"
+
+
+def _found(folder: Path) -> dict[str, Any]:
+    path = folder / "gap.json"
+    if not path.is_file():
+        raise OutputError(
+            "holds a gap study that is not finished",
+            file=folder,
+            expected="a folder with a gap.json",
+            remedy=AGAIN,
+        )
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise OutputError(
+            f"can't be read: {error}", file=path, expected="JSON as gap writes it", remedy=_anew(folder)
+        ) from None
+    schema = found.get("schema") if isinstance(found, dict) else None
+    if schema != GAP_SCHEMA or "thresholds" not in found:
+        raise OutputError(
+            f"has the schema {schema!r}" if schema != GAP_SCHEMA else "was written by another version",
+            file=path,
+            expected=f"the schema {GAP_SCHEMA!r} as this version of sma_bayes writes it",
+            remedy="make the study anew with this version",
+        )
+    return dict(found)
+
+
+def _samples(path: Path) -> Samples:
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            header, *rows = csv.reader(file)
+        columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+        return Samples(
+            {name: np.array(columns[name], dtype=np.str_) for name in WORDS},
+            {
+                name: np.array([float(c) if c else np.nan for c in cells])
+                for name, cells in columns.items()
+                if name not in WORDS
+            },
+        )
+    except (OSError, ValueError, KeyError) as error:
+        raise OutputError(
+            f"can't be read as series: {error}",
+            file=path,
+            expected="series as gap writes them",
+            remedy=_anew(path.parent),
+        ) from None
+
+
+def _draws(folder: Path) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    path = folder / POSTERIOR
+    try:
+        with h5py.File(path, "r") as file:
+            names = [n for n in file["prior"] if "." in n] if "prior" in file else []
+            draws = {n: np.asarray(file["posterior"][n][:], dtype=float) for n in names}
+            return draws, {n: np.asarray(file["prior"][n][:], dtype=float).ravel() for n in names}
+    except (OSError, KeyError) as error:
+        raise OutputError(
+            f"can't be read as a posterior: {error}",
+            file=path,
+            expected="NetCDF as gap writes it",
+            remedy=_anew(folder),
+        ) from None

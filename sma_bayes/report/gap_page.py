@@ -1,0 +1,171 @@
+"""The report of a gap study in plain words: the verdict first, what it means and what it does not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from markupsafe import Markup
+
+from sma_bayes.report.content import INTERVAL, TARGET
+from sma_bayes.report.figures import FigureFiles
+from sma_bayes.report.figures.missing import p_text
+from sma_bayes.report.gap_outputs import StoredStudy
+from sma_bayes.report.gap_tables import outside_prior
+from sma_bayes.report.html import anchor, embedded, page_environment, style_sheet
+from sma_bayes.report.tables import Table
+from sma_bayes.results.store import write_text
+
+TEMPLATE: Final = "gap.html.j2"
+MOSTLY: Final = 0.5
+"""Share of the held-out gap below which a name leaves most of it open."""
+
+
+def write_gap_report(
+    study: StoredStudy, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
+) -> None:
+    """Write ``report.html`` of a gap study.
+
+    Parameters
+    ----------
+    study : StoredStudy
+    tables : mapping of str to Table
+    figures : mapping of str to FigureFiles
+        By stem; their PNG files are in ``figures/``.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written, or a figure can't be read.
+    """
+    folder = study.folder
+    pictures = {stem: embedded(folder / "figures" / f"{stem}.png", f) for stem, f in figures.items()}
+    environment = page_environment()
+    found = study.found
+    page = environment.get_template(TEMPLATE).render(
+        found=found,
+        effects=study.effects,
+        p_text=p_text,
+        share=share_text(found["gap"]),
+        place=place_text(found),
+        cautions=cautions(study),
+        folds=fold_texts(found),
+        rivals=rivals,
+        needs=by_single_need(tables["untestable"]),
+        command=command(found),
+        tables=tables,
+        pictures=pictures,
+        style=Markup(style_sheet(environment)),  # ours, not the user's
+        interval=INTERVAL,
+        target=TARGET,
+        anchor=anchor,
+        priors=_priors(study),
+    )
+    write_text(folder / "report.html", page)
+
+
+def _priors(study: StoredStudy) -> str:
+    path = study.folder / "priors.toml"
+    return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+
+def share_text(gap: Mapping[str, Any]) -> str:
+    """Closed share of the gap, as a percentage; a dash where there was none to close.
+
+    Examples
+    --------
+    >>> share_text({"before": 2.0, "floor": 1.0, "shrink": 0.934})
+    '93 %'
+    >>> share_text({"before": 1.0, "floor": 1.0, "shrink": 0.0})
+    '–'
+    """
+    if gap["shrink"] is None or gap["before"] <= gap["floor"]:
+        return "–"
+    return f"{100.0 * gap['shrink']:.0f} %".replace("-", "−")
+
+
+def place_text(found: Mapping[str, Any]) -> str:
+    """Channel and covariate in which the baseline disagrees most, by the flexible term that brings most.
+
+    Parameters
+    ----------
+    found : mapping
+        What ``gap.json`` holds.
+    """
+    flexible = found["rounds"][0]["flexible"]
+    if not flexible:
+        return "no covariate"
+    first = flexible[0]
+    return f"{found['channels'][first['channel']]['name']}, as a function of {first['covariate']}"
+
+
+def rivals(effect: Mapping[str, Any]) -> list[str]:
+    """Effects that these data cannot tell from one."""
+    return [name for name in effect["class"] if name != effect["id"]]
+
+
+def fold_texts(found: Mapping[str, Any]) -> list[str]:
+    """How often which effects were chosen without a part of the measurements: ``2 of 3: stress_shift``."""
+    chosen = Counter(tuple(c) for c in found["gap"]["chosen_without"])
+    total = sum(chosen.values())
+    return [f"{n} of {total}: {', '.join(c) or 'nothing'}" for c, n in chosen.most_common()]
+
+
+def by_single_need(untestable: Table) -> list[tuple[str, list[str]]]:
+    """What to record, with the effects for which nothing else is lacking; the most fruitful first."""
+    at = [c.key for c in untestable.columns].index("remedy")
+    found: dict[str, list[str]] = {}
+    for row in untestable.rows:
+        advice = str(row[at])
+        if "; " not in advice and not advice.startswith("nothing"):
+            found.setdefault(advice, []).append(str(row[0]))
+    return sorted(found.items(), key=lambda item: -len(item[1]))
+
+
+def cautions(study: StoredStudy) -> list[str]:
+    """What speaks against taking the verdict at its word, sentence by sentence."""
+    found = study.found
+    out = []
+    if found["verdict"] == "named":
+        out += _about_names(found, study.effects)
+    for e in study.effects:
+        far = [name for name, p in e["parameters"].items() if outside_prior(p)]
+        if far:
+            out.append(
+                f"{e['id']}: the posterior of {', '.join(far)} lies outside the range that the literature gives. A "
+                "form that fits only with improbable numbers may be standing in for something else."
+            )
+    out += [f"{remark}." for remark in found["remarks"]]
+    return out
+
+
+def _about_names(found: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]) -> list[str]:
+    out = []
+    names = {e["id"] for e in effects}
+    gap, limit = found["gap"], found["thresholds"]["p_value"]
+    if gap["before"] > gap["floor"] and gap["shrink"] < MOSTLY:
+        out.append(
+            f"What was named closes {share_text(gap)} of the gap on held-out measurements: most of it is still open, "
+            "or the effects do not carry over to what was held out."
+        )
+    unlike = [c for c in gap["chosen_without"] if set(c) != names]
+    if unlike:
+        out.append(
+            f"Without a part of the measurements another choice was made in {len(unlike)} of "
+            f"{len(gap['chosen_without'])} cases, so the choice hangs on few of them."
+        )
+    if found["remaining"]["p_value"] <= limit:
+        channel = found["channels"][found["remaining"]["channel"]]["name"]
+        out.append(
+            f"Something is left: the extended model still disagrees ({p_text(found['remaining']['p_value'])}), most in "
+            f"{channel} as a function of {found['remaining']['covariate']}, and nothing in the catalogue "
+            "accounts for it."
+        )
+    return out
+
+
+def command(found: Mapping[str, Any]) -> str:
+    """The command that gives the same study again."""
+    pool = "" if found["pool"] == "none" else f" --pool {found['pool']}"
+    return f'sma-bayes gap "{found["source"]}" --out DIR --seed {found["seed"]} --priors priors.toml{pool}'

@@ -1,0 +1,220 @@
+"""Tables of a gap study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from sma_bayes.report.content import INTERVAL, Number
+from sma_bayes.report.gap_outputs import StoredStudy
+from sma_bayes.report.notation import unit_label
+from sma_bayes.report.tables import OF_ROW, Column, Table
+
+ADVICE: Final[Mapping[str, str]] = {
+    "time": "record the time of every sample",
+    "current": "record the heating current of every sample",
+    "temperature_response": "record heating current and time of every sample",
+    "load": "declare the load of each condition",
+    "several_loads": "measure at two loads or more and study them pooled",
+    "several_rates": "sweep at two rates or more that differ clearly and study them pooled",
+    "several_peaks": "turn round at different peak temperatures",
+    "frequency": "declare the frequency of the drive",
+    "ambient": "record the ambient temperature",
+    "ambient_varies": "record the ambient temperature, over a day or while the room warms",
+    "cycles": "measure three cycles or more without a break",
+    "both_branches": "measure heating and cooling",
+    "force": "measure force, on a rig that does not hold it constant",
+    "displacement": "measure displacement, on a rig that does not hold it constant",
+    "stiffness": "measure stiffness, by a small pull at each temperature",
+    "channel": "measure force, displacement or stiffness",
+    "curve": "measure force or displacement",
+    "reversals": "keep the record going through two reversals or more without a break",
+    "warming_cell": "record time or the ambient temperature over five minutes or more, so that the load cell can warm",
+    "isothermal_pull": "pull the spring at a constant temperature",
+    "plateaus": "sweep from well below to well above the transformation, so that both plateaus show",
+}
+"""What to record or vary, for each need of an effect."""
+NOT_THERE: Final = frozenset({"lattice", "flat_tops"})
+"""Needs that ask for a mark in the readings: where it is missing there is nothing to test, however one measures."""
+
+
+def gap_tables(study: StoredStudy) -> dict[str, Table]:
+    """All tables of a study, by name.
+
+    Parameters
+    ----------
+    study : StoredStudy
+    """
+    tables = (
+        disagreement_table(study),
+        effect_table(study),
+        candidate_table(study),
+        untestable_table(study),
+        noise_table(study),
+    )
+    return {table.name: table for table in tables}
+
+
+def disagreement_table(study: StoredStudy) -> Table:
+    """Stretches over which residuals lean, numbered as in the figure."""
+    found = study.found["disagreement"] or study.found["within_chance"]
+    chance = bool(study.found["within_chance"])
+    return Table(
+        "disagreement",
+        "Stretches that lean most, by chance" if chance else "Where model and measurement disagree",
+        "Size: how far residuals lean over the stretch, in standard errors, after the parameters have adapted as "
+        "best they can. It tells the places apart; whether there is more than chance, the global p-value alone tells.",
+        (
+            Column("no.", "number", "1"),
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("channel", "channel"),
+            Column("along", "covariate"),
+            Column("from", "from", OF_ROW),
+            Column("to", "to", OF_ROW),
+            Column("unit", "unit"),
+            Column("size [sd]", "size_sigma", "1"),
+        ),
+        tuple(
+            (
+                i, d["condition"], d["branch"], study.found["channels"][d["channel"]]["name"], d["covariate"],
+                Number(d["from"], d["unit"]), Number(d["to"], d["unit"]), unit_label(d["unit"]) or "1",
+                Number(abs(d["size_sigma"]), "1", 0.5),
+            )
+            for i, d in enumerate(found, 1)
+        ),
+    )  # fmt: skip
+
+
+def outside_prior(parameter: Mapping[str, Any]) -> bool:
+    """Whether a posterior lies where the prior, a range from the literature, hardly allows it."""
+    prior = parameter["prior"]
+    return bool(parameter["q05"] > prior["q95"] or parameter["q95"] < prior["q05"])
+
+
+def effect_table(study: StoredStudy) -> Table:
+    """Parameters of the effects that were added."""
+
+    def row(e: Mapping[str, Any], name: str, p: Mapping[str, Any]) -> tuple[Any, ...]:
+        sd = (p["q95"] - p["q05"]) / 3.29
+        return (
+            e["id"],
+            "named" if study.found["verdict"] == "named" else "partial",
+            ", ".join(e["class"]),
+            Number(e["probability"], "1", 0.01),
+            Number(e["ln_bayes_factor"], "1", 1.0),
+            name,
+            p["meaning"],
+            unit_label(p["unit"]) or "1",
+            *(Number(p[q], p["unit"], sd) for q in ("q05", "median", "q95")),
+            *(Number(p["prior"][q], p["unit"]) for q in ("q05", "q95")),
+            outside_prior(p),
+            Number(p["rhat"], "1", 0.01),
+            Number(min(p["ess_bulk"], p["ess_tail"]), "1", 10.0),
+        )
+
+    return Table(
+        "effects",
+        "Parameters of the added effects",
+        f"5 % and 95 % bound the {INTERVAL}. “Outside”: the interval of the posterior does not meet the 90 % "
+        "range of the prior, which is what the literature gives.",
+        (
+            Column("effect", "effect"),
+            Column("status", "status", brief=False),
+            Column("class", "class", brief=False),
+            Column("probability", "probability", "1", brief=False),
+            Column("ln Bayes factor", "ln_bayes_factor", "1", brief=False),
+            Column("parameter", "parameter"),
+            Column("meaning", "meaning"),
+            Column("unit", "unit"),
+            Column("5 %", "q05", OF_ROW),
+            Column("median", "median", OF_ROW),
+            Column("95 %", "q95", OF_ROW),
+            Column("prior 5 %", "prior_q05", OF_ROW),
+            Column("prior 95 %", "prior_q95", OF_ROW),
+            Column("outside", "outside_prior"),
+            Column("R-hat", "rhat", "1"),
+            Column("least ESS", "ess", "1"),
+        ),
+        tuple(row(e, name, p) for e in study.effects for name, p in e["parameters"].items()),
+    )
+
+
+def candidate_table(study: StoredStudy) -> Table:
+    """Every effect of the catalogue and what became of it."""
+    return Table(
+        "candidates",
+        "Candidates",
+        "As judged in the first round; what was added later, as judged then, over what had been added before. "
+        "Bayes factors of candidates that were not refitted in full are those of the screening. Score: gain in log "
+        "predictive density of held-out measurements, with its standard error.",
+        (
+            Column("effect", "effect"),
+            Column("title", "title", brief=False),
+            Column("round", "round", "1"),
+            Column("ln Bayes factor", "ln_bayes_factor", "1"),
+            Column("refitted", "refitted", brief=False),
+            Column("held-out score", "delta_elpd_held_out", "1"),
+            Column("its error", "delta_elpd_se", "1"),
+            Column("status", "status"),
+            Column("why", "finding"),
+        ),
+        tuple(
+            (
+                c["id"], c["title"], None if c["status"] == "untestable" else c["round"],
+                Number(c["ln_bayes_factor"], "1", 1.0), c["refitted"],
+                Number(c["delta_elpd_held_out"], "1", c["delta_elpd_se"]),
+                Number(c["delta_elpd_se"], "1", c["delta_elpd_se"]), c["status"], c["why"],
+            )
+            for c in study.found["candidates"]
+        ),
+    )  # fmt: skip
+
+
+def untestable_table(study: StoredStudy) -> Table:
+    """What could not be tested, and what recording would make it testable."""
+    rows = []
+    for c in study.found["candidates"]:
+        if c["status"] == "untestable":
+            there = NOT_THERE & set(c["unmet"])
+            todo = [ADVICE.get(n, n.replace("_", " ")) for n in c["unmet"] if n not in NOT_THERE]
+            advice = "nothing: its mark is not in these readings" if there else "; ".join(dict.fromkeys(todo))
+            rows.append((c["id"], c["title"], c["why"], advice))
+    return Table(
+        "untestable",
+        "What could not be tested",
+        "These effects may be there all the same.",
+        (
+            Column("effect", "effect"),
+            Column("title", "title", brief=False),
+            Column("why not", "finding"),
+            Column("what would make it testable", "remedy"),
+        ),
+        tuple(rows),
+    )
+
+
+def noise_table(study: StoredStudy) -> Table:
+    """Noise of each condition and channel."""
+    return Table(
+        "noise",
+        "Noise",
+        "AR(1): standard deviation, and correlation of neighbouring samples.",
+        (
+            Column("condition", "condition"),
+            Column("channel", "channel"),
+            Column("unit", "unit"),
+            Column("sd", "sd", OF_ROW),
+            Column("correlation", "lag1", "1"),
+        ),
+        tuple(
+            (
+                n["condition"],
+                study.found["channels"][n["channel"]]["name"],
+                unit_label(study.found["channels"][n["channel"]]["unit"]) or "1",
+                Number(n["sd"], "1", n["sd"] / 10.0),
+                Number(n["lag1"], "1", 0.1),
+            )
+            for n in study.found["noise"]
+        ),
+    )
