@@ -192,6 +192,9 @@ def gap(
     seed: Seed = 0,
     jobs: Jobs = None,
     priors: Priors = "modified_sigmoid",
+    noise: Annotated[
+        str, typer.Option(help="Only 'auto': the study estimates the noise by itself.")
+    ] = "auto",
     pool: PoolChoice = "none",
     figures: Figures = True,
     resume: Resume = False,
@@ -200,7 +203,6 @@ def gap(
 ) -> None:
     """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink."""
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.results.store import plain
     from sma_bayes.workflow import pool_named, study_gap
 
     with _progress(quiet or as_json) as progress:
@@ -208,6 +210,7 @@ def gap(
             read_campaign(path, data_dir=data),
             out,
             seed=seed,
+            noise=noise,
             priors=priors,
             pool=pool_named(pool),
             jobs=jobs,
@@ -216,7 +219,7 @@ def gap(
             progress=progress,
         )
     if as_json:
-        typer.echo(json.dumps(plain(found), indent=1))
+        typer.echo(json.dumps(found, indent=1))
     elif not quiet:
         _show_gap(found, out)
     if not found["converged"]:
@@ -225,7 +228,7 @@ def gap(
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that a fit has written.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or gap has written.")],
     jobs: Jobs = None,
     quiet: Quiet = False,
 ) -> None:
@@ -267,7 +270,10 @@ def main() -> None:
         sys.exit(2)
     except SystemExit as end:
         if end.code == INTERRUPTED:
-            print("interrupted; fit and demo go on from here with --resume", file=sys.stderr)
+            print(
+                "interrupted; fit and demo go on from here with --resume, gap begins anew with it",
+                file=sys.stderr,
+            )
         raise
     except Exception:  # Python's own status for it, 1, would say that the run did not converge
         traceback.print_exc()
@@ -347,35 +353,64 @@ def _show_fit(summary: dict[str, Any], out: Path) -> None:
     console.print(f"{summary['wall_s']:.1f} s; results in {out}", soft_wrap=True)
 
 
+VERDICTS = {
+    "named": "NAMED: the model misses something, and the catalogue has a name for it",
+    "unnamed": "UNNAMED: the model misses something, and nothing in the catalogue accounts for it",
+    "none": "NONE: no disagreement beyond what chance explains",
+}
+
+
 def _show_gap(found: dict[str, Any], out: Path) -> None:
     from rich.console import Console
-    from rich.table import Table
+
+    from sma_bayes.gap.cautions import p_text
 
     console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
-    console.print(
-        f"{found['campaign']}: {found['verdict'].upper()}, p = {found['p_value']:.2g}", soft_wrap=True
-    )
+    chance = p_text(found["p_value"])
+    console.print(f"{found['campaign']}: {VERDICTS[found['verdict']]} ({chance})", soft_wrap=True)
     for d in found["disagreement"][:3]:
         console.print(
-            f"  {d['condition']} {d['branch']}, {d['channel']}: {d['size_sigma']:+.1f} sigma "
+            f"  {d['condition']} {d['branch']}, {d['channel']}: {abs(d['size_sigma']):.1f} sigma "
             f"between {d['covariate']} {d['from']:.4g} and {d['to']:.4g} {d['unit']}",
             soft_wrap=True,
         )
-    for e in found["effects"]:
-        numbers = ", ".join(
-            f"{name} {p['median']:.4g} ({p['q05']:.4g} to {p['q95']:.4g}) {p['unit']}"
-            for name, p in e["parameters"].items()
-        )
-        console.print(f"{e['id']} ({e['title']}): {numbers}", soft_wrap=True)
-        others = [name for name in e["class"] if name != e["id"]]
-        if others:
-            console.print(f"  these data cannot tell it from {', '.join(others)}", soft_wrap=True)
-        if e["next_experiment"]:
-            console.print(f"  what would: {e['next_experiment']}", soft_wrap=True)
-    table = Table(title="candidates, first round", title_justify="left")
+    for e in (*found["effects"], *found["partial"]):
+        console.print(_effect_text(e, partial=found["verdict"] != "named"), soft_wrap=True)
+    console.print(_candidate_rows(found["candidates"]))
+    untested = [c["id"] for c in found["candidates"] if c["status"] == "untestable"]
+    if untested:
+        console.print(f"these data cannot test {', '.join(untested)}; the report says why", soft_wrap=True)
+    console.print(_gap_text(found["gap"]), soft_wrap=True)
+    for text in (*found["cautions"], *found["remarks"]):
+        console.print(f"caution: {text}", soft_wrap=True)
+    if not found["converged"]:
+        console.print("NOT CONVERGED: the intervals of the effects' parameters must not be relied on.")
+    console.print(f"{found['wall_s']:.1f} s; results in {out}", soft_wrap=True)
+
+
+def _effect_text(e: dict[str, Any], *, partial: bool) -> str:
+    numbers = ", ".join(
+        f"{name} {p['median']:.4g} ({p['q05']:.4g} to {p['q95']:.4g}) {p['unit']}"
+        for name, p in e["parameters"].items()
+    )
+    lines = [f"{'helps: ' if partial else ''}{e['id']} ({e['title']}): {numbers}"]
+    others = [name for name in e["class"] if name != e["id"]]
+    if others:
+        lines.append(f"  these data cannot tell it from {', '.join(others)}")
+    if e["next_experiment"]:
+        lines.append(f"  what would: {e['next_experiment']}")
+    return "\n".join(lines)
+
+
+def _candidate_rows(candidates: list[dict[str, Any]]) -> Any:
+    from rich.table import Table
+
+    table = Table(title="candidates that could be tested", title_justify="left")
     for name in ("effect", "ln Bayes factor", "held-out score", "status", "why"):
         table.add_column(name, justify="right" if name in ("ln Bayes factor", "held-out score") else "left")
-    for c in found["candidates"]:
+    for c in candidates:
+        if c["status"] == "untestable":
+            continue
         factor, score = c["ln_bayes_factor"], c["delta_elpd_held_out"]
         table.add_row(
             c["id"],
@@ -384,14 +419,17 @@ def _show_gap(found: dict[str, Any], out: Path) -> None:
             c["status"],
             c["why"],
         )
-    console.print(table)
-    g = found["gap"]
-    console.print(
-        f"held-out gap ({g['held_out']}): {g['before']:.4f} before, {g['after']:.4f} after, floor {g['floor']:.4f}; "
-        f"{100.0 * g['shrink']:.0f} % closed",
-        soft_wrap=True,
+    return table
+
+
+def _gap_text(gap: dict[str, Any]) -> str:
+    closed = (
+        f"; {100.0 * gap['shrink']:.0f} % closed" if gap["before"] > gap["floor"] else "; no gap to close"
     )
-    console.print(f"{found['wall_s']:.1f} s; results in {out}", soft_wrap=True)
+    return (
+        f"held-out gap ({gap['held_out']}): {gap['before']:.4f} before, {gap['after']:.4f} after, "
+        f"floor {gap['floor']:.4f}{closed}"
+    )
 
 
 def _show_inspection(report: dict[str, Any]) -> None:

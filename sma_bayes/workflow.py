@@ -420,8 +420,9 @@ def study_gap(
     folder = Path(out)
     identity = {**_identity(campaign, options), "kind": "gap", "effects": sorted(EFFECTS)}
     with claimed_folder(folder, identity, resume):
-        found = _finished_study(folder) or _studied(campaign, folder, options, remarks, jobs, tell)
-    if figures:
+        finished = _finished_study(folder)
+        found = finished or _studied(campaign, folder, options, remarks, jobs, tell)
+    if figures and not (finished and (folder / "report.html").is_file()):
         from sma_bayes.report.build import build_report
 
         build_report(folder, jobs=jobs, progress=tell)
@@ -437,6 +438,7 @@ def _studied(
     tell: Progress,
 ) -> dict[str, Any]:
     """Study a campaign, and write what was found; `gap.json` last, so that where it is nothing is missing."""
+    from sma_bayes.gap.cautions import cautions
     from sma_bayes.gap.outcome import STAGES, gap_outcome, outcome_json
     from sma_bayes.gap.store import write_study
 
@@ -450,9 +452,10 @@ def _studied(
             jobs=jobs,
             progress=lambda done, message: tell(done, STAGES, message),
         )
+    stated = outcome_json(outcome)
     found: dict[str, Any] = plain(
         {
-            **outcome_json(outcome),
+            **stated,
             "campaign": campaign.name,
             "source": campaign.source,
             "seed": options.seed,
@@ -460,6 +463,7 @@ def _studied(
             "priors": options.priors.title,
             "versions": all_versions(),
             "data_sha256": campaign.sha256,
+            "cautions": cautions(stated),
             "remarks": list(remarks),
             "findings": [asdict(f) for f in campaign.findings],
             "wall_s": time.perf_counter() - clock,

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from markupsafe import Markup
 
+from sma_bayes.gap.cautions import p_text
 from sma_bayes.report.content import INTERVAL, TARGET
 from sma_bayes.report.figures import FigureFiles
-from sma_bayes.report.figures.missing import p_text
 from sma_bayes.report.gap_outputs import StoredStudy
-from sma_bayes.report.gap_tables import outside_prior
-from sma_bayes.report.html import anchor, embedded, page_environment, style_sheet
+from sma_bayes.report.html import anchor, embedded, page_environment, select, style_sheet
 from sma_bayes.report.tables import Table
 from sma_bayes.results.store import write_text
 
 TEMPLATE: Final = "gap.html.j2"
-MOSTLY: Final = 0.5
-"""Share of the held-out gap below which a name leaves most of it open."""
 
 
 def write_gap_report(
@@ -49,9 +47,10 @@ def write_gap_report(
         p_text=p_text,
         share=share_text(found["gap"]),
         place=place_text(found),
-        cautions=cautions(study),
         folds=fold_texts(found),
         rivals=rivals,
+        tested=_tested(tables["candidates"]),
+        select=select,
         needs=by_single_need(tables["untestable"]),
         command=command(found),
         tables=tables,
@@ -63,6 +62,13 @@ def write_gap_report(
         priors=_priors(study),
     )
     write_text(folder / "report.html", page)
+
+
+def _tested(candidates: Table) -> Table:
+    """The candidates that could be tested; those that could not have a table of their own."""
+    at = [c.key for c in candidates.columns].index("status")
+    rows = tuple(row for row in candidates.rows if row[at] != "untestable")
+    return select(replace(candidates, rows=rows), drop=("title",))
 
 
 def _priors(study: StoredStudy) -> str:
@@ -121,48 +127,6 @@ def by_single_need(untestable: Table) -> list[tuple[str, list[str]]]:
         if "; " not in advice and not advice.startswith("nothing"):
             found.setdefault(advice, []).append(str(row[0]))
     return sorted(found.items(), key=lambda item: -len(item[1]))
-
-
-def cautions(study: StoredStudy) -> list[str]:
-    """What speaks against taking the verdict at its word, sentence by sentence."""
-    found = study.found
-    out = []
-    if found["verdict"] == "named":
-        out += _about_names(found, study.effects)
-    for e in study.effects:
-        far = [name for name, p in e["parameters"].items() if outside_prior(p)]
-        if far:
-            out.append(
-                f"{e['id']}: the posterior of {', '.join(far)} lies outside the range that the literature gives. A "
-                "form that fits only with improbable numbers may be standing in for something else."
-            )
-    out += [f"{remark}." for remark in found["remarks"]]
-    return out
-
-
-def _about_names(found: Mapping[str, Any], effects: Sequence[Mapping[str, Any]]) -> list[str]:
-    out = []
-    names = {e["id"] for e in effects}
-    gap, limit = found["gap"], found["thresholds"]["p_value"]
-    if gap["before"] > gap["floor"] and gap["shrink"] < MOSTLY:
-        out.append(
-            f"What was named closes {share_text(gap)} of the gap on held-out measurements: most of it is still open, "
-            "or the effects do not carry over to what was held out."
-        )
-    unlike = [c for c in gap["chosen_without"] if set(c) != names]
-    if unlike:
-        out.append(
-            f"Without a part of the measurements another choice was made in {len(unlike)} of "
-            f"{len(gap['chosen_without'])} cases, so the choice hangs on few of them."
-        )
-    if found["remaining"]["p_value"] <= limit:
-        channel = found["channels"][found["remaining"]["channel"]]["name"]
-        out.append(
-            f"Something is left: the extended model still disagrees ({p_text(found['remaining']['p_value'])}), most in "
-            f"{channel} as a function of {found['remaining']['covariate']}, and nothing in the catalogue "
-            "accounts for it."
-        )
-    return out
 
 
 def command(found: Mapping[str, Any]) -> str:

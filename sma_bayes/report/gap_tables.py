@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from sma_bayes.gap.cautions import outside_prior
 from sma_bayes.report.content import INTERVAL, Number
 from sma_bayes.report.gap_outputs import StoredStudy
 from sma_bayes.report.notation import unit_label
@@ -16,7 +17,7 @@ ADVICE: Final[Mapping[str, str]] = {
     "temperature_response": "record heating current and time of every sample",
     "load": "declare the load of each condition",
     "several_loads": "measure at two loads or more and study them pooled",
-    "several_rates": "sweep at two rates or more that differ clearly and study them pooled",
+    "several_rates": "record time, sweep at two rates or more that differ clearly and study them pooled",
     "several_peaks": "turn round at different peak temperatures",
     "frequency": "declare the frequency of the drive",
     "ambient": "record the ambient temperature",
@@ -34,6 +35,12 @@ ADVICE: Final[Mapping[str, str]] = {
     "plateaus": "sweep from well below to well above the transformation, so that both plateaus show",
 }
 """What to record or vary, for each need of an effect."""
+COVARIATES: Final[Mapping[str, str]] = {
+    "order": "place in the record",
+    "rate": "rate dT/dt",
+    "ambient_temperature": "ambient temperature",
+}
+"""How covariates are called where their name in files would not do."""
 NOT_THERE: Final = frozenset({"lattice", "flat_tops"})
 """Needs that ask for a mark in the readings: where it is missing there is nothing to test, however one measures."""
 
@@ -77,19 +84,14 @@ def disagreement_table(study: StoredStudy) -> Table:
         ),
         tuple(
             (
-                i, d["condition"], d["branch"], study.found["channels"][d["channel"]]["name"], d["covariate"],
+                i, d["condition"], d["branch"], study.found["channels"][d["channel"]]["name"],
+                COVARIATES.get(d["covariate"], d["covariate"]),
                 Number(d["from"], d["unit"]), Number(d["to"], d["unit"]), unit_label(d["unit"]) or "1",
                 Number(abs(d["size_sigma"]), "1", 0.5),
             )
             for i, d in enumerate(found, 1)
         ),
     )  # fmt: skip
-
-
-def outside_prior(parameter: Mapping[str, Any]) -> bool:
-    """Whether a posterior lies where the prior, a range from the literature, hardly allows it."""
-    prior = parameter["prior"]
-    return bool(parameter["q05"] > prior["q95"] or parameter["q95"] < prior["q05"])
 
 
 def effect_table(study: StoredStudy) -> Table:

@@ -28,6 +28,7 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.report.gap_outputs import Mask, Samples, StoredStudy
+from sma_bayes.report.gap_tables import COVARIATES
 from sma_bayes.report.notation import unit_label
 
 MARK: Final = "#e6a700"
@@ -37,12 +38,6 @@ BINS: Final = 24
 LEAST_RANGE, GREATEST_RANGE = 3.0, 10.0
 """Ends of the colours of a map, at least and at most [standard errors]."""
 COLUMNS: Final = 3
-COVARIATES: Final = {
-    "order": "place in the record",
-    "rate": "rate dT/dt",
-    "ambient_temperature": "ambient temperature",
-}
-"""How covariates are called where their name in files would not do."""
 
 
 def residual_maps(study: StoredStudy) -> Drawing:

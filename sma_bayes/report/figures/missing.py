@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy.stats import gaussian_kde
 
+from sma_bayes.gap.cautions import p_text
 from sma_bayes.quantities import Floats
 from sma_bayes.report.figures.sheet import (
     COLOURS,
@@ -42,19 +43,6 @@ TALL: Final = 3.4
 """Height of the figure of an effect [inch]."""
 DODGE: Final = 0.07
 """How far the dots of neighbouring conditions stand apart [cycles]."""
-BEYOND: Final = 1e-6
-"""Below this a p-value that was extrapolated is not worth its digits."""
-
-
-def p_text(p: float) -> str:
-    """A p-value for people; extrapolated ones far in the tail are only bounded.
-
-    Examples
-    --------
-    >>> p_text(0.0123), p_text(1e-30)
-    ('p = 0.0123', 'p < 10⁻⁶')
-    """
-    return f"p = {compact(p)}" if p >= BEYOND else "p < 10⁻⁶"
 
 
 def ladder_figure(study: StoredStudy) -> Drawing:
