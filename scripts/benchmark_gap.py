@@ -86,6 +86,8 @@ class Row:
 
 def design_of(effects: Sequence[str]) -> str:
     """The design in which effects can show."""
+    if "latent_heat" in effects:
+        return "thermal_slow"
     if any(e in THERMAL for e in effects):
         return "thermal"
     return "ladder" if any(e in LADDER for e in effects) else "standard"

@@ -31,7 +31,7 @@ def coefficient(scales: Scales, of: str) -> EffectParameter:
         prior, source = LogNormal(1.4e-7, 0.4), "5-10 MPa/K, 90 % between 3.7 and 14 MPa/K"
     elif unit == "N":
         prior, source = (
-            LogNormal(3.0, 1.2),
+            LogNormal(1.0, 1.6),
             "the same with 8 D/(pi d^3) of springs, 90 % between 0.4 and 22 K/N",
         )
     else:

@@ -17,8 +17,8 @@ SETTLED = 5e-3
 """Gain of the log posterior in a step below which the mode is found; evidence is not known better than that."""
 STEP = 1e-4
 """Step of finite differences, in standard deviations of the prior."""
-ROUNDS = 2
-"""How often noise and parameters are fitted in turn; the noise hardly depends on the parameters."""
+ROUNDS = 8
+"""Greatest number of times that noise and parameters are fitted in turn; once or twice is the rule."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +109,14 @@ def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> Fitted:
     """Find mode and noise in turn."""
     problem = _Problem(hypothesis)
     z = np.asarray(start, dtype=float)
+    noise = noise_of(hypothesis, problem.blocks, problem.residual(z))
     for _ in range(ROUNDS):
-        noise = noise_of(hypothesis, problem.blocks, problem.residual(z))
         z = problem.climb(z, noise)
+        before, noise = noise, noise_of(hypothesis, problem.blocks, problem.residual(z))
+        if all(
+            abs(a.log_scale - b.log_scale) < 0.01 * a.memory.size for a, b in zip(before, noise, strict=True)
+        ):
+            break
     return problem.fitted(z, noise)
 
 

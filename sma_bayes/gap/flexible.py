@@ -23,6 +23,7 @@ from sma_bayes.gap.fitting import Fitted
 from sma_bayes.gap.noise import Block
 from sma_bayes.gap.splines import bumps, grouped, one_of_each, times
 from sma_bayes.quantities import Floats
+from sma_bayes.records.history import sweep_rate
 
 SIZES = np.geomspace(0.03, 100.0, 10)
 """Sizes of the coefficients that are averaged over, in standard deviations of the noise of the channel."""
@@ -135,6 +136,12 @@ def _channel_terms(fitted: Fitted, channel: str, blocks: Sequence[Block]) -> lis
     ) in hypothesis.channels:  # what the model says, as the measurement would bring its own noise along
         mu = [hypothesis.predict(fitted.theta, b.history)[other] for b in blocks]
         joined[other if other != "temperature" else "simulated temperature"] = np.concatenate(mu)
+    if channel == "temperature":  # its own noise must not be among what it is tested against
+        joined["temperature"] = joined["simulated temperature"]
+        each = np.split(joined["temperature"], np.cumsum([h.n for h in histories])[:-1])
+        inputs = [h.inputs for h in histories]
+        rates = [sweep_rate(t, v["time"], v["segment"]) for t, v in zip(each, inputs, strict=True)]
+        joined["rate"] = np.concatenate(rates)
     rows = np.concatenate([np.arange(b.at.start, b.at.stop) for b in blocks])
 
     def term(covariate: str, columns: Floats) -> Term:

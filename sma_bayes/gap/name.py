@@ -25,7 +25,7 @@ from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.parameters.distributions import Distribution, LogNormal
 from sma_bayes.quantities import Floats
 
-SIZES = {True: (0.1, 0.5, 0.9), False: (0.25, 0.75)}
+SIZES = {True: (0.001, 0.1, 0.5, 0.9), False: (0.25, 0.75)}
 """Quantiles of the prior at which sizes are screened: those that are positive, those of either sign."""
 SHAPES = {0: 0, 1: 16, 2: 8, 3: 5}
 """Into how many equal slices of probability each other parameter is cut, by their number; their middles are tried."""

@@ -17,7 +17,7 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
 from sma_bayes.quantities import Floats
-from sma_bayes.records.history import histories
+from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign
 
 SIGNIFICANT = 0.02
@@ -216,12 +216,17 @@ def baseline_start(
     """Sampled coordinates of the least-squares fits of each branch; where there is none, the centre of the prior."""
     space = hypothesis.space
     theta = space.to_physical(space.prior_centre())
-    if hypothesis.simulation.mechanical is None:
-        return space.to_sampled(theta)
-    names = hypothesis.simulation.mechanical.model.parameter_names
+    mechanical = hypothesis.simulation.mechanical
+    names = () if mechanical is None else mechanical.model.parameter_names
     groups = [None] if pooled else list(dict.fromkeys(h.condition.id for h in hypothesis.histories))
     for group in groups:
         tag = "" if group is None else f"[{group}]"
+        if hypothesis.simulation.thermal is not None:
+            mine = [h for h in hypothesis.histories if group in (None, h.condition.id)]
+            for name, value in heat_balance(mine).items():
+                theta[space.index(f"{name}{tag}")] = value
+        if mechanical is None:
+            continue
         for branch in Branch:
             records = [r for r in campaign.records if r.branch is branch and group in (None, r.condition.id)]
             if records:
@@ -231,3 +236,27 @@ def baseline_start(
                     theta[space.index(f"{name} {branch.value}{tag}")] = value
     z = space.to_sampled(theta)
     return np.where(np.isfinite(z), z, space.prior_centre())
+
+
+def heat_balance(histories: Sequence[History]) -> dict[str, float]:
+    """Gain and loss of the Joule-heating balance, and the ambient temperature where none was recorded.
+
+    Integrated over time the balance is linear in them: the rise since the start of a stretch is ``gain`` times the
+    integral of the squared current less ``loss`` times that of the excess. Least squares on the integrals is a start
+    that noise of the readings hardly moves.
+    """
+    known = all("ambient_temperature" in h.inputs for h in histories)
+    rows, rises = [], []
+    for h in histories:
+        v = h.inputs
+        for stretch in np.unique(v["stretch"]):
+            on = v["stretch"] == stretch
+            dt = np.diff(v["time"][on], prepend=v["time"][on][:1])
+            room = v["ambient_temperature"][on] if known else np.zeros(int(on.sum()))
+            parts = [v["current"][on] ** 2, room - v["temperature"][on], np.ones(int(on.sum()))]
+            held = [np.concatenate([p[:1], p[:-1]]) for p in parts]
+            rows.append(np.cumsum(np.stack(held[: 2 if known else 3], axis=1) * dt[:, None], axis=0))
+            rises.append(v["temperature"][on] - v["temperature"][on][0])
+    found = np.linalg.lstsq(np.concatenate(rows), np.concatenate(rises), rcond=None)[0]
+    gain, loss = (max(float(x), 1e-9) for x in found[:2])
+    return {"gain": gain, "loss": loss} | ({} if known else {"ambient": float(found[2]) / loss})
