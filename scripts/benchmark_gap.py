@@ -97,9 +97,10 @@ def trials(suite: str, count: int) -> Iterator[Trial]:
     """All trials of a suite, `count` of each kind."""
     if suite == "null":
         kinds = [("none", n, "standard") for n in ("white", "ar1_0.5", "ar1_0.9", "student_t")]
-        kinds += [("none", "white", "unequal_sampling"), ("none", "ar1_0.5", "unequal_sampling"),
-                  ("wrong_calibration", "white", "standard"), ("none", "white", "ladder"),
-                  ("none", "white", "thermal"), ("none", "white", "unpooled"), ("none", "ar1_0.9", "unpooled")]  # fmt: skip
+        kinds += [("none", n, "unequal_sampling") for n in ("white", "ar1_0.5")]
+        kinds += [("none", n, "unpooled") for n in ("white", "ar1_0.9")]
+        kinds += [("none", "white", d) for d in ("ladder", "thermal")]
+        kinds.append(("wrong_calibration", "white", "standard"))
         cells = [(e, 10.0, n, d) for e, n, d in kinds]
     elif suite == "hidden":
         cells = [(e, s, n, design_of([e])) for e in INSIDE for s in (10.0, 5.0) for n in ("white", "ar1_0.5")]

@@ -107,18 +107,25 @@ def whiten(blocks: Sequence[Block], noise: Noise, series: Floats) -> Floats:
 
 def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats) -> Noise:
     """Noise of every block, from stacked residuals (N,)."""
-    return tuple(
-        block_noise(residual[b.at], b, smooth_columns(hypothesis.histories[b.history])) for b in blocks
-    )
+    out = []
+    for block in blocks:
+        history, own = hypothesis.histories[block.history], residual[block.at]
+        temperature = history.inputs["temperature"]
+        if (
+            block.channel == "temperature"
+        ):  # as simulated: what was measured carries the very noise that is estimated
+            temperature = temperature - own
+        out.append(block_noise(own, block, smooth_columns(history, temperature)))
+    return tuple(out)
 
 
-def smooth_columns(history: History) -> Floats:
+def smooth_columns(history: History, temperature: Floats) -> Floats:
     """What a model may miss without it being noise, shape (n, k)."""
     v = history.inputs
     branch = one_of_each(v["branch"])
     count = int(np.clip(history.n // (12 * branch.shape[1]), 4, SMOOTH))
     cycle = one_of_each(grouped(v["cycle"]))
-    parts = [times(branch, bumps(v["temperature"], count))]
+    parts = [times(branch, bumps(temperature, count))]
     if cycle.shape[1] > 1:
         parts.append(cycle[:, 1:])
     return np.concatenate(parts, axis=1)
