@@ -21,6 +21,7 @@ from sma_bayes.assess.loops import loop_quantities
 from sma_bayes.assess.summary import record_summary
 from sma_bayes.effects import EFFECTS
 from sma_bayes.errors import OutputError, ResumeError, SmaBayesError, near_matches
+from sma_bayes.gap.check import Comparable, comparable
 from sma_bayes.inference.ensembles import Plan
 from sma_bayes.inference.jobs import run
 from sma_bayes.inference.noise_choice import choose_noise
@@ -402,8 +403,6 @@ def study_gap(
     OutputError, ResumeError
         If `out` can't be used.
     """
-    from sma_bayes.gap.check import check_campaign
-
     if noise != AUTO:
         raise SmaBayesError(
             f"--noise {noise}",
@@ -412,16 +411,16 @@ def study_gap(
             remedy="leave --noise out; gap.json states the noise that was found",
         )
     options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, pool=pool)
-    check_call(groups_of(campaign, pool), options)
-    remarks = check_campaign(campaign)
+    can = comparable(campaign)
+    check_call(groups_of(can.campaign, pool), options)
     tell = progress or (lambda done, total, message: None)
     if out is None:
-        return _studied(campaign, None, options, remarks, jobs, tell)
+        return _studied(can, None, options, jobs, tell)
     folder = Path(out)
     identity = {**_identity(campaign, options), "kind": "gap", "effects": sorted(EFFECTS)}
     with claimed_folder(folder, identity, resume):
         finished = _finished_study(folder)
-        found = finished or _studied(campaign, folder, options, remarks, jobs, tell)
+        found = finished or _studied(can, folder, options, jobs, tell)
     if figures and not (finished and (folder / "report.html").is_file()):
         from sma_bayes.report.build import build_report
 
@@ -430,10 +429,9 @@ def study_gap(
 
 
 def _studied(
-    campaign: Campaign,
+    can: Comparable,
     folder: Path | None,
     options: FitOptions,
-    remarks: Sequence[str],
     jobs: int | None,
     tell: Progress,
 ) -> dict[str, Any]:
@@ -443,6 +441,7 @@ def _studied(
     from sma_bayes.gap.store import write_study
 
     clock = time.perf_counter()
+    campaign = can.campaign
     with threadpool_limits(limits=1):
         outcome = gap_outcome(
             campaign,
@@ -464,7 +463,7 @@ def _studied(
             "versions": all_versions(),
             "data_sha256": campaign.sha256,
             "cautions": cautions(stated),
-            "remarks": list(remarks),
+            "remarks": list(can.remarks),
             "findings": [asdict(f) for f in campaign.findings],
             "wall_s": time.perf_counter() - clock,
         }

@@ -1,81 +1,111 @@
-"""What a gap study can't be made from, said before any work is done."""
+"""What a gap study can and can't be made from, said before any work is done."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, replace
 
 from sma_bayes.errors import MeasurementError
-from sma_bayes.records.history import History, histories
-from sma_bayes.records.types import Branch, Campaign
+from sma_bayes.records.types import Branch, Campaign, Record
 
 LEAST = 24
 """Samples of a condition, at least: its curve, and the functions beside which its noise is estimated, use up fewer."""
 
+ByCondition = Mapping[str, Sequence[Record]]
 
-def check_campaign(campaign: Campaign) -> tuple[str, ...]:
-    """Refuse a campaign in which no disagreement could be found.
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparable:
+    """A campaign whose conditions can be compared.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        With the channels that all of its records have.
+    remarks : tuple of str
+        What was left out for it, and where there is less to be seen.
+    """
+
+    campaign: Campaign
+    remarks: tuple[str, ...]
+
+
+def comparable(campaign: Campaign) -> Comparable:
+    """What of a campaign can be studied.
 
     Parameters
     ----------
     campaign : Campaign
-
-    Returns
-    -------
-    tuple of str
-        What can be studied, but has less to tell: conditions with one branch only.
 
     Raises
     ------
     MeasurementError
         If the conditions share no channel, were measured in different units, or have too few samples.
     """
-    found = histories(campaign)
-    for history in found[1:]:
-        _same_units(found[0], history)
-    _common_channel(found)
-    for history in found:
-        _enough(history)
-    return tuple(_one_branch(campaign))
-
-
-def _same_units(first: History, other: History) -> None:
-    for channel in sorted({*first.channels, "temperature"} & {*other.channels, "temperature"}):
-        if first.units[channel] != other.units[channel]:
-            raise MeasurementError(
-                f"{channel} of condition {other.condition.id!r} is in {other.units[channel]}, that of "
-                f"{first.condition.id!r} in {first.units[channel]}",
-                column=channel,
-                expected="conditions that can be compared: the same kind of quantity in the same unit",
-                remedy="study them as two campaigns, or correct the units",
+    conditions: dict[str, list[Record]] = {}
+    for record in campaign.records:
+        conditions.setdefault(record.condition.id, []).append(record)
+    _same_units(campaign.records)
+    shared, remarks = _shared_channels(conditions)
+    for name, records in conditions.items():
+        _enough(name, sum(r.n for r in records))
+        if len({r.branch for r in records}) < len(Branch):
+            remarks.append(
+                f"{name} has a {records[0].branch.value} branch only: nothing could be looked for on the other one."
             )
-
-
-def _common_channel(found: Sequence[History]) -> None:
-    if set.intersection(*(set(h.channels) for h in found)) - {"temperature"}:
-        return
-    told = "; ".join(f"{h.condition.id}: {', '.join(h.channels) or 'none'}" for h in found)
-    raise MeasurementError(
-        f"no channel was measured in all conditions and on all of their branches ({told})",
-        expected="at least one of force, displacement, stiffness in each of them",
-        remedy="leave the conditions out that lack it, or study them as a campaign of their own",
+    return Comparable(
+        replace(campaign, records=tuple(_with(r, shared) for r in campaign.records)), tuple(remarks)
     )
 
 
-def _enough(history: History) -> None:
-    if history.n < LEAST:
+def _with(record: Record, channels: Set[str]) -> Record:
+    """A record with some of its channels."""
+    spare = set(record.channels) - channels
+    return replace(
+        record,
+        observed={c: v for c, v in record.observed.items() if c not in spare},
+        units={name: unit for name, unit in record.units.items() if name not in spare},
+    )
+
+
+def _same_units(records: Sequence[Record]) -> None:
+    first: dict[str, Record] = {}
+    for record in records:
+        for channel in ("temperature", *record.channels):
+            other = first.setdefault(channel, record)
+            if other.units[channel] != record.units[channel]:
+                raise MeasurementError(
+                    f"{channel} of condition {record.condition.id!r} is in {record.units[channel]!r}, that of "
+                    f"{other.condition.id!r} in {other.units[channel]!r}",
+                    column=channel,
+                    expected="conditions that can be compared: the same kind of quantity in the same unit",
+                    remedy="study them as two campaigns, or correct the units",
+                )
+
+
+def _shared_channels(conditions: ByCondition) -> tuple[set[str], list[str]]:
+    """Channels of all records, and a remark for each that is left out."""
+    own = {name: set.intersection(*(set(r.channels) for r in rs)) for name, rs in conditions.items()}
+    shared = set.intersection(*own.values())
+    if not shared:
+        told = "; ".join(f"{name}: {', '.join(sorted(c)) or 'none'}" for name, c in own.items())
         raise MeasurementError(
-            f"condition {history.condition.id!r} has {history.n} samples",
+            f"no channel was measured in all conditions and on all of their branches ({told})",
+            expected="at least one of force, displacement, stiffness in each of them",
+            remedy="leave the conditions out that lack it, or study them as a campaign of their own",
+        )
+    spare = sorted({c for rs in conditions.values() for r in rs for c in r.channels} - shared)
+    lacking = {c: [name for name, has in own.items() if c not in has] for c in spare}
+    return shared, [
+        f"{channel} was left out, as it was not measured on all branches of {', '.join(names)}."
+        for channel, names in lacking.items()
+    ]
+
+
+def _enough(name: str, samples: int) -> None:
+    if samples < LEAST:
+        raise MeasurementError(
+            f"condition {name!r} has {samples} samples",
             expected=f"at least {LEAST}, both branches together, so that a pattern can be told from noise",
             remedy="leave the condition out, or measure more finely",
         )
-
-
-def _one_branch(campaign: Campaign) -> list[str]:
-    branches: dict[str, set[Branch]] = {}
-    for record in campaign.records:
-        branches.setdefault(record.condition.id, set()).add(record.branch)
-    return [
-        f"{condition} has a {next(iter(found)).value} branch only: nothing could be looked for on the other one"
-        for condition, found in branches.items()
-        if len(found) == 1
-    ]
