@@ -22,6 +22,7 @@ from sma_bayes.report.content import (
     Channel,
     RecordContent,
 )
+from sma_bayes.report.figures.typeface import families
 from sma_bayes.report.notation import power_text, unit_label
 from sma_bayes.report.outputs import StoredBand, StoredRecord
 from sma_bayes.results.store import write_csv, write_file
@@ -41,7 +42,6 @@ PNG_DPI: Final = 110
 
 
 STYLE: Final[dict[Any, Any]] = {
-    "font.family": "DejaVu Sans",
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.titleweight": "bold",
@@ -137,7 +137,7 @@ def save(draw: Callable[[], Drawing], folder: Path) -> FigureFiles:
     OutputError
         If a file can't be written.
     """
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context({**STYLE, "font.family": list(families())}):
         drawing = draw()
         figure = drawing.figure
         write_file(
