@@ -59,8 +59,8 @@ def _about_names(found: Mapping[str, Any]) -> list[str]:
     if left["p_value"] <= found["thresholds"]["p_value"]:
         channel = found["channels"][left["channel"]]["name"]
         out.append(
-            f"Something is left: the extended model still disagrees ({p_text(left['p_value'])}), most in {channel} as a "
-            f"function of {left['covariate']}, and nothing in the catalogue accounts for that."
+            f"Something is left: the extended model still disagrees ({p_text(left['p_value'])}), most in {channel} as "
+            f"a function of {left['covariate']}, and nothing in the catalogue accounts for that."
         )
     return out
 

@@ -31,7 +31,6 @@ ADVICE: Final[Mapping[str, str]] = {
     "curve": "measure force or displacement",
     "reversals": "keep the record going through two reversals or more without a break",
     "warming_cell": "record time or the ambient temperature over five minutes or more, so that the load cell can warm",
-    "isothermal_pull": "pull the spring at a constant temperature",
     "plateaus": "sweep from well below to well above the transformation, so that both plateaus show",
 }
 """What to record or vary, for each need of an effect."""
