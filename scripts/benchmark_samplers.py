@@ -1,7 +1,10 @@
-"""Time this package and other samplers to the same target on the same posteriors.
+r"""Time this package and other samplers to the same target on the same posteriors.
 
-    python scripts/benchmark_samplers.py run --channels FX --repeats 3 --out benchmark
-    python scripts/benchmark_samplers.py table benchmark --json benchmark.json
+    taskset -c 1 python scripts/benchmark_samplers.py run --records all --channels FX --limit 200 \
+        --samplers sma_bayes,emcee,lmfit --walkers 32 --start ball --log-prob package --out benchmark
+    python scripts/benchmark_samplers.py table benchmark
+
+The first is how the table in docs/performance.md was measured; the second prints medians, ranges and ratios.
 
 The target: R-hat at most 1.01 across four independent ensembles, bulk and tail effective sample size at least 1000
 in every parameter, by the package's own functions. Needs the extra `bench`. What is timed and what is not stands
