@@ -29,6 +29,13 @@ SIZES = np.geomspace(0.03, 100.0, 10)
 """Sizes of the coefficients that are averaged over, in standard deviations of the noise of the channel."""
 
 
+SIMULATED = "simulated temperature"
+ALONE = ("force", "displacement", "stiffness", SIMULATED, "drive phase")
+"""Covariates of terms that are not tried on several channels together."""
+FAR = 500.0
+"""Distance from the measured temperatures at which the transformation is over [K]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Term:
     """A flexible term.
@@ -38,7 +45,7 @@ class Term:
     covariate : str
         What it is a function of: ``temperature``, ``cycle``, ``temperature and cycle``.
     channel : str
-        To which it is added.
+        To which it is added; ``temperature shift`` or ``share transformed`` where it acts on several together.
     columns : ndarray, shape (N, k)
         In standard deviations of the noise, before whitening.
     """
@@ -111,45 +118,87 @@ def gains(fitted: Fitted, terms: Sequence[Term]) -> list[Gain]:
 
 
 def terms_of(fitted: Fitted) -> list[Term]:
-    """Terms in every covariate that the histories have, for every channel."""
+    """Terms in every covariate that the histories have.
+
+    Each is added to one channel; or shifts the temperature of all mechanical channels together, as what acts on the
+    alloy or its thermometer would; or adds to the share transformed, in all of them in proportion to their spans.
+    """
     out: list[Term] = []
     for channel in fitted.hypothesis.channels:
         blocks = [b for b in fitted.blocks if b.channel == channel]
-        out += _channel_terms(fitted, channel, blocks)
-    return out
+        v = _covariates(fitted, channel)
+        size = np.concatenate([np.full(b.first.size, _noise(fitted, b)) for b in blocks])
+        rows = np.concatenate([np.arange(b.at.start, b.at.stop) for b in blocks])
+        for name, columns in _columns(v):
+            whole = np.zeros((fitted.whitened.size, columns.shape[1]))
+            whole[rows] = columns * size[:, None]
+            out.append(Term(name, channel, whole))
+    return out + _joint_terms(fitted)
 
 
-def _channel_terms(fitted: Fitted, channel: str, blocks: Sequence[Block]) -> list[Term]:
+def _noise(fitted: Fitted, block: Block) -> float:
+    return fitted.noise[fitted.blocks.index(block)].sd
+
+
+def _covariates(fitted: Fitted, channel: str) -> dict[str, Floats]:
+    """Inputs of all histories, which condition a sample belongs to, and what the model says.
+
+    Responses enter as predicted, since the measured ones would bring their own noise along.
+    """
     hypothesis = fitted.hypothesis
-    histories = [hypothesis.histories[b.history] for b in blocks]
-    size = np.concatenate(
-        [
-            np.full(h.n, fitted.noise[fitted.blocks.index(b)].sd)
-            for h, b in zip(histories, blocks, strict=True)
-        ]
-    )
+    histories = hypothesis.histories
     names = set.intersection(*(set(h.inputs) for h in histories))
     joined = {k: np.concatenate([h.inputs[k] for h in histories]) for k in names}
     joined["condition"] = np.concatenate([np.full(h.n, float(i)) for i, h in enumerate(histories)])
-    for (
-        other
-    ) in hypothesis.channels:  # what the model says, as the measurement would bring its own noise along
-        mu = [hypothesis.predict(fitted.theta, b.history)[other] for b in blocks]
-        joined[other if other != "temperature" else "simulated temperature"] = np.concatenate(mu)
-    if channel == "temperature":  # its own noise must not be among what it is tested against
-        joined["temperature"] = joined["simulated temperature"]
-        each = np.split(joined["temperature"], np.cumsum([h.n for h in histories])[:-1])
+    mu = [hypothesis.predict(fitted.theta, i) for i in range(len(histories))]
+    for other in hypothesis.channels:
+        name = SIMULATED if other == "temperature" else other
+        joined[name] = np.concatenate([m[other] for m in mu])
+    if channel == "temperature":
+        joined["temperature"] = joined[SIMULATED]
         inputs = [h.inputs for h in histories]
-        rates = [sweep_rate(t, v["time"], v["segment"]) for t, v in zip(each, inputs, strict=True)]
+        rates = [
+            sweep_rate(m["temperature"], v["time"], v["segment"]) for m, v in zip(mu, inputs, strict=True)
+        ]
         joined["rate"] = np.concatenate(rates)
-    rows = np.concatenate([np.arange(b.at.start, b.at.stop) for b in blocks])
+    return joined
 
-    def term(covariate: str, columns: Floats) -> Term:
-        whole = np.zeros((fitted.whitened.size, columns.shape[1]))
-        whole[rows] = columns * size[:, None]
-        return Term(covariate, channel, whole)
 
-    return [term(name, columns) for name, columns in _columns(joined)]
+def _joint_terms(fitted: Fitted) -> list[Term]:
+    """Terms that act on force, displacement and stiffness together."""
+    channels = [c for c in fitted.hypothesis.channels if c != "temperature"]
+    if len(channels) < 2:
+        return []
+    columns = _columns(_covariates(fitted, ""))
+    at = np.cumsum([0, *(h.n for h in fitted.hypothesis.histories)])
+    slopes, spans = {}, {}
+    for block in fitted.blocks:
+        if block.channel in channels:
+            slopes[block], spans[block] = _leverage(fitted, block)
+    out = []
+    for label, leverage in (("temperature shift", slopes), ("share transformed", spans)):
+        greatest = max(float(np.max(np.abs(v))) / _noise(fitted, b) for b, v in leverage.items())
+        for name, basis in columns:
+            if name in ALONE or (leverage is spans and name != "temperature"):
+                continue
+            whole = np.zeros((fitted.whitened.size, basis.shape[1]))
+            for block, v in leverage.items():
+                part = basis[at[block.history] : at[block.history + 1]]
+                whole[block.at] = part * (v / max(greatest, 1e-300))[:, None]
+            out.append(Term(name, label, whole))
+    return out
+
+
+def _leverage(fitted: Fitted, block: Block) -> tuple[Floats, Floats]:
+    """Derivative of a channel by temperature, and its span from cold to hot, at each sample of a block."""
+    hypothesis = fitted.hypothesis
+    inputs = hypothesis.histories[block.history].inputs
+
+    def at(by: float) -> Floats:
+        moved = {**inputs, "temperature": inputs["temperature"] + by}
+        return hypothesis.predict(fitted.theta, block.history, moved)[block.channel]
+
+    return (at(0.05) - at(-0.05)) / 0.1, at(FAR) - at(-FAR)
 
 
 def _columns(v: dict[str, Floats]) -> list[tuple[str, Floats]]:
@@ -174,15 +223,15 @@ def _columns(v: dict[str, Floats]) -> list[tuple[str, Floats]]:
         out.append(
             ("temperature and rate", times(branch, times(bumps(v["temperature"], 5), bumps(v["rate"], 4))))
         )
-    for name in ("force", "displacement", "stiffness", "simulated temperature"):
+    for name in ("force", "displacement", "stiffness", SIMULATED):
         if name in v and np.ptp(v[name]) > 0.0:
-            out.append((name.removeprefix("simulated "), bumps(v[name], 20)))
+            out.append((name, bumps(v[name], 20)))
     for name in ("current", "ambient_temperature", "load"):
         if name in v and np.ptp(v[name]) > 1e-9 * np.max(np.abs(v[name])):
             out.append((name, bumps(v[name], min(5, np.unique(v[name]).size))))
     if {"time", "frequency"} <= set(v):
         phase = 2.0 * np.pi * v["frequency"] * v["time"]
         out.append(
-            ("drive phase", np.stack([f(k * phase) for k in range(1, 5) for f in (np.sin, np.cos)], axis=1))
+            ("drive phase", np.stack([f(k * phase) for k in range(1, 9) for f in (np.sin, np.cos)], axis=1))
         )
     return out

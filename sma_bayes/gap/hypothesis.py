@@ -66,19 +66,23 @@ class Hypothesis:
         """Positions of all parameters on which a history depends."""
         return np.concatenate([self.layout[history], np.arange(self._base, len(self.space.parameters))])
 
-    def predict(self, theta: Floats, history: int) -> dict[str, Floats]:
+    def predict(
+        self, theta: Floats, history: int, inputs: Mapping[str, Floats] | None = None
+    ) -> dict[str, Floats]:
         """Response of each channel along a history.
 
         Parameters
         ----------
         theta : ndarray, shape (..., P)
         history : int
+        inputs : mapping of str to ndarray, optional
+            In place of those of the history.
 
         Returns
         -------
         dict of str to ndarray, shape (..., n)
         """
-        inputs = self.histories[history].inputs
+        applied = self.histories[history].inputs if inputs is None else inputs
         base = theta[..., self.layout[history]]
 
         def response(given: Mapping[str, Floats]) -> dict[str, Floats]:
@@ -87,7 +91,7 @@ class Hypothesis:
         at = self.effect_positions
         whole = with_effects(response, [(e, theta[..., at[e.id]]) for e in self.effects])
         with np.errstate(over="ignore", invalid="ignore"):
-            return whole(inputs)
+            return whole(applied)
 
     def extended(self, effect: Effect) -> Hypothesis:
         """The same with one more effect around it."""

@@ -26,7 +26,7 @@ WORTH = 3.0
 """Least ln Bayes factor of an effect that is added, and of one that is kept."""
 APART = 3.0
 """Least difference of ln Bayes factors by which data tell two effects apart."""
-UNEXPLAINED = 0.25
+UNEXPLAINED = 0.1
 """Share of what the effects explain that may be left to flexible terms where effects are to count as the cause."""
 MOST = 4
 """Greatest number of effects that are added."""
