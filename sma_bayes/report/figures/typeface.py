@@ -43,7 +43,8 @@ def families() -> tuple[str, str]:
         layout_features=[], name_IDs=["*"], glyph_names=True, notdef_outline=True, hinting=True
     )
     for number, (weight, style) in enumerate(FACES):
-        font = TTFont(findfont(FontProperties(family=BASE, weight=weight, style=style)))
+        path = findfont(FontProperties(family=BASE, weight=weight, style=style))
+        font = TTFont(path, recalcTimestamp=False)  # else no two runs would write the same bytes
         for table in ("GSUB", "GPOS", "GDEF", "kern", "FFTM"):
             if table in font:
                 del font[table]
@@ -53,7 +54,7 @@ def families() -> tuple[str, str]:
         for record in font["name"].names:
             text = record.toUnicode()
             record.string = text.replace(BASE, LIGHT).replace(BASE.replace(" ", ""), LIGHT.replace(" ", ""))
-        path = folder / f"{number}.ttf"
-        font.save(path)
-        fontManager.addfont(path)
+        light = folder / f"{number}.ttf"
+        font.save(light)
+        fontManager.addfont(light)
     return LIGHT, BASE
