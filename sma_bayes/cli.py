@@ -21,6 +21,13 @@ from sma_bayes.errors import SmaBayesError
 
 MISTAKE, INTERRUPTED = 70, 130
 """Exit statuses besides 0, 1 and 2: as sysexits.h has it, and as shells do."""
+_GO_ON = {
+    "demo": "; the same command goes on from here",
+    "fit": "; the same command with --resume goes on from here",
+    "gap": "; the same command with --resume begins the study anew, or draws the report of one that is finished",
+    "report": "; the same command begins anew",
+}
+"""What to do after an interruption, by verb."""
 
 app = typer.Typer(
     name="sma-bayes",
@@ -270,10 +277,7 @@ def main() -> None:
         sys.exit(2)
     except SystemExit as end:
         if end.code == INTERRUPTED:
-            print(
-                "interrupted; fit and demo go on from here with --resume, gap begins anew with it",
-                file=sys.stderr,
-            )
+            print(f"interrupted{_GO_ON.get(next(iter(sys.argv[1:]), ''), '')}", file=sys.stderr)
         raise
     except Exception:  # Python's own status for it, 1, would say that the run did not converge
         traceback.print_exc()

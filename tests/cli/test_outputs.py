@@ -110,16 +110,24 @@ def test_priors_go_through_a_pipe_and_back(measured: Path, tmp_path: Path) -> No
     assert (tmp_path / "o" / "priors.toml").read_text(encoding="utf-8") == printed.stdout
 
 
-def test_an_interruption_ends_with_130(
-    run: Run, measured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("verb", "work", "advice"),
+    [
+        ("fit", "sma_bayes.workflow.fit_records", "with --resume goes on from here"),
+        ("gap", "sma_bayes.gap.outcome.gap_outcome", "with --resume begins the study anew, or draws"),
+    ],
+)
+def test_an_interruption_ends_with_130_and_says_how_to_go_on(
+    run: Run, measured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, verb: str, work: str, advice: str
 ) -> None:
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(workflow, "fit_records", interrupt)
-    outcome = run("fit", measured, "--out", tmp_path / "out", "--jobs", 1)
+    monkeypatch.setattr(work, interrupt)
+    outcome = run(verb, measured, "--out", tmp_path / "out", "--jobs", 1)
     assert (outcome.status, outcome.out) == (130, "")
-    assert outcome.err.strip() == "interrupted; fit and demo go on from here with --resume"
+    assert outcome.err.startswith("interrupted; the same command")
+    assert advice in outcome.err
     assert not (tmp_path / "out").exists(), "nothing was done, so nothing is left"
 
 
