@@ -101,7 +101,9 @@ def test_the_same_figure_is_the_same_to_the_byte(content: Content, branch_of: Ga
         assert a.read_bytes() == b.read_bytes(), a.name
 
 
-def test_fonts_are_truetype_and_the_same_in_every_process(content: Content, tmp_path: Path) -> None:
+def test_fonts_are_truetype_and_the_same_in_every_process(
+    content: Content, branch_of: Gather, tmp_path: Path
+) -> None:
     command = (
         "import hashlib, matplotlib.font_manager as m; from sma_bayes.report.figures.typeface import families;"
         "print(hashlib.sha256(open(m.findfont(families()[0]), 'rb').read()).hexdigest(), m.findfont(families()[0]))"
@@ -114,7 +116,7 @@ def test_fonts_are_truetype_and_the_same_in_every_process(content: Content, tmp_
     ]
     assert found[0][0] == found[1][0]
     assert not any(Path(path).exists() for _, path in found)
-    save(lambda: draw("diagnostics", content, None), tmp_path)
+    save(lambda: draw("diagnostics", content, branch_of), tmp_path)
     (pdf,) = tmp_path.glob("*.pdf")
     assert b"/FontFile2" in pdf.read_bytes()
     assert b"/Type3" not in pdf.read_bytes()
