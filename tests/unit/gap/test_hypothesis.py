@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from sma_bayes.effects import EFFECTS
 from sma_bayes.effects.needs import untestable
@@ -17,11 +16,11 @@ from sma_bayes.records.history import History, histories
 
 PRIORS = read_priors("modified_sigmoid")
 CHANNELS = ("force", "displacement")
+SYMBOLS = ("A1", "A2", "A3", "A4", "B1", "B2", "B3", "B4")
 SPRING = {
     "heating": (0.02, 0.30, 64.0, 0.011, 2.1, 0.20, 61.0, 0.9),
     "cooling": (0.021, 0.26, 53.0, 0.010, 1.9, 0.24, 50.0, 1.1),
 }
-"""A1 to A4 and B1 to B4."""
 
 
 def model(rig, *, pooled: bool) -> Hypothesis:
@@ -35,7 +34,7 @@ def theta_of(hypothesis: Hypothesis, warmer: dict[str, float] | None = None) -> 
     for i, name in enumerate(hypothesis.space.names):
         symbol, _, rest = name.partition(" ")
         branch, _, condition = rest.rstrip("]").partition("[")
-        theta[i] = SPRING[branch]["A1 A2 A3 A4 B1 B2 B3 B4".split().index(symbol)]
+        theta[i] = SPRING[branch][SYMBOLS.index(symbol)]
         if symbol[1] == "3":
             theta[i] += (warmer or {}).get(condition, 0.0)
     return theta
