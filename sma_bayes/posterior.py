@@ -31,6 +31,7 @@ from sma_bayes.parameters.space import Parameter, ParameterSpace
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.response.types import ResponseModel
 
 CHUNK = 1 << 16
 """Samples times parameter vectors that are evaluated at a time, so that intermediate arrays stay in cache."""
@@ -59,7 +60,7 @@ class Posterior:
     Attributes
     ----------
     records : tuple of Record
-    model : ModifiedSigmoid
+    model : ResponseModel
     noise : NoiseModel
     space : ParameterSpace
     layout : tuple of Place
@@ -69,7 +70,7 @@ class Posterior:
     """
 
     records: tuple[Record, ...]
-    model: ModifiedSigmoid
+    model: ResponseModel
     noise: NoiseModel
     space: ParameterSpace
     layout: tuple[Place, ...]
@@ -246,7 +247,7 @@ def build_posterior(
     noise: NoiseModel,
     priors: PriorSet,
     *,
-    model: ModifiedSigmoid | None = None,
+    model: ResponseModel | None = None,
     residual: Sequence[Mapping[str, float]] | None = None,
     memory: Sequence[Mapping[str, float]] | None = None,
 ) -> Posterior:
@@ -259,8 +260,8 @@ def build_posterior(
         Each record keeps noise parameters of its own.
     noise : NoiseModel
     priors : PriorSet
-    model : ModifiedSigmoid, optional
-        By default the one that predicts the observed channels.
+    model : ResponseModel, optional
+        By default the modified sigmoid that predicts the observed channels.
     residual : sequence of mapping, optional
         For each record, residual standard error of each channel at the least-squares fit: the yardstick of the
         noise. Without it the noise is measured by the span of the channel.
@@ -284,7 +285,7 @@ def build_posterior(
     scales = RecordScales.of(records)
     facts = model.parameters(first.units)
     noise_keys = {f.prior_key for n in NOISE_MODELS.values() for f in n.parameters("force", "N", "s")}
-    priors.check_names(ModifiedSigmoid().parameter_names, noise_keys)
+    priors.check_names({*ModifiedSigmoid().parameter_names, *model.parameter_names}, noise_keys)
     parameters: list[Parameter] = [priors.parameter(f, first.branch, scales) for f in facts]
     shared = np.arange(len(parameters))
     layout = []

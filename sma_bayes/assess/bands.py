@@ -11,7 +11,8 @@ from sma_bayes.noise import Steps
 from sma_bayes.quantities import ARBITRARY, Floats, convert
 from sma_bayes.records.types import Record
 from sma_bayes.response.arrangement import BiasSpring, overall_stiffness
-from sma_bayes.response.modified_sigmoid import ModifiedSigmoid, channel_unit, stiffness
+from sma_bayes.response.modified_sigmoid import channel_unit, stiffness
+from sma_bayes.response.types import ResponseModel
 from sma_bayes.results.fit import Fit
 
 QUANTILES = {"q025": 0.025, "q05": 0.05, "q25": 0.25, "q50": 0.5, "q75": 0.75, "q95": 0.95, "q975": 0.975}
@@ -81,7 +82,7 @@ def curve_draws(fit: Fit, channel: str, temperature: Floats, record: int = 0) ->
     return path_stiffness(model, theta, temperature)
 
 
-def path_stiffness(model: ModifiedSigmoid, theta: Floats, temperature: Floats) -> Floats:
+def path_stiffness(model: ResponseModel, theta: Floats, temperature: Floats) -> Floats:
     """Stiffness of Eq. (7) from the parameters of force and displacement; shape (..., m)."""
     at = {name: theta[..., i, None] for i, name in enumerate(model.parameter_names)}
     return stiffness(temperature, at["A1"], at["A2"], at["A3"], at["B1"], at["B2"], at["B3"])

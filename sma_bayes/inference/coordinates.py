@@ -115,7 +115,7 @@ class PredictiveCoordinates:
             self.posterior.records, self.posterior.layout, self.points, strict=True
         ):
             for channel, at in points.items():
-                inputs = {"temperature": record.temperature[at]}
+                inputs = {name: values[at] for name, values in record.inputs.items()}
                 values.append(model.predict(theta[:, place.model], inputs)[channel])
                 slopes.append(model.jacobian(theta[:, place.model], inputs)[channel][..., free] * chain)
         value = np.concatenate([*values], axis=1) / self.scale

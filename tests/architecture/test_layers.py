@@ -24,7 +24,7 @@ from sma_bayes.catalogue import Catalogue
 ROOT = Path(__file__).resolve().parents[2]
 
 SUPPORTING = {
-    "sma_bayes.response": {"arrangement", "both_branches", "joule_heating", "simulation"},
+    "sma_bayes.response": {"arrangement", "both_branches", "joule_heating", "simulation", "types"},
     "sma_bayes.effects": {"types", "needs", "transformation", "memory", "stress"},
     "sma_bayes.noise": {"types"},
     "sma_bayes.records.formats": {"layout", "numbers", "table"},
@@ -73,7 +73,7 @@ def origins(entry: object) -> Iterator[str]:
     """Names of the modules that an entry of a catalogue, or anything that it holds, comes from."""
     held = (
         [getattr(entry, field.name) for field in dataclasses.fields(entry)]
-        if dataclasses.is_dataclass(entry)
+        if dataclasses.is_dataclass(entry) and not inspect.isclass(entry)
         else []
     )
     for thing in (entry, *held):

@@ -1,0 +1,360 @@
+"""Compare the modified sigmoid with the baselines on one record of one channel.
+
+All contenders see the same samples under the same noise. By default that is Gaussian noise in which only as many
+samples are counted as are independent: the number of samples that count as one is measured on the residuals of the
+contender that fits best, and holds for all. So a curve that misses the data smoothly is not excused by a memory of the
+noise, and a densely sampled sweep does not count as more than it tells.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from sma_bayes.assess.contenders import (
+    CONTENDERS,
+    FREQUENCY,
+    PLUGGED_IN,
+    Contender,
+    copy_of,
+    curve_of,
+    posterior_of,
+    unavailable,
+    with_constants,
+)
+from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, folds_of
+from sma_bayes.assess.held_out import on as on_samples
+from sma_bayes.assess.verdict import Standing, Verdict, judge, stacking_weights
+from sma_bayes.inference.bridge import Evidence, bridge_evidence
+from sma_bayes.inference.ensembles import Draws, Plan, sample
+from sma_bayes.inference.laplace import Mode, climb
+from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.noise import NOISE_MODELS, NoiseModel
+from sma_bayes.noise.effective_samples import EffectiveSamples, memory_of
+from sma_bayes.noise.types import lag1
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.response.polynomial import least_squares
+
+AUTO: Final = "auto"
+SCREENED: Final = 3000
+"""Draws from the prior among which starting points are looked for."""
+STARTS: Final = 4
+APART: Final = 0.3
+"""Least distance of starting points [sd of the prior]."""
+KEPT: Final = 2000
+"""Draws that predictions and bands are made of."""
+GRID: Final = 121
+AGREE: Final = 4.0
+"""Standard errors within which both evidences must agree, or 0.05."""
+LEVELS: Final = {"q05": 0.05, "q50": 0.50, "q95": 0.95}
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A contender that was fitted and asked about what was held out.
+
+    Attributes
+    ----------
+    contender : Contender
+    posterior : Posterior
+    draws : Draws
+    theta : ndarray, shape (S, P)
+        Kept draws.
+    loo, folds : HeldOut
+        Leaving out single samples, and whole folds.
+    in_sample : ndarray, shape (n,)
+        Log density of each sample with nothing left out.
+    importance, bridge : Evidence
+        Log evidence by two methods.
+    curve : mapping of str to ndarray, shape (m,)
+        Quantiles of the curve on a grid of temperatures.
+    """
+
+    contender: Contender
+    posterior: Posterior
+    draws: Draws
+    theta: Floats
+    loo: HeldOut
+    folds: HeldOut
+    in_sample: Floats
+    importance: Evidence
+    bridge: Evidence
+    curve: Mapping[str, Floats]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the draws reached the target and both evidences agree."""
+        return self.draws.convergence.converged and self.evidences_agree
+
+    @property
+    def evidences_agree(self) -> bool:
+        """Whether the two evidences agree within their errors."""
+        apart = abs(self.importance.value - self.bridge.value)
+        return apart <= max(AGREE * float(np.hypot(self.importance.sd, self.bridge.sd)), 0.05)
+
+    @property
+    def evidence(self) -> Evidence:
+        """The evidence of smaller error."""
+        return min(self.importance, self.bridge, key=lambda e: e.sd)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Contenders on one record of one channel.
+
+    Attributes
+    ----------
+    record : Record
+    noise : NoiseModel
+    memory : float
+        Samples that count as one.
+    folds : Folds
+    fitted : mapping of str to Fitted
+        Those that were fitted; `copies` have the numbers of another, `unavailable` none.
+    copies, unavailable : mapping of str to str
+        Name of the other; why.
+    weights : mapping of str to float
+        Stacking weights of those fitted.
+    verdict : Verdict
+    temperature : ndarray, shape (m,)
+        Grid of the curves.
+    wall_s : float
+    """
+
+    record: Record
+    noise: NoiseModel
+    memory: float
+    folds: Folds
+    fitted: Mapping[str, Fitted]
+    copies: Mapping[str, str]
+    unavailable: Mapping[str, str]
+    weights: Mapping[str, float]
+    verdict: Verdict
+    temperature: Floats
+    wall_s: float
+    rank: int = field(default=2)
+
+    @property
+    def channel(self) -> str:
+        """The channel."""
+        return self.record.channels[0]
+
+    @property
+    def converged(self) -> bool:
+        """Whether every contender converged."""
+        return all(f.converged for f in self.fitted.values())
+
+    def fold_density(self, name: str) -> Floats:
+        """Log density of each held-out fold (B,), each sample counted by its share."""
+        density = self.fitted[name].folds.log_density / self.memory
+        return np.asarray(np.bincount(self.folds.number, density, self.folds.count), dtype=float)
+
+    def standings(self) -> tuple[Standing, ...]:
+        """What the verdict rests on."""
+        return tuple(_standing(f, self) for f in self.fitted.values())
+
+
+def compare_record(
+    record: Record,
+    priors: PriorSet,
+    *,
+    noise: str = AUTO,
+    seed: int = 0,
+    plan: Plan | None = None,
+    only: Sequence[str] = (),
+) -> Comparison:
+    """Fit all contenders to a record, predict what was held out, and judge.
+
+    Parameters
+    ----------
+    record : Record
+        Of one channel; see `sma_bayes.assess.contenders.of_channel`.
+    priors : PriorSet
+        Of the modified sigmoid and of the noise.
+    noise : str
+        Name of a noise model, the same for all contenders; ``auto``: see the module.
+    seed : int
+    plan : Plan, optional
+    only : sequence of str
+        Names of contenders to compare; all by default.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such noise model.
+    PriorError
+        If a prior is missing or wrong.
+    """
+    clock = time.perf_counter()
+    (channel,) = record.channels
+    root = np.random.SeedSequence([seed, 17, *f"{record.key} {channel}".encode()])
+    entrants = [c for c in CONTENDERS if not only or c.name in only]
+    missing = {c.name: why for c in entrants if (why := unavailable(c, record))}
+    copies = {c.name: other for c in entrants if c.name not in missing and (other := copy_of(c, record))}
+    running = [c for c in entrants if c.name not in missing and c.name not in copies]
+    with threadpool_limits(limits=1):
+        model = NOISE_MODELS[EffectiveSamples.name if noise == AUTO else noise]
+        start_seed, *seeds = root.spawn(len(running) + 1)
+        rng = np.random.default_rng(start_seed)
+        modes = {c.name: _modes(posterior_of(c, record, model, priors), c, rng) for c in running}
+        memory = _memory(record, model, running, priors, modes)
+        folds = folds_of(record)
+        task = _Task(record, model, priors, memory, folds, plan or Plan())
+        fitted = {c.name: task.fit(c, modes[c.name], own) for c, own in zip(running, seeds, strict=True)}
+    first = Comparison(
+        record, model, memory, folds, fitted, copies, missing, {}, _UNDECIDED, task.grid, 0.0, _rank(record)
+    )
+    weights = stacking_weights({name: f.folds.log_density for name, f in fitted.items()})
+    wall = time.perf_counter() - clock
+    return Comparison(
+        record, model, memory, folds, fitted, copies, missing, weights, judge(first.standings()), task.grid, wall,
+        first.rank,
+    )  # fmt: skip
+
+
+_UNDECIDED: Final = Verdict("", "", False, 0.0, "", 0.0, "")
+
+
+def _standing(f: Fitted, comparison: Comparison) -> Standing:
+    c = f.contender
+    folds = comparison.fold_density(c.name)
+    return Standing(c.name, c.family, curve_of(c, comparison.record), f.evidence.value, f.evidence.sd, folds)
+
+
+def _modes(posterior: Posterior, contender: Contender, rng: np.random.Generator) -> tuple[Mode, ...]:
+    """Modes of a posterior, best first: from draws of the prior, each with the noise that its residuals ask for."""
+    space, place = posterior.space, posterior.layout[0]
+    record, model = posterior.records[0], posterior.model
+    (channel,) = record.channels
+    sd = int(place.noise[channel][0])
+    width = space.prior_sd()
+
+    def with_noise(theta: Floats) -> Floats:
+        with np.errstate(over="ignore", invalid="ignore"):
+            residual = record.observed[channel] - model.predict(theta[:, place.model], record.inputs)[channel]
+            spread = np.sqrt(np.mean(residual**2, axis=1))
+        theta[:, sd] = np.where(np.isfinite(spread), np.maximum(spread, 1e-300), 1e300)
+        return space.to_sampled(theta)
+
+    z = with_noise(space.to_physical(space.draw(rng, SCREENED)))
+    z = z[np.isfinite(z).all(axis=1)]
+    z = z[np.argsort(-posterior.log_prob(z), kind="stable")]
+    starts: list[Floats] = []
+    if isinstance(model, ModifiedSigmoid):
+        found = warm_start(posterior, rng)
+        for optimum in found.optima:
+            centre = space.prior_centre()
+            centre[: optimum.size] = optimum
+            starts.append(with_noise(space.to_physical(centre)[None])[0])
+    for point in z[:200]:
+        if len(starts) >= STARTS:
+            break
+        if all(np.max(np.abs(point - other) / width) > APART for other in starts):
+            starts.append(point)
+    modes = [m for m in (climb(posterior, s, width) for s in starts) if m is not None]
+    return tuple(sorted(modes, key=lambda m: -m.log_prob))
+
+
+def _memory(
+    record: Record,
+    noise: NoiseModel,
+    contenders: Sequence[Contender],
+    priors: PriorSet,
+    modes: Mapping[str, Sequence[Mode]],
+) -> float:
+    """Samples that count as one, from the residuals of the contender that fits best."""
+    if noise.name != EffectiveSamples.name:
+        return 1.0
+    (channel,) = record.channels
+    best: tuple[float, Floats] | None = None
+    for c in contenders:
+        posterior = posterior_of(c, record, noise, priors)
+        theta = posterior.space.to_physical(modes[c.name][0].z)
+        residual = record.observed[channel] - posterior.predict(theta, record.inputs)[channel]
+        # as many parameters as were fitted are paid for, or the richest curve would always be taken
+        spread = float(residual @ residual) / max(record.n - posterior.space.dimension, 1)
+        if best is None or spread < best[0]:
+            best = (spread, residual)
+    residual = best[1] if best is not None else np.zeros(record.n)
+    steps = posterior.steps[0]
+    if lag1(residual, steps) < 2.0 / np.sqrt(record.n):  # within what independent samples show
+        return 1.0
+    return memory_of(residual, steps)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What all contenders share."""
+
+    record: Record
+    noise: NoiseModel
+    priors: PriorSet
+    memory: float
+    folds: Folds
+    plan: Plan
+
+    @property
+    def grid(self) -> Floats:
+        t = self.record.temperature
+        return np.linspace(t.min(), t.max(), GRID)
+
+    def fit(self, contender: Contender, modes: Sequence[Mode], seed: np.random.SeedSequence) -> Fitted:
+        sample_seed, bridge_seed, loo_seed, fold_seed = seed.spawn(4)
+        posterior = posterior_of(contender, self.record, self.noise, self.priors, self.memory)
+        width = posterior.space.prior_sd()
+        draws = sample(posterior, [m.z for m in modes], width, sample_seed, self.plan)
+        flat = np.swapaxes(draws.z, 1, 2).reshape(-1, width.size)
+        chosen = np.linspace(0, len(flat) - 1, min(KEPT, len(flat))).round().astype(int)
+        theta = posterior.space.to_physical(flat[chosen])
+
+        def without(part: Record) -> Posterior:
+            if contender.name not in PLUGGED_IN:
+                return on_samples(posterior, part)
+            fresh = {k: v for k, v in _plugged_in(part).items() if k in posterior.model.parameter_names}
+            return with_constants(on_samples(posterior, part), fresh)
+
+        predictor = Predictor(posterior, theta, draws.modes, without, contender.name in PLUGGED_IN)
+        full, _ = predictor.density(theta, self.record)
+        n, folds = self.record.n, self.folds
+        loo = predictor.leave_out(list(np.eye(n, dtype=bool)), loo_seed)
+        left = predictor.leave_out([folds.number == b for b in range(folds.count)], fold_seed)
+        return Fitted(
+            contender,
+            posterior,
+            draws,
+            theta,
+            loo,
+            left,
+            np.asarray(np.logaddexp.reduce(full, axis=0) - np.log(len(full))),
+            Evidence(draws.ln_evidence, draws.ln_evidence_sd),
+            bridge_evidence(posterior, draws.z, np.random.default_rng(bridge_seed)),
+            self._curve(posterior, theta),
+        )
+
+    def _curve(self, posterior: Posterior, theta: Floats) -> dict[str, Floats]:
+        """Quantiles of the curve; where conditions were joined, at their mean frequency."""
+        inputs = {"temperature": self.grid}
+        if FREQUENCY in self.record.inputs:
+            inputs[FREQUENCY] = np.full(GRID, self.record.inputs[FREQUENCY].mean())
+        curve = posterior.predict(theta, inputs)[self.record.channels[0]]
+        return {name: np.quantile(curve, level, axis=0) for name, level in LEVELS.items()}
+
+
+def _plugged_in(record: Record) -> dict[str, float]:
+    (values,) = record.observed.values()
+    return {"K_min": float(values.min()), "K_max": float(values.max())}
+
+
+def _rank(record: Record) -> int:
+    """Rank of Eq. (11) on a record."""
+    (values,) = record.observed.values()
+    return least_squares(record.temperature, record.inputs.get(FREQUENCY, np.ones(record.n)), values).rank

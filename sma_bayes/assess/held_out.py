@@ -1,0 +1,250 @@
+"""Predicting what had no part in the fit: single samples, cycles, conditions, stretches of temperature.
+
+Leaving out a sample is done by Pareto-smoothed weights of the draws (PSIS-LOO), and by a fit without it where the
+weights can't be relied on. Neighbouring samples of a sweep tell nearly the same, so whole folds are left out as well,
+in the same way. Where ``memory`` samples count as one, every log density counts by that share.
+
+References
+----------
+A. Vehtari, A. Gelman, J. Gabry, "Practical Bayesian model evaluation using leave-one-out cross-validation and WAIC",
+Statistics and Computing 27 (2017) 1413, doi 10.1007/s11222-016-9696-4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from sma_bayes.assess.contenders import CONDITION
+from sma_bayes.inference.adaptation import Weights, adapt
+from sma_bayes.inference.convergence import Target
+from sma_bayes.inference.ensembles import Plan, sample
+from sma_bayes.inference.laplace import Mode, climb
+from sma_bayes.inference.pareto import RELIABLE, smoothed_weights
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
+
+Mask = NDArray[np.bool_]
+FEWEST_CYCLES: Final = 3
+MOST_FOLDS: Final = 10
+"""Greatest number of folds; with more cycles every tenth cycle is left out together."""
+BLOCK: Final = 4
+"""Least number of samples of a temperature block."""
+DRAWS: Final = 2000
+"""Importance draws of a fit without a part of the data."""
+EFFICIENT: Final = 0.05
+"""Efficiency of those draws below which ensembles are run instead."""
+ENOUGH: Final = Target(rhat=1.05, ess=300.0)
+"""What these must reach: a mean density needs less than quantiles do."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Folds:
+    """What is left out in turn.
+
+    Attributes
+    ----------
+    kind : str
+        ``cycles``, ``conditions`` or ``temperature blocks``.
+    number : ndarray of int, shape (n,)
+        Fold of each sample, from 0.
+    labels : tuple of str
+    """
+
+    kind: str
+    number: NDArray[np.int64]
+    labels: tuple[str, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of folds."""
+        return len(self.labels)
+
+
+def folds_of(record: Record) -> Folds:
+    """Folds of a record: conditions where some were joined, else cycles, else blocks of temperature."""
+    unit = record.units["temperature"]
+    for kind, name in (("conditions", CONDITION), ("cycles", "cycle")):
+        values, number = np.unique(record.inputs.get(name, np.empty(0)), return_inverse=True)
+        if values.size >= (2 if kind == "conditions" else FEWEST_CYCLES):
+            groups = [values[i::MOST_FOLDS] for i in range(min(values.size, MOST_FOLDS))]
+            labels = tuple(", ".join(f"{v:g}" for v in g) for g in groups)
+            return Folds(kind, number.astype(np.int64) % MOST_FOLDS, labels)
+    count = max(2, min(MOST_FOLDS, record.n // BLOCK))
+    rank = np.argsort(np.argsort(record.temperature, kind="stable"), kind="stable")
+    block = rank * count // record.n
+    ends = [record.temperature[block == b] for b in range(count)]
+    labels = tuple(f"{e.min():.4g} to {e.max():.4g} {unit}" for e in ends)
+    return Folds("temperature blocks", block.astype(np.int64), labels)
+
+
+def part(record: Record, kept: Mask) -> Record:
+    """Some samples of a record; across a gap nothing is remembered."""
+    segment = record.inputs["segment"]
+    starts = np.ones(record.n, dtype=bool)
+    starts[1:] = (np.diff(segment) != 0) | ~kept[:-1]
+    inputs = {k: v[kept] for k, v in record.inputs.items()}
+    inputs["segment"] = np.cumsum(starts[kept]).astype(float)
+    observed = {k: v[kept] for k, v in record.observed.items()}
+    return replace(record, inputs=inputs, observed=observed, row=record.row[kept])
+
+
+def on(posterior: Posterior, record: Record) -> Posterior:
+    """The posterior of other samples under the same priors."""
+    return Posterior((record,), posterior.model, posterior.noise, posterior.space, posterior.layout)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeightedDraws:
+    """Draws with weights.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (S, P)
+    log_weight : ndarray, shape (S,)
+        Logarithms of weights that sum to one.
+    """
+
+    theta: Floats
+    log_weight: Floats
+
+
+def refitted(posterior: Posterior, modes: Sequence[Mode], seed: np.random.SeedSequence) -> WeightedDraws:
+    """Fit anew, starting from the modes of a similar posterior.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Without what is held out.
+    modes : sequence of Mode
+    seed : numpy.random.SeedSequence
+    """
+    rng = np.random.default_rng(seed)
+    width = posterior.space.prior_sd()
+    climbed = [m for m in (climb(posterior, mode.z, width) for mode in modes) if m is not None]
+    adapted = adapt(posterior, climbed[:1] or list(modes[:1]), rng)
+    z, log_q = adapted.proposal.draw(rng, DRAWS)
+    found = np.isfinite(log_q)
+    log_weight = np.full(DRAWS, -np.inf)
+    log_weight[found] = posterior.log_prob(z[found]) - log_q[found]
+    if Weights(log_weight).efficiency < EFFICIENT:
+        draws = sample(
+            posterior, [m.z for m in modes], width, seed.spawn(1)[0], Plan(ENOUGH, evaluations=600_000)
+        )
+        flat = draws.z.reshape(-1, width.size)
+        flat = flat[:: max(1, len(flat) // DRAWS)]
+        return WeightedDraws(posterior.space.to_physical(flat), np.full(len(flat), -np.log(len(flat))))
+    kept = np.isfinite(log_weight)
+    log_weight = log_weight[kept] - logsumexp(log_weight[kept])
+    return WeightedDraws(posterior.space.to_physical(z[kept]), log_weight)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOut:
+    """Predictions of samples that had no part in the fit.
+
+    Attributes
+    ----------
+    log_density : ndarray, shape (n,)
+        Of each sample.
+    mean : ndarray, shape (n,)
+        Predicted value [unit of the channel].
+    k : ndarray, shape (targets,)
+        Pareto exponent of each sample or fold before fits were made anew.
+    refits : int
+        How many fits were made anew.
+    """
+
+    log_density: Floats
+    mean: Floats
+    k: Floats
+    refits: int
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """A fitted contender that can be fitted again without some samples.
+
+    Attributes
+    ----------
+    posterior : Posterior
+        Of one record of one channel.
+    theta : ndarray, shape (S, P)
+        Draws.
+    modes : tuple of Mode
+    without : callable
+        Posterior of a part of the record; constants that were plugged in come from that part.
+    plugged_in : bool
+        Whether there are any: weights of the draws then don't know of what leaving out changes.
+    """
+
+    posterior: Posterior
+    theta: Floats
+    modes: tuple[Mode, ...]
+    without: Callable[[Record], Posterior]
+    plugged_in: bool
+
+    @property
+    def record(self) -> Record:
+        """The record."""
+        return self.posterior.records[0]
+
+    def density(self, theta: Floats, record: Record) -> tuple[Floats, Floats]:
+        """Full log density (S, n) of each sample of a record, and the share by which it counts (S,)."""
+        posterior = on(self.posterior, record)
+        (channel,) = record.channels
+        (pointwise,) = posterior.pointwise_log_likelihood(theta)
+        share = posterior.noise.information(theta[:, posterior.layout[0].noise[channel][1:]])
+        return pointwise[channel] / share[:, None], share
+
+    def mean_curve(self, theta: Floats, record: Record) -> Floats:
+        """Predictions (S, n)."""
+        return self.posterior.predict(theta, record.inputs)[record.channels[0]]
+
+    def leave_out(self, targets: Sequence[Mask], seed: np.random.SeedSequence) -> HeldOut:
+        """Predict each of several parts of the record from the rest.
+
+        Parameters
+        ----------
+        targets : sequence of ndarray of bool, shape (n,)
+            Parts; no sample is in two of them.
+        seed : numpy.random.SeedSequence
+            For the fits that have to be made anew.
+        """
+        record = self.record
+        full, share = self.density(self.theta, record)
+        counted = full * share[:, None]
+        log_weight, k = smoothed_weights(-np.stack([counted[:, t].sum(axis=1) for t in targets], axis=1))
+        curve = self.mean_curve(self.theta, record)
+        density, mean = np.full(record.n, np.nan), np.full(record.n, np.nan)
+        anew = self._anew(targets, k)
+        for i, (target, own_seed) in enumerate(zip(targets, seed.spawn(len(targets)), strict=True)):
+            if anew[i]:
+                density[target], mean[target] = self._predicted(target, own_seed)
+            else:
+                w = log_weight[:, i, None]
+                density[target] = logsumexp(w + full[:, target], axis=0)
+                mean[target] = np.sum(np.exp(w) * curve[:, target], axis=0)
+        return HeldOut(density, mean, k, int(anew.sum()))
+
+    def _anew(self, targets: Sequence[Mask], k: Floats) -> Mask:
+        anew = np.asarray(k > RELIABLE)
+        if self.plugged_in:  # the constants are the extremes: only leaving one of them out changes anything
+            (values,) = self.record.observed.values()
+            extreme = (values == values.min()) | (values == values.max())
+            anew |= np.array([bool(np.any(extreme[t])) for t in targets])
+        return anew
+
+    def _predicted(self, target: Mask, seed: np.random.SeedSequence) -> tuple[Floats, Floats]:
+        """Log density and mean of a part by a fit without it."""
+        draws = refitted(self.without(part(self.record, ~target)), self.modes, seed)
+        test = part(self.record, target)
+        full, _ = self.density(draws.theta, test)
+        density = logsumexp(draws.log_weight[:, None] + full, axis=0)
+        return density, np.exp(draws.log_weight) @ self.mean_curve(draws.theta, test)

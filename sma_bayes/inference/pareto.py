@@ -1,0 +1,95 @@
+"""Importance weights whose largest are replaced by quantiles of a fitted Pareto distribution.
+
+The exponent k of the fit tells whether the weights can be relied on: below 0.7 they can, above they can't.
+
+References
+----------
+A. Vehtari, D. Simpson, A. Gelman, Y. Yao, J. Gabry, "Pareto smoothed importance sampling", Journal of Machine Learning
+Research 25 (2024) 72; J. Zhang, M. A. Stephens, "A new and efficient estimation method for the generalized Pareto
+distribution", Technometrics 51 (2009) 316.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import logsumexp
+
+from sma_bayes.quantities import Floats
+
+RELIABLE = 0.7
+"""Greatest k at which smoothed weights are used."""
+FEWEST = 5
+"""Weights that a tail must have."""
+
+
+def smoothed_weights(log_ratio: Floats) -> tuple[Floats, Floats]:
+    """Smooth the importance weights of each column.
+
+    Parameters
+    ----------
+    log_ratio : ndarray, shape (S, n)
+        Logarithms of importance ratios of S draws, for each of n targets, up to a constant of each column.
+
+    Returns
+    -------
+    log_weight : ndarray, shape (S, n)
+        Logarithms of weights that sum to one.
+    k : ndarray, shape (n,)
+        Pareto exponents; infinite where the tail is too short to be fitted, minus infinity where all ratios are
+        equal.
+    """
+    size, n = log_ratio.shape
+    log_weight = log_ratio - log_ratio.max(axis=0)
+    tail = int(min(np.ceil(0.2 * size), np.ceil(3.0 * np.sqrt(size))))
+    if tail < FEWEST:
+        return log_weight - logsumexp(log_weight, axis=0), np.full(n, np.inf)
+    order = np.argsort(log_weight, axis=0, kind="stable")[-tail - 1 :]
+    largest = np.take_along_axis(log_weight, order, axis=0)
+    cutoff = np.maximum(largest[0], np.log(np.finfo(float).tiny))
+    excess = np.exp(largest[1:]) - np.exp(cutoff)  # ascending, shape (tail, n)
+    varies = excess[int(tail / 4 + 0.5) - 1] > 0.0
+    k = np.where(np.ptp(log_weight, axis=0) > 0.0, np.inf, -np.inf)
+    if varies.any():
+        k[varies], scale = pareto_fit(excess[:, varies])
+        p = (np.arange(tail) + 0.5) / tail
+        quantile = _quantile(p[:, None], k[varies], scale) + np.exp(cutoff[varies])
+        smooth = largest[1:].copy()
+        with np.errstate(over="ignore"):
+            smooth[:, varies] = np.minimum(np.log(quantile), 0.0)
+        np.put_along_axis(log_weight, order[1:], smooth, axis=0)
+    return np.asarray(log_weight - logsumexp(log_weight, axis=0)), k
+
+
+def pareto_fit(excess: Floats) -> tuple[Floats, Floats]:
+    """Shape and scale of generalised Pareto distributions.
+
+    Parameters
+    ----------
+    excess : ndarray, shape (m, n)
+        Ascending along the first axis, not negative.
+
+    Returns
+    -------
+    k, scale : ndarray, shape (n,)
+        k drawn a little to 0.5, as ten observations would.
+    """
+    m = len(excess)
+    grid = 30 + int(np.sqrt(m))
+    b = 1.0 - np.sqrt(grid / (np.arange(1, grid + 1) - 0.5))
+    b = b[:, None] / (3.0 * excess[int(m / 4 + 0.5) - 1]) + 1.0 / excess[-1]  # (grid, n)
+    shape = np.empty_like(b)
+    for i, row in enumerate(b):
+        shape[i] = np.log1p(-row * excess).mean(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log_profile = m * (np.log(-b / shape) - shape - 1.0)
+    log_profile = np.where(np.isfinite(log_profile), log_profile, -np.inf)
+    weight = np.exp(log_profile - logsumexp(log_profile, axis=0))
+    mean = (weight * b).sum(axis=0)
+    k = np.log1p(-mean * excess).mean(axis=0)
+    return (m * k + 5.0) / (m + 10.0), np.asarray(-k / mean)
+
+
+def _quantile(p: Floats, k: Floats, scale: Floats) -> Floats:
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        value = np.expm1(-k * np.log1p(-p)) / k
+    return np.asarray(scale * np.where(np.abs(k) < 1e-12, -np.log1p(-p), value))
