@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sma_bayes.effects import EFFECTS, Effect
 from sma_bayes.gap.fitting import Fitted, fit_hypothesis, fit_with_noise
+from sma_bayes.gap.flexible import gains, terms_of
 from sma_bayes.gap.hypothesis import Hypothesis, baseline
 from sma_bayes.gap.locate import Disagreement, Look, disagreements, look
-from sma_bayes.gap.name import Candidate, candidates, screen_all
+from sma_bayes.gap.name import Candidate, candidates, guard_of, screen_all, signature_at_mode
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
@@ -28,6 +29,8 @@ APART = 3.0
 """Least difference of ln Bayes factors by which data tell two effects apart."""
 UNEXPLAINED = 0.1
 """Share of what the effects explain that may be left to flexible terms where effects are to count as the cause."""
+FIRST_OF_TWO = 3
+"""How many effects, best first, are tried as the first of two where no single one is added."""
 MOST = 4
 """Greatest number of effects that are added."""
 
@@ -142,7 +145,10 @@ def study_from(
     steps: list[Step] = []
     while True:
         tell(f"looking for disagreements, round {len(steps) + 1}")
-        steps.append(one_round(current, effects, rng, last=len(steps) == MOST))
+        found = [one_round(current, effects, rng, last=len(steps) == MOST)]
+        if found[0].chosen is None and len(steps) <= MOST - 2:
+            found = two_rounds(found[0], effects, rng) or found
+        steps += found
         chosen = steps[-1].chosen
         if chosen is None or chosen.fitted is None:
             break
@@ -164,11 +170,46 @@ def one_round(
     worthy = [c for c in fitted if c.ln_bayes_factor >= WORTH and c.ln_bayes_factor > c.guard]
     if not worthy:
         return Step(current, seen, (*tried, *untested), None, ())
-    best = worthy[0]
-    like = [
-        c.effect.id for c in fitted if c.ln_bayes_factor >= best.ln_bayes_factor - APART and c is not best
-    ]
-    return Step(current, seen, (*tried, *untested), best, (best.effect.id, *like))
+    return Step(current, seen, (*tried, *untested), worthy[0], _like(worthy[0], fitted))
+
+
+def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:
+    """Names of the effects that the data can't tell from one, itself first."""
+    near = [c for c in fitted if c is not best and c.ln_bayes_factor >= best.ln_bayes_factor - APART]
+    return (best.effect.id, *(c.effect.id for c in near))
+
+
+def two_rounds(first: Step, effects: Mapping[str, Effect], rng: np.random.Generator) -> list[Step]:
+    """Two effects at once, where no single one deserves to be added; empty where no two do either.
+
+    With one of two effects still missing, a flexible term that takes part of both can beat each of them. So each is
+    judged anew beside the other, by the same rules.
+    """
+    pairs: list[tuple[float, list[Step]]] = []
+    promising = [c for c in first.candidates if c.fitted is not None and c.ln_bayes_factor >= WORTH]
+    for one in promising[:FIRST_OF_TWO]:
+        if one.fitted is None:
+            continue
+        beside = fit_with_noise(one.fitted.hypothesis, one.fitted.z)
+        second = one_round(beside, effects, rng)
+        other = second.chosen
+        if other is None or other.fitted is None or not _holds_beside(other.fitted):
+            continue
+        like = _like(one, promising)
+        pairs.append((other.fitted.ln_evidence, [replace(first, chosen=one, class_=like), second]))
+    return max(pairs, key=lambda p: p[0])[1] if pairs else []
+
+
+def _holds_beside(both: Fitted) -> bool:
+    """Whether the first of two effects would be added to a model that has the second already."""
+    one = both.hypothesis.effects[0]
+    rest = _without(both, one)
+    names = [p.name for p in rest.hypothesis.extended(one).space.free]
+    z = dict(zip([p.name for p in both.hypothesis.space.free], both.z.tolist(), strict=True))
+    again = fit_hypothesis(rest.hypothesis.extended(one), np.array([z[n] for n in names]), both.noise)
+    gained = again.ln_evidence - rest.ln_evidence
+    guard, _ = guard_of(signature_at_mode(rest, again), gains(rest, terms_of(rest)))
+    return gained >= WORTH and gained > guard
 
 
 def without_needless(fitted: Fitted) -> Fitted:
