@@ -10,7 +10,6 @@ import pytest
 from sma_bayes.effects import EFFECTS
 from sma_bayes.gap import close as module
 from sma_bayes.gap.close import FOLDS, Fold, Gap, close, folds_of, held_out_scores, predict_fold
-from sma_bayes.gap.fitting import Fitted
 from sma_bayes.gap.study import GapStudy, study_campaign
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import histories
@@ -54,21 +53,20 @@ def test_every_sample_is_held_out_once(of, pooled: bool, named: str, rig) -> Non
 
 
 @pytest.fixture
-def fits(monkeypatch: pytest.MonkeyPatch) -> list[Fitted]:
-    """Models that folds end with."""
-    seen: list[Fitted] = []
+def looks(monkeypatch: pytest.MonkeyPatch) -> list[GapStudy]:
+    """What the loop finds without each fold."""
+    seen: list[GapStudy] = []
     loop = module.study_from
 
     def spy(*args, **kwargs):
-        found = loop(*args, **kwargs)
-        seen.append(found.final)
-        return found
+        seen.append(loop(*args, **kwargs))
+        return seen[-1]
 
     monkeypatch.setattr(module, "study_from", spy)
     return seen
 
 
-def test_held_out_values_do_not_move_the_fit_of_their_fold(lagging: GapStudy, fits: list[Fitted]) -> None:
+def test_held_out_values_do_not_move_the_fit_of_their_fold(lagging: GapStudy, looks: list[GapStudy]) -> None:
     folds, _ = folds_of(lagging.baseline.hypothesis.histories, pooled=True)
     rng = np.random.default_rng(0)
     for i, out in enumerate(folds):
@@ -87,29 +85,39 @@ def test_held_out_values_do_not_move_the_fit_of_their_fold(lagging: GapStudy, fi
         )
         plain, changed = (predict_fold(Fold(s, FEW, out, (0, 11, i))) for s in (lagging, other))
         assert plain.chosen == changed.chosen
-        one, two = fits[-2:]
+        one, two = (found.final for found in looks[-2:])
         np.testing.assert_array_equal(one.z, two.z)
         assert one.ln_evidence == two.ln_evidence
         assert changed.squares[0] > 10.0 * plain.squares[0]
         assert plain.count == sum(int(m.sum()) for m in out)
 
 
-def test_what_is_left_is_the_held_out_residual_in_sds_of_the_noise(
-    lagging: GapStudy, fits: list[Fitted], covariance_of
-) -> None:
-    """Before and after by hand: predictions of the fold with the fold's own fit, whitened by Cholesky."""
-    folds, _ = folds_of(lagging.baseline.hypothesis.histories, pooled=True)
-    found = predict_fold(Fold(lagging, FEW, folds[1], (0, 11, 1)))
-    final, whole = fits[-1], lagging.final
+@pytest.mark.parametrize("of", [{}, {"cycles": 1, "memory": 0.6}], ids=["cycles", "stretches"])
+def test_what_is_left_is_the_held_out_residual_in_sds_of_the_noise(of, rig, looks: list[GapStudy]) -> None:
+    """By hand: predictions of the fold with the fold's own fit, as innovations; after a sample left out anew."""
+    study = study_campaign(rig(lag=0.4, **of).campaign(), PRIORS, pooled=False, effects=FEW)
+    folds, _ = folds_of(study.baseline.hypothesis.histories, pooled=False)
+    found = predict_fold(Fold(study, FEW, folds[1], (0, 11, 1)))
+    final, whole = looks[-1].final, study.final
     total = 0.0
-    for block in whole.blocks:
+    for block, noise in zip(whole.blocks, whole.noise, strict=True):
         h, m = whole.hypothesis.histories[block.history], folds[1][block.history]
         predicted = final.hypothesis.predict(final.theta, block.history, h.inputs)[block.channel]
-        r = (h.observed[block.channel] - predicted)[m]
-        covariance = covariance_of([whole.noise[whole.blocks.index(block)]])[np.ix_(m, m)]
-        total += float(np.sum(np.linalg.solve(np.linalg.cholesky(covariance), r) ** 2))
+        u = (h.observed[block.channel] - predicted) / noise.sd
+        for i in np.flatnonzero(m):
+            phi = noise.memory[i] if i > 0 and m[i - 1] else 0.0
+            total += (u[i] - phi * u[i - 1]) ** 2 / (1.0 - phi**2)
     assert found.squares[1] == pytest.approx(total, rel=1e-6)
-    assert found.chosen == ("thermocouple_lag",)
+    assert found.count == sum(int(m.sum()) for m in folds[1])
+
+
+def test_a_fold_repeats_itself(lagging: GapStudy, looks: list[GapStudy]) -> None:
+    folds, _ = folds_of(lagging.baseline.hypothesis.histories, pooled=True)
+    for seed in (1, 1, 2):
+        predict_fold(Fold(lagging, FEW, folds[0], (seed, 11, 0)))
+    one, again, other = ([s.look.p_value for s in found.steps] for found in looks)
+    assert one == again
+    assert one != other
 
 
 def test_the_gap_closes_where_the_cause_was_named(lagging: GapStudy) -> None:

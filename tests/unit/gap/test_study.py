@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.effects import EFFECTS
-from sma_bayes.gap.fitting import fit_hypothesis, fit_with_noise
+from sma_bayes.gap.fitting import fit_with_noise
 from sma_bayes.gap.hypothesis import baseline
 from sma_bayes.gap.outcome import judgement
 from sma_bayes.gap.study import (
@@ -17,6 +17,7 @@ from sma_bayes.gap.study import (
     baseline_start,
     heat_balance,
     study_campaign,
+    study_from,
     without_needless,
 )
 from sma_bayes.parameters.priors_file import read_priors
@@ -107,16 +108,22 @@ def test_effects_that_act_alike_are_one_class(study) -> None:
 
 
 def test_what_a_later_effect_makes_needless_goes(rig) -> None:
+    """A sensor's lag that was taken for a rate dependence at first."""
     campaign = rig(lag=0.4).campaign()
     plain = baseline(campaign, histories(campaign), PRIORS, pooled=True)
     rng = np.random.default_rng(0)
-    base = fit_with_noise(plain, baseline_start(plain, campaign, PRIORS, pooled=True, rng=rng))
-    both = plain.with_effects([EFFECTS["rate_dependence"], EFFECTS["thermocouple_lag"]])
-    start = np.concatenate([base.z, both.space.prior_centre()[base.z.size :]])
-    kept = without_needless(fit_hypothesis(both, start, fit_with_noise(both, start).noise))
+    z = baseline_start(plain, campaign, PRIORS, pooled=True, rng=rng)
+    rate, lag = (EFFECTS[name] for name in ("rate_dependence", "thermocouple_lag"))
+
+    def fitted(*effects):
+        hypothesis = plain.with_effects(effects)
+        return fit_with_noise(hypothesis, np.concatenate([z, hypothesis.space.prior_centre()[z.size :]]))
+
+    kept = without_needless(fitted(rate, lag))
     assert [e.id for e in kept.hypothesis.effects] == ["thermocouple_lag"]
-    one = without_needless(kept)
-    assert one is kept
+    assert without_needless(kept) is kept
+    found = study_from(fitted(rate), {"thermocouple_lag": lag}, rng, lambda _: None)
+    assert [e.id for e in found.effects] == ["thermocouple_lag"]
 
 
 def test_what_can_not_be_tested_is_said_and_not_tried(rig) -> None:

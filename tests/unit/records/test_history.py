@@ -90,6 +90,19 @@ def test_a_pause_begins_a_stretch_and_another_file_too() -> None:
     np.testing.assert_array_equal(h.inputs["segment"], np.repeat(np.arange(4.0 * CYCLES), N))
 
 
+def test_a_sweep_that_is_sampled_coarsely_does_not_interrupt() -> None:
+    """Heating sampled every second, cooling every half a minute."""
+    fast, slow = (record(b) for b in Branch)
+    period = N + 30.0 * N
+    clock = {
+        Branch.HEATING: period * (fast.inputs["cycle"] - 1.0) + np.tile(np.arange(N), CYCLES),
+        Branch.COOLING: period * (slow.inputs["cycle"] - 1.0) + N + 30.0 * np.tile(np.arange(N), CYCLES),
+    }
+    (h,) = joined(*(replace(r, inputs={**r.inputs, "time": clock[r.branch]}) for r in (fast, slow)))
+    np.testing.assert_array_equal(h.row, np.arange(h.n) + 2)
+    np.testing.assert_array_equal(h.inputs["stretch"], 0.0)
+
+
 def test_without_time_left_out_lines_interrupt() -> None:
     records = [record(b, timed=False) for b in Branch]
     moved = [replace(r, row=np.where(r.inputs["cycle"] > 1.0, r.row + 50, r.row)) for r in records]
