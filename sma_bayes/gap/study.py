@@ -183,7 +183,8 @@ def two_rounds(first: Step, effects: Mapping[str, Effect], rng: np.random.Genera
     """Two effects at once, where no single one deserves to be added; empty where no two do either.
 
     With one of two effects still missing, a flexible term that takes part of both can beat each of them. So each is
-    judged anew beside the other, by the same rules.
+    judged anew beside the other, by the same rules; and since there are many pairs, some of which mimic an effect that
+    is not in the catalogue, both together have to be worth more than the best flexible term, by `WORTH`.
     """
     pairs: list[tuple[float, list[Step]]] = []
     promising = [c for c in first.candidates if c.fitted is not None and c.ln_bayes_factor >= WORTH]
@@ -193,10 +194,12 @@ def two_rounds(first: Step, effects: Mapping[str, Effect], rng: np.random.Genera
         beside = fit_with_noise(one.fitted.hypothesis, one.fitted.z)
         second = one_round(beside, effects, rng)
         other = second.chosen
-        if other is None or other.fitted is None or not _holds_beside(other.fitted):
+        if other is None or other.fitted is None:
             continue
-        like = _like(one, promising)
-        pairs.append((other.fitted.ln_evidence, [replace(first, chosen=one, class_=like), second]))
+        together = one.ln_bayes_factor + other.ln_bayes_factor
+        if together < first.look.best.ln_bayes_factor + WORTH or not _holds_beside(other.fitted):
+            continue
+        pairs.append((together, [replace(first, chosen=one, class_=_like(one, promising)), second]))
     return max(pairs, key=lambda p: p[0])[1] if pairs else []
 
 
