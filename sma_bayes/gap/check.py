@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 from sma_bayes.errors import MeasurementError
+from sma_bayes.quantities import ARBITRARY
 from sma_bayes.records.types import Branch, Campaign, Record
 
 LEAST = 24
@@ -40,13 +41,14 @@ def comparable(campaign: Campaign) -> Comparable:
     Raises
     ------
     MeasurementError
-        If the conditions share no channel, were measured in different units, or have too few samples.
+        If the conditions share no channel, or have too few samples.
     """
-    conditions: dict[str, list[Record]] = {}
+    every: dict[str, list[Record]] = {}
     for record in campaign.records:
-        conditions.setdefault(record.condition.id, []).append(record)
-    _same_units(campaign.records)
-    shared, remarks = _shared_channels(conditions)
+        every.setdefault(record.condition.id, []).append(record)
+    conditions, other_units = _in_the_same_units(every)
+    shared, less = _shared_channels(conditions)
+    remarks = other_units + less
     for name, records in conditions.items():
         _enough(name, sum(r.n for r in records))
         if len({r.branch for r in records}) < len(Branch):
@@ -54,7 +56,11 @@ def comparable(campaign: Campaign) -> Comparable:
                 f"{name} has a {records[0].branch.value} branch only: nothing could be looked for on the other one."
             )
     return Comparable(
-        replace(campaign, records=tuple(_with(r, shared) for r in campaign.records)), tuple(remarks)
+        replace(
+            campaign,
+            records=tuple(_with(r, shared) for r in campaign.records if r.condition.id in conditions),
+        ),
+        tuple(remarks),
     )
 
 
@@ -68,19 +74,38 @@ def _with(record: Record, channels: Set[str]) -> Record:
     )
 
 
-def _same_units(records: Sequence[Record]) -> None:
-    first: dict[str, Record] = {}
-    for record in records:
-        for channel in ("temperature", *record.channels):
-            other = first.setdefault(channel, record)
-            if other.units[channel] != record.units[channel]:
-                raise MeasurementError(
-                    f"{channel} of condition {record.condition.id!r} is in {record.units[channel]!r}, that of "
-                    f"{other.condition.id!r} in {other.units[channel]!r}",
-                    column=channel,
-                    expected="conditions that can be compared: the same kind of quantity in the same unit",
-                    remedy="study them as two campaigns, or correct the units",
-                )
+def _in_the_same_units(every: ByCondition) -> tuple[ByCondition, list[str]]:
+    """The conditions whose units agree, most samples of all, and a remark for each lot that is left out."""
+    lots: list[tuple[dict[str, str], list[str]]] = []
+    for name, records in every.items():
+        own = {c: r.units[c] for r in records for c in ("temperature", *r.channels)}
+        lot = next((lot for lot in lots if not _conflict(lot[0], own)), None)
+        if lot is None:
+            lots.append((own, [name]))
+        else:
+            lot[0].update(own)
+            lot[1].append(name)
+    best = max(lots, key=lambda lot: sum(r.n for name in lot[1] for r in every[name]))
+    remarks = []
+    for units, names in lots:
+        if names is not best[1]:
+            apart = ", ".join(
+                f"{c} is in {_unit(units[c])} there and in {_unit(best[0][c])} in the others"
+                for c in _conflict(units, best[0])
+            )
+            remarks.append(
+                f"{', '.join(names)} {'were' if len(names) > 1 else 'was'} left out: {apart}. "
+                "Correct the units, or study them as a campaign of their own."
+            )
+    return {name: every[name] for name in every if name in best[1]}, remarks
+
+
+def _conflict(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
+    return [name for name in one if name in other and one[name] != other[name]]
+
+
+def _unit(unit: str) -> str:
+    return "arbitrary units" if unit == ARBITRARY else unit
 
 
 def _shared_channels(conditions: ByCondition) -> tuple[set[str], list[str]]:
