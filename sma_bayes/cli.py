@@ -367,15 +367,17 @@ VERDICTS = {
 def _show_gap(found: dict[str, Any], out: Path) -> None:
     from rich.console import Console
 
-    from sma_bayes.gap.cautions import p_text
+    from sma_bayes.gap.words import channel_text, covariate_text, p_text
+    from sma_bayes.quantities import unit_text
 
     console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
     chance = p_text(found["p_value"])
     console.print(f"{found['campaign']}: {VERDICTS[found['verdict']]} ({chance})", soft_wrap=True)
     for d in found["disagreement"][:3]:
         console.print(
-            f"  {d['condition']} {d['branch']}, {d['channel']}: {abs(d['size_sigma']):.1f} sigma "
-            f"between {d['covariate']} {d['from']:.4g} and {d['to']:.4g} {d['unit']}",
+            f"  {d['condition']} {d['branch']}: {channel_text(found, d['channel'])} "
+            f"{'above' if d['mean_residual'] > 0.0 else 'below'} the model, {covariate_text(found, d['covariate'])} "
+            f"{d['from']:.4g} to {d['to']:.4g} {unit_text(d['unit'])} ({abs(d['size_sigma']):.1f} sigma)",
             soft_wrap=True,
         )
     for e in (*found["effects"], *found["partial"]):
@@ -393,8 +395,10 @@ def _show_gap(found: dict[str, Any], out: Path) -> None:
 
 
 def _effect_text(e: dict[str, Any], *, partial: bool) -> str:
+    from sma_bayes.quantities import unit_text
+
     numbers = ", ".join(
-        f"{name} {p['median']:.4g} ({p['q05']:.4g} to {p['q95']:.4g}) {p['unit']}"
+        f"{name} {p['median']:.4g} ({p['q05']:.4g} to {p['q95']:.4g}) {unit_text(p['unit'])}".rstrip()
         for name, p in e["parameters"].items()
     )
     lines = [f"{'helps: ' if partial else ''}{e['id']} ({e['title']}): {numbers}"]
@@ -431,8 +435,8 @@ def _gap_text(gap: dict[str, Any]) -> str:
         f"; {100.0 * gap['shrink']:.0f} % closed" if gap["before"] > gap["floor"] else "; no gap to close"
     )
     return (
-        f"held-out gap ({gap['held_out']}): {gap['before']:.4f} before, {gap['after']:.4f} after, "
-        f"floor {gap['floor']:.4f}{closed}"
+        f"held-out gap ({gap['held_out']}; 1 is noise alone): {gap['before']:.3f} before, {gap['after']:.3f} after, "
+        f"floor {gap['floor']:.3f}{closed}"
     )
 
 

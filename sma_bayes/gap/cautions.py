@@ -5,21 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from sma_bayes.gap.words import channel_text, covariate_text, p_text
+
 MOSTLY = 0.5
 """Share of the held-out gap below which what was named leaves most of it open."""
-BEYOND = 1e-6
-"""Below this a p-value is extrapolated so far that its digits say nothing."""
-
-
-def p_text(p: float) -> str:
-    """A p-value for people; ones far in the extrapolated tail are only bounded.
-
-    Examples
-    --------
-    >>> p_text(0.0123), p_text(1e-30)
-    ('p = 0.012', 'p < 1e-6')
-    """
-    return f"p = {p:.2g}" if p >= BEYOND else "p < 1e-6"
+STILL_OPEN = 1.1
+"""Held-out gap from which on more than noise is left [standard deviations of the noise]."""
+LONG_MEMORY = 0.95
+"""Correlation of neighbouring samples from which on the noise may well be misfit."""
 
 
 def outside_prior(parameter: Mapping[str, Any]) -> bool:
@@ -50,28 +43,35 @@ def cautions(found: Mapping[str, Any]) -> list[str]:
                 f"{e['id']}: the posterior of {', '.join(far)} lies outside the range that the literature gives. A "
                 "form that fits only with improbable numbers may be standing in for something else."
             )
-    return out
+    return [*out, *_about_noise(found)]
 
 
 def _about_names(found: Mapping[str, Any]) -> list[str]:
     gap, left = found["gap"], found["remaining"]
     out = [*_about_closing(gap), *_about_choosing(gap["chosen_without"], found["effects"])]
     if left["p_value"] <= found["thresholds"]["p_value"]:
-        channel = found["channels"][left["channel"]]["name"]
         out.append(
-            f"Something is left: the extended model still disagrees ({p_text(left['p_value'])}), most in {channel} as "
-            f"a function of {left['covariate']}, and nothing in the catalogue accounts for that."
+            f"Something is left: the extended model still disagrees ({p_text(left['p_value'])}), most in "
+            f"{channel_text(found, left['channel'])}, as a function of {covariate_text(found, left['covariate'])}, and "
+            "nothing in the catalogue accounts for that."
         )
     return out
 
 
 def _about_closing(gap: Mapping[str, Any]) -> list[str]:
-    if gap["before"] <= gap["floor"] or gap["shrink"] >= MOSTLY:
+    if gap["before"] <= gap["floor"]:
         return []
-    return [
-        f"What was named closes {100.0 * gap['shrink']:.0f} % of the gap on held-out measurements: most of it is still "
-        "open, or the effects do not carry over to what was held out."
-    ]
+    if gap["shrink"] < MOSTLY:
+        return [
+            f"What was named closes {100.0 * gap['shrink']:.0f} % of the gap on held-out measurements: most of it is "
+            "still open, or the effects do not carry over to what was held out."
+        ]
+    if gap["after"] > STILL_OPEN:
+        return [
+            f"Held-out residuals are still {gap['after']:.2f} times what noise alone would leave, so what was named is "
+            "not all that is missing there."
+        ]
+    return []
 
 
 def _about_choosing(chosen: Sequence[Sequence[str]], effects: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -83,4 +83,18 @@ def _about_choosing(chosen: Sequence[Sequence[str]], effects: Sequence[Mapping[s
     return [
         f"Without a part of the measurements another choice was made in {len(unlike)} of {len(chosen)} cases, so the "
         "choice hangs on few of them."
+    ]
+
+
+def _about_noise(found: Mapping[str, Any]) -> list[str]:
+    """Whether the noise remembers so much that misfit is likely to be in it."""
+    long = [n for n in found["noise"] if n["lag1"] >= LONG_MEMORY]
+    if not long:
+        return []
+    where = dict.fromkeys(f"{n['condition']} {channel_text(found, n['channel'])}" for n in long)
+    named = ", ".join(list(where)[:4]) + (" and others" if len(where) > 4 else "")
+    return [
+        f"What passes for noise of {named} hardly changes from sample to sample (correlation "
+        f"{min(n['lag1'] for n in long):.2f} or more). Slow misfit is probably in it: sizes in sigma are then too "
+        "small, and a held-out gap near 1 does not say that the model is right."
     ]

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from markupsafe import Markup
 
-from sma_bayes.gap.cautions import p_text
+from sma_bayes.gap.words import channel_text, covariate_text, p_text
 from sma_bayes.report.content import INTERVAL, TARGET
 from sma_bayes.report.figures import FigureFiles
 from sma_bayes.report.gap_outputs import StoredStudy
@@ -103,7 +103,7 @@ def place_text(found: Mapping[str, Any]) -> str:
     if not flexible:
         return "no covariate"
     first = flexible[0]
-    return f"{found['channels'][first['channel']]['name']}, as a function of {first['covariate']}"
+    return f"{channel_text(found, first['channel'])}, as a function of {covariate_text(found, first['covariate'])}"
 
 
 def rivals(effect: Mapping[str, Any]) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from sma_bayes.gap.cautions import outside_prior
+from sma_bayes.gap.words import channel_text, covariate_text
 from sma_bayes.report.content import INTERVAL, Number
 from sma_bayes.report.gap_outputs import StoredStudy
 from sma_bayes.report.notation import unit_label
@@ -34,12 +35,6 @@ ADVICE: Final[Mapping[str, str]] = {
     "plateaus": "sweep from well below to well above the transformation, so that both plateaus show",
 }
 """What to record or vary, for each need of an effect."""
-COVARIATES: Final[Mapping[str, str]] = {
-    "order": "place in the record",
-    "rate": "rate dT/dt",
-    "ambient_temperature": "ambient temperature",
-}
-"""How covariates are called where their name in files would not do."""
 NOT_THERE: Final = frozenset({"lattice", "flat_tops"})
 """Needs that ask for a mark in the readings: where it is missing there is nothing to test, however one measures."""
 
@@ -69,7 +64,8 @@ def disagreement_table(study: StoredStudy) -> Table:
         "disagreement",
         "Stretches that lean most, by chance" if chance else "Where model and measurement disagree",
         "Size: how far residuals lean over the stretch, in standard errors, after the parameters have adapted as "
-        "best they can. It tells the places apart; whether there is more than chance, the global p-value alone tells.",
+        "best they can. It tells the places apart; whether there is more than chance, the global p-value alone tells. "
+        "Measured: on average above or below the model.",
         (
             Column("no.", "number", "1"),
             Column("condition", "condition"),
@@ -80,13 +76,14 @@ def disagreement_table(study: StoredStudy) -> Table:
             Column("to", "to", OF_ROW),
             Column("unit", "unit"),
             Column("size [sd]", "size_sigma", "1"),
+            Column("measured", "side"),
         ),
         tuple(
             (
-                i, d["condition"], d["branch"], study.found["channels"][d["channel"]]["name"],
-                COVARIATES.get(d["covariate"], d["covariate"]),
+                i, d["condition"], d["branch"], channel_text(study.found, d["channel"]),
+                covariate_text(study.found, d["covariate"]),
                 Number(d["from"], d["unit"]), Number(d["to"], d["unit"]), unit_label(d["unit"]) or "1",
-                Number(abs(d["size_sigma"]), "1", 0.5),
+                Number(abs(d["size_sigma"]), "1", 0.5), "above" if d["mean_residual"] > 0.0 else "below",
             )
             for i, d in enumerate(found, 1)
         ),
@@ -211,7 +208,7 @@ def noise_table(study: StoredStudy) -> Table:
         tuple(
             (
                 n["condition"],
-                study.found["channels"][n["channel"]]["name"],
+                channel_text(study.found, n["channel"]),
                 unit_label(study.found["channels"][n["channel"]]["unit"]) or "1",
                 Number(n["sd"], "1", n["sd"] / 10.0),
                 Number(n["lag1"], "1", 0.1),

@@ -118,7 +118,13 @@ def test_priors_go_through_a_pipe_and_back(measured: Path, tmp_path: Path) -> No
     ],
 )
 def test_an_interruption_ends_with_130_and_says_how_to_go_on(
-    run: Run, measured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, verb: str, work: str, advice: str
+    run: Run,
+    measured: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    verb: str,
+    work: str,
+    advice: str,
 ) -> None:
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from sma_bayes.gap.words import covariate_text
 from sma_bayes.quantities import Floats
 from sma_bayes.report.figures.sheet import (
     COLOURS,
@@ -28,11 +29,10 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.report.gap_outputs import Mask, Samples, StoredStudy
-from sma_bayes.report.gap_tables import COVARIATES
 from sma_bayes.report.notation import unit_label
 
-MARK: Final = "#e6a700"
-"""Amber behind the samples of a disagreement."""
+MARKS: Final = {"above": "#e6a700", "below": "#a77bca"}
+"""Amber or violet behind the samples of a disagreement, as they lie above or below the model."""
 BINS: Final = 24
 """Temperatures of a map."""
 LEAST_RANGE, GREATEST_RANGE = 3.0, 10.0
@@ -227,8 +227,12 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
     ]
     if study.effects:
         handles.append(Line2D([], [], color=INK, lw=1.1, label="with the added effects"))
-    if found:
-        handles.append(Line2D([], [], color=MARK, lw=5, alpha=0.7, label="stretch of disagreement"))
+    sides = {_side(d) for d in found}
+    handles += [
+        Line2D([], [], color=colour, lw=5, alpha=0.7, label=f"stretch, measured {side} model")
+        for side, colour in MARKS.items()
+        if side in sides
+    ]
     figure.legend(handles=handles, loc="lower center", ncols=3 if columns > 1 else 2, borderaxespad=0.2)
     return Drawing(
         stem="disagreement",
@@ -279,7 +283,9 @@ def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
         if d["covariate"] == covariate:
             pad = 0.3 if covariate == "cycle" else 0.0
             share = 0.4 if d["branch"] == "heating" else 0.6
-            ax.axvspan(d["from"] - pad, d["to"] + pad, color=MARK, alpha=0.22, lw=0, zorder=0)
+            ax.axvspan(d["from"] - pad, d["to"] + pad, color=MARKS[_side(d)], alpha=0.22, lw=0, zorder=0)
+            for end in (d["from"] - pad, d["to"] + pad):
+                ax.axvline(end, color="white", lw=1.0, zorder=0.5)
             middle = d["from"] + share * (d["to"] - d["from"])
             ax.annotate(
                 str(number), (middle, 1.0), xycoords=ax.get_xaxis_transform(), xytext=(0, -5),
@@ -293,11 +299,11 @@ def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     ax.axhline(0.0, color=INK, lw=0.5)
     facts = study.found["channels"][channel]
     power = take_power(ax.yaxis)
-    ax.set_ylabel(f"less model [{in_units_of(power, facts['unit'])}]", fontsize=6.5)
+    ax.set_ylabel(f"residual [{in_units_of(power, facts['unit'])}]", fontsize=6.5)
     if covariate == "cycle":
         ax.xaxis.set_major_locator(MaxNLocator(5, integer=True))
     unit = study.found["units"].get(covariate, "1")
-    ax.set_xlabel(f"{COVARIATES.get(covariate, covariate)} [{unit_label(unit) or '1'}]", labelpad=1.0)
+    ax.set_xlabel(f"{covariate_text(study.found, covariate)} [{unit_label(unit) or '1'}]", labelpad=1.0)
 
 
 def along(some: Samples, covariate: str) -> Floats:
@@ -312,18 +318,23 @@ def stretch(some: Samples, d: Mapping[str, Any]) -> Mask:
     return np.asarray(own & (values >= d["from"]) & (values <= d["to"]))
 
 
+def _side(d: Mapping[str, Any]) -> str:
+    return "above" if d["mean_residual"] > 0.0 else "below"
+
+
 def _mark(ax: Axes, some: Samples, d: Mapping[str, Any], number: int) -> None:
     inside = some.where(stretch(some, d))
     if not inside.n:
         return
-    ax.scatter(inside["temperature"], inside["measured"], s=34, color=MARK, alpha=0.4, linewidths=0, zorder=1,
+    colour = MARKS[_side(d)]
+    ax.scatter(inside["temperature"], inside["measured"], s=26, color=colour, alpha=0.4, linewidths=0, zorder=1,
                rasterized=True)  # fmt: skip
     middle = int(np.argsort(inside["temperature"])[inside.n // 2])
     up = d["branch"] == "cooling"
     ax.annotate(
         str(number), (inside["temperature"][middle], inside["measured"][middle]), xytext=(0, 11 if up else -11),
         textcoords="offset points", ha="center", va="center", fontsize=7, fontweight="bold", color=INK, zorder=7,
-        bbox={"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": MARK, "linewidth": 1.0},
+        bbox={"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": colour, "linewidth": 1.0},
         annotation_clip=False,
     )  # fmt: skip
 

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy.stats import gaussian_kde
 
-from sma_bayes.gap.cautions import p_text
+from sma_bayes.gap.words import channel_text, covariate_text, p_text
 from sma_bayes.quantities import Floats
 from sma_bayes.report.figures.sheet import (
     COLOURS,
@@ -39,8 +39,8 @@ MOST_CURVES: Final = 6
 SHOWN: Final = 5
 """Candidates of a round that are drawn."""
 TICKS: Final = (0.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, 1e6)
-TALL: Final = 3.4
-"""Height of the figure of an effect [inch]."""
+TALL: Final = 2.5
+"""Height of the figure of an effect above its lower labels [inch]."""
 DODGE: Final = 0.07
 """How far the dots of neighbouring conditions stand apart [cycles]."""
 
@@ -53,20 +53,22 @@ def ladder_figure(study: StoredStudy) -> Drawing:
     study : StoredStudy
     """
     rounds = study.found["rounds"]
-    bars = [_bars(r) for r in rounds]
+    bars = [_bars(r, study.found) for r in rounds]
     tall = [max(len(b), 1) for b in bars]
     height = 0.9 + sum(0.23 * n + 0.42 for n in tall)
     figure = empty_sheet(8.0, max(height, 2.6))
     size = figure.get_size_inches()
-    axes = panels(figure, len(rounds), 1, left=1.75, right=2.7, bottom=0.75, top=0.3, gap_y=0.42, tall=tall)[
+    axes = panels(figure, len(rounds), 1, left=2.05, right=2.7, bottom=0.75, top=0.3, gap_y=0.42, tall=tall)[
         :, 0
     ]
     worth = study.found["thresholds"]["ln_bayes_factor"]
-    top = 1.6 * max([worth, *(x for b in bars for _, v, g, _ in b for x in (v, g) if x is not None)])
+    seen = [x for b in bars for _, v, g, _ in b for x in (v, g) if x is not None]
+    top = 1.8 * max([worth, *seen])
+    low = -worth if min(seen, default=0.0) < -0.1 * worth else -0.1 * worth
     for number, (ax, round_, some) in enumerate(zip(axes, rounds, bars, strict=True), 1):
         _round(ax, some, worth)
         ax.set_xscale("symlog", linthresh=worth)
-        ax.set_xlim(-worth, top)
+        ax.set_xlim(low, top)
         ax.set_xticks([t for t in TICKS if t < top], [f"{t:g}" for t in TICKS if t < top])
         ax.minorticks_off()
         ax.set_title(_round_title(number, round_, study.found["thresholds"]["p_value"]))
@@ -77,7 +79,7 @@ def ladder_figure(study: StoredStudy) -> Drawing:
     _gap(gap, study.found["gap"], ADDED if study.effects else "#8fa3b5")
     handles = [
         Patch(color=ADDED, label="effect, added"), Patch(color="#8fa3b5", label="effect, not added"),
-        Patch(facecolor="white", edgecolor=FAINT, hatch="////", lw=0.5, label="flexible term without meaning"),
+        Patch(facecolor="white", edgecolor=FAINT, hatch="////", lw=0.5, label="f(.): flexible term without meaning"),
         Line2D([], [], color=GUARD, marker="|", ms=8, mew=1.6, ls="none", label="guard: flexible term in its place"),
         Line2D([], [], color=INK, lw=0.8, ls="--", label=f"least that is added, {worth:g}"),
     ]  # fmt: skip
@@ -104,13 +106,18 @@ def ladder_figure(study: StoredStudy) -> Drawing:
 Bar = tuple[str, float, float | None, str]
 
 
-def _bars(round_: Mapping[str, Any]) -> list[Bar]:
+def _bars(round_: Mapping[str, Any], found: Mapping[str, Any]) -> list[Bar]:
     """Candidates of a round, best first, and the flexible term that brings most."""
+
+    def named(term: Mapping[str, Any]) -> str:
+        what = f"f({covariate_text(found, term['covariate'])})"
+        return what if len(found["channels"]) == 1 else f"{what}, {channel_text(found, term['channel'])}"
+
     out: list[Bar] = [
         (c["id"], c["ln_bayes_factor"], c["guard"], "added" if c["id"] == round_["added"] else "candidate")
         for c in round_["candidates"][:SHOWN]
     ]
-    out += [(f["covariate"], f["ln_bayes_factor"], None, "flexible") for f in round_["flexible"][:1]]
+    out += [(named(f), f["ln_bayes_factor"], None, "flexible") for f in round_["flexible"][:1]]
     return out
 
 
@@ -135,14 +142,20 @@ def _round(ax: Axes, bars: Sequence[Bar], worth: float) -> None:
             )
         text = f"{value:.1f}" if abs(value) < 100.0 else f"{value:.0f}"
         ax.annotate(
-            text, (max(value, 0.0), place), xytext=(4, 0), textcoords="offset points", va="center",
+            text, (_free_place(value, guard), place), xytext=(4, 0), textcoords="offset points", va="center",
             fontsize=6.2, zorder=5, bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.4},
         )  # fmt: skip
     ax.axvline(worth, color=INK, lw=0.8, ls="--", zorder=0.5)
     ax.axvline(0.0, color=INK, lw=0.5, zorder=0.5)
-    ax.set_yticks(range(len(bars)), [abridged(name, 26) for name, *_ in bars])
+    ax.set_yticks(range(len(bars)), [abridged(name, 32) for name, *_ in bars])
     ax.set_ylim(len(bars) - 0.5, -0.5)
     ax.tick_params(axis="y", length=0)
+
+
+def _free_place(value: float, guard: float | None) -> float:
+    """Where the number of a bar is written: at its end, or behind the mark of its guard where that is in the way."""
+    end = max(value, 0.0)
+    return guard if guard is not None and 0.0 <= guard - end < max(1.5 * end, 1.0) else end
 
 
 def _gap(ax: Axes, gap: Mapping[str, Any], after: str) -> None:
@@ -174,11 +187,16 @@ def effect_figure(study: StoredStudy, effect: Mapping[str, Any]) -> Drawing:
     name = effect["id"]
     channels = _changed(study.samples, name)
     covariates = [_covariate(study.samples.of(channel=c), name) for c in channels]
-    width = 3.4 * len(channels) + 0.9
-    figure = empty_sheet(max(width, 4.6), TALL)
-    axes = panels(figure, 1, len(channels), left=0.7, right=0.15, bottom=0.98, top=0.68, gap_x=0.75)[0]
     conditions = _few(study.samples.distinct("condition"))
     tint = _tints(conditions)
+    handles = _curve_legend(study.samples, conditions, tint, covariates)
+    width = max(3.4 * len(channels) + 0.9, 4.6)
+    longest = max(len(h.get_label()) for h in handles)
+    across = int(np.clip((width - 0.2) / (0.55 + 0.062 * longest), 2, 6))
+    bottom = 0.52 + 0.17 * math.ceil(len(handles) / across)
+    tall = TALL + bottom
+    figure = empty_sheet(width, tall)
+    axes = panels(figure, 1, len(channels), left=0.7, right=0.15, bottom=bottom, top=0.68, gap_x=0.75)[0]
     rows: list[tuple[Any, ...]] = []
     for ax, channel, covariate in zip(axes, channels, covariates, strict=True):
         facts = study.found["channels"].get(channel, {"name": channel, "symbol": "", "unit": "1"})
@@ -186,14 +204,14 @@ def effect_figure(study: StoredStudy, effect: Mapping[str, Any]) -> Drawing:
         ax.axhline(0.0, color=INK, lw=0.5, zorder=1)
         ax.set_title(f"Added to {facts['name']}")
         unit = {"cycle": "1"}.get(covariate) or study.found["units"].get(covariate, "1")
-        ax.set_xlabel(f"{covariate} [{unit_label(unit) or '1'}]")
+        ax.set_xlabel(f"{covariate_text(study.found, covariate)} [{unit_label(unit) or '1'}]")
         power = take_power(ax.yaxis)
         ax.set_ylabel(f"Δ{facts['symbol'] or facts['name']} [{in_units_of(power, facts['unit'])}]")
-    figure.text(0.1 / figure.get_figwidth(), 1 - 0.08 / TALL, name, va="top", fontsize=9.5, fontweight="bold")
+    figure.text(0.1 / figure.get_figwidth(), 1 - 0.08 / tall, name, va="top", fontsize=9.5, fontweight="bold")
     title = textwrap.shorten(effect["title"], int(figure.get_figwidth() * 15), placeholder=" …")
-    figure.text(0.1 / figure.get_figwidth(), 1 - 0.27 / TALL, title, va="top", fontsize=7.5, color="#555555")
-    figure.legend(handles=_curve_legend(study.samples, conditions, tint, covariates), loc="lower center",
-                  ncols=min(4, 2 + len(channels)), borderaxespad=0.15)  # fmt: skip
+    figure.text(0.1 / figure.get_figwidth(), 1 - 0.27 / tall, title, va="top", fontsize=7.5, color="#555555")
+    by_row = [h for i in range(across) for h in handles[i::across]]  # a legend is filled column by column
+    figure.legend(handles=by_row, loc="lower center", ncols=across, borderaxespad=0.15)
     along = " and ".join(dict.fromkeys(covariates))
     return Drawing(
         stem=f"effect-{name}",
@@ -350,8 +368,8 @@ def effect_parameter_figure(study: StoredStudy) -> Drawing:
     places = [(e, n, p) for e in study.effects for n, p in e["parameters"].items()]
     columns = min(4, len(places))
     lines = math.ceil(len(places) / columns)
-    figure = empty_sheet(max(2.05 * columns + 0.2, 4.2), 0.5 + 1.95 * lines)
-    axes = panels(figure, lines, columns, left=0.2, right=0.2, bottom=0.75, top=0.42, gap_x=0.3, gap_y=0.85)
+    figure = empty_sheet(max(2.05 * columns + 0.2, 4.2), 0.5 + 2.05 * lines)
+    axes = panels(figure, lines, columns, left=0.2, right=0.2, bottom=0.75, top=0.42, gap_x=0.3, gap_y=0.98)
     for ax, (effect, name, facts) in zip(axes.flat, places, strict=False):
         full = f"{effect['id']}.{name}"
         _density(ax, study.draws[full].ravel(), study.prior[full])

@@ -119,7 +119,8 @@ def doubtful(**changes: Any) -> dict[str, Any]:
             "partial": [],
             "remaining": {"p_value": 0.5, "channel": "force", "covariate": "time"},
             "thresholds": {"p_value": 0.02},
-            "channels": {"force": {"name": "force"}},
+            "channels": {"force": {"name": "force"}, "displacement": {"name": "strain"}},
+            "noise": [],
         }
         | {"gap": gap | changes.pop("gap", {})}
         | changes
@@ -134,7 +135,16 @@ def doubtful(**changes: Any) -> dict[str, Any]:
         ({"gap": {"chosen_without": [["x"], ["z"]]}}, ["in 1 of 2 cases"]),
         (
             {"remaining": {"p_value": 1e-9, "channel": "force", "covariate": "time"}},
-            ["(p < 1e-6), most in force"],
+            ["(p < 1e-6), most in force, as a function of time"],
+        ),
+        (
+            {"remaining": {"p_value": 1e-9, "channel": "temperature shift", "covariate": "displacement"}},
+            ["most in all channels, as a shift of temperature, as a function of strain"],
+        ),
+        ({"gap": {"after": 1.4, "floor": 1.4}}, ["still 1.40 times what noise alone"]),
+        (
+            {"noise": [{"condition": "c", "channel": "displacement", "lag1": 0.97}]},
+            ["What passes for noise of c strain hardly changes from sample to sample (correlation 0.97"],
         ),
         ({"verdict": "unnamed", "effects": []}, []),
     ],

@@ -1,0 +1,60 @@
+"""How the numbers and names of a study read to people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+BEYOND = 1e-6
+"""Below this a p-value is extrapolated so far that its digits say nothing."""
+COVARIATES: Final[Mapping[str, str]] = {
+    "order": "place in the record",
+    "rate": "rate dT/dt",
+    "ambient_temperature": "ambient temperature",
+    "temperature and rate": "temperature and rate dT/dt",
+}
+"""How covariates are called where their name in files would not do."""
+TOGETHER: Final[Mapping[str, str]] = {
+    "temperature shift": "all channels, as a shift of temperature",
+    "share transformed": "all channels, as a change of the share transformed",
+}
+"""How terms are called that act on several channels at once."""
+
+
+def p_text(p: float) -> str:
+    """A p-value for people; ones far in the extrapolated tail are only bounded.
+
+    Examples
+    --------
+    >>> p_text(0.0123), p_text(1e-30)
+    ('p = 0.012', 'p < 1e-6')
+    """
+    return f"p = {p:.2g}" if p >= BEYOND else "p < 1e-6"
+
+
+def channel_text(found: Mapping[str, Any], channel: str) -> str:
+    """Name of a channel as this campaign calls it: ``strain``; of several together, what is done to them.
+
+    Parameters
+    ----------
+    found : mapping
+        What ``gap.json`` holds.
+    channel : str
+    """
+    facts = found["channels"].get(channel)
+    return str(facts["name"]) if facts else TOGETHER.get(channel, channel)
+
+
+def covariate_text(found: Mapping[str, Any], covariate: str) -> str:
+    """Name of a covariate; a response that is one is called as this campaign calls it.
+
+    Examples
+    --------
+    >>> covariate_text({"channels": {"displacement": {"name": "strain"}}}, "displacement")
+    'strain'
+    >>> covariate_text({"channels": {}}, "order")
+    'place in the record'
+    """
+    if covariate in found["channels"] and covariate != "temperature":
+        return channel_text(found, covariate)
+    return COVARIATES.get(covariate, covariate)
