@@ -32,7 +32,9 @@ def study(rig):
     """Study a rig with the whole catalogue, one set of parameters for all conditions."""
 
     def run(*, effects=EFFECTS, pooled: bool = True, seed: int = 0, **of):
-        return study_campaign(rig(**of).campaign(), PRIORS, pooled=pooled, effects=effects, seed=seed)
+        return study_campaign(
+            rig(seed=seed, **of).campaign(), PRIORS, pooled=pooled, effects=effects, seed=seed
+        )
 
     return run
 
@@ -59,13 +61,22 @@ def test_what_was_planted_is_named_with_its_size(
     assert judgement(found, found.steps[0].candidates[0])[0] == "named"
 
 
+def test_two_effects_at_once_are_both_named(study) -> None:
+    found = study(lag=0.4, shift=2.0)
+    assert found.verdict == "named"
+    assert {e.id for e in found.effects} == {"thermocouple_lag", "stress_shift"}
+    theta = dict(zip(found.final.hypothesis.space.names, found.final.theta, strict=True))
+    assert theta["thermocouple_lag.tau"] == pytest.approx(0.4, rel=0.1)
+    assert theta["stress_shift.c"] == pytest.approx(2.0, rel=0.1)
+
+
 def test_what_differs_between_conditions_is_swallowed_by_parameters_of_their_own(study) -> None:
     found = study(shift=2.0, pooled=False)
     assert found.verdict == "none"
 
 
 def test_where_nothing_is_hidden_nothing_is_named(study) -> None:
-    """Ten campaigns. At the greatest p-value that counts three alarms or more have a probability below 0.001."""
+    """Ten campaigns, every other with a memory of 0.5; three alarms or more have a probability below 0.001 at 2 %."""
     found = [study(seed=k, memory=0.5 * (k % 2)) for k in range(10)]
     assert sum(f.verdict != "none" for f in found) <= 2
     for f in found:
