@@ -17,13 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from sma_bayes.inference.adaptation import DF, adapt_to_draws
+from sma_bayes.inference.adaptation import DF
 from sma_bayes.inference.laplace import Density
 from sma_bayes.inference.proposals import AnyProposal, PlainCoordinates, Proposal, StudentMixture
 from sma_bayes.quantities import Floats
 
 GOOD_ERROR = 0.03
 """Standard error above which a proposal of several components is fitted instead of one."""
+COMPONENTS, ROUNDS = 6, 10
+"""Of that proposal, and rounds of fitting it."""
 ITERATIONS = 200
 
 
@@ -41,64 +43,75 @@ class Evidence:
     sd: float
 
 
-def bridge_evidence(density: Density, z: Floats, rng: np.random.Generator) -> Evidence:
-    """Log evidence from draws of ensembles.
+def bridge_evidence(density: Density, z: Floats, log_weight: Floats, rng: np.random.Generator) -> Evidence:
+    """Log evidence from weighted draws.
 
     Parameters
     ----------
     density : Density
-    z : ndarray, shape (G, S, W, D)
-        Draws of G ensembles, as `sma_bayes.inference.ensembles.Draws` holds them.
+    z : ndarray, shape (S, D)
+        Draws, in any order.
+    log_weight : ndarray, shape (S,)
+        Logarithms of their weights, up to a constant; equal ones for draws of the density itself.
     rng : numpy.random.Generator
     """
-    fit, rest = z[:, : z.shape[1] // 2], z[:, z.shape[1] // 2 :]
-    flat = fit.reshape(-1, z.shape[-1])
-    found = bridged(density, rest, one_component(flat), rng)
+    order = rng.permutation(len(z))
+    fit, rest = order[: len(z) // 2], order[len(z) // 2 :]
+    weight = _normalised(log_weight[fit])
+    one = fitted_proposal(z[fit], weight, 1, rng)
+    found = bridged(density, z[rest], _normalised(log_weight[rest]), one, rng)
     if found.sd <= GOOD_ERROR:
         return found
-    other = bridged(density, rest, adapt_to_draws(density, flat, (), rng).proposal, rng)
+    several = fitted_proposal(z[fit], weight, COMPONENTS, rng)
+    other = bridged(density, z[rest], _normalised(log_weight[rest]), several, rng)
     return min(found, other, key=lambda e: e.sd)
 
 
-def one_component(draws: Floats) -> Proposal:
-    """Student t of the mean and covariance of draws (N, D), and a little of a wider one."""
-    covariance = np.cov(draws.T).reshape(draws.shape[1], draws.shape[1])
-    mean = draws.mean(axis=0)[None]
-    narrow, wide = (
-        StudentMixture.from_covariances(np.ones(1), mean, scale * covariance[None], df)
-        for scale, df in ((1.0, DF), (4.0, 4.0))
-    )
+def fitted_proposal(z: Floats, weight: Floats, components: int, rng: np.random.Generator) -> Proposal:
+    """Mixture of Student t fitted to weighted draws (S, D), and a little of a wider one."""
+    mean = weight @ z
+    covariance = (z - mean).T @ ((z - mean) * weight[:, None])
+    wide = StudentMixture.from_covariances(np.ones(1), mean[None], 4.0 * covariance[None], 4.0)
+    narrow = StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], DF)
+    if components > 1:
+        start = z[rng.choice(len(z), components, p=weight)]
+        each = np.repeat(covariance[None] / components, components, axis=0)
+        narrow = StudentMixture.from_covariances(np.ones(components), start, each, DF)
+        narrow = narrow.refitted(z, weight, rounds=ROUNDS)
     return Proposal(PlainCoordinates(), narrow, wide)
 
 
-def bridged(density: Density, draws: Floats, proposal: AnyProposal, rng: np.random.Generator) -> Evidence:
-    """The optimal bridge between draws (G, S, W, D), which had no part in the proposal, and the proposal."""
-    groups, steps, walkers, d = draws.shape
-    flat = draws.reshape(-1, d)
-    count = len(flat)
+def bridged(
+    density: Density, z: Floats, weight: Floats, proposal: AnyProposal, rng: np.random.Generator
+) -> Evidence:
+    """The optimal bridge between weighted draws (S, D), which had no part in the proposal, and the proposal."""
+    count = len(z)
+    effective = 1.0 / float(np.sum(weight**2))
     new, log_q_new = proposal.draw(rng, count)
-    found = np.isfinite(log_q_new)
+    usable = np.isfinite(log_q_new)
     log_new = np.full(count, -np.inf)
-    log_new[found] = density.log_prob(new[found]) - log_q_new[found]
-    log_old = density.log_prob(flat) - proposal.log_density(flat)
+    log_new[usable] = density.log_prob(new[usable]) - log_q_new[usable]
+    log_old = density.log_prob(z) - proposal.log_density(z)
     centre = float(np.median(log_old))
-    own, other = 0.5, 0.5  # shares; unequal ones would gain little
+    own, other = effective / (effective + count), count / (effective + count)
     value = 0.0
     for _ in range(ITERATIONS):
-        above = logsumexp(_ratio(log_new - centre, own, other, value))
-        below = logsumexp(_inverse(log_old - centre, own, other, value))
+        above = logsumexp(_ratio(log_new - centre, own, other, value)) - np.log(count)
+        below = logsumexp(_inverse(log_old - centre, own, other, value), b=weight)
         step = float(above - below) - value
         value += step
         if abs(step) < 1e-8:
             break
     f_new = np.exp(_ratio(log_new - centre, own, other, value))
-    f_old = np.exp(_inverse(log_old - centre, own, other, value))
-    by_walker = (
-        f_old.reshape(groups, steps, walkers).mean(axis=1).ravel()
-    )  # walkers hardly know of each other
-    relative = np.var(f_new, ddof=1) / f_new.mean() ** 2 / count
-    relative += np.var(by_walker, ddof=1) / by_walker.mean() ** 2 / by_walker.size
+    f_old = np.exp(_inverse(log_old - centre, own, other, value) + value)
+    mean = float(weight @ f_old)
+    relative = float(np.var(f_new, ddof=1) / f_new.mean() ** 2 / count)
+    relative += float(np.sum(weight**2 * (f_old - mean) ** 2)) / mean**2
     return Evidence(value + centre, float(np.sqrt(relative)))
+
+
+def _normalised(log_weight: Floats) -> Floats:
+    return np.asarray(np.exp(log_weight - logsumexp(log_weight)))
 
 
 def _ratio(log_l: Floats, own: float, other: float, value: float) -> Floats:

@@ -140,7 +140,9 @@ def _normal_scores(values: Floats) -> Floats:
     flat = values.reshape(-1, values.shape[-1])
     out = np.empty_like(flat)
     size = len(flat)
-    quantile = ndtri((np.arange(1.0, size + 1.0) - 0.375) / (size + 0.25))
+    quantile = ndtri(
+        (0.5 * np.arange(2.0, 2.0 * size + 1.0) - 0.375) / (size + 0.25)
+    )  # of whole and half ranks
     for k in range(flat.shape[1]):
         column = np.ascontiguousarray(flat[:, k])
         order = np.argsort(column)
@@ -149,12 +151,11 @@ def _normal_scores(values: Floats) -> Floats:
         new[0] = True
         np.not_equal(in_order[1:], in_order[:-1], out=new[1:])
         if new.all():
-            out[order, k] = quantile
+            out[order, k] = quantile[::2]
             continue
         starts = np.flatnonzero(new)
         ends = np.append(starts[1:], size)
-        mean_rank = 0.5 * (starts + ends + 1)
-        out[order, k] = ndtri((mean_rank - 0.375) / (size + 0.25))[np.cumsum(new) - 1]
+        out[order, k] = quantile[starts + ends - 1][np.cumsum(new) - 1]
     return out.reshape(values.shape)
 
 

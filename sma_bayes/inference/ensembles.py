@@ -18,6 +18,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import emcee
 import numpy as np
@@ -62,7 +63,7 @@ class Plan:
     target: Target = field(default_factory=Target)
     groups: int = 4
     walkers: int = 64
-    block: int = 20
+    block: int = 18
     burn: int = 4
     explore_block: int = 250
     evaluations: int = 6_000_000
@@ -355,6 +356,21 @@ class _Run:
         )
 
 
+class _Sampler(emcee.EnsembleSampler):  # type: ignore[misc]
+    """emcee's sampler without a copy of the state of its random numbers in the state of every step.
+
+    Copying it took as long as a move does; it is read once a block instead.
+    """
+
+    _stream = emcee.EnsembleSampler.random_state
+    random_state = property(lambda _: None, _stream.fset)
+
+    def stream_state(self) -> tuple[Any, ...]:
+        """State of the random numbers, as `numpy.random.RandomState.get_state` gives it."""
+        state: tuple[Any, ...] = self._stream
+        return state
+
+
 class _Group:
     """One ensemble, run a block at a time; blocks that a checkpoint holds are read instead of run."""
 
@@ -380,22 +396,24 @@ class _Group:
             chosen = [(move, share * (1.0 - independence)) for move, share in moves]
             if independence > 0.0:
                 chosen.append((self.move, independence))
-        self.sampler = emcee.EnsembleSampler(
-            run.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True
-        )
+        self.sampler = _Sampler(run.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True)
         start_seed, chain_seed = seed.spawn(2)
         stream = np.random.RandomState(np.random.MT19937(chain_seed))
-        coords = (
-            start if start is not None else self._dispersed(adapted, np.random.default_rng(start_seed), modes)
-        )
-        self.state = State(coords, random_state=stream.get_state())
+        if start is None:
+            coords, log_prob = self._dispersed(adapted, np.random.default_rng(start_seed), modes)
+        else:
+            coords, log_prob = start, run.log_prob(start)
+        self.state = State(coords, log_prob=log_prob, random_state=stream.get_state())
         self._blocks: list[Block] = []
         self._stored = iter(()) if run.checkpoint is None else run.checkpoint.blocks(name)
 
-    def _dispersed(self, adapted: Adapted, rng: np.random.Generator, modes: Sequence[Mode]) -> Floats:
-        """Starts with probability above zero: from the proposal, or, to explore, from modes and the prior."""
+    def _dispersed(
+        self, adapted: Adapted, rng: np.random.Generator, modes: Sequence[Mode]
+    ) -> tuple[Floats, Floats]:
+        """Starts of positive density, and its log: from the proposal, or, to explore, from modes and proposal."""
         run = self.run
         found: list[Floats] = []
+        values: list[Floats] = []
         count = 0
         while count < run.walkers:
             z = adapted.proposal.draw(rng, run.walkers + run.walkers // 8)[0]
@@ -406,10 +424,14 @@ class _Group:
                 near = near + 2.0 * np.einsum("wij,wj->wi", root[which], rng.standard_normal(near.shape))
                 z = np.where(rng.random(len(z))[:, None] < 0.5, z, near)
             z = z[np.isfinite(z).all(axis=1)]
-            z = z[np.isfinite(run.log_prob(z))] if len(z) else z
-            found.append(z)
-            count += len(z)
-        return np.concatenate(found)[: run.walkers]
+            if not len(z):
+                continue
+            log_prob = run.log_prob(z)
+            usable = np.isfinite(log_prob)
+            found.append(z[usable])
+            values.append(log_prob[usable])
+            count += int(usable.sum())
+        return np.concatenate(found)[: run.walkers], np.concatenate(values)[: run.walkers]
 
     def advance(self) -> None:
         """Run one more block, or read it."""
@@ -436,7 +458,7 @@ class _Group:
             np.asarray(self.sampler.get_log_prob(), dtype=float),
             np.asarray(self.sampler.backend.accepted, dtype=float),
             np.concatenate(weights) if weights else np.empty(0),
-            self.sampler.random_state,
+            self.sampler.stream_state(),
             self.run.evaluations - before,
         )
 
