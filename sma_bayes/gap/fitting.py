@@ -39,6 +39,8 @@ class Fitted:
         Derivative of the whitened prediction.
     precision : ndarray, shape (D, D)
         Of the posterior at the mode: Gauss-Newton with the curvature of the prior.
+    slope : ndarray, shape (D,)
+        Gradient of the log posterior; zero but for the last fraction of a step.
     log_likelihood, ln_evidence : float
         At the mode, and by Laplace's approximation.
     """
@@ -51,6 +53,7 @@ class Fitted:
     whitened: Floats
     jacobian: Floats
     precision: Floats
+    slope: Floats
     log_likelihood: float
     ln_evidence: float
 
@@ -63,6 +66,11 @@ class Fitted:
     def covariance(self) -> Floats:
         """Of the sampled coordinates, shape (D, D)."""
         return np.asarray(cho_solve(cho_factor(self.precision), np.eye(self.z.size)))
+
+    @property
+    def left(self) -> Floats:
+        """Whitened residuals (N,) after the last fraction of a step to the mode."""
+        return np.asarray(self.whitened - self.jacobian @ np.linalg.solve(self.precision, self.slope))
 
     def unabsorbed(self, columns: Floats) -> Floats:
         """What is left of whitened series (N, k) once the parameters have adapted to them."""
@@ -214,7 +222,7 @@ class _Problem:
         residual = self.residual(z)
         w = whiten(self.blocks, noise, residual)
         jacobian = self._jacobian(z, noise)
-        prior, _, curvature = self.prior(z)
+        prior, gradient, curvature = self.prior(z)
         precision = jacobian.T @ jacobian - np.diag(curvature)
         likelihood = self.log_likelihood(z, noise)
         volume = 0.5 * float(np.linalg.slogdet(precision)[1])
@@ -227,6 +235,7 @@ class _Problem:
             whitened=w,
             jacobian=jacobian,
             precision=precision,
+            slope=jacobian.T @ w + gradient,
             log_likelihood=likelihood,
             ln_evidence=likelihood + prior + z.size * HALF_LN_2PI - volume,
         )

@@ -101,8 +101,7 @@ def log_bayes_factor(b: Floats, information: Floats) -> Floats:
 def gains(fitted: Fitted, terms: Sequence[Term]) -> list[Gain]:
     """What each term would bring to a fitted model."""
     out = []
-    absorbed = np.linalg.solve(fitted.precision, fitted.jacobian.T @ fitted.whitened)
-    left = fitted.whitened - fitted.jacobian @ absorbed
+    left = fitted.left
     for term in terms:
         whitened = fitted.whiten(term.columns.T).T
         projected = fitted.unabsorbed(whitened)

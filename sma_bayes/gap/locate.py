@@ -112,12 +112,18 @@ def look(
 
 
 def shuffled(fitted: Fitted, rng: np.random.Generator, count: int) -> Floats:
-    """Whitened residuals (N, count) in random order within each block."""
+    """Whitened residuals (N, count) as they would be by chance.
+
+    Those of each block in random order, with random signs since their sum would else be the same each time. They get
+    the memory and size of a noise that is as likely as the data let it be, and are whitened with the estimated one.
+    """
     out = np.empty((fitted.whitened.size, count))
-    for block in fitted.blocks:
+    for block, noise in zip(fitted.blocks, fitted.noise, strict=True):
         own = fitted.whitened[block.at]
-        own = (own - own.mean()) / (np.std(own) or 1.0)
-        out[block.at] = rng.permuted(np.tile(own[:, None], (1, count)), axis=0)
+        own = own / (np.sqrt(np.mean(own**2)) or 1.0)
+        new = rng.permuted(np.tile(own[:, None], (1, count)), axis=0)
+        new *= rng.choice([-1.0, 1.0], size=new.shape)
+        out[block.at] = noise.whiten(noise.as_likely(new, rng).T).T
     return out
 
 
@@ -152,7 +158,6 @@ def disagreements(fitted: Fitted, covariates: Sequence[str], most: int = 6) -> l
         Inputs along which to search; those that a history lacks are left out.
     most : int
     """
-    left = fitted.unabsorbed(fitted.whitened[:, None])[:, 0]
     found: list[tuple[Disagreement, frozenset[int]]] = []
     for block in fitted.blocks:
         history = fitted.hypothesis.histories[block.history]
@@ -160,7 +165,7 @@ def disagreements(fitted: Fitted, covariates: Sequence[str], most: int = 6) -> l
             on = history.inputs["branch"] == sign
             for name in covariates:
                 if name in history.inputs and np.ptp(history.inputs[name][on]) > 0.0 if on.any() else False:
-                    found += _stretches(fitted, block, left, on, branch, name)
+                    found += _stretches(fitted, block, on, branch, name)
     found.sort(key=lambda f: -abs(f[0].size_sigma))
     kept: list[tuple[Disagreement, frozenset[int]]] = []
     for candidate in found:
@@ -172,7 +177,7 @@ def disagreements(fitted: Fitted, covariates: Sequence[str], most: int = 6) -> l
 
 
 def _stretches(
-    fitted: Fitted, block: Block, left: Floats, on: Floats, branch: str, name: str
+    fitted: Fitted, block: Block, on: Floats, branch: str, name: str
 ) -> list[tuple[Disagreement, frozenset[int]]]:
     """Best union of neighbouring bins of a covariate, upwards and downwards."""
     history = fitted.hypothesis.histories[block.history]
@@ -182,11 +187,11 @@ def _stretches(
         on & (x >= low) & ((x < high) if i < len(edges) - 2 else (x <= high))
         for i, (low, high) in enumerate(pairwise(edges.tolist()))
     ]
-    columns = np.zeros((left.size, len(inside)))
+    columns = np.zeros((fitted.whitened.size, len(inside)))
     columns[block.at] = np.stack(inside, axis=1)
     whitened = fitted.whiten(columns.T).T
     information = whitened.T @ fitted.unabsorbed(whitened)
-    b = whitened.T @ left
+    b = whitened.T @ fitted.left
     out = []
     for direction in (1.0, -1.0):
         best: tuple[float, int, int] | None = None

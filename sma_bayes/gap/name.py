@@ -163,7 +163,7 @@ def screen(fitted: Fitted, effect: Effect) -> Screened:
     signature = fitted.whiten(change).T
     left = fitted.unabsorbed(signature)
     a = np.einsum("ij,ij->j", signature, left)
-    b = left.T @ fitted.whitened
+    b = signature.T @ fitted.left
     ends = priors[0].quantile(np.array([1e-3, 1.0 - 1e-3]))
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.clip(np.where(a > 0.0, grid[:, 0] * b / a, grid[:, 0]), *ends)
@@ -174,7 +174,7 @@ def screen(fitted: Fitted, effect: Effect) -> Screened:
     point[0] = size[best]
     start = space.to_sampled(np.concatenate([fitted.theta, point]))
     # the model's own parameters make room for what the effect takes over
-    pull = fitted.jacobian.T @ (fitted.whitened - factor[best] * signature[:, best])
+    pull = fitted.slope - factor[best] * fitted.jacobian.T @ signature[:, best]
     start[: fitted.z.size] += np.linalg.solve(fitted.precision, pull)
     shown = a > 1e-12
     value = float(_averaged(b[shown, None], a[shown])[0]) if shown.any() else -np.inf
@@ -215,11 +215,16 @@ def signature_at_mode(fitted: Fitted, extended: Fitted) -> Floats:
 
 
 def guard_of(signature: Floats, flexible: Sequence[Gain]) -> tuple[float, str]:
-    """Greatest Bayes factor of the terms that contain most of a signature, and the covariate of that term."""
+    """Bayes factor of a flexible term that contains most of a signature, and the covariate of the best one.
+
+    Which of the terms that do is not known beforehand, so it is averaged over them.
+    """
     size = float(signature @ signature)
-    best = (-np.inf, "")
+    found = []
     for gain in flexible:
         share = float(np.sum((gain.directions.T @ signature) ** 2 / gain.information)) / max(size, 1e-300)
-        if share >= CONTAINED and gain.ln_bayes_factor > best[0]:
-            best = gain.ln_bayes_factor, gain.term.covariate
-    return best
+        if share >= CONTAINED:
+            found.append((gain.ln_bayes_factor, gain.term.covariate))
+    if not found:
+        return -np.inf, ""
+    return float(logsumexp([f[0] for f in found]) - np.log(len(found))), max(found)[1]

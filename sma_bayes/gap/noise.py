@@ -11,7 +11,7 @@ share the estimate.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ from sma_bayes.records.history import History
 
 MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
 """Correlations of neighbouring samples that are tried."""
+PROBABLE = 1e-3
+"""A memory that is less likely than the likeliest one by more than this factor is left out of account."""
 SMOOTH = 8
 """Splines of temperature on each branch that are taken out; fewer where samples are few."""
 
@@ -59,11 +61,14 @@ class BlockNoise:
     sd : float
         Of the series [unit of the channel].
     memory : ndarray, shape (n,)
-        Correlation with the sample before; 0 at the first of a sweep.
+        Correlation with the sample before; 0 where nothing precedes.
+    others : tuple of (float, BlockNoise)
+        What else it may be, with probabilities from the restricted likelihood that add up to 1; itself included.
     """
 
     sd: float
     memory: Floats
+    others: tuple[tuple[float, BlockNoise], ...] = ()
 
     def whiten(self, x: Floats) -> Floats:
         """Series (..., n) as innovations of unit variance."""
@@ -71,6 +76,20 @@ class BlockNoise:
         out = e.copy()
         out[..., 1:] -= self.memory[1:] * e[..., :-1]
         return np.asarray(out / np.sqrt(1.0 - self.memory**2))
+
+    def as_likely(self, innovations: Floats, rng: np.random.Generator) -> Floats:
+        """Series (n, count) from innovations of unit variance, each with one of `others` drawn for it."""
+        if not self.others:
+            others: tuple[tuple[float, BlockNoise], ...] = ((1.0, self),)
+        else:
+            others = self.others
+        which = rng.choice(len(others), size=innovations.shape[1], p=[p for p, _ in others])
+        memory = np.stack([o.memory for _, o in others], axis=1)[:, which]
+        sd = np.array([o.sd for _, o in others])[which]
+        out = innovations * np.sqrt(1.0 - memory**2)
+        for i in np.flatnonzero(np.any(memory != 0.0, axis=1)).tolist():
+            out[i] += memory[i] * out[i - 1]
+        return np.asarray(out * sd)
 
     @property
     def log_scale(self) -> float:
@@ -85,7 +104,7 @@ def blocks_of(hypothesis: Hypothesis) -> tuple[Block, ...]:
     """Every channel of every history, stacked."""
     out, at = [], 0
     for i, history in enumerate(hypothesis.histories):
-        first = np.diff(history.inputs["segment"], prepend=-1.0) != 0
+        first = np.diff(history.inputs["stretch"], prepend=-1.0) != 0
         dt = np.ones(history.n)
         if "time" in history.inputs:
             dt[1:] = np.maximum(np.diff(history.inputs["time"]), 0.0)
@@ -148,14 +167,17 @@ def block_noise(residual: Floats, block: Block, smooth: Floats) -> BlockNoise:
     dt = block.dt[follows]
     if dt.size > 2 and np.std(dt) > 0.05 * np.mean(dt):
         forms.append(np.where(follows, np.maximum(block.dt, 1e-3), 0.0))
-    best = (-np.inf, BlockNoise(float(np.sqrt(np.mean(residual**2))) or 1e-12, np.zeros(residual.size)))
+    found = []
     for i, form in enumerate(forms):
         for phi in MEMORIES if i == 0 else MEMORIES[MEMORIES > 0.0]:
             memory = np.where(follows, np.sign(phi) * np.abs(phi) ** form, 0.0)
-            value, noise = _restricted(residual, memory, smooth)
-            if value > best[0]:
-                best = value, noise
-    return best[1]
+            found.append(_restricted(residual, memory, smooth))
+    value = np.array([f[0] for f in found])
+    probability = np.exp(value - value.max())
+    probability = np.where(probability < PROBABLE, 0.0, probability)
+    probability = probability / probability.sum()
+    others = tuple((float(p), f[1]) for p, f in zip(probability, found, strict=True) if p > 0.0)
+    return replace(found[int(np.argmax(value))][1], others=others)
 
 
 def _restricted(residual: Floats, memory: Floats, smooth: Floats) -> tuple[float, BlockNoise]:

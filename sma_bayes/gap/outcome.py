@@ -27,6 +27,7 @@ from sma_bayes.gap.study import (
     Step,
     study_campaign,
 )
+from sma_bayes.gap.words import covariate_text
 from sma_bayes.inference.ensembles import Draws
 from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.parameters.priors_file import PriorSet
@@ -357,10 +358,14 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[str, str]:
         return "rejected", f"ln Bayes factor {candidate.ln_bayes_factor:.1f}, below {WORTH:g}"
     if candidate.ln_bayes_factor <= candidate.guard:
         return "rejected", (
-            f"a meaningless smooth function of {candidate.guard_covariate} explains more "
+            f"a meaningless smooth function of {_called(study, candidate.guard_covariate)} explains more "
             f"(ln Bayes factor {candidate.guard:.1f} against {candidate.ln_bayes_factor:.1f})"
         )
     return "rejected", "another effect explains more, and once that is added this one is not needed"
+
+
+def _called(study: GapStudy, covariate: str) -> str:
+    return covariate_text({"channels": _channels(study.final)}, covariate)
 
 
 def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[str, str]:
@@ -371,6 +376,11 @@ def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[str, str
         return (
             "rejected",
             f"added in round {place}, but too much of the disagreement remains for it to be the cause",
+        )
+    if candidate.ln_bayes_factor <= candidate.guard:
+        return (
+            "named",
+            f"added in round {place}: beside the effect of the next round it beats what is flexible",
         )
     return (
         "named",

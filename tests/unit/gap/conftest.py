@@ -193,7 +193,7 @@ class Line:
 
 def known_noise(history: History, sd: float, phi: float) -> BlockNoise:
     """AR(1) noise that starts anew with every sweep."""
-    first = np.diff(history.inputs["segment"], prepend=-1.0) != 0
+    first = np.diff(history.inputs["stretch"], prepend=-1.0) != 0
     return BlockNoise(sd, np.where(first, 0.0, phi))
 
 
