@@ -382,15 +382,26 @@ def _show_gap(found: dict[str, Any], out: Path) -> None:
         )
     for e in (*found["effects"], *found["partial"]):
         console.print(_effect_text(e, partial=found["verdict"] != "named"), soft_wrap=True)
-    console.print(_candidate_rows(found["candidates"]))
+    if found["verdict"] == "none":
+        factors = [c["ln_bayes_factor"] for c in found["candidates"] if c["ln_bayes_factor"] is not None]
+        if factors:
+            console.print(f"no candidate stands out; the greatest ln Bayes factor is {max(factors):.1f}")
+    else:
+        console.print(_candidate_rows(found["candidates"]))
     untested = [c["id"] for c in found["candidates"] if c["status"] == "untestable"]
     if untested:
         console.print(f"these data cannot test {', '.join(untested)}; the report says why", soft_wrap=True)
-    console.print(_gap_text(found["gap"]), soft_wrap=True)
-    for text in (*found["cautions"], *found["remarks"]):
+    added = bool(found["effects"] or found["partial"])
+    console.print(_gap_text(found["gap"], added=added), soft_wrap=True)
+    for text in found["cautions"]:
         console.print(f"caution: {text}", soft_wrap=True)
+    for text in found["remarks"]:
+        console.print(f"note: {text}", soft_wrap=True)
     if not found["converged"]:
-        console.print("NOT CONVERGED: the intervals of the effects' parameters must not be relied on.")
+        console.print(
+            "NOT CONVERGED: draws and intervals must not be relied on; the verdict does not come from them.",
+            soft_wrap=True,
+        )
     console.print(f"{found['wall_s']:.1f} s; results in {out}", soft_wrap=True)
 
 
@@ -413,31 +424,29 @@ def _effect_text(e: dict[str, Any], *, partial: bool) -> str:
 def _candidate_rows(candidates: list[dict[str, Any]]) -> Any:
     from rich.table import Table
 
+    tested = [c for c in candidates if c["status"] != "untestable"]
+    scored = any(c["delta_elpd_held_out"] is not None for c in tested)
     table = Table(title="candidates that could be tested", title_justify="left")
-    for name in ("effect", "ln Bayes factor", "held-out score", "status", "why"):
-        table.add_column(name, justify="right" if name in ("ln Bayes factor", "held-out score") else "left")
-    for c in candidates:
-        if c["status"] == "untestable":
-            continue
+    table.add_column("effect", no_wrap=True)
+    table.add_column("ln BF", justify="right", no_wrap=True)
+    if scored:
+        table.add_column("held-out score", justify="right")
+    table.add_column("status", no_wrap=True)
+    table.add_column("why")
+    for c in tested:
         factor, score = c["ln_bayes_factor"], c["delta_elpd_held_out"]
-        table.add_row(
-            c["id"],
-            "-" if factor is None else f"{factor:.1f}",
-            "-" if score is None else f"{score:.1f} +- {c['delta_elpd_se']:.1f}",
-            c["status"],
-            c["why"],
-        )
+        told = "-" if score is None else f"{score:.1f} +- {c['delta_elpd_se']:.1f}"
+        cells = [c["id"], "-" if factor is None else f"{factor:.1f}", told, c["status"], c["why"]]
+        table.add_row(*(cells if scored else cells[:2] + cells[3:]))
     return table
 
 
-def _gap_text(gap: dict[str, Any]) -> str:
-    closed = (
-        f"; {100.0 * gap['shrink']:.0f} % closed" if gap["before"] > gap["floor"] else "; no gap to close"
-    )
-    return (
-        f"held-out gap ({gap['held_out']}; 1 is noise alone): {gap['before']:.3f} before, {gap['after']:.3f} after, "
-        f"floor {gap['floor']:.3f}{closed}"
-    )
+def _gap_text(gap: dict[str, Any], *, added: bool) -> str:
+    start = f"held-out gap ({gap['held_out']}; 1 is noise alone): {gap['before']:.3f}"
+    if not added:
+        return f"{start}; nothing was added"
+    closed = f"{100.0 * gap['shrink']:.0f} % closed" if gap["before"] > gap["floor"] else "no gap to close"
+    return f"{start} before, {gap['after']:.3f} after, floor {gap['floor']:.3f}; {closed}"
 
 
 def _show_inspection(report: dict[str, Any]) -> None:
