@@ -49,6 +49,7 @@ def write_gap_report(
         place=place_text(found),
         folds=fold_texts(found),
         rivals=rivals,
+        parameters=lambda name: _parameters(tables["effects"], name),
         tested=_tested(tables["candidates"]),
         select=select,
         needs=by_single_need(tables["untestable"]),
@@ -69,6 +70,16 @@ def _tested(candidates: Table) -> Table:
     at = [c.key for c in candidates.columns].index("status")
     rows = tuple(row for row in candidates.rows if row[at] != "untestable")
     return select(replace(candidates, rows=rows), drop=("title",))
+
+
+def _parameters(effects: Table, name: str) -> Table:
+    """Parameters of one effect; what tells of the sampling is left to the file."""
+    table = select(
+        effects,
+        drop=("effect", "status", "class", "probability", "ln_bayes_factor", "rhat", "ess"),
+        effect=name,
+    )
+    return replace(table, title=f"Parameters of {name}")
 
 
 def _priors(study: StoredStudy) -> str:

@@ -240,7 +240,8 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
             ("Where model and measurement disagree: the stretches of the table above, by number. " if found
              else "The loops; no stretch disagrees by more than chance explains. ")
             + "Points: measurements. Dashed: the model without effects, at its best fit; below, what was measured less "
-            "that, along the covariate of the strongest stretch"
+            "that, along the covariate of the strongest stretch (stretches of heating in the upper half, of cooling in "
+            "the lower)"
             + (". Solid: with the effects that were added, refitted." if study.effects else ".")
         ),
         alt="channels against temperature with the stretches of disagreement marked",
@@ -282,14 +283,15 @@ def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     for number, d in own:
         if d["covariate"] == covariate:
             pad = 0.3 if covariate == "cycle" else 0.0
-            share = 0.4 if d["branch"] == "heating" else 0.6
-            ax.axvspan(d["from"] - pad, d["to"] + pad, color=MARKS[_side(d)], alpha=0.22, lw=0, zorder=0)
-            for end in (d["from"] - pad, d["to"] + pad):
-                ax.axvline(end, color="white", lw=1.0, zorder=0.5)
-            middle = d["from"] + share * (d["to"] - d["from"])
+            ends = (d["from"] - pad, d["to"] + pad)
+            low, high, sink = (0.5, 1.0, -5) if d["branch"] == "heating" else (0.0, 0.5, 5)
+            ax.axvspan(*ends, low, high, color=MARKS[_side(d)], alpha=0.25, lw=0, zorder=0)
+            for end in ends:
+                ax.axvline(end, low, high, color="white", lw=1.0, zorder=0.5)
             ax.annotate(
-                str(number), (middle, 1.0), xycoords=ax.get_xaxis_transform(), xytext=(0, -5),
-                textcoords="offset points", ha="center", va="center", fontsize=6.5, fontweight="bold", zorder=7,
+                str(number), (0.5 * sum(ends), high if sink < 0 else low), xycoords=ax.get_xaxis_transform(),
+                xytext=(0, sink), textcoords="offset points", ha="center", va="center", fontsize=6.5,
+                fontweight="bold", zorder=7,
             )  # fmt: skip
     x = along(some, covariate)
     for branch, colour in COLOURS.items():
