@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import logsumexp
@@ -28,6 +30,27 @@ def test_its_bayes_factor_is_a_ratio_of_marginal_likelihoods(count: int, make_li
     exact = float(logsumexp(each) - np.log(SIZES.size))
     assert gain.ln_bayes_factor == pytest.approx(exact, abs=2e-3)
     assert gain.of(fitted.whitened[:, None])[0] == pytest.approx(exact, abs=2e-3)
+
+
+@pytest.mark.parametrize("prior_sd", [VAGUE, (0.04, 0.04, 0.04)])
+def test_its_bayes_factor_of_what_is_there_and_half_absorbed(
+    prior_sd: tuple[float, float, float], make_line
+) -> None:
+    """A slope, much like one that the line has itself; narrow priors keep the line from taking all of it."""
+    line = make_line(prior_sd=prior_sd, phi=0.0)
+    y = line.y + 0.8 * line.x[:, 1]
+    cut = line.hypothesis.histories[0].n
+    seen = tuple(
+        replace(h, observed={"displacement": v})
+        for h, v in zip(line.hypothesis.histories, np.split(y, [cut]), strict=True)
+    )
+    line = replace(line, y=y, hypothesis=replace(line.hypothesis, histories=seen))
+    fitted = fit_hypothesis(line.hypothesis, line.prior_mean, line.noise)
+    columns = line.x[:, 1:2] + 0.3 * np.random.default_rng(2).standard_normal((y.size, 1))
+    (gain,) = gains(fitted, [Term("anything", "displacement", columns)])
+    plain = line.log_evidence()
+    each = [line.log_evidence(extra=s**2 * columns @ columns.T) - plain for s in SIZES]
+    assert gain.ln_bayes_factor == pytest.approx(float(logsumexp(each) - np.log(SIZES.size)), abs=0.02)
 
 
 def test_what_the_model_can_do_itself_brings_nothing(make_line) -> None:

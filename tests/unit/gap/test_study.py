@@ -61,8 +61,9 @@ def test_what_was_planted_is_named_with_its_size(
     assert judgement(found, found.steps[0].candidates[0])[0] == "named"
 
 
-def test_two_effects_at_once_are_both_named(study) -> None:
-    found = study(lag=0.4, shift=2.0)
+@pytest.mark.parametrize("channels", [("displacement",), ("force", "displacement")])
+def test_two_effects_at_once_are_both_named(channels: tuple[str, ...], study) -> None:
+    found = study(lag=0.4, shift=2.0, channels=channels)
     assert found.verdict == "named"
     assert {e.id for e in found.effects} == {"thermocouple_lag", "stress_shift"}
     theta = dict(zip(found.final.hypothesis.space.names, found.final.theta, strict=True))
@@ -96,6 +97,14 @@ def test_a_step_in_the_middle_has_no_name_since_a_smooth_function_does_as_well(s
     status, why = judgement(found, best)
     assert status == "rejected"
     assert f"a meaningless smooth function of {best.guard_covariate} explains more" in why
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("step", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_large_step_passes_neither_for_noise_nor_for_an_effect(step: float, seed: int, study) -> None:
+    """Steps of 5 to 25 standard deviations of the noise, which look like a long memory."""
+    assert study(step=step, cycles=5, seed=seed).verdict == "unnamed"
 
 
 def test_effects_that_act_alike_are_one_class(study) -> None:
