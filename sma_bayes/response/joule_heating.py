@@ -66,11 +66,21 @@ class JouleHeating:
         goal = surroundings + heating / np.maximum(rate, 1e-300)
         kept = np.exp(-rate[..., :-1] * dt[..., 1:])  # what is held over a step is what its start says
         step = (1.0 - kept) * goal[..., :-1]
-        measured = np.broadcast_to(inputs["temperature"], shape)
         first = np.diff(inputs["stretch"], prepend=-1.0) != 0
-        out = np.empty(shape)
-        for i in range(shape[-1]):
-            out[..., i] = (
-                measured[..., i] if first[i] else kept[..., i - 1] * out[..., i - 1] + step[..., i - 1]
-            )
-        return {"temperature": out}
+        out = np.where(first, inputs["temperature"], np.pad(step, [*[(0, 0)] * (len(shape) - 1), (1, 0)]))
+        carried = np.where(first, 0.0, np.pad(kept, [*[(0, 0)] * (len(shape) - 1), (1, 0)]))
+        return {"temperature": recursion(carried, out)}
+
+
+def recursion(kept: Floats, add: Floats) -> Floats:
+    """``y[i] = kept[i] y[i - 1] + add[i]`` along the last axis, with ``kept[0] = 0``.
+
+    Two steps of it are one step of the same kind, so all values come from ``log2 n`` rounds that double the stride.
+    """
+    kept, y = kept.copy(), add.copy()
+    stride = 1
+    while stride < y.shape[-1]:
+        y[..., stride:] += kept[..., stride:] * y[..., :-stride]
+        kept[..., stride:] *= kept[..., :-stride].copy()
+        stride *= 2
+    return y
