@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import csv
 import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Annotated
@@ -82,6 +83,9 @@ GOOD = {
     "pairs": ("right", "class"),
 }
 """Outcomes that count as right. Where nothing is hidden only a name is wrong."""
+NAMED = ("right", "class", "part", "wrong", "confident")
+BOTH = 13.0
+"""Size of two effects together from which both count as being there at 10 sigma: 14.1 but for what saturates."""
 
 
 def wilson(successes: int, n: int, z: float = 1.96) -> tuple[float, float]:
@@ -131,6 +135,76 @@ def table(
     for line in lines:
         shown.add_row(*line)
     Console(width=170).print(shown)
+
+
+@app.command()
+def goals(path: Annotated[Path, typer.Argument(help="CSV file that `run` has written.")]) -> None:
+    """Print what is asked of the workflow beside what was measured, as Markdown."""
+    typer.echo("| asked | measured | 95 % | met |\n|---|---|---|---|")
+    for asked, share, interval, met in measured(read(path)):
+        typer.echo(f"| {asked} | {share} | {interval} | {'yes' if met else '**no**'} |")
+
+
+def measured(rows: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, str, str, bool]]:
+    """What is asked, what was measured with its Wilson interval, and whether the measured share reaches it."""
+
+    def share(
+        text: str,
+        of: Sequence[Mapping[str, object]],
+        good: Callable[[Mapping[str, object]], bool],
+        goal: float,
+    ) -> tuple[str, str, str, bool]:
+        hits = sum(good(r) for r in of)
+        low, high = wilson(hits, len(of))
+        at_most = "at most" in text
+        met = bool(of) and (hits <= goal * len(of) if at_most else hits >= goal * len(of))
+        return text, f"{hits} of {len(of)}", f"{100 * low:.1f}-{100 * high:.1f} %", met
+
+    def suite(name: str, **where: object) -> list[Mapping[str, object]]:
+        return [
+            r for r in rows if r["suite"] == name and all(float(str(r[k])) == v for k, v in where.items())
+        ]
+
+    def outcome(*names: str) -> Callable[[Mapping[str, object]], bool]:
+        return lambda r: r["outcome"] in names
+
+    yield share("nothing hidden: an effect named in at most 5 %", suite("null"), outcome(*NAMED), 0.05)
+    yield share("nothing hidden: a disagreement reported in at most 5 %", suite("null"), lambda r: r["outcome"] != "none", 0.05)  # fmt: skip
+    for sigma, goal in ((10.0, 0.95), (5.0, 0.85)):
+        text = f"hidden at {sigma:g} sigma: right effect or class in {goal:.0%}"
+        yield share(text, suite("hidden", sigma=sigma), outcome("right", "class"), goal)
+    missing = [*suite("left_out"), *suite("outside")]
+    yield share("not in the catalogue: unnamed in 90 %", missing, outcome("unnamed"), 0.9)
+    yield share("not in the catalogue: a confident wrong name in at most 2 %", missing, outcome("confident"), 0.02)  # fmt: skip
+    both = [r for r in suite("pairs") if float(str(r["sigma_reached"])) >= BOTH]
+    yield share("two effects, both at 10 sigma: both named in 85 %", both, outcome("right", "class"), 0.85)
+    named = [r for r in suite("hidden") if r["outcome"] == "right"]
+    closed = np.array([shrink(r) for r in named])
+    if closed.size:
+        low, middle, high = np.nanquantile(closed, (0.25, 0.5, 0.75)).tolist()
+        found = f"median {middle:.0%} of {closed.size}"
+        yield (
+            "where named: 90 % of the held-out gap closed",
+            found,
+            f"quartiles {low:.0%}, {high:.0%}",
+            middle >= 0.9,
+        )
+    inside = [r for r in named if str(r["in_range"]) == "True"]
+    hit = [r for r in inside if float(str(r["q05"])) <= float(str(r["true_size"])) <= float(str(r["q95"]))]
+    low, high = wilson(len(hit), len(inside))
+    rate = len(hit) / max(len(inside), 1)
+    yield (
+        "90 % intervals of the size cover in 85-95 %",
+        f"{len(hit)} of {len(inside)}",
+        f"{100 * low:.1f}-{100 * high:.1f} %",
+        0.85 <= rate <= 0.95,
+    )
+
+
+def shrink(row: Mapping[str, object]) -> float:
+    """Share of the held-out gap above the floor that the named effect closed."""
+    before, after, floor = (float(str(row[k])) for k in ("gap_before", "gap_after", "gap_floor"))
+    return (before - after) / (before - floor) if before > floor else float("nan")
 
 
 if __name__ == "__main__":
