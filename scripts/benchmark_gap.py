@@ -169,13 +169,20 @@ def measured(rows: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, str, s
         return lambda r: r["outcome"] in names
 
     yield share("nothing hidden: an effect named in at most 5 %", suite("null"), outcome(*NAMED), 0.05)
-    yield share("nothing hidden: a disagreement reported in at most 5 %", suite("null"), lambda r: r["outcome"] != "none", 0.05)  # fmt: skip
+    yield share(
+        "nothing hidden: a disagreement reported in at most 5 %",
+        suite("null"),
+        lambda r: r["outcome"] != "none",
+        0.05,
+    )
     for sigma, goal in ((10.0, 0.95), (5.0, 0.85)):
         text = f"hidden at {sigma:g} sigma: right effect or class in {goal:.0%}"
         yield share(text, suite("hidden", sigma=sigma), outcome("right", "class"), goal)
     missing = [*suite("left_out"), *suite("outside")]
     yield share("not in the catalogue: unnamed in 90 %", missing, outcome("unnamed"), 0.9)
-    yield share("not in the catalogue: a confident wrong name in at most 2 %", missing, outcome("confident"), 0.02)  # fmt: skip
+    yield share(
+        "not in the catalogue: a confident wrong name in at most 2 %", missing, outcome("confident"), 0.02
+    )
     both = [r for r in suite("pairs") if float(str(r["sigma_reached"])) >= BOTH]
     yield share("two effects, both at 10 sigma: both named in 85 %", both, outcome("right", "class"), 0.85)
     named = [r for r in suite("hidden") if r["outcome"] == "right"]
