@@ -24,6 +24,7 @@ _PLACES = {
     "fit": "sma_bayes.workflow",
     "fit_campaign": "sma_bayes.workflow",
     "study_gap": "sma_bayes.workflow",
+    "compare": "sma_bayes.comparing",
     "fit_records": "sma_bayes.results.fitting",
     "credible_band": "sma_bayes.assess.bands",
     "correlation_factors": "sma_bayes.assess.correlation",

@@ -234,8 +234,56 @@ def gap(
 
 
 @app.command()
+def compare(
+    path: Source,
+    out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
+    data: Data = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    priors: Priors = "modified_sigmoid",
+    noise: Annotated[
+        str,
+        typer.Option(help="Noise model of all models, or 'auto': Gaussian, counting independent samples."),
+    ] = "auto",
+    pool: PoolChoice = "none",
+    figures: Figures = True,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Compare the modified sigmoid with the logistic and polynomial baselines, on what was held out too."""
+    from sma_bayes.comparing import compare as compare_campaign
+    from sma_bayes.comparing import summary_text
+    from sma_bayes.records.campaign import read_campaign
+    from sma_bayes.workflow import pool_named
+
+    with _progress(quiet or as_json) as progress:
+        found = compare_campaign(
+            read_campaign(path, data_dir=data),
+            out,
+            seed=seed,
+            noise=noise,
+            priors=priors,
+            pool=pool_named(pool),
+            jobs=jobs,
+            resume=resume,
+            figures=figures,
+            progress=progress,
+        )
+    if as_json:
+        typer.echo(json.dumps(found, indent=1))
+    elif not quiet:
+        typer.echo(summary_text(found))
+        typer.echo(f"{found['wall_s']:.1f} s; results in {out}")
+    if not found["converged"]:
+        raise typer.Exit(1)
+
+
+@app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or gap has written.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder that fit, gap or compare has written.")
+    ],
     jobs: Jobs = None,
     quiet: Quiet = False,
 ) -> None:

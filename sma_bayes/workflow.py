@@ -177,7 +177,7 @@ def fit_campaign(
     )
     groups = groups_of(campaign, pool)
     check_call(groups, options)
-    with claimed_folder(folder, _identity(campaign, options), resume):
+    with claimed_folder(folder, run_identity(campaign, options), resume):
         tell = progress or (lambda done, total, message: None)
         outcomes = _outcomes([_Task(g, options, folder) for g in groups], jobs, tell)
     records = [s for o in outcomes for s in o.summaries]
@@ -417,7 +417,7 @@ def study_gap(
     if out is None:
         return _studied(can, None, options, jobs, tell)
     folder = Path(out)
-    identity = {**_identity(campaign, options), "kind": "gap", "effects": sorted(EFFECTS)}
+    identity = {**run_identity(campaign, options), "kind": "gap", "effects": sorted(EFFECTS)}
     with claimed_folder(folder, identity, resume):
         finished = _finished_study(folder)
         found = finished or _studied(can, folder, options, jobs, tell)
@@ -490,7 +490,8 @@ def all_versions() -> dict[str, str]:
     return {**versions(), **{name: version(name) for name in more}}
 
 
-def _identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
+def run_identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
+    """What decides the numbers of a run: what `run.json` holds, and what must agree for it to be resumed."""
     return {
         "schema": "sma-bayes/run/1",
         "data": campaign.sha256,

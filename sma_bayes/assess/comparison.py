@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+from scipy.special import logsumexp
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.assess.contenders import (
@@ -31,7 +32,7 @@ from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, folds_of
 from sma_bayes.assess.held_out import on as on_samples
 from sma_bayes.assess.verdict import Standing, Verdict, judge, stacking_weights
 from sma_bayes.inference.bridge import Evidence, bridge_evidence
-from sma_bayes.inference.ensembles import Draws, Plan, sample
+from sma_bayes.inference.importance import WeightedDraws, importance_draws
 from sma_bayes.inference.laplace import Mode, climb
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS, NoiseModel
@@ -50,8 +51,6 @@ SCREENED: Final = 3000
 STARTS: Final = 4
 APART: Final = 0.3
 """Least distance of starting points [sd of the prior]."""
-KEPT: Final = 2000
-"""Draws that predictions and bands are made of."""
 GRID: Final = 121
 AGREE: Final = 4.0
 """Standard errors within which both evidences must agree, or 0.05."""
@@ -66,34 +65,35 @@ class Fitted:
     ----------
     contender : Contender
     posterior : Posterior
-    draws : Draws
-    theta : ndarray, shape (S, P)
-        Kept draws.
+    draws : WeightedDraws
     loo, folds : HeldOut
         Leaving out single samples, and whole folds.
     in_sample : ndarray, shape (n,)
         Log density of each sample with nothing left out.
-    importance, bridge : Evidence
-        Log evidence by two methods.
+    bridge : Evidence
+        Log evidence by bridge sampling.
     curve : mapping of str to ndarray, shape (m,)
         Quantiles of the curve on a grid of temperatures.
     """
 
     contender: Contender
     posterior: Posterior
-    draws: Draws
-    theta: Floats
+    draws: WeightedDraws
     loo: HeldOut
     folds: HeldOut
     in_sample: Floats
-    importance: Evidence
     bridge: Evidence
     curve: Mapping[str, Floats]
 
     @property
     def converged(self) -> bool:
         """Whether the draws reached the target and both evidences agree."""
-        return self.draws.convergence.converged and self.evidences_agree
+        return self.draws.converged and self.evidences_agree
+
+    @property
+    def importance(self) -> Evidence:
+        """Log evidence by importance sampling."""
+        return self.draws.evidence
 
     @property
     def evidences_agree(self) -> bool:
@@ -169,7 +169,6 @@ def compare_record(
     *,
     noise: str = AUTO,
     seed: int = 0,
-    plan: Plan | None = None,
     only: Sequence[str] = (),
 ) -> Comparison:
     """Fit all contenders to a record, predict what was held out, and judge.
@@ -183,7 +182,6 @@ def compare_record(
     noise : str
         Name of a noise model, the same for all contenders; ``auto``: see the module.
     seed : int
-    plan : Plan, optional
     only : sequence of str
         Names of contenders to compare; all by default.
 
@@ -208,7 +206,7 @@ def compare_record(
         modes = {c.name: _modes(posterior_of(c, record, model, priors), c, rng) for c in running}
         memory = _memory(record, model, running, priors, modes)
         folds = folds_of(record)
-        task = _Task(record, model, priors, memory, folds, plan or Plan())
+        task = _Task(record, model, priors, memory, folds)
         fitted = {c.name: task.fit(c, modes[c.name], own) for c, own in zip(running, seeds, strict=True)}
     first = Comparison(
         record, model, memory, folds, fitted, copies, missing, {}, _UNDECIDED, task.grid, 0.0, _rank(record)
@@ -221,13 +219,14 @@ def compare_record(
     )  # fmt: skip
 
 
-_UNDECIDED: Final = Verdict("", "", False, 0.0, "", 0.0, "")
+_UNDECIDED: Final = Verdict("", "", False, 0.0, "", 0.0, (), "")
 
 
 def _standing(f: Fitted, comparison: Comparison) -> Standing:
     c = f.contender
     folds = comparison.fold_density(c.name)
-    return Standing(c.name, c.family, curve_of(c, comparison.record), f.evidence.value, f.evidence.sd, folds)
+    curve = curve_of(c, comparison.record)
+    return Standing(c.name, c.family, curve, c.extra, f.evidence.value, f.evidence.sd, folds)
 
 
 def _modes(posterior: Posterior, contender: Contender, rng: np.random.Generator) -> tuple[Mode, ...]:
@@ -300,7 +299,6 @@ class _Task:
     priors: PriorSet
     memory: float
     folds: Folds
-    plan: Plan
 
     @property
     def grid(self) -> Floats:
@@ -311,10 +309,8 @@ class _Task:
         sample_seed, bridge_seed, loo_seed, fold_seed = seed.spawn(4)
         posterior = posterior_of(contender, self.record, self.noise, self.priors, self.memory)
         width = posterior.space.prior_sd()
-        draws = sample(posterior, [m.z for m in modes], width, sample_seed, self.plan)
-        flat = np.swapaxes(draws.z, 1, 2).reshape(-1, width.size)
-        chosen = np.linspace(0, len(flat) - 1, min(KEPT, len(flat))).round().astype(int)
-        theta = posterior.space.to_physical(flat[chosen])
+        draws = importance_draws(posterior, [m.z for m in modes], width, sample_seed)
+        theta = posterior.space.to_physical(draws.z)
 
         def without(part: Record) -> Posterior:
             if contender.name not in PLUGGED_IN:
@@ -322,31 +318,52 @@ class _Task:
             fresh = {k: v for k, v in _plugged_in(part).items() if k in posterior.model.parameter_names}
             return with_constants(on_samples(posterior, part), fresh)
 
-        predictor = Predictor(posterior, theta, draws.modes, without, contender.name in PLUGGED_IN)
+        predictor = Predictor(posterior, draws, without, contender.name in PLUGGED_IN)
         full, _ = predictor.density(theta, self.record)
         n, folds = self.record.n, self.folds
         loo = predictor.leave_out(list(np.eye(n, dtype=bool)), loo_seed)
-        left = predictor.leave_out([folds.number == b for b in range(folds.count)], fold_seed)
+        blocks = [folds.number == b for b in range(folds.count)]
+        left = predictor.leave_out(blocks, fold_seed, -np.inf)
         return Fitted(
             contender,
             posterior,
             draws,
-            theta,
             loo,
             left,
-            np.asarray(np.logaddexp.reduce(full, axis=0) - np.log(len(full))),
-            Evidence(draws.ln_evidence, draws.ln_evidence_sd),
-            bridge_evidence(posterior, draws.z, np.random.default_rng(bridge_seed)),
-            self._curve(posterior, theta),
+            np.asarray(logsumexp(draws.log_weight[:, None] + full, axis=0)),
+            bridge_evidence(posterior, draws.z, draws.log_weight, np.random.default_rng(bridge_seed)),
+            self._curve(posterior, draws),
         )
 
-    def _curve(self, posterior: Posterior, theta: Floats) -> dict[str, Floats]:
+    def _curve(self, posterior: Posterior, draws: WeightedDraws) -> dict[str, Floats]:
         """Quantiles of the curve; where conditions were joined, at their mean frequency."""
         inputs = {"temperature": self.grid}
         if FREQUENCY in self.record.inputs:
             inputs[FREQUENCY] = np.full(GRID, self.record.inputs[FREQUENCY].mean())
-        curve = posterior.predict(theta, inputs)[self.record.channels[0]]
-        return {name: np.quantile(curve, level, axis=0) for name, level in LEVELS.items()}
+        curve = posterior.predict(posterior.space.to_physical(draws.z), inputs)[self.record.channels[0]]
+        values = weighted_quantiles(curve, draws.log_weight, tuple(LEVELS.values()))
+        return dict(zip(LEVELS, values, strict=True))
+
+
+def weighted_quantiles(values: Floats, log_weight: Floats, levels: Sequence[float]) -> Floats:
+    """Quantiles of weighted draws.
+
+    Parameters
+    ----------
+    values : ndarray, shape (S, m)
+    log_weight : ndarray, shape (S,)
+        Logarithms of weights that sum to one.
+    levels : sequence of float
+
+    Returns
+    -------
+    ndarray, shape (len(levels), m)
+    """
+    order = np.argsort(values, axis=0)
+    passed = np.cumsum(np.exp(log_weight)[order], axis=0)
+    at = [np.minimum((passed < level * passed[-1]).sum(axis=0), len(values) - 1) for level in levels]
+    ordered = np.take_along_axis(values, order, axis=0)
+    return np.stack([ordered[i, np.arange(values.shape[1])] for i in at])
 
 
 def _plugged_in(record: Record) -> dict[str, float]:

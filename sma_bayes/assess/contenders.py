@@ -45,17 +45,20 @@ class Contender:
     ----------
     name, family, variant, title : str
         The variant is empty where there is only one.
+    extra : bool
+        Whether it stands beside the models that the paper compares, without a vote.
     """
 
     name: str
     family: str
     variant: str
     title: str
+    extra: bool = False
 
 
 CONTENDERS: Final = (
     Contender("modified_sigmoid", "modified_sigmoid", "", "modified sigmoid, Eqs. (2), (4) and (7)"),
-    Contender("modified_sigmoid_tied", "modified_sigmoid", "", "modified sigmoid with A2 = B2"),
+    Contender("modified_sigmoid_tied", "modified_sigmoid", "", "modified sigmoid with A2 = B2", True),
     Contender("logistic_published", "logistic", "published", "logistic, Eqs. (9) and (10) as printed"),
     Contender("logistic_corrected", "logistic", "corrected", "logistic, centre (As + Af)/2"),
     Contender("logistic_refitted", "logistic", "refitted", "logistic, all four parameters inferred"),

@@ -2,7 +2,7 @@
 
 Leaving out a sample is done by Pareto-smoothed weights of the draws (PSIS-LOO), and by a fit without it where the
 weights can't be relied on. Neighbouring samples of a sweep tell nearly the same, so whole folds are left out as well,
-in the same way. Where ``memory`` samples count as one, every log density counts by that share.
+always by a fit without them. Where ``memory`` samples count as one, every log density counts by that share.
 
 References
 ----------
@@ -21,10 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from sma_bayes.assess.contenders import CONDITION
-from sma_bayes.inference.adaptation import Weights, adapt
-from sma_bayes.inference.convergence import Target
-from sma_bayes.inference.ensembles import Plan, sample
-from sma_bayes.inference.laplace import Mode, climb
+from sma_bayes.inference.importance import WeightedDraws, importance_draws
 from sma_bayes.inference.pareto import RELIABLE, smoothed_weights
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
@@ -36,12 +33,6 @@ MOST_FOLDS: Final = 10
 """Greatest number of folds; with more cycles every tenth cycle is left out together."""
 BLOCK: Final = 4
 """Least number of samples of a temperature block."""
-DRAWS: Final = 2000
-"""Importance draws of a fit without a part of the data."""
-EFFICIENT: Final = 0.05
-"""Efficiency of those draws below which ensembles are run instead."""
-ENOUGH: Final = Target(rhat=1.05, ess=300.0)
-"""What these must reach: a mean density needs less than quantiles do."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,51 +92,6 @@ def on(posterior: Posterior, record: Record) -> Posterior:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WeightedDraws:
-    """Draws with weights.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (S, P)
-    log_weight : ndarray, shape (S,)
-        Logarithms of weights that sum to one.
-    """
-
-    theta: Floats
-    log_weight: Floats
-
-
-def refitted(posterior: Posterior, modes: Sequence[Mode], seed: np.random.SeedSequence) -> WeightedDraws:
-    """Fit anew, starting from the modes of a similar posterior.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Without what is held out.
-    modes : sequence of Mode
-    seed : numpy.random.SeedSequence
-    """
-    rng = np.random.default_rng(seed)
-    width = posterior.space.prior_sd()
-    climbed = [m for m in (climb(posterior, mode.z, width) for mode in modes) if m is not None]
-    adapted = adapt(posterior, climbed[:1] or list(modes[:1]), rng)
-    z, log_q = adapted.proposal.draw(rng, DRAWS)
-    found = np.isfinite(log_q)
-    log_weight = np.full(DRAWS, -np.inf)
-    log_weight[found] = posterior.log_prob(z[found]) - log_q[found]
-    if Weights(log_weight).efficiency < EFFICIENT:
-        draws = sample(
-            posterior, [m.z for m in modes], width, seed.spawn(1)[0], Plan(ENOUGH, evaluations=600_000)
-        )
-        flat = draws.z.reshape(-1, width.size)
-        flat = flat[:: max(1, len(flat) // DRAWS)]
-        return WeightedDraws(posterior.space.to_physical(flat), np.full(len(flat), -np.log(len(flat))))
-    kept = np.isfinite(log_weight)
-    log_weight = log_weight[kept] - logsumexp(log_weight[kept])
-    return WeightedDraws(posterior.space.to_physical(z[kept]), log_weight)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class HeldOut:
     """Predictions of samples that had no part in the fit.
 
@@ -175,9 +121,7 @@ class Predictor:
     ----------
     posterior : Posterior
         Of one record of one channel.
-    theta : ndarray, shape (S, P)
-        Draws.
-    modes : tuple of Mode
+    draws : WeightedDraws
     without : callable
         Posterior of a part of the record; constants that were plugged in come from that part.
     plugged_in : bool
@@ -185,8 +129,7 @@ class Predictor:
     """
 
     posterior: Posterior
-    theta: Floats
-    modes: tuple[Mode, ...]
+    draws: WeightedDraws
     without: Callable[[Record], Posterior]
     plugged_in: bool
 
@@ -199,15 +142,19 @@ class Predictor:
         """Full log density (S, n) of each sample of a record, and the share by which it counts (S,)."""
         posterior = on(self.posterior, record)
         (channel,) = record.channels
-        (pointwise,) = posterior.pointwise_log_likelihood(theta)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far tails of a prior
+            (pointwise,) = posterior.pointwise_log_likelihood(theta)
         share = posterior.noise.information(theta[:, posterior.layout[0].noise[channel][1:]])
-        return pointwise[channel] / share[:, None], share
+        density = pointwise[channel] / share[:, None]
+        return np.where(np.isnan(density), -np.inf, density), share
 
     def mean_curve(self, theta: Floats, record: Record) -> Floats:
         """Predictions (S, n)."""
         return self.posterior.predict(theta, record.inputs)[record.channels[0]]
 
-    def leave_out(self, targets: Sequence[Mask], seed: np.random.SeedSequence) -> HeldOut:
+    def leave_out(
+        self, targets: Sequence[Mask], seed: np.random.SeedSequence, trust: float = RELIABLE
+    ) -> HeldOut:
         """Predict each of several parts of the record from the rest.
 
         Parameters
@@ -216,14 +163,18 @@ class Predictor:
             Parts; no sample is in two of them.
         seed : numpy.random.SeedSequence
             For the fits that have to be made anew.
+        trust : float
+            Greatest Pareto exponent at which weights of the draws take the place of a fit without the part; minus
+            infinity for a fit without each.
         """
         record = self.record
-        full, share = self.density(self.theta, record)
-        counted = full * share[:, None]
-        log_weight, k = smoothed_weights(-np.stack([counted[:, t].sum(axis=1) for t in targets], axis=1))
-        curve = self.mean_curve(self.theta, record)
+        theta = self.posterior.space.to_physical(self.draws.z)
+        full, share = self.density(theta, record)
+        left = np.stack([(full[:, t] * share[:, None]).sum(axis=1) for t in targets], axis=1)
+        log_weight, k = smoothed_weights(self.draws.log_weight[:, None] - left)
+        curve = self.mean_curve(theta, record)
         density, mean = np.full(record.n, np.nan), np.full(record.n, np.nan)
-        anew = self._anew(targets, k)
+        anew = self._anew(targets, k, trust)
         for i, (target, own_seed) in enumerate(zip(targets, seed.spawn(len(targets)), strict=True)):
             if anew[i]:
                 density[target], mean[target] = self._predicted(target, own_seed)
@@ -233,8 +184,8 @@ class Predictor:
                 mean[target] = np.sum(np.exp(w) * curve[:, target], axis=0)
         return HeldOut(density, mean, k, int(anew.sum()))
 
-    def _anew(self, targets: Sequence[Mask], k: Floats) -> Mask:
-        anew = np.asarray(k > RELIABLE)
+    def _anew(self, targets: Sequence[Mask], k: Floats, trust: float) -> Mask:
+        anew = np.asarray(k > trust)
         if self.plugged_in:  # the constants are the extremes: only leaving one of them out changes anything
             (values,) = self.record.observed.values()
             extreme = (values == values.min()) | (values == values.max())
@@ -243,8 +194,13 @@ class Predictor:
 
     def _predicted(self, target: Mask, seed: np.random.SeedSequence) -> tuple[Floats, Floats]:
         """Log density and mean of a part by a fit without it."""
-        draws = refitted(self.without(part(self.record, ~target)), self.modes, seed)
+        posterior = self.without(part(self.record, ~target))
+        starts = [m.z for m in self.draws.modes]
+        draws = importance_draws(
+            posterior, starts, posterior.space.prior_sd(), seed, others=[self.draws.proposal]
+        )
+        theta = posterior.space.to_physical(draws.z)
         test = part(self.record, target)
-        full, _ = self.density(draws.theta, test)
+        full, _ = self.density(theta, test)
         density = logsumexp(draws.log_weight[:, None] + full, axis=0)
-        return density, np.exp(draws.log_weight) @ self.mean_curve(draws.theta, test)
+        return density, np.exp(draws.log_weight) @ self.mean_curve(theta, test)

@@ -7,11 +7,15 @@ names: their evidences differ by their priors at most.
 
 With equal odds before the data and a model among those compared that made them, at most one decisive verdict in 21 is
 wrong against a given rival.
+
+The verdict is about the models that the paper compares. One that only stands beside them (an *extra*: the modified
+sigmoid with A2 = B2) has no vote, for at the paper's ratios of stiffness it is within 0.2 % of a logistic curve, and no
+measurement would ever be decided; but it is named where it is not told from the preferred model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -25,6 +29,8 @@ DECISIVE: Final = float(np.log(20.0))
 """Least ln Bayes factor of a decisive preference."""
 ERRORS: Final = 2.0
 """Standard errors by which the Bayes factor must exceed it."""
+AGAINST: Final = 1.5
+"""Standard errors by which held-out measurements may lean to another family without speaking against."""
 LEVEL: Final = 0.95
 """Of the interval of a held-out difference."""
 
@@ -36,6 +42,8 @@ class Standing:
     Attributes
     ----------
     name, family, curve : str
+    extra : bool
+        Whether it has no vote.
     ln_evidence, ln_evidence_sd : float
     folds : ndarray, shape (B,)
         Log density of each held-out fold.
@@ -44,6 +52,7 @@ class Standing:
     name: str
     family: str
     curve: str
+    extra: bool
     ln_evidence: float
     ln_evidence_sd: float
     folds: Floats
@@ -82,6 +91,8 @@ class Verdict:
         Best model of another family; empty where there is none.
     ln_bayes_factor : float
         Of the preferred model over the rival.
+    not_told_from : tuple of str
+        All other models whose evidence is not decisively below that of the preferred one.
     why : str
     """
 
@@ -91,6 +102,7 @@ class Verdict:
     probability: float
     rival: str
     ln_bayes_factor: float
+    not_told_from: tuple[str, ...]
     why: str
 
 
@@ -111,54 +123,69 @@ def judge(standings: Sequence[Standing]) -> Verdict:
     Parameters
     ----------
     standings : sequence of Standing
-        At least one.
+        At least one that has a vote.
     """
-    best = max(standings, key=lambda s: s.ln_evidence)
-    twins = [s for s in standings if s.curve == best.curve]
-    families = sorted({s.family for s in twins})
-    if len(families) > 1:
-        return _same_curve(best, twins, standings)
-    others = [s for s in standings if s.family != best.family]
-    if not others:
-        return Verdict(best.name, best.family, False, 1.0, "", 0.0, "there is no model of another family")
-    rival = max(others, key=lambda s: s.ln_evidence)
-    factor, sd = _factor(best, rival)
-    champions = [
-        max(s.ln_evidence for s in standings if s.family == f) for f in {s.family for s in standings}
-    ]
-    probability = float(1.0 / np.sum(np.exp(np.array(champions) - best.ln_evidence)))
-    against = [o for o in others if difference(best.folds, o.folds).high < 0.0]
-    if factor < DECISIVE + ERRORS * sd:
-        why = f"ln Bayes factor over {rival.name} is {factor:.1f}, less than {DECISIVE:.1f} beyond its error"
-        return Verdict(best.name, CANNOT_TELL, False, probability, rival.name, factor, why)
-    if against:
-        worst = min(against, key=lambda o: difference(best.folds, o.folds).value)
-        why = f"the evidence prefers {best.name}, but {worst.name} predicts what was held out better"
-        return Verdict(best.name, CANNOT_TELL, False, probability, rival.name, factor, why)
-    gained = difference(best.folds, rival.folds)
-    why = (
-        f"ln Bayes factor over {rival.name} is {factor:.1f}; held out, the log density differs by "
-        f"{gained.value:.1f} ({gained.low:.1f} to {gained.high:.1f})"
+    voting = [s for s in standings if not s.extra]
+    best = max(voting, key=lambda s: s.ln_evidence)
+    near = tuple(s.name for s in standings if s is not best and not _ahead(best, s))
+    families = {s.family for s in voting if s.curve == best.curve}
+    rivals = [s for s in voting if s.curve != best.curve and s.family not in families]
+    rival = max(rivals, key=lambda s: s.ln_evidence) if rivals else None
+    factor = best.ln_evidence - rival.ln_evidence if rival else 0.0
+    why, decisive = _reason(best, voting, families, rival)
+    return Verdict(
+        preferred=best.name,
+        verdict=best.family if decisive else CANNOT_TELL,
+        decisive=decisive,
+        probability=_probability(best, voting),
+        rival=rival.name if rival else "",
+        ln_bayes_factor=factor,
+        not_told_from=near,
+        why=why,
     )
-    return Verdict(best.name, best.family, True, probability, rival.name, factor, why)
 
 
-def _same_curve(best: Standing, twins: Sequence[Standing], standings: Sequence[Standing]) -> Verdict:
-    names = " and ".join(sorted(t.name for t in twins))
-    rivals = [s for s in standings if s.curve != best.curve]
-    if not rivals:
-        return Verdict(best.name, CANNOT_TELL, False, 0.5, "", 0.0, f"{names} are the same curve")
-    rival = max(rivals, key=lambda s: s.ln_evidence)
-    factor, sd = _factor(best, rival)
-    ahead = "ahead of" if factor >= DECISIVE + ERRORS * sd else "not told from"
-    why = f"{names} are the same curve of this channel; together they are {ahead} {rival.name} by ln {factor:.1f}"
-    share = 1.0 / len({t.family for t in twins})
-    probability = float(share / (1.0 + np.exp(min(-factor, 500.0))))
-    return Verdict(best.name, CANNOT_TELL, False, probability, rival.name, factor, why)
+def _reason(
+    best: Standing, voting: Sequence[Standing], families: Collection[str], rival: Standing | None
+) -> tuple[str, bool]:
+    """Why, and whether the preference is decisive."""
+    twins = " and ".join(sorted(s.name for s in voting if s.curve == best.curve))
+    if rival is None:
+        return f"there is no model but {twins}", False
+    factor = best.ln_evidence - rival.ln_evidence
+    if len(families) > 1:
+        ahead = "ahead of" if _ahead(best, rival) else "not told from"
+        return f"{twins} are the same curve of this channel, {ahead} {rival.name} by ln {factor:.1f}", False
+    if not _ahead(best, rival):
+        least = f"less than {DECISIVE:.1f} beyond its error"
+        return f"ln Bayes factor of {best.name} over {rival.name} is {factor:.1f}, {least}", False
+    others = [s for s in voting if s.family != best.family]
+    worst = min(others, key=lambda o: _lead(best, o))
+    if _lead(best, worst) < -AGAINST:
+        behind = f"the evidence prefers {best.name} by ln {factor:.1f}, but {worst.name} predicts better"
+        return f"{behind} what was held out, by {-difference(best.folds, worst.folds).value:.1f}", False
+    gained = difference(best.folds, rival.folds)
+    return (
+        f"ln Bayes factor of {best.name} over {rival.name} is {factor:.1f}; held out, its log density is greater by "
+        f"{gained.value:.1f} ({gained.low:.1f} to {gained.high:.1f})"
+    ), True
 
 
-def _factor(one: Standing, other: Standing) -> tuple[float, float]:
-    return one.ln_evidence - other.ln_evidence, float(np.hypot(one.ln_evidence_sd, other.ln_evidence_sd))
+def _ahead(one: Standing, other: Standing) -> bool:
+    """Whether one model's evidence is decisively greater."""
+    error = float(np.hypot(one.ln_evidence_sd, other.ln_evidence_sd))
+    return one.ln_evidence - other.ln_evidence >= DECISIVE + ERRORS * error
+
+
+def _lead(one: Standing, other: Standing) -> float:
+    """Held-out difference in its standard errors; nought where there are too few folds for one."""
+    d = difference(one.folds, other.folds)
+    return d.value / d.se if 0.0 < d.se < np.inf else 0.0
+
+
+def _probability(best: Standing, voting: Sequence[Standing]) -> float:
+    champions = [max(s.ln_evidence for s in voting if s.family == f) for f in {s.family for s in voting}]
+    return float(1.0 / np.sum(np.exp(np.array(champions) - best.ln_evidence)))
 
 
 def stacking_weights(log_density: Mapping[str, Floats], *, rounds: int = 2000) -> dict[str, float]:

@@ -210,7 +210,7 @@ def _fit_noise_block(
             break
         if attempt == 0 and block.size > 1:
             mixture = _spread(mixture, rng, 4)
-        mixture = mixture.refitted(x, _tempered(weights), rounds=6)
+        mixture = mixture.refitted(x, tempered(weights), rounds=6)
     return mixture
 
 
@@ -230,12 +230,12 @@ def _refine(density: Density, proposal: Proposal, rng: np.random.Generator, draw
         if usable.sum() < 2 * z.shape[1]:
             break
         u, _, back = proposal.coordinates.forward(z[usable])
-        tempered = _tempered(Weights(weights.log_weight[usable])) * back
-        if tempered.sum() <= 0:
+        softened = tempered(Weights(weights.log_weight[usable])) * back
+        if softened.sum() <= 0:
             break
-        tempered = tempered / tempered.sum()
-        narrow = proposal.narrow.refitted(u, tempered, rounds=6)
-        wide = _widened(proposal.wide, z[usable], tempered)
+        softened = softened / softened.sum()
+        narrow = proposal.narrow.refitted(u, softened, rounds=6)
+        wide = _widened(proposal.wide, z[usable], softened)
         proposal = Proposal(proposal.coordinates, narrow, wide, proposal.share)
     return Adapted(best.proposal, best.weights, evaluations)
 
@@ -251,7 +251,7 @@ def _widened(wide: StudentMixture, z: Floats, weight: Floats) -> StudentMixture:
     return StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], wide.df)
 
 
-def _tempered(weights: Weights) -> Floats:
+def tempered(weights: Weights) -> Floats:
     """Weights raised to the greatest power that leaves a tenth of the draws in effect."""
     low, high = 0.0, 1.0
     if weights.efficiency >= 0.1:
@@ -262,10 +262,10 @@ def _tempered(weights: Weights) -> Floats:
             low = middle
         else:
             high = middle
-    tempered = np.full_like(weights.log_weight, -np.inf)
+    powers = np.full_like(weights.log_weight, -np.inf)
     usable = np.isfinite(weights.log_weight)  # a draw of no weight stays so, also where the power is zero
-    tempered[usable] = low * weights.log_weight[usable]
-    return Weights(tempered).normalised
+    powers[usable] = low * weights.log_weight[usable]
+    return Weights(powers).normalised
 
 
 def _weigh(

@@ -8,6 +8,9 @@ from functools import partial
 from pathlib import Path
 
 from sma_bayes.inference.jobs import run
+from sma_bayes.report.comparison_outputs import StoredComparison, is_comparison, read_comparison
+from sma_bayes.report.comparison_page import write_comparison_report
+from sma_bayes.report.comparison_tables import comparison_tables
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.figures import (
     BranchData,
@@ -15,13 +18,16 @@ from sma_bayes.report.figures import (
     FigureFiles,
     corner_figure,
     correlation_figure,
+    curves_figure,
     diagnostics_figure,
+    differences_figure,
     disagreement_loops,
     effect_figure,
     effect_parameter_figure,
     ladder_figure,
     loop_figure,
     overview_figure,
+    pages,
     parameter_figure,
     predictive_figure,
     printed_figure,
@@ -49,7 +55,7 @@ def build_report(folder: Path, *, jobs: int | None = None, progress: Progress | 
     Parameters
     ----------
     folder : Path
-        Output folder of a finished `fit` or `gap`. Nothing but the three outputs is changed in it.
+        Output folder of a finished `fit`, `gap` or `compare`. Nothing but the three outputs is changed in it.
     jobs : int, optional
         Processes that draw figures; by default one for each core.
     progress : callable, optional
@@ -62,6 +68,9 @@ def build_report(folder: Path, *, jobs: int | None = None, progress: Progress | 
     folder = Path(folder)
     if is_study(folder):
         build_gap_report(folder, jobs=jobs, progress=progress)
+        return
+    if is_comparison(folder):
+        build_comparison_report(folder, jobs=jobs, progress=progress)
         return
     stored = read_run(folder)
     content = report_content(stored)
@@ -98,6 +107,40 @@ def build_gap_report(folder: Path, *, jobs: int | None = None, progress: Progres
     write_tables(tables, folder / "tables")
     write_gap_report(study, tables, figures)
     tell(total, total, "wrote report.html")
+
+
+def build_comparison_report(
+    folder: Path, *, jobs: int | None = None, progress: Progress | None = None
+) -> None:
+    """The same for a comparison of models; see `build_report`."""
+    stored = read_comparison(folder)
+    drawings: list[Callable[[StoredComparison], Drawing]] = [
+        partial(curves_figure, record=record) for record in stored.found["records"]
+    ]
+    drawings += [partial(differences_figure, number=n + 1) for n in range(pages(stored))]
+    tasks = [_ComparisonTask(stored, draw) for draw in drawings]
+    tell = progress or (lambda done, total, message: None)
+    tell(0, len(tasks) + 1, "drawing figures")
+    figures: dict[str, FigureFiles] = {}
+    for done, drawn in enumerate(run(_draw_comparison, tasks, jobs), 1):
+        figures[drawn.stem] = drawn
+        tell(done, len(tasks) + 1, f"drew {drawn.stem}")
+    tables = comparison_tables(stored)
+    write_tables(tables, folder / "tables")
+    write_comparison_report(stored, tables, figures)
+    tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
+
+
+@dataclass(frozen=True, slots=True)
+class _ComparisonTask:
+    """A figure of a comparison."""
+
+    stored: StoredComparison
+    draw: Callable[[StoredComparison], Drawing]
+
+
+def _draw_comparison(task: _ComparisonTask) -> FigureFiles:
+    return save(partial(task.draw, task.stored), task.stored.folder / "figures")
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from sma_bayes.report.figures.condition import loop_figure, overview_figure
 from sma_bayes.report.figures.disagreement import disagreement_loops, residual_maps
 from sma_bayes.report.figures.marginals import corner_figure
 from sma_bayes.report.figures.missing import effect_figure, effect_parameter_figure, ladder_figure
+from sma_bayes.report.figures.models import curves_figure, differences_figure, pages
 from sma_bayes.report.figures.record import predictive_figure, residual_figure, trace_figure
 from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles, save
 
@@ -19,13 +20,16 @@ __all__ = [
     "FigureFiles",
     "corner_figure",
     "correlation_figure",
+    "curves_figure",
     "diagnostics_figure",
+    "differences_figure",
     "disagreement_loops",
     "effect_figure",
     "effect_parameter_figure",
     "ladder_figure",
     "loop_figure",
     "overview_figure",
+    "pages",
     "parameter_figure",
     "predictive_figure",
     "printed_figure",

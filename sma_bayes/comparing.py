@@ -1,0 +1,236 @@
+"""Comparing models on a campaign, from records to files."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from sma_bayes.assess.comparison import AUTO, Comparison, compare_record
+from sma_bayes.assess.comparison_document import (
+    SCHEMA,
+    curve_columns,
+    overall,
+    record_document,
+    sample_columns,
+    stem_of,
+)
+from sma_bayes.assess.contenders import (
+    CONTENDERS,
+    copy_of,
+    joined,
+    observables,
+    of_channel,
+    posterior_of,
+    unavailable,
+)
+from sma_bayes.errors import MeasurementError, OutputError
+from sma_bayes.inference.jobs import run
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.noise.effective_samples import EffectiveSamples
+from sma_bayes.parameters.priors_file import PriorSet, read_priors
+from sma_bayes.records.types import Branch, Campaign, Record
+from sma_bayes.results.store import plain, write_csv, write_json, write_text
+from sma_bayes.workflow import (
+    DEFAULT_PRIORS,
+    FitOptions,
+    Pool,
+    Progress,
+    all_versions,
+    claimed_folder,
+    run_identity,
+)
+
+FEWEST_CONDITIONS = 2
+"""Conditions that can be left out in turn."""
+
+
+def compare(
+    campaign: Campaign,
+    out: str | Path | None = None,
+    *,
+    seed: int = 0,
+    noise: str = AUTO,
+    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    pool: Pool = "none",
+    jobs: int | None = None,
+    resume: bool = False,
+    figures: bool = True,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Compare the modified sigmoid with the logistic and polynomial baselines.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    out : str or Path, optional
+        Folder for `comparison.json`, series, tables, figures and the report; nothing is written without it.
+    seed : int
+        Decides every draw.
+    noise : str
+        Name of a noise model, the same for all models; ``auto``: Gaussian, with only as many samples counted as are
+        independent.
+    priors : str, Path or PriorSet
+        Of the modified sigmoid and of the noise; those of the baselines ship with the package.
+    pool : {'none', 'campaign'}
+        With ``campaign`` one curve a branch serves all conditions, conditions are left out in turn, and the
+        polynomial may use the frequency of the drive.
+    jobs : int, optional
+        Processes; by default one for each core.
+    resume : bool
+        Where `out` holds this very comparison already, only what is missing of its report is made.
+    figures : bool
+        Whether figures and the report are made.
+    progress : callable, optional
+
+    Returns
+    -------
+    dict
+        What `comparison.json` holds.
+
+    Raises
+    ------
+    MeasurementError
+        If conditions can't be pooled.
+    PriorError, UnknownNameError
+        If the call can't be used.
+    OutputError, ResumeError
+        If `out` can't be used.
+    """
+    options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, noise, pool)
+    records = units_of(campaign, pool)
+    check(records, options)
+    tell = progress or (lambda done, total, message: None)
+    if out is None:
+        return _compared(campaign, records, None, options, jobs, tell)
+    folder = Path(out)
+    with claimed_folder(folder, {**run_identity(campaign, options), "kind": "compare"}, resume):
+        finished = _finished(folder)
+        found = finished or _compared(campaign, records, folder, options, jobs, tell)
+    if figures and not (finished and (folder / "report.html").is_file()):
+        from sma_bayes.report.build import build_report
+
+        build_report(folder, jobs=jobs, progress=tell)
+    return found
+
+
+def units_of(campaign: Campaign, pool: Pool) -> list[Record]:
+    """What is compared: each record and channel, or with ``campaign`` all conditions of a branch joined.
+
+    Raises
+    ------
+    MeasurementError
+        If there are not enough conditions to leave out, or they can't be joined.
+    """
+    if pool == "none":
+        return [of_channel(r, c) for r in campaign.records for c in observables(r)]
+    out = []
+    for branch in Branch:
+        records = [r for r in campaign.records if r.branch is branch]
+        if len(records) < FEWEST_CONDITIONS:
+            continue
+        shared = [c for c in observables(records[0]) if all(c in observables(r) for r in records)]
+        out += [joined(records, c) for c in shared]
+    if not out:
+        raise MeasurementError(
+            f"{campaign.name!r} has no two conditions of one branch that share a channel",
+            expected=f"{FEWEST_CONDITIONS} conditions or more, each of which can be left out",
+            remedy="compare without --pool campaign",
+        )
+    return out
+
+
+def check(records: Sequence[Record], options: FitOptions) -> None:
+    """Refuse, before anything is written or sampled, what no contender could be fitted with."""
+    noise = NOISE_MODELS[EffectiveSamples.name if options.noise == AUTO else options.noise]
+    for record in records:
+        for contender in CONTENDERS:
+            if not unavailable(contender, record) and not copy_of(contender, record):
+                posterior = posterior_of(contender, record, noise, options.priors)
+                if record.n <= posterior.space.dimension:
+                    raise MeasurementError(
+                        f"{record.n} samples of {record.key} can't tell models apart",
+                        expected=f"more than the {posterior.space.dimension} parameters of {contender.name}",
+                        remedy="record more samples",
+                    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    record: Record
+    options: FitOptions
+
+
+def _compare_task(task: _Task) -> Comparison:
+    o = task.options
+    return compare_record(task.record, o.priors, noise=o.noise, seed=o.seed)
+
+
+def _compared(
+    campaign: Campaign,
+    records: Sequence[Record],
+    folder: Path | None,
+    options: FitOptions,
+    jobs: int | None,
+    tell: Progress,
+) -> dict[str, Any]:
+    clock = time.perf_counter()
+    tell(0, len(records), "comparing")
+    comparisons = []
+    for found in run(_compare_task, [_Task(r, options) for r in records], jobs):
+        comparisons.append(found)
+        tell(len(comparisons), len(records), f"compared {stem_of(found)}")
+        if folder is not None:
+            write_csv(folder / "curves" / f"{stem_of(found)}.csv", curve_columns(found))
+            write_csv(folder / "samples" / f"{stem_of(found)}.csv", sample_columns(found))
+    document: dict[str, Any] = plain({
+        "schema": SCHEMA,
+        "campaign": campaign.name,
+        "source": campaign.source,
+        "seed": options.seed,
+        "options": {"noise": options.noise, "pool": options.pool, "priors": options.priors.title},
+        "versions": all_versions(),
+        "data_sha256": campaign.sha256,
+        "converged": all(c.converged for c in comparisons),
+        "overall": overall(comparisons),
+        "records": [record_document(c) for c in comparisons],
+        "findings": [asdict(f) for f in campaign.findings],
+        "wall_s": time.perf_counter() - clock,
+    })  # fmt: skip
+    if folder is not None:
+        write_text(folder / "priors.toml", options.priors.text)
+        write_json(folder / "comparison.json", document)
+    return document
+
+
+def _finished(folder: Path) -> dict[str, Any] | None:
+    """What `comparison.json` of a folder holds, if the comparison came to its end."""
+    path = folder / "comparison.json"
+    if not path.is_file():
+        return None
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise OutputError(
+            f"can't be read: {error}", file=path, expected="JSON as compare writes it", remedy="remove it"
+        ) from None
+    return found if isinstance(found, dict) else None
+
+
+def summary_text(found: Mapping[str, Any]) -> str:
+    """What `comparison.json` says, in a few lines for a terminal."""
+    lines = [f"{found['campaign']}, seed {found['seed']}"]
+    width = max(len(r["key"]) for r in found["records"])
+    for r in found["records"]:
+        rival = f", ln Bayes factor {r['ln_bayes_factor']:.1f} over {r['rival']}" if r["rival"] else ""
+        lines.append(f"  {r['key']:<{width}}  {r['verdict']:<16}  {r['preferred']}{rival}")
+    for group in found["overall"]:
+        together = f"{group['channel']}, {len(group['records'])} records together"
+        lines.append(f"{together}: {group['verdict'].upper()}. {group['why']}")
+    if not found["converged"]:
+        names = ", ".join(r["key"] for r in found["records"] if not r["converged"])
+        lines.append(f"NOT CONVERGED: {names}. The report says which models.")
+    return "\n".join(lines)

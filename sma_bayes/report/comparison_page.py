@@ -1,0 +1,74 @@
+"""The report of a comparison of models in plain words: who wins, by how much, and what that rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from markupsafe import Markup
+
+from sma_bayes.assess.verdict import CANNOT_TELL
+from sma_bayes.report.comparison_outputs import StoredComparison
+from sma_bayes.report.comparison_tables import SHORT
+from sma_bayes.report.figures import FigureFiles
+from sma_bayes.report.html import anchor, embedded, page_environment, style_sheet
+from sma_bayes.report.tables import Table
+from sma_bayes.results.store import write_text
+
+TEMPLATE: Final = "comparison.html.j2"
+
+
+def write_comparison_report(
+    stored: StoredComparison, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
+) -> None:
+    """Write ``report.html`` of a comparison.
+
+    Parameters
+    ----------
+    stored : StoredComparison
+    tables : mapping of str to Table
+    figures : mapping of str to FigureFiles
+        By stem; their PNG files are in ``figures/``.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written, or a figure can't be read.
+    """
+    folder = stored.folder
+    environment = page_environment()
+    page = environment.get_template(TEMPLATE).render(
+        found=stored.found,
+        headlines=[headline(group) for group in stored.found["overall"]],
+        command=command(stored.found),
+        tables=tables,
+        pictures={s: embedded(folder / "figures" / f"{s}.png", f) for s, f in figures.items()},
+        held_out=[s for s in figures if s.startswith("held-out")],
+        style=Markup(style_sheet(environment)),  # ours, not the user's
+        anchor=anchor,
+    )
+    write_text(folder / "report.html", page)
+
+
+def headline(group: Mapping[str, Any]) -> str:
+    """The verdict over all records of a channel, as a sentence."""
+    counts = ", ".join(f"{n} {name}" for name, n in group["verdicts"].items())
+    if group["verdict"] == CANNOT_TELL:
+        outcome = f"one can't tell: {group['why']}"
+    else:
+        best = SHORT[group["preferred"]]
+        outcome = f"the {group['verdict'].replace('_', ' ')} wins ({best}): {group['why']}"
+    return f"{group['channel']}, {len(group['records'])} records together: {outcome}. Record by record: {counts}."
+
+
+def command(found: Mapping[str, Any]) -> str:
+    """The command that gives the same comparison again."""
+    options = found["options"]
+    more = "".join(
+        f" --{name} {options[name]}"
+        for name, usual in (("noise", "auto"), ("pool", "none"))
+        if options[name] != usual
+    )
+    return (
+        f'sma-bayes compare "{found["source"]}" --out DIR --seed {found["seed"]} --priors priors.toml{more}'
+    )

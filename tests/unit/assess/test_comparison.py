@@ -1,0 +1,179 @@
+"""Fits, evidences and held-out predictions of contenders, against closed forms and brute force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import multivariate_normal
+
+from sma_bayes.assess.comparison import Comparison, Fitted, compare_record, weighted_quantiles
+from sma_bayes.assess.contenders import CONTENDERS, joined, observables, of_channel, posterior_of
+from sma_bayes.assess.held_out import folds_of, part
+from sma_bayes.errors import MeasurementError
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.records.types import Branch, Condition, Record
+
+PRIORS = read_priors("modified_sigmoid")
+LINE = next(c for c in CONTENDERS if c.name == "polynomial_corrected")
+
+
+def noisy_line(n: int, seed: int) -> Record:
+    """Stiffness on a straight line with Gaussian noise."""
+    t = np.linspace(30.0, 70.0, n)
+    k = 40.0 + 1.5 * t + 3.0 * np.random.default_rng(seed).standard_normal(n)
+    units = {"temperature": "degC", "stiffness": "N/m"}
+    inputs, observed = {"temperature": t}, {"stiffness": k}
+    return of_channel(
+        Record(Condition("c"), Branch.HEATING, inputs, observed, np.arange(n) + 1, units), "stiffness"
+    )
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    return noisy_line(30, 3)
+
+
+@pytest.fixture(scope="module")
+def line(record: Record) -> Comparison:
+    return compare_record(record, PRIORS, noise="independent", only=["polynomial_corrected"])
+
+
+def exact(record: Record) -> Callable[[float], float]:
+    """Prior predictive of the line at given noise: normal, with the coefficients integrated out."""
+    posterior = posterior_of(LINE, record, NOISE_MODELS["independent"], PRIORS)
+    priors = [p.prior for p in posterior.space.parameters[:2]]
+    design = posterior.model.jacobian(np.zeros(2), record.inputs)["stiffness"]
+    mean = design @ np.array([p.mean for p in priors])
+    covariance = (design * np.array([p.sd for p in priors]) ** 2) @ design.T
+
+    def density(sd: float) -> float:
+        whole = covariance + sd**2 * np.eye(len(mean))
+        return float(multivariate_normal(mean, whole).logpdf(record.observed["stiffness"]))
+
+    return density
+
+
+def test_both_evidences_are_the_integral(record: Record, line: Comparison) -> None:
+    """The linear coefficients in closed form, the noise by quadrature."""
+    posterior = posterior_of(LINE, record, NOISE_MODELS["independent"], PRIORS)
+    prior = posterior.space.parameters[2].prior
+    density = exact(record)
+    peak = density(3.0)
+
+    def integrand(ln_sd: float) -> float:
+        sd = np.exp(ln_sd)
+        return float(np.exp(density(sd) - peak + prior.log_density(np.array(sd)) + ln_sd))
+
+    value = np.log(quad(integrand, np.log(0.3), np.log(60.0), epsabs=0.0, epsrel=1e-9, limit=400)[0]) + peak
+    found = line.fitted["polynomial_corrected"]
+    for evidence in (found.importance, found.bridge):
+        assert evidence.sd < 0.02
+        assert evidence.value == pytest.approx(value, abs=4.0 * evidence.sd)
+
+
+def test_leaving_out_is_what_a_fit_without_gives(record: Record, line: Comparison) -> None:
+    """PSIS-LOO of some samples, and a fold, against posteriors computed on a grid without them."""
+    found = line.fitted["polynomial_corrected"]
+    posterior = found.posterior
+    y, t = record.observed["stiffness"], record.temperature
+    axes = [np.linspace(m - 5.0 * s, m + 5.0 * s, 41) for m, s in _spread(found)]
+    z = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    theta = posterior.space.to_physical(z)
+    mu = theta[:, 0, None] + theta[:, 1, None] * (t - 50.0)
+    pointwise = (
+        -0.5 * ((y - mu) / theta[:, 2, None]) ** 2 - np.log(theta[:, 2, None]) - 0.5 * np.log(2.0 * np.pi)
+    )
+    prior = posterior.log_prior(z)
+    targets = [np.arange(30) == i for i in (0, 14, 29)] + [line.folds.number == 0]
+    for target in targets:
+        log_post = prior + pointwise[:, ~target].sum(axis=1)
+        weight = np.exp(log_post - log_post.max())
+        expected = np.log(weight @ np.exp(pointwise[:, target]) / weight.sum())
+        got = (found.folds if target.sum() > 1 else found.loo).log_density[target]
+        np.testing.assert_allclose(got, expected, atol=0.06)
+
+
+def _spread(found: Fitted) -> list[tuple[float, float]]:
+    draws = found.draws
+    weight = np.exp(draws.log_weight)
+    mean = weight @ draws.z
+    return list(zip(mean, np.sqrt(weight @ (draws.z - mean) ** 2), strict=True))
+
+
+def test_effective_parameters_are_counted_by_what_the_data_determine() -> None:
+    many = noisy_line(400, 1)
+    found = compare_record(many, PRIORS, noise="independent", only=["polynomial_corrected"])
+    line = found.fitted["polynomial_corrected"]
+    p_eff = float((line.in_sample - line.loo.log_density).sum())
+    assert p_eff == pytest.approx(3.0, abs=0.5)  # level, slope, noise; Eq. (11) prints four coefficients
+    assert found.rank == 2
+
+
+def test_counting_samples_as_fewer_widens_all_alike(record: Record) -> None:
+    wave = replace(
+        record, observed={"stiffness": record.observed["stiffness"] + 20.0 * np.sin(record.temperature / 3.0)}
+    )
+    found = compare_record(wave, PRIORS, only=["polynomial_corrected", "logistic_refitted"])
+    assert found.memory > 1.5
+    plain = compare_record(wave, PRIORS, noise="independent", only=["polynomial_corrected"])
+    factor = [c.fitted["polynomial_corrected"].draws for c in (found, plain)]
+    sd = [np.sqrt(np.exp(d.log_weight) @ (d.z - np.exp(d.log_weight) @ d.z) ** 2)[1] for d in factor]
+    assert sd[0] / sd[1] == pytest.approx(np.sqrt(found.memory), rel=0.15)
+
+
+def test_of_a_displacement_modified_sigmoid_and_bounded_logistic_have_one_evidence(
+    make_record: Callable[..., Record],
+) -> None:
+    record = of_channel(make_record(("displacement",), n=60, noise=0.03), "displacement")
+    names = ["modified_sigmoid", "bounded_logistic", "logistic_refitted", "polynomial_corrected"]
+    found = compare_record(record, PRIORS, only=names)
+    one, other = (found.fitted[n].evidence for n in names[:2])
+    assert one.value == pytest.approx(other.value, abs=4.0 * float(np.hypot(one.sd, other.sd)))
+    assert found.verdict.verdict == "cannot tell"
+    assert found.verdict.ln_bayes_factor > 20.0
+
+
+def test_folds_are_cycles_conditions_or_blocks_of_temperature(make_record: Callable[..., Record]) -> None:
+    plain = of_channel(make_record(("force",), n=50), "force")
+    blocks = folds_of(plain)
+    assert (blocks.kind, blocks.count) == ("temperature blocks", 10)
+    assert np.all(np.diff(blocks.number[np.argsort(plain.temperature)]) >= 0)
+    cycled = replace(plain, inputs={**plain.inputs, "cycle": np.repeat(np.arange(5.0), 10)})
+    assert (folds_of(cycled).kind, folds_of(cycled).count) == ("cycles", 5)
+    both = joined([plain, replace(plain, condition=Condition("d"))], "force")
+    assert (folds_of(both).kind, folds_of(both).count, both.n) == ("conditions", 2, 100)
+    assert np.unique(both.inputs["segment"]).size == 2 * np.unique(plain.inputs["segment"]).size
+
+
+def test_a_part_remembers_nothing_across_what_was_left_out(make_record: Callable[..., Record]) -> None:
+    record = of_channel(make_record(("force",), n=20), "force")
+    kept = part(record, ~np.isin(np.arange(20), [7, 8, 9]))
+    assert kept.n == 17
+    assert np.diff(kept.inputs["segment"]).nonzero()[0].tolist() == [6]
+
+
+def test_records_of_other_units_are_not_joined(make_record: Callable[..., Record]) -> None:
+    one = make_record(("force",), n=20)
+    other = replace(one, units={**one.units, "force": "kN"})
+    with pytest.raises(MeasurementError, match="can't be compared together"):
+        joined([one, other], "force")
+
+
+def test_stiffness_is_what_models_are_compared_on_where_there_is_any(
+    make_record: Callable[..., Record],
+) -> None:
+    assert observables(make_record(("force", "displacement", "stiffness"), n=20)) == ("stiffness",)
+    assert observables(make_record(("force", "displacement"), n=20)) == ("force", "displacement")
+
+
+def test_weighted_quantiles_are_those_of_repeated_draws() -> None:
+    rng = np.random.default_rng(0)
+    values, count = rng.normal(size=(500, 3)), rng.integers(1, 9, 500)
+    found = weighted_quantiles(values, np.log(count / count.sum()), (0.05, 0.5, 0.95))
+    expected = np.quantile(np.repeat(values, count, axis=0), (0.05, 0.5, 0.95), axis=0, method="inverted_cdf")
+    np.testing.assert_array_equal(found, expected)
