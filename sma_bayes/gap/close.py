@@ -19,11 +19,13 @@ from sma_bayes.gap.flexible import SIZES, Gain, Term, gains, terms_of
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.name import Candidate
 from sma_bayes.gap.noise import BlockNoise, Noise, blocks_of
-from sma_bayes.gap.study import GapStudy, study_from
+from sma_bayes.gap.study import SIGNIFICANT, GapStudy, study_from
 from sma_bayes.inference.jobs import run
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 
+NOISE_ALONE = 1.0
+"""Root mean square of innovations without any gap, in standard deviations of the noise."""
 FOLDS = 3
 STRETCHES = 12
 """Stretches of a sweep that are dealt out where there is only one cycle and no other condition."""
@@ -40,7 +42,7 @@ class Gap:
     before, after, floor : float
         Root mean square of held-out residuals, as innovations of the noise, in its standard deviations: of the model
         without effects, with those that were chosen without the fold, and with the most helpful flexible term besides,
-        where that helps.
+        where that helps. Where the study says that something is left, the floor is at most what noise alone gives.
     held_out : str
         What was held out.
     chosen : tuple of tuple of str
@@ -136,6 +138,8 @@ def close(
     count = sum(f.count for f in found)
     rms = np.sqrt(np.sum([f.squares for f in found], axis=0) / max(count, 1))
     floor = min(float(rms[1]), float(rms[2]))
+    if study.left.p_value <= SIGNIFICANT:
+        floor = min(floor, NOISE_ALONE)
     return Gap(float(rms[0]), float(rms[1]), floor, named, tuple(f.chosen for f in found))
 
 

@@ -18,6 +18,10 @@ from sma_bayes.inference.convergence import Target
 from sma_bayes.inference.ensembles import Draws, Plan, sample
 from sma_bayes.quantities import Floats
 
+EXPLORE = 50
+EVALUATIONS = 400_000
+"""Steps of a block of exploration, and the greatest effort: whole histories with their effects take a thousand times as
+long to predict as one curve, so less is spent, and draws that do not converge by then are called so."""
 CHUNK = 1 << 17
 """Samples times parameter vectors that are evaluated at a time."""
 
@@ -77,5 +81,5 @@ def sample_hypothesis(fitted: Fitted, seed: np.random.SeedSequence, target: Targ
     seed : numpy.random.SeedSequence
     target : Target, optional
     """
-    plan = Plan(target=target or Target())
+    plan = Plan(target=target or Target(), explore_block=EXPLORE, evaluations=EVALUATIONS)
     return sample(HypothesisDensity(fitted), [fitted.z], fitted.hypothesis.space.prior_sd(), seed, plan)

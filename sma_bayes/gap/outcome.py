@@ -56,8 +56,8 @@ class GapOutcome:
     Attributes
     ----------
     study : GapStudy
-    draws : Draws
-        Posterior of the final model.
+    draws : Draws or None
+        Posterior of the final model; None where no effect was added, as then it is the one that `fit` samples.
     gap : Gap
         On held-out measurements.
     scores : mapping of str to HeldOutScore
@@ -68,7 +68,7 @@ class GapOutcome:
     """
 
     study: GapStudy
-    draws: Draws
+    draws: Draws | None
     gap: Gap
     scores: Mapping[str, HeldOutScore]
     experiments: Mapping[str, Proposal]
@@ -76,7 +76,9 @@ class GapOutcome:
 
     @property
     def flat(self) -> Floats:
-        """Draws of all parameters of the final model, shape (S, P)."""
+        """Draws of all parameters of the final model, shape (S, P); S is 0 where there are none."""
+        if self.draws is None:
+            return np.empty((0, len(self.study.final.hypothesis.space.parameters)))
         z = self.draws.z.reshape(-1, self.draws.z.shape[-1])
         return self.study.final.hypothesis.space.to_physical(z)
 
@@ -116,7 +118,7 @@ def gap_outcome(
     tell(MOST + 3, "scoring candidates on held-out measurements")
     scores = _scores(study, pooled=pooled)
     tell(MOST + 4, "sampling the final model")
-    draws = sample_hypothesis(study.final, np.random.SeedSequence([seed, 13]))
+    draws = sample_hypothesis(study.final, np.random.SeedSequence([seed, 13])) if study.effects else None
     return GapOutcome(study, draws, gap, scores, _experiments(study), pooled)
 
 
@@ -158,7 +160,7 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
         "verdict": study.verdict,
         "p_value": study.p_value,
         "p_value_extrapolated": study.steps[0].look.extrapolated,
-        "converged": outcome.draws.convergence.converged,
+        "converged": outcome.draws is None or outcome.draws.convergence.converged,
         "disagreement": [] if none else found,
         "within_chance": found if none else [],
         "effects": effects if named else [],
@@ -278,6 +280,8 @@ def _order(study: GapStudy, name: str) -> int:
 def _parameters_json(outcome: GapOutcome, effect: Effect) -> dict[str, Any]:
     hypothesis = outcome.study.final.hypothesis
     free = hypothesis.space.free_index.tolist()
+    if outcome.draws is None:
+        return {}
     convergence = outcome.draws.convergence
     out = {}
     at = hypothesis.effect_positions[effect.id].tolist()

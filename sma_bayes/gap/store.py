@@ -10,6 +10,7 @@ import numpy as np
 
 from sma_bayes.gap.outcome import GapOutcome
 from sma_bayes.gap.series import series_columns, series_of
+from sma_bayes.inference.ensembles import Draws
 from sma_bayes.posterior import versions
 from sma_bayes.results.store import write_csv, write_file
 
@@ -22,7 +23,7 @@ SERIES = Path("series.csv")
 
 
 def write_study(folder: Path, outcome: GapOutcome, *, seed: int) -> None:
-    """Write ``posterior/gap.nc`` and ``series.csv``.
+    """Write ``series.csv`` and, where an effect was added, ``posterior/gap.nc``.
 
     Parameters
     ----------
@@ -35,23 +36,25 @@ def write_study(folder: Path, outcome: GapOutcome, *, seed: int) -> None:
     OutputError
         If a file can't be written.
     """
-    tree = posterior_tree(outcome, seed)
-    write_file(
-        folder / POSTERIOR,
-        lambda place: tree.to_netcdf(place, engine="h5netcdf"),
-        nbytes=int(tree.nbytes),
-    )
+    if outcome.draws is not None:
+        tree = posterior_tree(outcome, outcome.draws, seed)
+        write_file(
+            folder / POSTERIOR,
+            lambda place: tree.to_netcdf(place, engine="h5netcdf"),
+            nbytes=int(tree.nbytes),
+        )
     write_csv(
         folder / SERIES, series_columns(outcome.study, series_of(outcome.study, outcome.flat)), digits=7
     )
 
 
-def posterior_tree(outcome: GapOutcome, seed: int) -> Any:
+def posterior_tree(outcome: GapOutcome, draws: Draws, seed: int) -> Any:
     """Draws of the final model as `arviz.from_netcdf` opens them.
 
     Parameters
     ----------
     outcome : GapOutcome
+    draws : Draws
     seed : int
 
     Returns
@@ -63,11 +66,11 @@ def posterior_tree(outcome: GapOutcome, seed: int) -> Any:
     import xarray as xr
 
     space = outcome.study.final.hypothesis.space
-    groups, steps, walkers, _ = outcome.draws.z.shape
+    groups, steps, walkers, _ = draws.z.shape
     kept = np.linspace(0, steps * walkers - 1, min(KEPT, steps * walkers)).round().astype(int)
-    z = np.swapaxes(outcome.draws.z, 1, 2).reshape(groups, steps * walkers, -1)[:, kept]
+    z = np.swapaxes(draws.z, 1, 2).reshape(groups, steps * walkers, -1)[:, kept]
     theta = space.to_physical(z)
-    lp = np.swapaxes(outcome.draws.log_prob, 1, 2).reshape(groups, -1)[:, kept]
+    lp = np.swapaxes(draws.log_prob, 1, 2).reshape(groups, -1)[:, kept]
     coords = {"chain": np.arange(groups), "draw": np.arange(z.shape[1])}
     dims = ("chain", "draw")
     posterior = {
@@ -79,7 +82,7 @@ def posterior_tree(outcome: GapOutcome, seed: int) -> Any:
         for i, p in enumerate(space.parameters)
     }
     tree = {
-        "/": xr.Dataset(attrs=_attributes(outcome, seed)),
+        "/": xr.Dataset(attrs=_attributes(outcome, draws, seed)),
         "posterior": xr.Dataset(posterior, coords),
         "sample_stats": xr.Dataset({"lp": (dims, lp)}, coords),
     }
@@ -92,14 +95,14 @@ def posterior_tree(outcome: GapOutcome, seed: int) -> Any:
     return xr.DataTree.from_dict(tree)
 
 
-def _attributes(outcome: GapOutcome, seed: int) -> dict[str, Any]:
+def _attributes(outcome: GapOutcome, draws: Draws, seed: int) -> dict[str, Any]:
     return {
         "title": "posterior of the model with the effects that were added",
         "effects": ", ".join(e.id for e in outcome.study.effects),
         "verdict": outcome.study.verdict,
         "seed": seed,
-        "converged": int(outcome.draws.convergence.converged),
-        "sampler": f"emcee ensembles, {outcome.draws.method}",
+        "converged": int(draws.convergence.converged),
+        "sampler": f"emcee ensembles, {draws.method}",
         "versions": json.dumps(versions()),
         "inference_library": "emcee",
         "inference_library_version": versions()["emcee"],

@@ -112,12 +112,13 @@ def read_study(folder: Path) -> StoredStudy:
         If the study is not finished, of another version, or a file can't be read.
     """
     found = _found(folder)
-    lacking = [str(p) for p in (POSTERIOR, SERIES) if not (folder / p).is_file()]
+    needed = (POSTERIOR, SERIES) if found["effects"] or found["partial"] else (SERIES,)
+    lacking = [str(p) for p in needed if not (folder / p).is_file()]
     if lacking:
         raise OutputError(
             f"lacks {' and '.join(lacking)}", file=folder, expected="what `gap` writes", remedy=_anew(folder)
         )
-    draws, prior = _draws(folder)
+    draws, prior = _draws(folder) if POSTERIOR in needed else ({}, {})
     return StoredStudy(folder, found, _samples(folder / SERIES), draws, prior)
 
 
