@@ -39,8 +39,6 @@ class Fitted:
         Derivative of the whitened prediction.
     precision : ndarray, shape (D, D)
         Of the posterior at the mode: Gauss-Newton with the curvature of the prior.
-    slope : ndarray, shape (D,)
-        Gradient of the log posterior; zero but for the last fraction of a step.
     log_likelihood, ln_evidence : float
         At the mode, and by Laplace's approximation.
     """
@@ -53,7 +51,6 @@ class Fitted:
     whitened: Floats
     jacobian: Floats
     precision: Floats
-    slope: Floats
     log_likelihood: float
     ln_evidence: float
 
@@ -69,8 +66,11 @@ class Fitted:
 
     @property
     def left(self) -> Floats:
-        """Whitened residuals (N,) after the last fraction of a step to the mode."""
-        return np.asarray(self.whitened - self.jacobian @ np.linalg.solve(self.precision, self.slope))
+        """Whitened residuals (N,) less what the parameters could still absorb, were it not for their priors.
+
+        So a term gets no credit for taking over what a prior holds the parameters back from.
+        """
+        return self.unabsorbed(self.whitened[:, None])[:, 0]
 
     def unabsorbed(self, columns: Floats) -> Floats:
         """What is left of whitened series (N, k) once the parameters have adapted to them."""
@@ -222,7 +222,7 @@ class _Problem:
         residual = self.residual(z)
         w = whiten(self.blocks, noise, residual)
         jacobian = self._jacobian(z, noise)
-        prior, gradient, curvature = self.prior(z)
+        prior, _, curvature = self.prior(z)
         precision = jacobian.T @ jacobian - np.diag(curvature)
         likelihood = self.log_likelihood(z, noise)
         volume = 0.5 * float(np.linalg.slogdet(precision)[1])
@@ -235,7 +235,6 @@ class _Problem:
             whitened=w,
             jacobian=jacobian,
             precision=precision,
-            slope=jacobian.T @ w + gradient,
             log_likelihood=likelihood,
             ln_evidence=likelihood + prior + z.size * HALF_LN_2PI - volume,
         )

@@ -174,7 +174,7 @@ def screen(fitted: Fitted, effect: Effect) -> Screened:
     point[0] = size[best]
     start = space.to_sampled(np.concatenate([fitted.theta, point]))
     # the model's own parameters make room for what the effect takes over
-    pull = fitted.slope - factor[best] * fitted.jacobian.T @ signature[:, best]
+    pull = fitted.jacobian.T @ (fitted.whitened - factor[best] * signature[:, best])
     start[: fitted.z.size] += np.linalg.solve(fitted.precision, pull)
     shown = a > 1e-12
     value = float(_averaged(b[shown, None], a[shown])[0]) if shown.any() else -np.inf
