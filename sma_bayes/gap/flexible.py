@@ -8,8 +8,8 @@ A term is a set of columns, added to one channel, with independent normal coeffi
     ln BF = mean over s of  1/2 b' (A + 1/s**2)^-1 b - 1/2 ln |1 + s**2 A|,    A = G' P G,    b = G' P w
 
 where ``w`` are the whitened residuals, ``G`` the whitened columns, and ``P`` takes out what the model's parameters
-absorb. That is the evidence for the term where the model is linear over the width of its posterior and priors don't pull
-at its parameters; where they do, a term gets no credit for giving way in their place.
+absorb. That is the evidence for the term where the model is linear over the width of its posterior and no prior pulls
+at its parameters; where one does, a term gets no credit for giving way in their place.
 """
 
 from __future__ import annotations
