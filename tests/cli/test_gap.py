@@ -174,7 +174,6 @@ def test_nothing_is_named_where_nothing_is_hidden_and_no_figures_are_made_unaske
     assert files(tmp_path / "out") == {
         "gap.json",
         "series.csv",
-        "posterior/gap.nc",
         "priors.toml",
         "run.json",
     }

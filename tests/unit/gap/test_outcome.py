@@ -98,7 +98,7 @@ def test_series_add_up(outcome):
 
 
 def test_the_tree_holds_draws_with_units_and_the_prior_of_effects_alone(outcome):
-    tree = posterior_tree(outcome, seed=0)
+    tree = posterior_tree(outcome, outcome.draws, seed=0)
     assert set(tree["prior"].data_vars) == {"training_drift.d", "training_drift.N0"}
     assert tree["posterior"]["training_drift.d"].attrs["unit"] == "m"
     assert tree["posterior"]["A1 heating"].shape == tree["sample_stats"]["lp"].shape
