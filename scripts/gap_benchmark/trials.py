@@ -49,8 +49,8 @@ class Row:
     true_size, q05, q95 : float
         Size of the (first) hidden effect, and its 90 % interval where it was named.
     gap_before, gap_after, gap_floor : float
-        Held out, where the right name was found in the first campaign of its kind; NaN elsewhere, since folds take longer
-        than the study.
+        Held out, where the right name was found in the first campaign of its kind; NaN elsewhere, since folds take
+        longer than the study.
     """
 
     suite: str
