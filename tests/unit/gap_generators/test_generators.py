@@ -316,6 +316,7 @@ def test_generators_share_no_code_with_the_catalogue() -> None:
     imported = {
         node.module
         for path in folder.glob("*.py")
+        if path.name != "trials.py"  # runs the workflow on what the others make
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.ImportFrom) and node.module
     }
