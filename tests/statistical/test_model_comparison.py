@@ -32,7 +32,7 @@ from sma_bayes.records.types import Branch, Condition, Record
 
 pytestmark = pytest.mark.slow
 
-TRIALS = {"modified_sigmoid": 16, "logistic": 16, "polynomial": 5, "displacement": 16, "buried": 5}
+TRIALS = {"modified_sigmoid": 8, "logistic": 8, "polynomial": 3, "displacement": 8, "buried": 3}
 RATE = 0.05
 ALARM = 0.01
 FALSE_ALARMS = 1
