@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -64,7 +65,7 @@ class Fitted:
         """Of the sampled coordinates, shape (D, D)."""
         return np.asarray(cho_solve(cho_factor(self.precision), np.eye(self.z.size)))
 
-    @property
+    @cached_property
     def left(self) -> Floats:
         """Whitened residuals (N,) less what the parameters could still absorb, were it not for their priors.
 

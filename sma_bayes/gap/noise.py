@@ -79,10 +79,7 @@ class BlockNoise:
 
     def as_likely(self, innovations: Floats, rng: np.random.Generator) -> Floats:
         """Series (n, count) from innovations of unit variance, each with one of `others` drawn for it."""
-        if not self.others:
-            others: tuple[tuple[float, BlockNoise], ...] = ((1.0, self),)
-        else:
-            others = self.others
+        others = self.others or ((1.0, self),)
         which = rng.choice(len(others), size=innovations.shape[1], p=[p for p, _ in others])
         memory = np.stack([o.memory for _, o in others], axis=1)[:, which]
         sd = np.array([o.sd for _, o in others])[which]

@@ -207,9 +207,8 @@ def _holds_beside(both: Fitted) -> bool:
     """Whether the first of two effects would be added to a model that has the second already."""
     one = both.hypothesis.effects[0]
     rest = _without(both, one)
-    names = [p.name for p in rest.hypothesis.extended(one).space.free]
-    z = dict(zip([p.name for p in both.hypothesis.space.free], both.z.tolist(), strict=True))
-    again = fit_hypothesis(rest.hypothesis.extended(one), np.array([z[n] for n in names]), both.noise)
+    with_it = rest.hypothesis.extended(one)
+    again = fit_hypothesis(with_it, _start_from(both, with_it), both.noise)
     gained = again.ln_evidence - rest.ln_evidence
     guard, _ = guard_of(signature_at_mode(rest, again), gains(rest, terms_of(rest)))
     return gained >= WORTH and gained > guard
@@ -230,8 +229,13 @@ def _without(fitted: Fitted, effect: Effect) -> Fitted:
     hypothesis = fitted.hypothesis
     kept = [e for e in hypothesis.effects if e.id != effect.id]
     smaller = hypothesis.with_effects(kept)
-    z = dict(zip([p.name for p in hypothesis.space.free], fitted.z.tolist(), strict=True))
-    return fit_hypothesis(smaller, np.array([z[p.name] for p in smaller.space.free]), fitted.noise)
+    return fit_hypothesis(smaller, _start_from(fitted, smaller), fitted.noise)
+
+
+def _start_from(fitted: Fitted, hypothesis: Hypothesis) -> Floats:
+    """Mode of a fit, in the order of a hypothesis with the same parameters or fewer."""
+    z = dict(zip([p.name for p in fitted.hypothesis.space.free], fitted.z.tolist(), strict=True))
+    return np.array([z[p.name] for p in hypothesis.space.free])
 
 
 def _verdict(steps: Sequence[Step], final: Fitted) -> str:
