@@ -114,7 +114,7 @@ def demo(
             figures=figures,
             progress=progress,
         )
-    _finish(summary, out, quiet, as_json)
+    _finish(summary, quiet, as_json, lambda: _show_fit(summary, out))
 
 
 @app.command()
@@ -188,7 +188,7 @@ def fit(
             figures=figures,
             progress=progress,
         )
-    _finish(summary, out, quiet, as_json)
+    _finish(summary, quiet, as_json, lambda: _show_fit(summary, out))
 
 
 @app.command()
@@ -225,12 +225,7 @@ def gap(
             figures=figures,
             progress=progress,
         )
-    if as_json:
-        typer.echo(json.dumps(found, indent=1))
-    elif not quiet:
-        _show_gap(found, out)
-    if not found["converged"]:
-        raise typer.Exit(1)
+    _finish(found, quiet, as_json, lambda: _show_gap(found, out))
 
 
 @app.command()
@@ -270,13 +265,8 @@ def compare(
             figures=figures,
             progress=progress,
         )
-    if as_json:
-        typer.echo(json.dumps(found, indent=1))
-    elif not quiet:
-        typer.echo(summary_text(found))
-        typer.echo(f"{found['wall_s']:.1f} s; results in {out}")
-    if not found["converged"]:
-        raise typer.Exit(1)
+    told = f"{summary_text(found)}\n{found['wall_s']:.1f} s; results in {out}"
+    _finish(found, quiet, as_json, lambda: typer.echo(told))
 
 
 @app.command()
@@ -352,13 +342,14 @@ def _progress(silent: bool) -> Iterator[Callable[[int, int, str], None] | None]:
         yield tell
 
 
-def _finish(summary: dict[str, Any], out: Path, quiet: bool, as_json: bool) -> None:
+def _finish(summary: dict[str, Any], quiet: bool, as_json: bool, show: Callable[[], None]) -> None:
+    """Tell what was found as JSON, for people or not at all; exit status 1 where it has not converged."""
     if as_json:
         from sma_bayes.results.store import plain
 
         typer.echo(json.dumps(plain(summary), indent=1))
     elif not quiet:
-        _show_fit(summary, out)
+        show()
     if not summary["converged"]:
         raise typer.Exit(1)
 

@@ -41,6 +41,7 @@ from sma_bayes.workflow import (
     Progress,
     all_versions,
     claimed_folder,
+    report_once,
     run_identity,
 )
 
@@ -110,10 +111,8 @@ def compare(
     with claimed_folder(folder, {**run_identity(campaign, options), "kind": "compare"}, resume):
         finished = _finished(folder)
         found = finished or _compared(campaign, records, folder, options, jobs, tell)
-    if figures and not (finished and (folder / "report.html").is_file()):
-        from sma_bayes.report.build import build_report
-
-        build_report(folder, jobs=jobs, progress=tell)
+    if figures:
+        report_once(folder, bool(finished), jobs, tell)
     return found
 
 

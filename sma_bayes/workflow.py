@@ -421,11 +421,18 @@ def study_gap(
     with claimed_folder(folder, identity, resume):
         finished = _finished_study(folder)
         found = finished or _studied(can, folder, options, jobs, tell)
-    if figures and not (finished and (folder / "report.html").is_file()):
-        from sma_bayes.report.build import build_report
-
-        build_report(folder, jobs=jobs, progress=tell)
+    if figures:
+        report_once(folder, bool(finished), jobs, tell)
     return found
+
+
+def report_once(folder: Path, finished: bool, jobs: int | None, tell: Progress) -> None:
+    """Make the report of a folder, unless its run had been finished before and has one."""
+    if finished and (folder / "report.html").is_file():
+        return
+    from sma_bayes.report.build import build_report
+
+    build_report(folder, jobs=jobs, progress=tell)
 
 
 def _studied(
