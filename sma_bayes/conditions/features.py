@@ -1,0 +1,194 @@
+"""Numbers that sum up a condition, drawn from its posteriors: Tables 9 to 12 of the paper and what else they call for.
+
+Stiffness is taken over the temperatures that were measured, not beyond: Eq. (7) goes to zero or grows without bound
+there. It is the slope dF/dX along the actuation path, whatever the rig makes of that; see `sma_bayes.assess.path`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit
+
+from sma_bayes.conditions.draws import RecordDraws
+from sma_bayes.quantities import Floats, per
+from sma_bayes.records.types import Branch, Condition
+
+BOTH = "both"
+"""Branch of what heating and cooling make together."""
+SPAN = {"force": "B1", "displacement": "A1"}
+RATE = {"force": "B2", "displacement": "A2"}
+MIDPOINT = {"force": "B3", "displacement": "A3"}
+AT_EDGE = 0.02
+"""Share of the measured range next to its ends in which an extreme counts as lying at the end."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Feature:
+    """A number of one condition, with its posterior.
+
+    Attributes
+    ----------
+    name : str
+        ``least_stiffness`` and so on.
+    condition : Condition
+    branch : str
+        ``heating``, ``cooling`` or ``both``.
+    channel : str
+        ``force``, ``displacement``, ``stiffness``, or empty.
+    unit : str
+    draws : ndarray, shape (S,)
+        From the posterior; equal numbers where it was measured directly.
+    meaning : str
+    on_log : bool
+        Whether it is positive and effects multiply it.
+    at_edge : float or None
+        Of an extreme: probability that it lies at an end of the measured temperatures, so that it tells how far the
+        temperature went.
+    """
+
+    name: str
+    condition: Condition
+    branch: str
+    channel: str
+    unit: str
+    draws: Floats
+    meaning: str
+    on_log: bool = False
+    at_edge: float | None = None
+
+    @property
+    def measured(self) -> bool:
+        """Whether it is a measured number rather than one with a posterior."""
+        return bool(np.ptp(self.draws) == 0.0)
+
+    def quantiles(self) -> dict[str, float]:
+        """``q05``, ``median`` and ``q95``."""
+        return interval(self.draws)
+
+
+def interval(draws: Floats) -> dict[str, float]:
+    """Median and equal-tailed 90 % interval."""
+    q05, median, q95 = (float(v) for v in np.quantile(draws, (0.05, 0.5, 0.95)))
+    return {"q05": q05, "median": median, "q95": q95}
+
+
+def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:
+    """All features of each condition, in the order of the records.
+
+    Parameters
+    ----------
+    records : sequence of RecordDraws
+        Heating, cooling or both of each condition. Posteriors of different records are independent, so their draws are
+        paired as they come.
+    """
+    conditions = dict.fromkeys(r.condition for r in records)
+    out: list[Feature] = []
+    for condition in conditions:
+        branches = {r.branch: r for r in records if r.condition == condition}
+        for record in branches.values():
+            out += _of_branch(record)
+        out += _of_loop(condition, branches)
+    return tuple(out)
+
+
+def _of_branch(record: RecordDraws) -> Iterator[Feature]:
+    branch, condition, units = record.branch.value, record.condition, record.units
+    degrees = units["temperature"]
+    for channel, name in MIDPOINT.items():
+        if name in record.model.parameter_names:
+            what = record.quantities.get(channel, channel)
+            yield Feature(
+                "midpoint", condition, branch, channel, degrees, record.parameter(name),
+                f"temperature of the midpoint of {what}, {name}",
+            )  # fmt: skip
+            yield Feature(
+                "share_transformed", condition, branch, channel, "1",
+                expit(np.abs(record.parameter(RATE[channel])) * (record.hottest - record.parameter(name))),
+                f"share of the transformation of {what} that is done at the highest measured temperature",
+            )  # fmt: skip
+        if channel in record.channels:
+            slope = np.abs(record.parameter(SPAN[channel]) * record.parameter(RATE[channel])) / 4.0
+            yield Feature(
+                "greatest_slope", condition, branch, channel, f"{units[channel]} {per(degrees)}", slope,
+                f"slope of {record.quantities[channel]} at its midpoint, |{SPAN[channel]} {RATE[channel]}|/4",
+                on_log=True,
+            )  # fmt: skip
+    yield from _stiffness(record)
+
+
+def _stiffness(record: RecordDraws) -> Iterator[Feature]:
+    if "stiffness" not in record.units:
+        return
+    grid = record.grid()
+    curve = np.abs(record.curve("stiffness", grid))
+    branch, condition = record.branch.value, record.condition
+    unit, degrees = record.units["stiffness"], record.units["temperature"]
+    what = record.quantities["stiffness"]
+    where = "over the measured temperatures"
+    low, high = curve.min(axis=1), curve.max(axis=1)
+    slope = np.abs(np.gradient(curve, grid, axis=1)).max(axis=1)
+    yield Feature("least_stiffness", condition, branch, "stiffness", unit, low, f"least {what} {where}", True,
+                  _at_edge(curve.argmin(axis=1), grid.size))  # fmt: skip
+    yield Feature("greatest_stiffness", condition, branch, "stiffness", unit, high, f"greatest {what} {where}",
+                  True, _at_edge(curve.argmax(axis=1), grid.size))  # fmt: skip
+    yield Feature("stiffness_ratio", condition, branch, "stiffness", "1", _ratio(high, low),
+                  f"greatest over least {what} {where}", True)  # fmt: skip
+    yield Feature("steepest_stiffness", condition, branch, "stiffness", f"{unit} {per(degrees)}", slope,
+                  f"greatest magnitude of the slope of {what} against temperature {where}", True)  # fmt: skip
+
+
+def _at_edge(place: np.ndarray[tuple[int], np.dtype[np.intp]], size: int) -> float:
+    margin = AT_EDGE * (size - 1)
+    return float(np.mean((place <= margin) | (place >= size - 1 - margin)))
+
+
+def _ratio(high: Floats, low: Floats) -> Floats:
+    with np.errstate(divide="ignore"):
+        return np.asarray(high / low)
+
+
+def _of_loop(condition: Condition, branches: Mapping[Branch, RecordDraws]) -> Iterator[Feature]:
+    first = next(iter(branches.values()))
+    degrees = first.units["temperature"]
+    for name, choose, word in (
+        ("least_temperature", min, "lowest"),
+        ("peak_temperature", max, "highest"),
+    ):
+        value = choose(choose(r.temperature) for r in branches.values())
+        yield Feature(
+            name, condition, BOTH, "", degrees, np.full(first.size, float(value)),
+            f"{word} measured temperature",
+        )  # fmt: skip
+    if len(branches) < len(Branch):
+        return
+    heating, cooling = branches[Branch.HEATING], branches[Branch.COOLING]
+    size = min(heating.size, cooling.size)
+    for channel, name in MIDPOINT.items():
+        if all(name in r.model.parameter_names for r in branches.values()):
+            yield Feature(
+                "hysteresis_width", condition, BOTH, channel, degrees,
+                heating.parameter(name)[:size] - cooling.parameter(name)[:size],
+                f"temperature of the midpoint of {heating.quantities.get(channel, channel)}, heating less cooling",
+            )  # fmt: skip
+    if all("stiffness" in r.units for r in branches.values()):
+        yield from _stiffness_of_loop(condition, heating, cooling, size)
+
+
+def _stiffness_of_loop(
+    condition: Condition, heating: RecordDraws, cooling: RecordDraws, size: int
+) -> Iterator[Feature]:
+    """Extremes over both branches: what Tables 9 to 12 print."""
+    curves = [np.abs(r.curve("stiffness", r.grid())[:size]) for r in (heating, cooling)]
+    both = np.concatenate(curves, axis=1)
+    low, high = both.min(axis=1), both.max(axis=1)
+    unit, what = heating.units["stiffness"], heating.quantities["stiffness"]
+    where = "over the measured temperatures of both branches"
+    yield Feature("least_stiffness", condition, BOTH, "stiffness", unit, low, f"least {what} {where}", True)
+    yield Feature(
+        "greatest_stiffness", condition, BOTH, "stiffness", unit, high, f"greatest {what} {where}", True
+    )
+    yield Feature("stiffness_ratio", condition, BOTH, "stiffness", "1", _ratio(high, low),
+                  f"greatest over least {what} {where}", True)  # fmt: skip
