@@ -33,6 +33,7 @@ _PLACES = {
     "stored_draws": "sma_bayes.report.stored_draws",
     "condition_features": "sma_bayes.conditions.features",
     "operating_effects": "sma_bayes.conditions.effects",
+    "transformation_temperatures": "sma_bayes.assess.transformation",
     "open_posterior": "sma_bayes.arviz_bridge",
     "Campaign": "sma_bayes.records.types",
     "Condition": "sma_bayes.records.types",

@@ -14,6 +14,7 @@ from sma_bayes.assess.correlation import Agreement, correlation_factors
 from sma_bayes.assess.identifiability import IDENTIFIED, contraction, free_directions
 from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.assess.path import path_remark
+from sma_bayes.assess.transformation import transformation_temperatures
 from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import channel_unit, shape_of
@@ -70,6 +71,7 @@ def record_summary(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> d
         "shape": _shape(fit, record),
         "path": asdict(path_remark(r, noise_sd)),
         "quantities_of_branch": [asdict(q) for q in branch_quantities(fit, record)],
+        "transformation": _transformation(fit, record),
         "checks": [asdict(c) for c in predictive_checks(fit, record)],
         "noise": {
             "name": fit.posterior.noise.name,
@@ -127,6 +129,23 @@ def _parameters(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
             "prior": {"family": family_name(p.prior), **numbers(p.prior), "source": p.source},
         }
     return out
+
+
+def _transformation(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
+    """Transformation temperatures by name, each with what supports it."""
+    return {
+        t.name: {
+            "unit": t.unit,
+            "meaning": t.meaning,
+            "channel": t.channel,
+            **dict(zip(("q05", "median", "q95"), t.interval, strict=True)),
+            "within_data": t.within_data,
+            "outstanding": t.outstanding,
+            "samples": t.samples,
+            "defined": t.defined,
+        }
+        for t in transformation_temperatures(fit, record)
+    }
 
 
 def _agreement(a: Agreement) -> dict[str, dict[str, float]]:

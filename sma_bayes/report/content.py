@@ -170,6 +170,35 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
+class TransformationTemperature:
+    """Start or finish of the transformation by the tangent rule.
+
+    Attributes
+    ----------
+    name, meaning, channel : str
+        As, Af, Ms or Mf; in words; channel whose curve was used.
+    estimate : Estimate
+    within_data : bool
+        False where the measurements do not support both tangents, so that the value is extrapolated.
+    outstanding : float or None
+        Share of the transformation that the sweep leaves out at that end [1].
+    samples : int
+        Measurements between start and finish.
+    defined : float
+        Share of the draws for which the rule gives a value [1].
+    """
+
+    name: str
+    meaning: str
+    channel: str
+    estimate: Estimate
+    within_data: bool
+    outstanding: float | None
+    samples: int
+    defined: float
+
+
+@dataclass(frozen=True, slots=True)
 class PredictiveCheck:
     """A statistic of the residuals, measured and replicated [1].
 
@@ -271,6 +300,8 @@ class RecordContent:
     shape : mapping of str to float
         Posterior probability of each behaviour of Eq. (7) [1].
     quantities : tuple of Quantity
+    transformation : tuple of TransformationTemperature
+        The lower temperature first; empty where neither displacement nor force was measured.
     checks : tuple of PredictiveCheck
     noise : Noise
     sampler : Sampler
@@ -299,6 +330,7 @@ class RecordContent:
     path_message: str
     shape: Mapping[str, float]
     quantities: tuple[Quantity, ...]
+    transformation: tuple[TransformationTemperature, ...]
     checks: tuple[PredictiveCheck, ...]
     noise: Noise
     sampler: Sampler

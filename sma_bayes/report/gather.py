@@ -21,6 +21,7 @@ from sma_bayes.report.content import (
     Quantity,
     RecordContent,
     Sampler,
+    TransformationTemperature,
 )
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.report.outputs import StoredRun
@@ -100,6 +101,9 @@ def _record(r: Mapping[str, Any]) -> RecordContent:
         path_message=unit_text(r.get("path", {}).get("message", "")),
         shape=dict(r.get("shape", {})),
         quantities=tuple(_quantity(q, names) for q in r.get("quantities_of_branch", ())),
+        transformation=tuple(
+            _transformation(name, t, names) for name, t in r.get("transformation", {}).items()
+        ),
         checks=tuple(_check(c, names) for c in r.get("checks", ())),
         noise=_noise(r.get("noise", {}), names),
         sampler=_sampler(r),
@@ -188,6 +192,19 @@ def _quantity(q: Mapping[str, Any], names: Mapping[str, str]) -> Quantity:
         channel=names.get(q["channel"], q["channel"]),
         meaning=_renamed(q.get("meaning", ""), names),
         estimate=_estimate(q, q["unit"]),
+    )
+
+
+def _transformation(name: str, t: Mapping[str, Any], names: Mapping[str, str]) -> TransformationTemperature:
+    return TransformationTemperature(
+        name=name,
+        meaning=t.get("meaning", ""),
+        channel=names.get(t["channel"], t["channel"]),
+        estimate=_estimate(t, t["unit"]),
+        within_data=bool(t["within_data"]),
+        outstanding=t.get("outstanding"),
+        samples=int(t.get("samples", 0)),
+        defined=float(t.get("defined", 1.0)),
     )
 
 

@@ -19,6 +19,7 @@ from sma_bayes.report.content import (
     PredictiveCheck,
     Quantity,
     RecordContent,
+    TransformationTemperature,
 )
 from sma_bayes.report.notation import (
     MISSING,
@@ -121,6 +122,7 @@ def report_tables(content: Content) -> dict[str, Table]:
         fit_table(content.records),
         correlation_table(content.records),
         quantity_table(content),
+        transformation_table(content.records),
         diagnostics_table(content.records),
         noise_table(content.records),
         check_table(content.records),
@@ -298,6 +300,44 @@ def quantity_table(content: Content) -> Table:
 
 def _quantity_cells(q: Quantity) -> tuple[Cell, ...]:
     return q.name, q.channel, unit_label(q.estimate.unit) or "1", q.estimate, q.meaning
+
+
+def transformation_table(records: Sequence[RecordContent]) -> Table:
+    """Start and finish of the transformation by the tangent rule."""
+    return Table(
+        "transformation",
+        "Transformation temperatures",
+        "Where the tangent at the steepest point crosses the tangents to the plateaus (rule of ASTM E3097), on each "
+        f"posterior curve: median and {INTERVAL}. Outstanding: share of the transformation that the sweep leaves out "
+        "at that end. Where the measurements do not support both tangents the value is extrapolated.",
+        (
+            *_RECORD,
+            Column("temperature", "name"),
+            Column("meaning", "meaning", brief=False),
+            Column("channel", "channel"),
+            Column("unit", "unit"),
+            Column("value", "value", OF_ROW),
+            Column("outstanding", "outstanding", "1"),
+            Column("samples between", "samples", "1"),
+            Column("draws with a value", "defined", "1", brief=False),
+            Column("supported by data", "within_data"),
+        ),
+        tuple((*_head(r), *_transformation_cells(t)) for r in records for t in r.transformation),
+    )
+
+
+def _transformation_cells(t: TransformationTemperature) -> tuple[Cell, ...]:
+    return (
+        t.name,
+        t.meaning,
+        t.channel,
+        unit_label(t.estimate.unit) or "1",
+        t.estimate,
+        Number(t.outstanding, "1", 0.01),
+        t.samples,
+        Number(t.defined, "1", 0.01),
+        "yes" if t.within_data else "no, extrapolated",
+    )
 
 
 def diagnostics_table(records: Sequence[RecordContent]) -> Table:

@@ -69,11 +69,11 @@ class Polynomial:
         )
 
     def design(self, inputs: Mapping[str, Floats]) -> Floats:
-        """Columns by which the parameters are multiplied, shape (n, P).
+        """Columns by which the parameters are multiplied, shape (..., n, P).
 
         Parameters
         ----------
-        inputs : mapping of str to ndarray, shape (n,)
+        inputs : mapping of str to ndarray, shape (n,) or (..., n)
             ``temperature``, and ``frequency`` [mHz] where there are several.
         """
         away = inputs["temperature"] - self.temperature
@@ -86,7 +86,8 @@ class Polynomial:
 
     def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         """Response of the channel, shape (..., n)."""
-        return {self.channels[0]: np.asarray(theta, dtype=float) @ self.design(inputs).T}
+        theta = np.asarray(theta, dtype=float)[..., None]
+        return {self.channels[0]: (self.design(inputs) @ theta)[..., 0]}
 
     def slope(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         """Derivative with respect to temperature, shape (..., n)."""

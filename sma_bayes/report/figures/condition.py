@@ -66,6 +66,8 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
                 _branch(upper, branch, channel.channel)
                 _about_median(lower, branch, channel.channel)
         _frame(upper, channel, branches)
+        for branch in branches:
+            _transformation(upper, branch, channel.name)
         upper.set_xticklabels([])
         lower.set_xlim(upper.get_xlim())
         lower.set_xlabel(temperature_label(branches[0].content))
@@ -88,6 +90,12 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
             "curve. Dark and light band: pointwise equal-tailed 50 % and 90 % credible intervals of the curve. "
             "Dotted lines: 90 % predictive interval of a new measurement. Below: the same with the median taken off."
             + (f" {channels[-1].name.capitalize()} is derived from the others." if _derived(channels) else "")
+            + (
+                " Bars at the edge: median and 90 % credible interval of the transformation temperatures by the "
+                "tangent rule, in brackets where extrapolated."
+                if any(b.content.transformation for b in branches if b.content.converged)
+                else ""
+            )
             + (
                 " Bands carry the uncertainty of the calibration, which moves a curve as a whole."
                 if any(b.content.calibration for b in branches)
@@ -189,6 +197,40 @@ def _branch(ax: Axes, branch: BranchData, channel: str, *, small: bool = False) 
         low, high = t[~band.extrapolated][[0, -1]]
         for edge in (low, high):
             ax.axvline(edge, color=colour, lw=0.6, ls=(0, (1, 2)), zorder=1)
+
+
+def _transformation(ax: Axes, branch: BranchData, name: str) -> None:
+    """Mark start and finish of the transformation at the edge of the panel: heating below, cooling above."""
+    if not branch.content.converged:
+        return
+    colour = COLOURS[branch.content.branch]
+    place, text, align = (
+        (0.012, 0.04, "bottom") if branch.content.branch == "heating" else (0.988, 0.96, "top")
+    )
+    low, high = ax.get_xlim()
+    edge = ax.get_xaxis_transform()
+    for t in branch.content.transformation:
+        e = t.estimate
+        if e.median is None or e.q05 is None or e.q95 is None:
+            continue
+        if t.channel != name or not low <= e.median <= high:
+            continue
+        ax.plot([e.q05, e.q95], [place, place], color=colour, lw=2.5, alpha=0.45, transform=edge, zorder=4,
+                solid_capstyle="butt")  # fmt: skip
+        ax.plot([e.median], [place], color=colour, marker="|", ms=6, mew=1.1, transform=edge, zorder=4.1)
+        label = t.name if t.within_data else f"({t.name})"
+        ax.text(
+            e.median,
+            text,
+            label,
+            color=colour,
+            fontsize=6.5,
+            ha="center",
+            va=align,
+            transform=edge,
+            zorder=4.1,
+        )
+    ax.set_xlim(low, high)
 
 
 def _about_median(ax: Axes, branch: BranchData, channel: str) -> None:

@@ -34,7 +34,7 @@ def test_everything_is_there(built: tuple[Path, list[tuple[int, int, str]]]) -> 
           for branch in ("heating", "cooling")),
     }  # fmt: skip
     assert len(list((folder / "figures").iterdir())) == 3 * len(stems)
-    assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 9
+    assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 10
     assert not [p for p in folder.rglob(".*") if p.is_file()]  # no temporary file is left
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +25,8 @@ from sma_bayes.report.tables import (
 )
 
 TABLES = (
-    "parameters", "goodness_of_fit", "correlation", "loops", "diagnostics", "noise", "checks", "findings", "printed",
+    "parameters", "goodness_of_fit", "correlation", "loops", "transformation", "diagnostics", "noise", "checks",
+    "findings", "printed",
 )  # fmt: skip
 
 
@@ -44,6 +46,18 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 def test_each_table_is_written_twice(written: Path, name: str) -> None:
     assert rows_of(written / f"{name}.csv")
     assert (written / f"{name}.tex").stat().st_size > 200
+
+
+def test_transformation_temperatures_are_those_of_the_summary(finished: Path, written: Path) -> None:
+    summary = json.loads((finished / "summary.json").read_text(encoding="utf-8"))
+    told = [(r["branch"], name, t) for r in summary["records"] for name, t in r["transformation"].items()]
+    assert [(b, n) for b, n, _ in told] == [
+        ("heating", "As"), ("heating", "Af"), ("cooling", "Mf"), ("cooling", "Ms")
+    ]  # fmt: skip
+    for row, (branch, name, t) in zip(rows_of(written / "transformation.csv"), told, strict=True):
+        assert (row["branch"], row["name"]) == (branch, name)
+        assert float(row["value_median [unit]"]) == pytest.approx(t["median"], rel=1e-8)
+        assert row["within_data"] == ("yes" if t["within_data"] else "no, extrapolated")
 
 
 def test_parameters_keep_all_digits(written: Path, content: Content) -> None:

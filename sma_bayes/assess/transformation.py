@@ -1,0 +1,260 @@
+"""Transformation temperatures As, Af, Ms and Mf by the tangent rule, with their intervals.
+
+Start and finish of a transformation are where the tangent at the steepest point of the curve crosses the tangents to
+the straight parts before and after it. ASTM E3097 (sections 5.4 and 5.8) takes them from strain against temperature
+under constant force, or from displacement where a spring was tested. Here the rule is applied to each curve of the
+posterior instead of to the measurements, so that no line is laid by eye and each temperature has an interval.
+
+For the sigmoid of Eqs. (2) and (4) the crossings have a closed form, ``A3 - 2/A2`` and ``A3 + 2/A2``: the plateaus
+are level, and the tangent at the midpoint has the slope ``A1 A2/4`` and half the span to climb on either side. At
+them 11.9 % and 88.1 % of the span have passed. A slope that is common to both plateaus changes nothing in that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Branch, Record
+from sma_bayes.results.fit import Fit
+
+Curve = Callable[[Floats], Floats]
+"""Curves of N draws: temperatures of shape (m,) or (N, m) to values of shape (N, m)."""
+
+NAMES = {Branch.HEATING: ("As", "Af"), Branch.COOLING: ("Mf", "Ms")}
+"""What the lower and the upper crossing are called."""
+MEANING = {
+    "As": "austenite start", "Af": "austenite finish", "Ms": "martensite start", "Mf": "martensite finish"
+}  # fmt: skip
+
+OUTSTANDING = 0.05
+"""A plateau counts as measured where at most this share of the transformation is outstanding at that end."""
+SURE = 0.95
+"""Share of the draws in which that must hold."""
+FEWEST = 3
+"""Samples between start and finish from which the steepest part counts as measured."""
+
+_COARSE, _FINE, _PASSES = 193, 33, 3
+_MARGIN = 0.5
+"""How far beyond the measured range the steepest point is looked for [widths of that range]."""
+_DOUBLINGS = 12
+_SETTLED = 1e-4
+"""A crossing has settled where a tangent laid twice as far out moves it by less than this [widths of the range]."""
+
+_LEVEL = 1e-6
+"""Lines whose slopes differ by less than this share are parallel: a straight curve has no transformation."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tangents:
+    """What the tangent rule gives for each of N curves; NaN where a curve has no such tangent.
+
+    Attributes
+    ----------
+    lower, upper : ndarray, shape (N,)
+        Temperatures at which the steepest tangent crosses those of the plateaus below and above it.
+    middle : ndarray, shape (N,)
+        Temperature of the steepest point.
+    missing_below, missing_above : ndarray, shape (N,)
+        Share of the transformation that is outstanding at either end of the measured range [1]: distance of the curve
+        from the tangent of the plateau, over the distance of the two plateaus' tangents at the steepest point.
+    """
+
+    lower: Floats
+    upper: Floats
+    middle: Floats
+    missing_below: Floats
+    missing_above: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Temperature:
+    """One transformation temperature of one record.
+
+    Attributes
+    ----------
+    name, meaning, unit, channel : str
+        `channel` is the one whose curve was used.
+    draws : ndarray, shape (N,)
+        A value for each draw of the posterior [unit]; NaN where the rule gives none.
+    outstanding : float
+        Share of the transformation that the sweep leaves out at that end, median [1].
+    samples : int
+        Measurements between start and finish.
+    within_data : bool
+        Whether the measurements support both tangents, see `OUTSTANDING` and `FEWEST`; otherwise the temperature is an
+        extrapolation of the model.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    channel: str
+    draws: Floats
+    outstanding: float
+    samples: int
+    within_data: bool
+
+    @property
+    def defined(self) -> float:
+        """Share of the draws for which the rule gives a temperature [1]."""
+        return float(np.mean(np.isfinite(self.draws)))
+
+    @property
+    def interval(self) -> tuple[float, float, float]:
+        """Quantiles at 5 %, 50 % and 95 % of the draws that have one; NaN where none has."""
+        found = self.draws[np.isfinite(self.draws)]
+        if not found.size:
+            return (float("nan"),) * 3
+        q05, median, q95 = np.quantile(found, (0.05, 0.5, 0.95)).tolist()
+        return q05, median, q95
+
+
+def transformation_channel(record: Record) -> str | None:
+    """Channel that the rule is applied to: displacement as in the standard, else force; None where there is neither."""
+    return next((c for c in ("displacement", "force") if c in record.channels), None)
+
+
+def transformation_temperatures(fit: Fit, record: int = 0) -> tuple[Temperature, ...]:
+    """Start and finish of the transformation of one record, lower temperature first.
+
+    Parameters
+    ----------
+    fit : Fit
+    record : int
+        Which of the records that share the posterior.
+
+    Returns
+    -------
+    tuple of Temperature
+        As and Af of a heating branch, Mf and Ms of a cooling branch; empty where neither displacement nor force was
+        measured.
+    """
+    r = fit.records[record]
+    channel = transformation_channel(r)
+    if channel is None:
+        return ()
+    model, theta = fit.posterior.model, fit.calibrated(record)[:, fit.posterior.layout[record].model]
+
+    def curve(temperature: Floats) -> Floats:
+        return model.predict(theta, {"temperature": temperature})[channel]
+
+    found = tangents(curve, float(r.temperature.min()), float(r.temperature.max()))
+    return _named(found, r, channel)
+
+
+def _named(found: Tangents, r: Record, channel: str) -> tuple[Temperature, ...]:
+    between = 0
+    if np.isfinite(found.lower).any() and np.isfinite(found.upper).any():
+        low, high = np.nanmedian(found.lower), np.nanmedian(found.upper)
+        between = int(np.sum((r.temperature > low) & (r.temperature < high)))
+    ends = ((found.lower, found.missing_below), (found.upper, found.missing_above))
+    return tuple(
+        Temperature(
+            name,
+            MEANING[name],
+            r.units["temperature"],
+            channel,
+            draws,
+            float(np.nanmedian(missing)) if np.isfinite(missing).any() else float("nan"),
+            between,
+            bool(between >= FEWEST and np.mean(missing <= OUTSTANDING) >= SURE),
+        )
+        for name, (draws, missing) in zip(NAMES[r.branch], ends, strict=True)
+    )
+
+
+def tangents(curve: Curve, low: float, high: float) -> Tangents:
+    """Apply the tangent rule to curves.
+
+    The tangents of the plateaus are laid where the curve has become straight: ever further out, until the crossing
+    stays where it is. A curve that never becomes straight, such as a parabola, has none.
+
+    Parameters
+    ----------
+    curve : callable
+        Of any model, effects included; it is evaluated beyond the measured range, too.
+    low, high : float
+        Ends of the measured range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> found = tangents(lambda t: np.tanh((t - np.array([[50.0]])) / 4.0), 20.0, 80.0)
+    >>> found.lower.round(3), found.upper.round(3)
+    (array([46.]), array([54.]))
+    """
+    width = high - low
+    middle, steepest = _steepest(curve, low - _MARGIN * width, high + _MARGIN * width)
+    value = curve(middle[:, None])[:, 0]
+    below, above = (_plateau(curve, middle, value, steepest, side * width) for side in (-1.0, 1.0))
+    jump = np.abs(above.at(middle) - below.at(middle))
+    ends = curve(np.array([low, high]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        missing = [
+            np.abs(ends[:, i] - line.at(t)) / jump
+            for i, (line, t) in enumerate(((below, low), (above, high)))
+        ]
+    return Tangents(below.crossing, above.crossing, middle, *missing)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plateau:
+    """Tangent to a plateau, ``value + slope (T - place)``, and where the steepest tangent crosses it; each (N,)."""
+
+    place: Floats
+    value: Floats
+    slope: Floats
+    crossing: Floats
+
+    def at(self, temperature: Floats | float) -> Floats:
+        line = self.value + self.slope * (temperature - self.place)
+        return np.asarray(np.where(np.isfinite(self.crossing), line, np.nan))
+
+
+def _steepest(curve: Curve, low: float, high: float) -> tuple[Floats, Floats]:
+    """Temperature (N,) and slope (N,) where each curve is steepest; NaN where that is at an end of the range."""
+    t = np.linspace(low, high, _COARSE)
+    place, slope, inside = _steepest_chord(t, curve(t))
+    half = 1.5 * (t[1] - t[0])
+    for _ in range(_PASSES):
+        near = place[:, None] + half * np.linspace(-1.0, 1.0, _FINE)
+        place, slope, _ = _steepest_chord(near, curve(near))
+        half *= 3.0 / (_FINE - 1)
+    return np.where(inside, place, np.nan), np.where(inside, slope, np.nan)
+
+
+def _steepest_chord(t: Floats, y: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Middle and slope of the steepest of the chords between neighbours, and whether it is neither first nor last."""
+    t = np.broadcast_to(t, y.shape)
+    slopes = np.diff(y, axis=-1) / np.diff(t, axis=-1)
+    best = np.argmax(np.abs(slopes), axis=-1)
+    row = np.arange(len(y))
+    inside = (best > 0) & (best < slopes.shape[-1] - 1)
+    return 0.5 * (t[row, best] + t[row, best + 1]), slopes[row, best], inside
+
+
+def _plateau(curve: Curve, middle: Floats, value: Floats, steepest: Floats, reach: float) -> _Plateau:
+    """Tangent to the plateau on one side of the steepest point; a negative `reach` looks below it."""
+    step = 0.01 * abs(reach)
+    side = np.sign(reach)
+    crossing = place = level = slope = np.full(middle.shape, np.nan)
+    open_still = np.isfinite(middle)
+    for _ in range(_DOUBLINGS):
+        before = crossing
+        at = np.where(open_still, middle + reach, place)
+        y = curve(at[:, None] + np.array([-step, step]))
+        place, level, slope = at, y.mean(axis=-1), (y[:, 1] - y[:, 0]) / (2.0 * step)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = middle + (level - slope * (place - middle) - value) / (steepest - slope)
+            apart = np.abs(steepest - slope) > _LEVEL * np.abs(steepest)
+            open_still = open_still & ~(apart & (np.abs(crossing - before) <= 100.0 * _SETTLED * step))
+        if not open_still.any():
+            break
+        reach *= 2.0
+    right = ~open_still & (side * (crossing - middle) > 0.0)
+    return _Plateau(place, level, slope, np.where(right, crossing, np.nan))
