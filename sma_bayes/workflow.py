@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
@@ -17,6 +17,8 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes import __version__
 from sma_bayes.assess.bands import Band, band_channels, credible_band, overall_band
+from sma_bayes.assess.correlation import Agreement, correlation_factors
+from sma_bayes.assess.correlation_average import Scored, averages
 from sma_bayes.assess.loops import loop_quantities
 from sma_bayes.assess.summary import record_summary
 from sma_bayes.effects import EFFECTS
@@ -198,6 +200,7 @@ def fit_campaign(
         "data_sha256": campaign.sha256,
         "converged": all(r["converged"] for r in records),
         "records": records,
+        "correlation_average": _correlation_averages(outcomes),
         "loops": _loops([o.fit for o in outcomes]),
         "findings": [asdict(f) for f in campaign.findings],
     }
@@ -525,6 +528,8 @@ class _Task:
 class _Outcome:
     fit: Fit
     summaries: list[dict[str, Any]]
+    agreements: list[Mapping[str, Mapping[str, Agreement]]]
+    """Of each record: ``measured`` and ``replicated``, then by channel."""
 
 
 def _sample_task(task: _Task) -> Fit:
@@ -541,12 +546,14 @@ def _whole_task(task: _Task) -> _Outcome:
     found = _sample_task(task)
     if task.folder is None:
         raise SmaBayesError("no folder to write to")
-    summaries = []
+    summaries: list[dict[str, Any]] = []
+    agreements: list[Mapping[str, Mapping[str, Agreement]]] = []
     for i, record in enumerate(found.records):
         clock = time.perf_counter()
         rng = np.random.default_rng(np.random.SeedSequence([task.options.seed, 4, *record.key.encode()]))
         replicated = found.posterior.replicate(rng, found.flat, record=i)
-        summary = record_summary(found, i, replicated)
+        measured, again = correlation_factors(found, replicated, i)
+        summary = record_summary(found, i, measured, again)
         write_posterior(task.folder / "posterior" / f"{record.key}.nc", found, i, replicated)
         for channel in band_channels(record):
             band = credible_band(found, channel, i, task.options.extrapolate)
@@ -561,7 +568,8 @@ def _whole_task(task: _Task) -> _Outcome:
         summary["stages_s"]["assess"] = time.perf_counter() - clock
         summary["wall_s"] += summary["stages_s"]["assess"]
         summaries.append(summary)
-    return _Outcome(found, summaries)
+        agreements.append({"measured": measured, "replicated": again})
+    return _Outcome(found, summaries, agreements)
 
 
 def write_band(path: Path, band: Band, record: Record) -> None:
@@ -573,6 +581,29 @@ def write_band(path: Path, band: Band, record: Record) -> None:
     columns |= band.simultaneous
     columns["extrapolated"] = band.extrapolated
     write_csv(path, columns)
+
+
+def _correlation_averages(outcomes: Sequence[_Outcome]) -> list[dict[str, Any]]:
+    """Averages of the correlation factors over all records, for measured and for replicated data."""
+    out = []
+    for data in ("measured", "replicated"):
+        scored = [
+            Scored(
+                record.key,
+                record.branch.value,
+                channel,
+                record.quantity(channel),
+                record.units[channel],
+                outcome.fit.records[0].key,
+                outcome.fit.converged,
+                found,
+            )
+            for outcome in outcomes
+            for record, agreements in zip(outcome.fit.records, outcome.agreements, strict=True)
+            for channel, found in agreements[data].items()
+        ]
+        out += [{"data": data, **entry} for entry in averages(scored)]
+    return out
 
 
 def _loops(fits: Sequence[Fit]) -> list[dict[str, Any]]:

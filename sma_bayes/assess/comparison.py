@@ -28,7 +28,8 @@ from sma_bayes.assess.contenders import (
     unavailable,
     with_constants,
 )
-from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, folds_of
+from sma_bayes.assess.correlation import Agreement, agreement
+from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, folds_of, resampled
 from sma_bayes.assess.held_out import on as on_samples
 from sma_bayes.assess.verdict import Standing, Verdict, judge, stacking_weights
 from sma_bayes.inference.bridge import Evidence, bridge_evidence
@@ -54,6 +55,10 @@ APART: Final = 0.3
 GRID: Final = 121
 AGREE: Final = 4.0
 """Standard errors within which both evidences must agree, or 0.05."""
+CURVES: Final = 1000
+"""Draws of the curve that are compared with the data, for the correlation factors."""
+LEVELS_READ: Final = ("K_min", "K_max")
+"""Parameters of the published and corrected logistic that are the extremes of the data."""
 LEVELS: Final = {"q05": 0.05, "q50": 0.50, "q95": 0.95}
 
 
@@ -74,6 +79,8 @@ class Fitted:
         Log evidence by bridge sampling.
     curve : mapping of str to ndarray, shape (m,)
         Quantiles of the curve on a grid of temperatures.
+    agreement : Agreement
+        Of draws of the curve with the data to which it was fitted.
     """
 
     contender: Contender
@@ -84,6 +91,7 @@ class Fitted:
     in_sample: Floats
     bridge: Evidence
     curve: Mapping[str, Floats]
+    agreement: Agreement
 
     @property
     def converged(self) -> bool:
@@ -306,7 +314,7 @@ class _Task:
         return np.linspace(t.min(), t.max(), GRID)
 
     def fit(self, contender: Contender, modes: Sequence[Mode], seed: np.random.SeedSequence) -> Fitted:
-        sample_seed, bridge_seed, loo_seed, fold_seed = seed.spawn(4)
+        sample_seed, bridge_seed, loo_seed, fold_seed, curve_seed = seed.spawn(5)
         posterior = posterior_of(contender, self.record, self.noise, self.priors, self.memory)
         width = posterior.space.prior_sd()
         draws = importance_draws(posterior, [m.z for m in modes], width, sample_seed)
@@ -323,7 +331,10 @@ class _Task:
         n, folds = self.record.n, self.folds
         loo = predictor.leave_out(list(np.eye(n, dtype=bool)), loo_seed)
         blocks = [folds.number == b for b in range(folds.count)]
-        left = predictor.leave_out(blocks, fold_seed, -np.inf)
+        left = predictor.leave_out(blocks, fold_seed, -np.inf, curves=CURVES)
+        pick = resampled(draws.log_weight, CURVES, np.random.default_rng(curve_seed))
+        fitted = predictor.mean_curve(theta[pick], self.record)
+        (data,) = self.record.observed.values()
         return Fitted(
             contender,
             posterior,
@@ -333,6 +344,7 @@ class _Task:
             np.asarray(logsumexp(draws.log_weight[:, None] + full, axis=0)),
             bridge_evidence(posterior, draws.z, draws.log_weight, np.random.default_rng(bridge_seed)),
             self._curve(posterior, draws),
+            agreement(data, fitted, _estimated(posterior, contender)),
         )
 
     def _curve(self, posterior: Posterior, draws: WeightedDraws) -> dict[str, Floats]:
@@ -343,6 +355,12 @@ class _Task:
         curve = posterior.predict(posterior.space.to_physical(draws.z), inputs)[self.record.channels[0]]
         values = weighted_quantiles(curve, draws.log_weight, tuple(LEVELS.values()))
         return dict(zip(LEVELS, values, strict=True))
+
+
+def _estimated(posterior: Posterior, contender: Contender) -> int:
+    """Parameters of the curve that were estimated from the data, levels that were read off them included."""
+    curve = posterior.space.parameters[: len(posterior.model.parameter_names)]
+    return sum(p.fixed is None for p in curve) + (len(LEVELS_READ) if contender.name in PLUGGED_IN else 0)
 
 
 def weighted_quantiles(values: Floats, log_weight: Floats, levels: Sequence[float]) -> Floats:
@@ -368,7 +386,7 @@ def weighted_quantiles(values: Floats, log_weight: Floats, levels: Sequence[floa
 
 def _plugged_in(record: Record) -> dict[str, float]:
     (values,) = record.observed.values()
-    return {"K_min": float(values.min()), "K_max": float(values.max())}
+    return dict(zip(LEVELS_READ, (float(values.min()), float(values.max())), strict=True))
 
 
 def _rank(record: Record) -> int:

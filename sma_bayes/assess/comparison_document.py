@@ -10,6 +10,8 @@ import numpy as np
 
 from sma_bayes.assess.comparison import Comparison, Fitted, weighted_quantiles
 from sma_bayes.assess.contenders import CONTENDERS, Contender, curve_of
+from sma_bayes.assess.correlation import Agreement, factors, joined
+from sma_bayes.assess.correlation_average import Scored, averages
 from sma_bayes.assess.verdict import Standing, difference, judge
 from sma_bayes.inference.pareto import RELIABLE
 from sma_bayes.quantities import Floats
@@ -103,6 +105,7 @@ def _numbers(comparison: Comparison, found: Fitted) -> dict[str, Any]:
         "weight": 0.0,
         "rmse_held_out": float(np.sqrt(np.mean((y - mean) ** 2))),
         "r_held_out": correlation(y, mean),
+        "correlation": _correlation(found),
         "pareto_k_max": float(found.loo.k.max()),
         "pareto_k_above": int(np.sum(found.loo.k > RELIABLE)),
         "refits": {"samples": found.loo.refits, "folds": found.folds.refits},
@@ -118,6 +121,19 @@ def _numbers(comparison: Comparison, found: Fitted) -> dict[str, Any]:
         },
         "parameters": _parameters(found),
         "converged": found.converged,
+    }
+
+
+def _correlation(found: Fitted) -> dict[str, Any]:
+    """Posteriors of the correlation factors, in sample and held out, and of each fold by itself."""
+    folds = [factors(f) for f in found.folds.agreements]
+    medians = [f["r2"]["median"] for f in folds]
+    return {
+        "in_sample": factors(found.agreement),
+        "held_out": factors(joined(found.folds.agreements)),
+        "by_fold": folds,
+        "folds_worse_than_their_mean": sum(m is not None and m < 0.0 for m in medians),
+        "folds_without_r": sum((f["r"]["undefined"] or 0.0) > 0.0 for f in folds),
     }
 
 
@@ -174,11 +190,30 @@ def _overall(channel: str, unit: str, group: Sequence[Comparison]) -> dict[str, 
                 "ln_evidence_sd": s.ln_evidence_sd,
                 "elpd_held_out": float(s.folds.sum()),
                 "behind_preferred": asdict(difference(s.folds, best.folds)),
+                "correlation_average": _averages(s.name, group),
             }
             for s in standings
         },
         "verdicts": _tally(group),
     }
+
+
+def _averages(name: str, group: Sequence[Comparison]) -> dict[str, list[dict[str, Any]]]:
+    """Averages of the correlation factors of one model over the records of a channel."""
+    (contender,) = (c for c in CONTENDERS if c.name == name)
+    found = [(c, f) for c in group if (f := _resolved(c, contender)) is not None]
+    return {
+        "in_sample": averages([_scored(c, f, f.agreement) for c, f in found]),
+        "held_out": averages([_scored(c, f, joined(f.folds.agreements)) for c, f in found]),
+    }
+
+
+def _scored(comparison: Comparison, fitted: Fitted, agreement: Agreement) -> Scored:
+    record, channel = comparison.record, comparison.channel
+    return Scored(
+        record.key, record.branch.value, channel, record.quantity(channel), record.units[channel], record.key,
+        fitted.converged, agreement,
+    )  # fmt: skip
 
 
 def _summed(contender: Contender, group: Sequence[Comparison]) -> Standing | None:

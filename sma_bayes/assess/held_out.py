@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from sma_bayes.assess.contenders import CONDITION
+from sma_bayes.assess.correlation import Agreement, agreement
 from sma_bayes.inference.importance import WeightedDraws, importance_draws
 from sma_bayes.inference.pareto import RELIABLE, smoothed_weights
 from sma_bayes.posterior import Posterior
@@ -105,12 +106,15 @@ class HeldOut:
         Pareto exponent of each sample or fold before fits were made anew.
     refits : int
         How many fits were made anew.
+    agreements : tuple of Agreement
+        Of each target with draws of the curve; empty unless asked for.
     """
 
     log_density: Floats
     mean: Floats
     k: Floats
     refits: int
+    agreements: tuple[Agreement, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +157,12 @@ class Predictor:
         return self.posterior.predict(theta, record.inputs)[record.channels[0]]
 
     def leave_out(
-        self, targets: Sequence[Mask], seed: np.random.SeedSequence, trust: float = RELIABLE
+        self,
+        targets: Sequence[Mask],
+        seed: np.random.SeedSequence,
+        trust: float = RELIABLE,
+        *,
+        curves: int = 0,
     ) -> HeldOut:
         """Predict each of several parts of the record from the rest.
 
@@ -166,6 +175,9 @@ class Predictor:
         trust : float
             Greatest Pareto exponent at which weights of the draws take the place of a fit without the part; minus
             infinity for a fit without each.
+        curves : int
+            Draws of the curve that are compared with each part; none by default. Those of one part are independent
+            of those of another.
         """
         record = self.record
         theta = self.posterior.space.to_physical(self.draws.z)
@@ -175,14 +187,19 @@ class Predictor:
         curve = self.mean_curve(theta, record)
         density, mean = np.full(record.n, np.nan), np.full(record.n, np.nan)
         anew = self._anew(targets, k, trust)
+        agreements = []
         for i, (target, own_seed) in enumerate(zip(targets, seed.spawn(len(targets)), strict=True)):
             if anew[i]:
-                density[target], mean[target] = self._predicted(target, own_seed)
+                w, at_target, of_target = self._predicted(target, own_seed)
             else:
-                w = log_weight[:, i, None]
-                density[target] = logsumexp(w + full[:, target], axis=0)
-                mean[target] = np.sum(np.exp(w) * curve[:, target], axis=0)
-        return HeldOut(density, mean, k, int(anew.sum()))
+                w, at_target, of_target = log_weight[:, i], full[:, target], curve[:, target]
+            density[target] = logsumexp(w[:, None] + at_target, axis=0)
+            mean[target] = np.exp(w) @ of_target
+            if curves:
+                rng = np.random.default_rng(own_seed.spawn(1)[0])
+                data = record.observed[record.channels[0]][target]
+                agreements.append(agreement(data, of_target[resampled(w, curves, rng)]))
+        return HeldOut(density, mean, k, int(anew.sum()), tuple(agreements))
 
     def _anew(self, targets: Sequence[Mask], k: Floats, trust: float) -> Mask:
         anew = np.asarray(k > trust)
@@ -192,8 +209,8 @@ class Predictor:
             anew |= np.array([bool(np.any(extreme[t])) for t in targets])
         return anew
 
-    def _predicted(self, target: Mask, seed: np.random.SeedSequence) -> tuple[Floats, Floats]:
-        """Log density and mean of a part by a fit without it."""
+    def _predicted(self, target: Mask, seed: np.random.SeedSequence) -> tuple[Floats, Floats, Floats]:
+        """Log weights (S,) of draws of a fit without a part, their log densities and curves (S, part)."""
         posterior = self.without(part(self.record, ~target))
         starts = [m.z for m in self.draws.modes]
         draws = importance_draws(
@@ -202,5 +219,24 @@ class Predictor:
         theta = posterior.space.to_physical(draws.z)
         test = part(self.record, target)
         full, _ = self.density(theta, test)
-        density = logsumexp(draws.log_weight[:, None] + full, axis=0)
-        return density, np.exp(draws.log_weight) @ self.mean_curve(theta, test)
+        return draws.log_weight, full, self.mean_curve(theta, test)
+
+
+def resampled(log_weight: Floats, size: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Numbers of draws of equal weight, by systematic resampling, in random order.
+
+    Parameters
+    ----------
+    log_weight : ndarray, shape (S,)
+        Logarithms of weights that sum to one.
+    size : int
+        How many are taken.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray of int, shape (size,)
+    """
+    passed = np.cumsum(np.exp(log_weight))
+    at = (np.arange(size) + rng.random()) / size * passed[-1]
+    return rng.permutation(np.searchsorted(passed, at, side="right").clip(max=log_weight.size - 1))

@@ -10,18 +10,19 @@ import numpy as np
 
 from sma_bayes.assess.bands import band_channels
 from sma_bayes.assess.checks import predictive_checks
-from sma_bayes.assess.correlation import Agreement, correlation_factors
+from sma_bayes.assess.correlation import Agreement, factors
 from sma_bayes.assess.identifiability import IDENTIFIED, contraction, free_directions
 from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.assess.path import path_remark
 from sma_bayes.assess.transformation import transformation_temperatures
 from sma_bayes.parameters.distributions import family_name, numbers
-from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import channel_unit, shape_of
 from sma_bayes.results.fit import Fit
 
 
-def record_summary(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> dict[str, Any]:
+def record_summary(
+    fit: Fit, record: int, measured: Mapping[str, Agreement], again: Mapping[str, Agreement]
+) -> dict[str, Any]:
     """Summary of one record.
 
     Parameters
@@ -29,11 +30,10 @@ def record_summary(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> d
     fit : Fit
     record : int
         Which of the records that share the posterior.
-    replicated : mapping of str to ndarray
-        Replicated data, one series for each kept draw.
+    measured, again : mapping of str to Agreement
+        Of each channel with the measured and with replicated data; see `correlation_factors`.
     """
     r = fit.records[record]
-    measured, again = correlation_factors(fit, dict(replicated), record)
     start = fit.warm_start
     noise_sd = {
         c: float(np.median(fit.flat[:, at[0]])) for c, at in fit.posterior.layout[record].noise.items()
@@ -65,8 +65,8 @@ def record_summary(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> d
         "jacobian_rank": start.rank,
         "free_at_warm_start": list(start.free_directions),
         "at_bound": list(start.at_bound),
-        "correlation": {c: _agreement(a) for c, a in measured.items()},
-        "correlation_replicated": {c: _agreement(a) for c, a in again.items()},
+        "correlation": {c: factors(a) for c, a in measured.items()},
+        "correlation_replicated": {c: factors(a) for c, a in again.items()},
         "free_directions": [asdict(d) for d in free_directions(fit)],
         "shape": _shape(fit, record),
         "path": asdict(path_remark(r, noise_sd)),
@@ -145,19 +145,6 @@ def _transformation(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
             "defined": t.defined,
         }
         for t in transformation_temperatures(fit, record)
-    }
-
-
-def _agreement(a: Agreement) -> dict[str, dict[str, float]]:
-    return {
-        name: dict(
-            zip(
-                ("q05", "median", "q95"),
-                np.quantile(getattr(a, name), (0.05, 0.5, 0.95)).tolist(),
-                strict=True,
-            )
-        )
-        for name in ("r", "r2", "rmse")
     }
 
 

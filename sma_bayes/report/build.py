@@ -10,12 +10,13 @@ from pathlib import Path
 from sma_bayes.inference.jobs import run
 from sma_bayes.report.comparison_outputs import StoredComparison, is_comparison, read_comparison
 from sma_bayes.report.comparison_page import write_comparison_report
-from sma_bayes.report.comparison_tables import comparison_tables
+from sma_bayes.report.comparison_tables import comparison_tables, model_averages
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.figures import (
     BranchData,
     Drawing,
     FigureFiles,
+    average_figure,
     corner_figure,
     correlation_figure,
     curves_figure,
@@ -26,6 +27,7 @@ from sma_bayes.report.figures import (
     effect_parameter_figure,
     ladder_figure,
     loop_figure,
+    model_average_figure,
     overview_figure,
     pages,
     parameter_figure,
@@ -118,6 +120,8 @@ def build_comparison_report(
         partial(curves_figure, record=record) for record in stored.found["records"]
     ]
     drawings += [partial(differences_figure, number=n + 1) for n in range(pages(stored))]
+    if model_averages(stored):
+        drawings.append(model_average_figure)
     tasks = [_ComparisonTask(stored, draw) for draw in drawings]
     tell = progress or (lambda done, total, message: None)
     tell(0, len(tasks) + 1, "drawing figures")
@@ -208,6 +212,8 @@ class _CampaignTask:
     def drawings(self) -> Iterator[Callable[[], Drawing]]:
         yield partial(diagnostics_figure, self.content)
         yield partial(correlation_figure, self.content)
+        if self.content.averages:
+            yield partial(average_figure, self.content)
         if self.content.printed:
             yield partial(printed_figure, self.content)
         for number, part in enumerate(self.content.by_units(), 1):

@@ -10,6 +10,7 @@ from markupsafe import Markup
 from sma_bayes.assess.verdict import CANNOT_TELL
 from sma_bayes.report.comparison_outputs import StoredComparison
 from sma_bayes.report.comparison_tables import SHORT
+from sma_bayes.report.content import PAPER_CORRELATION
 from sma_bayes.report.figures import FigureFiles
 from sma_bayes.report.html import anchor, embedded, page_environment, style_sheet
 from sma_bayes.report.tables import Table
@@ -44,6 +45,7 @@ def write_comparison_report(
         tables=tables,
         pictures={s: embedded(folder / "figures" / f"{s}.png", f) for s, f in figures.items()},
         held_out=[s for s in figures if s.startswith("held-out")],
+        paper_correlation=PAPER_CORRELATION,
         style=Markup(style_sheet(environment)),  # ours, not the user's
         anchor=anchor,
     )

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from sma_bayes.report.comparison_outputs import StoredComparison
-from sma_bayes.report.content import Number
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.report.content import INTERVAL, PAPER_CORRELATION, AverageFactor, Estimate, Number
+from sma_bayes.report.gather import average_factors
+from sma_bayes.report.notation import unit_label
+from sma_bayes.report.tables import AVERAGE_COLUMNS, OF_ROW, Cell, Column, Table, average_cells
 
 SHORT: Final[Mapping[str, str]] = {
     "modified_sigmoid": "modified sigmoid",
@@ -25,8 +27,105 @@ SHORT: Final[Mapping[str, str]] = {
 
 def comparison_tables(stored: StoredComparison) -> dict[str, Table]:
     """All tables of a comparison, by name."""
-    tables = (verdict_table(stored), overall_table(stored), model_table(stored))
+    tables = (
+        verdict_table(stored),
+        overall_table(stored),
+        model_table(stored),
+        model_average_table(stored),
+        model_correlation_table(stored),
+    )
     return {table.name: table for table in tables}
+
+
+def model_averages(stored: StoredComparison) -> list[tuple[str, AverageFactor]]:
+    """Average correlation factors of each model over all records of a channel, in sample and held out.
+
+    Parameters
+    ----------
+    stored : StoredComparison
+
+    Returns
+    -------
+    list of tuple of str and AverageFactor
+        Name of the model, and its average by one rule; over both branches where there are two.
+    """
+    return [
+        (name, factor)
+        for group in stored.found["overall"]
+        for name, m in group["models"].items()
+        for which, entries in m.get("correlation_average", {}).items()
+        for factor in average_factors(entries[-1], which.replace("_", " "))
+    ]
+
+
+def model_average_table(stored: StoredComparison) -> Table:
+    """Average correlation factor of each model, by every rule."""
+    found = model_averages(stored)
+    return Table(
+        "correlation_average",
+        "Average correlation factors",
+        f"Over the records in which the model converged: median and {INTERVAL} of the average. Plain: mean of the "
+        "records' factors; Fisher: tanh of the mean of artanh r; pooled: one factor over all samples of all records. "
+        f"P(r > {PAPER_CORRELATION:g}): posterior probability that the average exceeds what the paper states.",
+        (
+            Column("channel", "channel"),
+            Column("model", "model"),
+            Column("data", "data"),
+            Column("rule", "rule"),
+            *AVERAGE_COLUMNS,
+        ),
+        tuple((a.name, SHORT[name], a.data, a.rule, *average_cells(a)) for name, a in found),
+        grouped=2,
+    )
+
+
+def model_correlation_table(stored: StoredComparison) -> Table:
+    """Correlation factors of each model on each record, in sample and held out."""
+    return Table(
+        "correlation",
+        "Correlation factors, record by record",
+        f"Median and {INTERVAL} over draws of the curve. Held out: each fold is predicted by draws of a fit without "
+        "it, and the folds are joined; R² is about the mean of the held-out samples and can be negative. Folds below "
+        "their mean: whose own R² is negative, so that their mean tells more than the model does.",
+        (
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("channel", "channel"),
+            Column("model", "model"),
+            Column("r, in sample", "r_in_sample", "1"),
+            Column("r, held out", "r_held_out", "1"),
+            Column("R², in sample", "r2_in_sample", "1", brief=False),
+            Column("R², held out", "r2_held_out", "1"),
+            Column("unit", "unit"),
+            Column("RMSE, in sample", "rmse_in_sample", OF_ROW, brief=False),
+            Column("RMSE, held out", "rmse_held_out", OF_ROW),
+            Column("folds below their mean", "folds_worse_than_their_mean"),
+            Column("folds without r", "folds_without_r", brief=False),
+        ),
+        tuple(_correlation_rows(stored)),
+        grouped=3,
+    )
+
+
+def _correlation_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
+    for r in stored.found["records"]:
+        for name, m in r["models"].items():
+            c = m.get("correlation")
+            if c is None or m["same_as"]:
+                continue
+            folds = len(c["by_fold"])
+            inside, out = (
+                {
+                    k: Estimate(v["median"], v["q05"], v["q95"], r["unit"] if k == "rmse" else "1")
+                    for k, v in c[part].items()
+                }
+                for part in ("in_sample", "held_out")
+            )
+            yield (
+                r["condition"], r["branch"], r["quantity"], SHORT[name], inside["r"], out["r"], inside["r2"], out["r2"],
+                unit_label(r["unit"]) or "1", inside["rmse"], out["rmse"],
+                f"{c['folds_worse_than_their_mean']} of {folds}", f"{c['folds_without_r']} of {folds}",
+            )  # fmt: skip
 
 
 def verdict_table(stored: StoredComparison) -> Table:

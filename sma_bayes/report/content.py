@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-import numpy as np
-
+from sma_bayes.assess.correlation_average import CLAIMED
 from sma_bayes.inference.convergence import Target
 from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.notation import compact
@@ -17,7 +16,7 @@ INTERVAL: Final = f"equal-tailed {LEVEL} credible interval"
 TARGET: Final = Target()
 CHECK_TAIL: Final = 0.01
 """A predictive check counts as failed where its p-value is below this, or above one less this."""
-PAPER_CORRELATION: Final = 0.95
+PAPER_CORRELATION: Final = CLAIMED
 """Average correlation factor that the paper states (its abstract and conclusions)."""
 SHAPES: Final = {
     "hump": "falls to zero at both ends (A2 < B2)",
@@ -409,21 +408,42 @@ class PrintedComparison:
 
 
 @dataclass(frozen=True, slots=True)
-class MeanCorrelation:
-    """Average correlation factor of a channel over the converged records [1].
+class AverageFactor:
+    """Averages of the correlation factors of a channel over records, by one rule.
 
     Attributes
     ----------
-    name : str
-    count : int
-    plain, fisher : float
-        Mean of the medians of r, and the mean by Fisher's transformation, ``tanh(mean(artanh r))``.
+    channel, name, unit : str
+        Of the channel.
+    branch : str
+        ``heating``, ``cooling`` or ``both``.
+    data : str
+        ``measured`` or ``replicated``; or what was predicted, ``in sample`` or ``held out``.
+    rule : str
+        One of `RULES`.
+    factors : mapping of str to Estimate
+        Those of r, r2, adj_r2 and rmse for which the rule makes sense.
+    above : float or None
+        Posterior probability that the average of r exceeds `PAPER_CORRELATION`.
+    undefined : float
+        Share of the draws in which the average of r is not defined [1].
+    records, left_out : tuple of str
+        Keys of those averaged, and of those that did not converge.
+    draws : int
     """
 
+    channel: str
     name: str
-    count: int
-    plain: float
-    fisher: float
+    unit: str
+    branch: str
+    data: str
+    rule: str
+    factors: Mapping[str, Estimate]
+    above: float | None
+    undefined: float
+    records: tuple[str, ...]
+    left_out: tuple[str, ...]
+    draws: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -457,6 +477,7 @@ class Content:
     findings : tuple of Finding
     printed : tuple of PrintedComparison
         Empty but for the twin of the paper.
+    averages : tuple of AverageFactor
     provenance : Provenance
     """
 
@@ -466,6 +487,7 @@ class Content:
     loops: tuple[Quantity, ...]
     findings: tuple[Finding, ...]
     printed: tuple[PrintedComparison, ...]
+    averages: tuple[AverageFactor, ...]
     provenance: Provenance
 
     @property
@@ -511,16 +533,3 @@ class Content:
         if not all(r.converged for r in self.branches(condition)):
             return ()
         return tuple(q for q in self.loops if q.condition == condition)
-
-    def mean_correlation(self) -> tuple[MeanCorrelation, ...]:
-        """Average correlation factor of each channel."""
-        out = []
-        for channel in self.channels:
-            found = [r.channel(channel.channel) for r in self.converged]
-            medians = [c.measured["r"].median for c in found if c is not None and "r" in c.measured]
-            r = np.array([m for m in medians if m is not None])
-            if r.size:
-                with np.errstate(divide="ignore"):
-                    fisher = float(np.tanh(np.mean(np.arctanh(r))))
-                out.append(MeanCorrelation(channel.name, int(r.size), float(r.mean()), fisher))
-        return tuple(out)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
+from sma_bayes.assess.correlation import FACTORS
 from sma_bayes.paper.twin import printed_values
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, unit_text
 from sma_bayes.report.content import (
+    AverageFactor,
     Channel,
     Content,
     Estimate,
@@ -63,7 +65,41 @@ def report_content(run: StoredRun) -> Content:
         loops=tuple(_quantity(q, names.get(q["condition"], {})) for q in summary.get("loops", ())),
         findings=tuple(_finding(f) for f in summary.get("findings", ())),
         printed=_printed(records) if is_twin(summary) else (),
+        averages=tuple(
+            f for e in summary.get("correlation_average", ()) for f in average_factors(e, e["data"])
+        ),
         provenance=_provenance(run),
+    )
+
+
+def average_factors(entry: Mapping[str, Any], data: str) -> tuple[AverageFactor, ...]:
+    """Averages of one channel and branch, one for each rule.
+
+    Parameters
+    ----------
+    entry : mapping
+        As `sma_bayes.assess.correlation_average.averages` states it.
+    data : str
+        See `AverageFactor`.
+    """
+    found = {name: entry[name] for name in FACTORS if name in entry}
+    units = {"rmse": entry["unit"]}
+    return tuple(
+        AverageFactor(
+            channel=entry["channel"],
+            name=entry["quantity"],
+            unit=entry["unit"],
+            branch=entry["branch"] or "both",
+            data=data,
+            rule=rule,
+            factors={n: _estimate(by[rule], units.get(n, "1")) for n, by in found.items() if rule in by},
+            above=found["r"][rule]["above"],
+            undefined=found["r"][rule]["undefined"],
+            records=tuple(entry["records"]),
+            left_out=tuple(entry["left_out"]),
+            draws=entry["draws"],
+        )
+        for rule in found.get("r", ())
     )
 
 
@@ -119,7 +155,7 @@ def _setting_unit(setting: str, names: Mapping[str, str]) -> str:
 def _channel(channel: str, quantity: Mapping[str, str], r: Mapping[str, Any]) -> Channel:
     def agreement(which: str) -> dict[str, Estimate]:
         found = r.get(which, {}).get(channel, {})
-        units = {"r": "1", "r2": "1", "rmse": quantity["unit"]}
+        units = {"r": "1", "r2": "1", "adj_r2": "1", "rmse": quantity["unit"]}
         return {name: _estimate(values, units[name]) for name, values in found.items() if name in units}
 
     name = quantity["name"]

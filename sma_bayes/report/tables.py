@@ -11,6 +11,8 @@ from typing import Final
 from sma_bayes.assess.checks import CHECKED
 from sma_bayes.report.content import (
     INTERVAL,
+    PAPER_CORRELATION,
+    AverageFactor,
     Channel,
     Content,
     Estimate,
@@ -121,6 +123,7 @@ def report_tables(content: Content) -> dict[str, Table]:
         parameter_table(content.records),
         fit_table(content.records),
         correlation_table(content.records),
+        average_table(content.averages),
         quantity_table(content),
         transformation_table(content.records),
         diagnostics_table(content.records),
@@ -247,6 +250,7 @@ def correlation_table(records: Sequence[RecordContent]) -> Table:
             Column("data", "data"),
             Column("r", "r", "1"),
             Column("R²", "r2", "1"),
+            Column("adjusted R²", "adj_r2", "1"),
             Column("unit", "unit"),
             Column("RMSE", "rmse", OF_ROW),
         ),
@@ -262,7 +266,73 @@ def correlation_table(records: Sequence[RecordContent]) -> Table:
 
 
 def _agreement_cells(c: Channel, found: Mapping[str, Estimate]) -> tuple[Cell, ...]:
-    return found.get("r"), found.get("r2"), unit_label(c.unit) or "1", found.get("rmse")
+    return found.get("r"), found.get("r2"), found.get("adj_r2"), unit_label(c.unit) or "1", found.get("rmse")
+
+
+AVERAGE_COLUMNS: Final = (
+    Column("records", "records"),
+    Column("r", "r", "1"),
+    Column(f"P(r > {PAPER_CORRELATION:g})", "above"),
+    Column("R²", "r2", "1"),
+    Column("adjusted R²", "adj_r2", "1"),
+    Column("unit", "unit"),
+    Column("RMSE", "rmse", OF_ROW),
+    Column("draws without r", "undefined", "1", brief=False),
+)
+"""Columns of `average_cells`."""
+
+
+def average_table(averages: Sequence[AverageFactor]) -> Table:
+    """Averages of the correlation factors over the records that converged.
+
+    Parameters
+    ----------
+    averages : sequence of AverageFactor
+    """
+    return Table(
+        "correlation_average",
+        "Average correlation factors",
+        f"Over the records that converged: median and {INTERVAL} of the average. Plain: mean of the records' factors; "
+        "Fisher: tanh of the mean of artanh r; pooled: one factor over all samples of all records. "
+        f"P(r > {PAPER_CORRELATION:g}): posterior probability that the average exceeds what the paper states.",
+        (
+            Column("channel", "channel"),
+            Column("data", "data"),
+            Column("branch", "branch"),
+            Column("rule", "rule"),
+            *AVERAGE_COLUMNS,
+        ),
+        tuple(
+            (a.name, a.data, a.branch, a.rule, *average_cells(a))
+            for a in sorted(averages, key=lambda a: a.name)
+        ),
+        grouped=2,
+    )
+
+
+def average_cells(a: AverageFactor) -> tuple[Cell, ...]:
+    """Averages of all factors, as a row of `AVERAGE_COLUMNS`."""
+    f, count = a.factors, len(a.records)
+    return (
+        f"{count} of {count + len(a.left_out)}", f.get("r"), probability_text(a.above, a.draws), f.get("r2"),
+        f.get("adj_r2"), unit_label(a.unit) or "1", f.get("rmse"), Number(a.undefined, "1", 0.01),
+    )  # fmt: skip
+
+
+def probability_text(share: float | None, draws: int) -> str:
+    """Share of draws as a probability, not surer than their number allows.
+
+    Examples
+    --------
+    >>> probability_text(1.0, 2000), probability_text(0.0, 2000), probability_text(0.3125, 2000)
+    ('> 0.999', '< 0.001', '0.312')
+    """
+    if share is None:
+        return MISSING
+    finest = 10.0 ** -math.floor(math.log10(max(draws, 10)))
+    if share > 1.0 - finest:
+        return f"> {1.0 - finest:g}"
+    return f"< {finest:g}" if share < finest else f"{share:.3f}"
 
 
 def quantity_table(content: Content) -> Table:

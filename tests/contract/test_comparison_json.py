@@ -82,6 +82,33 @@ def test_the_parts_agree_with_each_other(found: Any, folder: Path) -> None:
         assert {"logistic_refitted", "bounded_logistic"} in [set(c) for c in record["same_curve"]]
 
 
+def test_correlation_factors_are_told_in_sample_and_held_out(found: Any) -> None:
+    for record in found["records"]:
+        for name, m in record["models"].items():
+            c = m["correlation"]
+            # with the centre as printed the logistic is flat, at its upper level, wherever springs are heated
+            flat = name == "logistic_published" and record["branch"] == "heating"
+            for part in ("in_sample", "held_out"):
+                for factor in ("r", "r2", "rmse"):
+                    q = c[part][factor]
+                    assert q["undefined"] == (1.0 if flat and (part, factor) == ("in_sample", "r") else 0.0)
+                    if q["undefined"] == 1.0:
+                        assert q["median"] is None
+                        continue
+                    assert q["q05"] <= q["median"] <= q["q95"]
+            assert "adj_r2" in c["in_sample"]
+            assert "adj_r2" not in c["held_out"]
+            assert len(c["by_fold"]) == len(record["held_out"]["folds"])
+            negative = sum(f["r2"]["median"] < 0.0 for f in c["by_fold"])
+            assert c["folds_worse_than_their_mean"] == negative
+            # draws scatter about their mean, so the greater part of them misses by more than the mean does
+            assert c["held_out"]["rmse"]["q95"] >= m["rmse_held_out"] * (1.0 - 1e-12)
+    average = found["overall"][0]["models"]["modified_sigmoid"]["correlation_average"]
+    assert [e["branch"] for e in average["held_out"]] == ["heating", "cooling", ""]
+    for rule in ("plain", "fisher", "pooled"):
+        assert average["in_sample"][-1]["r"][rule]["above"] == 1.0
+
+
 def test_the_modified_sigmoid_wins_on_data_that_it_made(found: Any) -> None:
     assert found["overall"][0]["verdict"] == "modified_sigmoid"
     assert found["overall"][0]["preferred"] == "modified_sigmoid"
@@ -95,6 +122,9 @@ def test_figures_tables_and_report_are_there_and_can_be_made_again(folder: Path)
         "models.tex",
         "models.csv",
         "verdicts.csv",
+        "correlation.csv",
+        "correlation_average.tex",
+        "correlation-average.pdf",
         "report.html",
     } <= names
     page = (folder / "report.html").read_text(encoding="utf-8")

@@ -1,5 +1,6 @@
 """All figures, and the one door to matplotlib and corner: drawn without pyplot, saved with their data."""
 
+from sma_bayes.report.figures.averages import average_figure, model_average_figure
 from sma_bayes.report.figures.campaign import (
     correlation_figure,
     diagnostics_figure,
@@ -18,6 +19,7 @@ __all__ = [
     "BranchData",
     "Drawing",
     "FigureFiles",
+    "average_figure",
     "corner_figure",
     "correlation_figure",
     "curves_figure",
@@ -28,6 +30,7 @@ __all__ = [
     "effect_parameter_figure",
     "ladder_figure",
     "loop_figure",
+    "model_average_figure",
     "overview_figure",
     "pages",
     "parameter_figure",

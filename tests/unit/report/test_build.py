@@ -29,12 +29,13 @@ def test_everything_is_there(built: tuple[Path, list[tuple[int, int, str]]]) -> 
     stems = {p.stem for p in (folder / "figures").iterdir()}
     assert stems == {
         "loop-100g-10mHz", "overview-force", "overview-displacement", "overview-stiffness", "correlation",
+        "correlation-average",
         "parameters", "diagnostics", "printed",
         *(f"{kind}-100g-10mHz-{branch}" for kind in ("corner", "trace", "predictive", "residuals")
           for branch in ("heating", "cooling")),
     }  # fmt: skip
     assert len(list((folder / "figures").iterdir())) == 3 * len(stems)
-    assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 10
+    assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 11
     assert not [p for p in folder.rglob(".*") if p.is_file()]  # no temporary file is left
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from sma_bayes.paper.twin import truth
@@ -85,10 +84,11 @@ def test_what_may_be_missing_is_not_missed(run_copy: Path, edit_summary: Edit) -
                 "correlation",
             ):
                 record.pop(key)
+        summary.pop("correlation_average")
 
     found = report_content(read_run(edit_summary(run_copy, change)))
     assert found.loops == ()
-    assert found.mean_correlation() == ()
+    assert found.averages == ()
     assert found.records[0].checks == ()
 
 
@@ -105,14 +105,21 @@ def test_a_record_that_did_not_converge_supports_no_conclusion(run_copy: Path, e
     assert found.loops_of("100g-10mHz") == ()
     assert found.records[0].worst_rhat is not None
     assert found.records[0].worst_rhat.name == "A1"
-    assert found.mean_correlation()[0].count == 1
 
 
-def test_the_mean_correlation_is_taken_both_ways(content: Content) -> None:
-    medians = [r.channels[0].measured["r"].median or 0.0 for r in content.records]
-    mean = content.mean_correlation()[0]
-    assert mean.plain == pytest.approx(np.mean(medians))
-    assert mean.fisher == pytest.approx(np.tanh(np.mean(np.arctanh(medians))))
+def test_averages_are_told_for_every_rule_and_branch(content: Content) -> None:
+    force = [a for a in content.averages if (a.channel, a.data) == ("force", "measured")]
+    assert {(a.branch, a.rule) for a in force} == {
+        (branch, rule) for branch in ("heating", "cooling", "both") for rule in ("plain", "fisher", "pooled")
+    }
+    heating, cooling, both = (
+        next(a for a in force if (a.branch, a.rule) == (branch, "plain")).factors["r"].median or 0.0
+        for branch in ("heating", "cooling", "both")
+    )
+    measured = [c.measured["r"].median for r in content.records for c in r.channels if c.channel == "force"]
+    assert [heating, cooling] == measured
+    assert both == pytest.approx((heating + cooling) / 2, abs=1e-5)
+    assert all(a.above == 1.0 for a in force)
 
 
 def test_the_twin_is_set_against_the_printed_values(content: Content, finished: Path) -> None:

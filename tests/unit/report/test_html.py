@@ -79,7 +79,8 @@ def unconverged(content: Content, *branches: str) -> Content:
         bad = r.branch in branches
         parameters = tuple(replace(p, rhat=1.3) if bad and p.name == "A1" else p for p in r.parameters)
         records.append(replace(r, converged=not bad, parameters=parameters))
-    return replace(content, records=tuple(records))
+    averages = tuple(a for a in content.averages if a.branch not in (*branches, "both"))
+    return replace(content, records=tuple(records), averages=averages)
 
 
 def test_the_page_is_well_formed(page: Reader) -> None:
