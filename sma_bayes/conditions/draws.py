@@ -1,81 +1,105 @@
-"""The posterior of one record as the study of conditions takes it up: draws, the prior that they hold, what was set."""
+"""The posterior of one record as the study of conditions takes it up: density, draws, what was set and measured."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from sma_bayes.assess.bands import band_channels, path_stiffness
 from sma_bayes.assess.path import path_remark
 from sma_bayes.parameters.distributions import Distribution
+from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Branch, Condition
-from sma_bayes.response.modified_sigmoid import ModifiedSigmoid, channel_unit
+from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.response.modified_sigmoid import channel_unit
+from sma_bayes.response.types import ResponseModel
 from sma_bayes.results.fit import Fit
 
 GRID = 161
 """Temperatures at which a curve is given."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class RecordDraws:
     """Posterior draws of one record.
 
     Attributes
     ----------
-    condition : Condition
-    branch : Branch
-    channels : tuple of str
-        Observed channels.
-    quantities : mapping of str to str
-        Name of the quantity behind each channel, stiffness included where force and displacement give it.
-    units : mapping of str to str
-        Unit of temperature and of each of those channels.
-    specimen : bool
-        Whether stress and strain stand in for force and displacement.
+    posterior : Posterior
+        Of this record alone.
     theta : ndarray, shape (S, P)
-        Parameters of the modified sigmoid, in the order of `model.parameter_names`.
-    priors : tuple of Distribution
-        Prior of each parameter.
-    noise : str
-        Name of the noise model.
-    noise_theta : mapping of str to ndarray, shape (S, k)
-        Noise parameters of each observed channel, standard deviation first.
-    temperature : ndarray, shape (n,)
-        Of the samples [unit of temperature].
-    observed : mapping of str to ndarray, shape (n,)
-        Measurements.
-    path : str
-        What dF/dX means on the rig: kind of a `PathRemark`.
+        Draws of all its parameters, those of the noise behind those of the model; errors of a calibration included.
     converged : bool
     """
 
-    condition: Condition
-    branch: Branch
-    channels: tuple[str, ...]
-    quantities: Mapping[str, str]
-    units: Mapping[str, str]
-    specimen: bool
+    posterior: Posterior
     theta: Floats
-    priors: tuple[Distribution, ...]
-    noise: str
-    noise_theta: Mapping[str, Floats]
-    temperature: Floats
-    observed: Mapping[str, Floats]
-    path: str
     converged: bool
+
+    @property
+    def record(self) -> Record:
+        """What was set and measured."""
+        return self.posterior.records[0]
+
+    @property
+    def condition(self) -> Condition:
+        """What was set on the rig."""
+        return self.record.condition
+
+    @property
+    def branch(self) -> Branch:
+        """Direction of the sweep."""
+        return self.record.branch
 
     @property
     def key(self) -> str:
         """Key of the record: ``<condition>-<branch>``."""
-        return f"{self.condition.id}-{self.branch.value}"
+        return self.record.key
 
     @property
-    def model(self) -> ModifiedSigmoid:
-        """Model whose parameters were drawn."""
-        return ModifiedSigmoid(self.channels)
+    def channels(self) -> tuple[str, ...]:
+        """Observed channels."""
+        return self.record.channels
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameters of the model."""
+        return self.posterior.model.parameter_names
+
+    @cached_property
+    def curve_theta(self) -> Floats:
+        """Draws of the parameters of the model, shape (S, number of `names`)."""
+        return np.asarray(self.theta[:, self.posterior.layout[0].model])
+
+    @property
+    def priors(self) -> tuple[Distribution, ...]:
+        """Priors of the parameters of the model."""
+        return tuple(self.posterior.space.parameters[i].prior for i in self.posterior.layout[0].model)
+
+    @cached_property
+    def quantities(self) -> Mapping[str, str]:
+        """Name of the quantity behind each channel, stiffness included where force and displacement give it."""
+        return {c: self.record.quantity(c) for c in band_channels(self.record)}
+
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """Unit of temperature and of each of these channels."""
+        units = self.record.units
+        return {
+            "temperature": units["temperature"],
+            **{c: channel_unit(units, c) for c in self.quantities},
+        }
+
+    @cached_property
+    def path(self) -> str:
+        """What dF/dX means on the rig: kind of a `PathRemark`."""
+        noise = self.posterior.layout[0].noise
+        return path_remark(
+            self.record, {c: float(np.median(self.theta[:, at[0]])) for c, at in noise.items()}
+        ).kind
 
     @property
     def size(self) -> int:
@@ -85,16 +109,16 @@ class RecordDraws:
     @property
     def coldest(self) -> float:
         """Lowest measured temperature [unit of temperature]."""
-        return float(self.temperature.min())
+        return float(self.record.temperature.min())
 
     @property
     def hottest(self) -> float:
         """Highest measured temperature [unit of temperature]."""
-        return float(self.temperature.max())
+        return float(self.record.temperature.max())
 
     def parameter(self, name: str) -> Floats:
-        """Draws of one parameter, shape (S,)."""
-        return np.asarray(self.theta[:, self.model.parameter_names.index(name)])
+        """Draws of one parameter of the model, shape (S,)."""
+        return np.asarray(self.curve_theta[:, self.names.index(name)])
 
     def grid(self) -> Floats:
         """Even temperatures over what was measured, shape (m,)."""
@@ -102,15 +126,15 @@ class RecordDraws:
 
     def curve(self, channel: str, temperature: Floats) -> Floats:
         """Curve of a channel for each draw, shape (S, m); see `curve_of`."""
-        return curve_of(self.model, self.theta, channel, temperature)
+        return curve_of(self.posterior.model, self.curve_theta, channel, temperature)
 
 
-def curve_of(model: ModifiedSigmoid, theta: Floats, channel: str, temperature: Floats) -> Floats:
+def curve_of(model: ResponseModel, theta: Floats, channel: str, temperature: Floats) -> Floats:
     """Curve of a channel, stiffness also where it follows from force and displacement.
 
     Parameters
     ----------
-    model : ModifiedSigmoid
+    model : ResponseModel
     theta : ndarray, shape (S, P)
     channel : str
     temperature : ndarray, shape (m,)
@@ -134,23 +158,6 @@ def record_draws(fit: Fit, record: int = 0) -> RecordDraws:
     record : int
         Which of the records that share the posterior.
     """
-    r, place = fit.records[record], fit.posterior.layout[record]
-    theta = fit.calibrated(record)
-    noise = {c: theta[:, at] for c, at in place.noise.items()}
-    shown = band_channels(r)
-    return RecordDraws(
-        condition=r.condition,
-        branch=r.branch,
-        channels=r.channels,
-        quantities={c: r.quantity(c) for c in shown},
-        units={"temperature": r.units["temperature"], **{c: channel_unit(r.units, c) for c in shown}},
-        specimen=r.specimen,
-        theta=theta[:, place.model],
-        priors=tuple(fit.posterior.space.parameters[i].prior for i in place.model),
-        noise=fit.posterior.noise.name,
-        noise_theta=noise,
-        temperature=r.temperature,
-        observed=r.observed,
-        path=path_remark(r, {c: float(np.median(v[:, 0])) for c, v in noise.items()}).kind,
-        converged=fit.converged,
-    )
+    whole = fit.posterior
+    own = Posterior((whole.records[record],), whole.model, whole.noise, whole.space, (whole.layout[record],))
+    return RecordDraws(own, fit.calibrated(record), fit.converged)

@@ -98,7 +98,7 @@ def _of_branch(record: RecordDraws) -> Iterator[Feature]:
     branch, condition, units = record.branch.value, record.condition, record.units
     degrees = units["temperature"]
     for channel, name in MIDPOINT.items():
-        if name in record.model.parameter_names:
+        if name in record.names:
             what = record.quantities.get(channel, channel)
             yield Feature(
                 "midpoint", condition, branch, channel, degrees, record.parameter(name),
@@ -153,21 +153,20 @@ def _ratio(high: Floats, low: Floats) -> Floats:
 def _of_loop(condition: Condition, branches: Mapping[Branch, RecordDraws]) -> Iterator[Feature]:
     first = next(iter(branches.values()))
     degrees = first.units["temperature"]
-    for name, choose, word in (
-        ("least_temperature", min, "lowest"),
-        ("peak_temperature", max, "highest"),
+    coldest, hottest = min(r.coldest for r in branches.values()), max(r.hottest for r in branches.values())
+    for name, value, word in (
+        ("least_temperature", coldest, "lowest"),
+        ("peak_temperature", hottest, "highest"),
     ):
-        value = choose(choose(r.temperature) for r in branches.values())
         yield Feature(
-            name, condition, BOTH, "", degrees, np.full(first.size, float(value)),
-            f"{word} measured temperature",
+            name, condition, BOTH, "", degrees, np.full(first.size, value), f"{word} measured temperature"
         )  # fmt: skip
     if len(branches) < len(Branch):
         return
     heating, cooling = branches[Branch.HEATING], branches[Branch.COOLING]
     size = min(heating.size, cooling.size)
     for channel, name in MIDPOINT.items():
-        if all(name in r.model.parameter_names for r in branches.values()):
+        if all(name in r.names for r in branches.values()):
             yield Feature(
                 "hysteresis_width", condition, BOTH, channel, degrees,
                 heating.parameter(name)[:size] - cooling.parameter(name)[:size],

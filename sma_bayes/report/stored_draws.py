@@ -11,21 +11,25 @@ import numpy as np
 
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.errors import OutputError
-from sma_bayes.parameters.distributions import FAMILIES, Distribution
-from sma_bayes.quantities import SPECIMEN_QUANTITY, Floats
-from sma_bayes.records.types import Branch, Condition
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.parameters.distributions import FAMILIES
+from sma_bayes.parameters.space import Parameter, ParameterSpace
+from sma_bayes.posterior import Place, Posterior
+from sma_bayes.quantities import SPECIMEN_QUANTITY
+from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
 from sma_bayes.report.outputs import FINISH, StoredRecord, StoredRun, posterior_path, read_record, read_run
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
-MODEL: Final = ModifiedSigmoid.name
+FIRST_NOISE: Final = "_sd"
+"""End of the name of the first noise parameter of a channel."""
 
 
-def stored_draws(folder: Path) -> tuple[RecordDraws, ...]:
-    """Draws of all records of a fit.
+def stored_draws(folder: str | Path) -> tuple[RecordDraws, ...]:
+    """Draws of all records of a fit, with the densities that they were drawn from.
 
     Parameters
     ----------
-    folder : Path
+    folder : str or Path
         Output folder of a finished `fit` or `demo`.
 
     Raises
@@ -33,7 +37,7 @@ def stored_draws(folder: Path) -> tuple[RecordDraws, ...]:
     OutputError
         If it holds no finished fit, or one in which conditions share their parameters.
     """
-    run = read_run(folder)
+    run = read_run(Path(folder))
     if run.summary["options"]["pool"] != "none":
         raise OutputError(
             "holds a fit in which all conditions share A and B",
@@ -48,49 +52,59 @@ def _draws(run: StoredRun, summary: Mapping[str, Any]) -> RecordDraws:
     path = posterior_path(run.folder, summary["key"])
     stored = read_record(path)
     try:
-        return _joined(summary, stored)
-    except (KeyError, ValueError) as error:
+        posterior = _posterior(summary, stored)
+        theta = np.stack([stored.draws[n].reshape(-1) for n in posterior.space.names], axis=-1)
+    except (KeyError, ValueError, TypeError) as error:
         raise OutputError(
             f"does not agree with summary.json: {error}",
             file=path,
             expected="the posterior that this fit wrote",
             remedy=FINISH,
         ) from None
+    return RecordDraws(posterior, theta, bool(summary["converged"]))
 
 
-def _joined(summary: Mapping[str, Any], stored: StoredRecord) -> RecordDraws:
-    channels = tuple(summary["channels"])
-    quantities = {c: q["name"] for c, q in summary["quantities"].items()}
-    names = ModifiedSigmoid(channels).parameter_names
-    flat = {name: values.reshape(-1) for name, values in stored.draws.items()}
-    return RecordDraws(
+def _posterior(summary: Mapping[str, Any], stored: StoredRecord) -> Posterior:
+    record = _record(summary, stored)
+    model = ModifiedSigmoid(record.channels)
+    parameters = summary["parameters"]
+    names = list(model.parameter_names)
+    at = {}
+    for channel in record.channels:
+        own = sorted(
+            (n for n in parameters if n.startswith(f"{channel}_")), key=lambda n: not n.endswith(FIRST_NOISE)
+        )
+        at[channel] = len(names) + np.arange(len(own))
+        names += own
+    space = ParameterSpace(tuple(_parameter(n, parameters[n]) for n in names))
+    place = Place(np.arange(len(model.parameter_names)), at)
+    return Posterior((record,), model, NOISE_MODELS[stored.noise], space, (place,))
+
+
+def _record(summary: Mapping[str, Any], stored: StoredRecord) -> Record:
+    temperature, quantities = summary["temperature"], summary["quantities"]
+    channels = summary["channels"]
+    return Record(
         condition=Condition(summary["condition"], **summary["settings"]),
         branch=Branch(summary["branch"]),
-        channels=channels,
-        quantities=quantities,
+        inputs=stored.inputs,
+        observed={c: stored.observed[c] for c in channels},
+        row=stored.row,
         units={
-            "temperature": summary["temperature"]["unit"],
-            **{c: q["unit"] for c, q in summary["quantities"].items()},
+            "temperature": temperature["unit"],
+            **{c: quantities[c]["unit"] for c in channels},
+            **{c: h["unit"] for c, h in summary["held"].items()},
         },
-        specimen=bool(set(quantities.values()) & set(SPECIMEN_QUANTITY.values())),
-        theta=np.stack([flat[name] for name in names], axis=-1),
-        priors=tuple(_prior(summary["parameters"][name]["prior"]) for name in names),
-        noise=stored.noise,
-        noise_theta={c: _noise(flat, c) for c in channels},
-        temperature=stored.inputs["temperature"],
-        observed=stored.observed,
-        path=summary["path"]["kind"],
-        converged=bool(summary["converged"]),
+        specimen=bool({q["name"] for q in quantities.values()} & set(SPECIMEN_QUANTITY.values())),
+        temperature_sd=temperature["sd"],
+        calibration={c: Calibration(**k) for c, k in summary["calibration"].items()},
+        held={c: HeldChannel(h["mean"], h["sd"]) for c, h in summary["held"].items()},
+        rows_averaged=summary["rows_averaged"],
     )
 
 
-def _noise(flat: Mapping[str, Floats], channel: str) -> Floats:
-    """Noise parameters of a channel, in the order in which the noise model names them: standard deviation first."""
-    names = [f"{channel}_sd", *(n for n in flat if n.startswith(f"{channel}_") and n != f"{channel}_sd")]
-    return np.stack([flat[name] for name in names], axis=-1)
-
-
-def _prior(stated: Mapping[str, Any]) -> Distribution:
-    kind = FAMILIES[stated["family"]]
-    prior: Distribution = kind(**{f.name: stated[f.name] for f in fields(kind)})
-    return prior
+def _parameter(name: str, stated: Mapping[str, Any]) -> Parameter:
+    kind = FAMILIES[stated["prior"]["family"]]
+    prior = kind(**{f.name: stated["prior"][f.name] for f in fields(kind)})
+    fixed = stated["median"] if stated["fixed"] else None
+    return Parameter(name, stated["unit"], stated["meaning"], prior, stated["prior"]["source"], fixed)

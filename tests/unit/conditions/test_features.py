@@ -24,7 +24,7 @@ def test_extremes_of_stiffness_agree_with_a_search_along_the_curve(
     make_draws: Callable[..., RecordDraws],
 ) -> None:
     record = make_draws(C, size=1, error=0.0)
-    a1, a2, a3, _, b1, b2, b3, _ = record.theta[0]
+    a1, a2, a3, _, b1, b2, b3, _ = record.curve_theta[0]
 
     def stiffness(t: float) -> float:  # dF/dT over dX/dT, the paper's Eq. (7) written out
         slope_f = b1 * b2 * np.exp(-b2 * (t - b3)) / (1.0 + np.exp(-b2 * (t - b3))) ** 2
