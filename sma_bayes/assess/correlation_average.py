@@ -14,11 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from sma_bayes.assess.correlation import FACTORS, Agreement, joined, quantiles
-from sma_bayes.paper.specifications import TEXT_VALUES, specification
+from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.quantities import Floats
-
-CLAIMED: Final = specification(TEXT_VALUES, "correlation_factor", "1")
-"""Average correlation factor that the paper states."""
 
 RULES: Final[Mapping[str, str]] = MappingProxyType(
     {

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from io import StringIO
 from pathlib import Path
@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from sma_bayes.errors import OutputError, UnknownNameError, near_matches
+from sma_bayes.paper.correlation import CLAIMED, ImpliedCorrelation, implied_average, implied_correlations
 from sma_bayes.paper.effects import Amount
 from sma_bayes.paper.errata import PRINTED_TABLES, Erratum, address, errata, printed_table
 from sma_bayes.paper.tables import CellStatus, PrintedCell, PrintedTable
@@ -142,7 +143,7 @@ def amount_row(amount: Amount) -> Row:
 
 def sheets(selection: Selection) -> tuple[Sheet, ...]:
     """Sheets of a selection: one a table, then the errata and their recomputed effects."""
-    found = _table_sheets(selection)
+    found = [*_table_sheets(selection), *_correlation_sheets(selection)]
     effects = tuple({"id": e.id, **amount_row(a)} for e in selection.errata for a in e.effect())
     if selection.errata:
         found.append(Sheet("errata", "Errata", tuple(erratum_row(e) for e in selection.errata)))
@@ -162,6 +163,40 @@ def _table_sheets(selection: Selection) -> list[Sheet]:
     ]
 
 
+def correlation_row(found: ImpliedCorrelation) -> Row:
+    """The correlation factor that a column of Tables 6 to 8 implies, as a row; numbers are empty where it is lost."""
+    return {
+        "table": found.table,
+        "condition": found.condition,
+        "branch": found.branch.value,
+        "status": found.status.value,
+        "r2": found.r2,
+        "r_from_r2": found.r,
+        "r_from_r2_rounded": found.r_rounded,
+        "adj_r2": found.adj_r2,
+        "dof": found.dof,
+        "r_from_adj_r2": found.r_adjusted,
+        "claimed": CLAIMED,
+    }
+
+
+def _implied(selection: Selection) -> list[Row]:
+    numbers = {table.number for table in selection.tables}
+    return [correlation_row(c) for c in implied_correlations() if c.table in numbers]
+
+
+def _correlation_sheets(selection: Selection) -> list[Sheet]:
+    rows = _implied(selection)
+    if not rows:
+        return []
+    mean = implied_average()
+    title = (
+        f"Correlation factors that Tables 6 to 8 imply at least: the {mean.columns} columns that can be read average "
+        f"{mean.plain:.4f} (Fisher {mean.fisher:.4f}), the text claims {mean.claimed:g}"
+    )
+    return [Sheet("correlation", title, tuple(rows))]
+
+
 def document(selection: Selection) -> dict[str, Any]:
     """JSON document of a selection, with its schema."""
     return {
@@ -171,6 +206,7 @@ def document(selection: Selection) -> dict[str, Any]:
             {"number": t.number, "title": t.title, "cells": [cell_row(t, c) for c in t.cells]}
             for t in selection.tables
         ],
+        "implied_correlation": {"columns": _implied(selection), "average": asdict(implied_average())},
         "errata": [
             {
                 **erratum_row(e),
@@ -296,7 +332,8 @@ def texts(selection: Selection, form: str) -> dict[str, str]:
     if form == "json":
         return {"paper.json": json.dumps(document(selection), indent=1, ensure_ascii=False) + "\n"}
     if form == "markdown":
-        pages = {f"{sheet.name}.md": _markdown(sheet) for sheet in _table_sheets(selection)}
+        whole = [*_table_sheets(selection), *_correlation_sheets(selection)]
+        pages = {f"{sheet.name}.md": _markdown(sheet) for sheet in whole}
         return pages | ({"errata.md": errata_page(selection.errata)} if selection.errata else {})
     ending, one = _FORMATS[form]
     return {f"{sheet.name}.{ending}": one(sheet) for sheet in sheets(selection)}

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from sma_bayes.assess.correlation_average import CLAIMED
 from sma_bayes.inference.convergence import Target
+from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.notation import compact
 

@@ -7,7 +7,6 @@ import pytest
 
 from sma_bayes.assess.correlation import Agreement, agreement, factors, joined, quantiles
 from sma_bayes.assess.correlation_average import (
-    CLAIMED,
     Scored,
     average_draws,
     averages,
@@ -15,6 +14,7 @@ from sma_bayes.assess.correlation_average import (
 )
 from sma_bayes.assess.held_out import resampled
 from sma_bayes.errors import MeasurementError
+from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.quantities import Floats
 
 N = 7
