@@ -143,11 +143,21 @@ def transformation_temperatures(fit: Fit, record: int = 0) -> tuple[Temperature,
     def curve(temperature: Floats) -> Floats:
         return model.predict(theta, {"temperature": temperature})[channel]
 
+    return temperatures_of_curves(curve, r, channel)
+
+
+def temperatures_of_curves(curve: Curve, r: Record, channel: str) -> tuple[Temperature, ...]:
+    """Start and finish of the transformation on any curves of a record, lower temperature first.
+
+    Parameters
+    ----------
+    curve : callable
+        Curves of N draws.
+    r : Record
+    channel : str
+        Which channel they are of.
+    """
     found = tangents(curve, float(r.temperature.min()), float(r.temperature.max()))
-    return _named(found, r, channel)
-
-
-def _named(found: Tangents, r: Record, channel: str) -> tuple[Temperature, ...]:
     between = 0
     if np.isfinite(found.lower).any() and np.isfinite(found.upper).any():
         low, high = np.nanmedian(found.lower), np.nanmedian(found.upper)
