@@ -25,6 +25,7 @@ _PLACES = {
     "fit_campaign": "sma_bayes.workflow",
     "study_gap": "sma_bayes.workflow",
     "compare": "sma_bayes.comparing",
+    "ask": "sma_bayes.asking",
     "fit_records": "sma_bayes.results.fitting",
     "credible_band": "sma_bayes.assess.bands",
     "correlation_factors": "sma_bayes.assess.correlation",

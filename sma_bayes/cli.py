@@ -270,6 +270,51 @@ def compare(
 
 
 @app.command()
+def ask(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
+    stiffness: Annotated[
+        str | None, typer.Option("--stiffness", "--modulus", help="Wanted stiffness, such as '130 N/m'.")
+    ] = None,
+    force: Annotated[
+        str | None, typer.Option("--force", "--stress", help="Wanted force, such as '2.5 N'.")
+    ] = None,
+    displacement: Annotated[
+        str | None, typer.Option("--displacement", "--strain", help="Wanted displacement, such as '12 mm'.")
+    ] = None,
+    overall_stiffness: Annotated[
+        str | None,
+        typer.Option(help="Wanted stiffness together with the bias spring of `fit --arrangement`."),
+    ] = None,
+    tolerance: Annotated[str, typer.Option(help="How far off it may be: '5 %' or '4 N/m'.")] = "5 %",
+    probability: Annotated[float, typer.Option(help="With which it is to be met.")] = 0.9,
+    condition: Annotated[str | None, typer.Option(help="Only this condition.")] = None,
+    branch: Annotated[str | None, typer.Option(help="Only 'heating' or 'cooling'.")] = None,
+    extrapolate: Annotated[
+        float, typer.Option(help="How far to search beyond the measured temperatures; marked there.", min=0.0)
+    ] = 0.0,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Tell which temperatures give a wanted stiffness, force or displacement, and how surely."""
+    from sma_bayes.asking import answer_text
+    from sma_bayes.asking import ask as ask_folder
+
+    found = ask_folder(
+        folder,
+        stiffness=stiffness,
+        force=force,
+        displacement=displacement,
+        overall_stiffness=overall_stiffness,
+        tolerance=tolerance,
+        probability=probability,
+        condition=condition,
+        branch=branch,
+        extrapolate=extrapolate,
+    )
+    _finish(found, quiet, as_json, lambda: typer.echo(answer_text(found)))
+
+
+@app.command()
 def report(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder that fit, gap or compare has written.")

@@ -6,6 +6,7 @@ three channels as a spring (force, displacement, stiffness): the model is the sa
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from tokenize import TokenError
@@ -148,6 +149,28 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
             expected=f"a unit that can be turned into {to!r}",
             remedy="correct the unit or map the column to another quantity",
         ) from None
+
+
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+
+def number_and_unit(text: str, *, what: str = "value") -> tuple[float, str]:
+    """Take a number with its unit apart; the unit is empty where none is given.
+
+    Raises
+    ------
+    QuantityError
+        If it does not begin with a finite number.
+
+    Examples
+    --------
+    >>> number_and_unit("130 N/m"), number_and_unit("1.3N/cm"), number_and_unit("-2e-3")
+    ((130.0, 'N/m'), (1.3, 'N/cm'), (-0.002, ''))
+    """
+    found = _NUMBER.fullmatch(text)
+    if found is None or not np.isfinite(float(found[1])):
+        raise QuantityError(f"{what} {text!r}", expected="a number with its unit, such as '130 N/m'")
+    return float(found[1]), found[2]
 
 
 def unit_text(unit: str) -> str:

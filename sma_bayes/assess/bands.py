@@ -137,11 +137,17 @@ def overall_band(fit: Fit, bias: BiasSpring, record: int = 0, extrapolate: float
     if "stiffness" not in band_channels(r) or r.specimen or unit == ARBITRARY:
         return None
     t = temperature_grid(r, extrapolate)
-    rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 5, *r.key.encode()]))
     k1 = curve_draws(fit, "stiffness", t, record)
-    k2 = convert(bias.stiffness + bias.sd * rng.standard_normal(len(k1)), "N/m", unit, what="bias stiffness")
+    k2 = bias_draws(bias, fit.seed, r.key, len(k1), unit)
     curve = overall_stiffness(k1, k2[:, None], bias.arrangement)
     return _band(r, "overall_stiffness", t, curve, _no_measurement(t))
+
+
+def bias_draws(bias: BiasSpring, seed: int, key: str, size: int, unit: str) -> Floats:
+    """Stiffness of the bias spring for each draw of a record [unit], shape (size,)."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 5, *key.encode()]))
+    drawn = bias.stiffness + bias.sd * rng.standard_normal(size)
+    return convert(drawn, "N/m", unit, what="bias stiffness")
 
 
 def simultaneous_band(curve: Floats) -> dict[str, Floats]:

@@ -33,11 +33,15 @@ class RecordDraws:
     theta : ndarray, shape (S, P)
         Draws of all its parameters, those of the noise behind those of the model; errors of a calibration included.
     converged : bool
+    stiffness_error : tuple of ndarray, shape (S,), optional
+        Gain and shift that the uncertain calibration of a measured stiffness adds to each draw; that of force and
+        displacement is in `theta`.
     """
 
     posterior: Posterior
     theta: Floats
     converged: bool
+    stiffness_error: tuple[Floats, Floats] | None = None
 
     @property
     def record(self) -> Record:
@@ -125,8 +129,12 @@ class RecordDraws:
         return np.linspace(self.coldest, self.hottest, GRID)
 
     def curve(self, channel: str, temperature: Floats) -> Floats:
-        """Curve of a channel for each draw, shape (S, m); see `curve_of`."""
-        return curve_of(self.posterior.model, self.curve_theta, channel, temperature)
+        """Curve of a channel for each draw, shape (S, m), calibration included; see `curve_of`."""
+        curve = curve_of(self.posterior.model, self.curve_theta, channel, temperature)
+        if channel == "stiffness" and self.stiffness_error is not None:
+            gain, shift = self.stiffness_error
+            return gain[:, None] * curve + shift[:, None]
+        return curve
 
 
 def curve_of(model: ResponseModel, theta: Floats, channel: str, temperature: Floats) -> Floats:
@@ -137,7 +145,7 @@ def curve_of(model: ResponseModel, theta: Floats, channel: str, temperature: Flo
     model : ResponseModel
     theta : ndarray, shape (S, P)
     channel : str
-    temperature : ndarray, shape (m,)
+    temperature : ndarray, shape (m,) or (S, m)
 
     Returns
     -------
@@ -160,4 +168,5 @@ def record_draws(fit: Fit, record: int = 0) -> RecordDraws:
     """
     whole = fit.posterior
     own = Posterior((whole.records[record],), whole.model, whole.noise, whole.space, (whole.layout[record],))
-    return RecordDraws(own, fit.calibrated(record), fit.converged)
+    stiffness_error = fit.calibration_draws(record).get("stiffness")
+    return RecordDraws(own, fit.calibrated(record), fit.converged, stiffness_error)

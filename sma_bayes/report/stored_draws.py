@@ -19,6 +19,7 @@ from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
 from sma_bayes.report.outputs import FINISH, StoredRecord, StoredRun, posterior_path, read_record, read_run
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.results.fit import calibration_errors
 
 FIRST_NOISE: Final = "_sd"
 """End of the name of the first noise parameter of a channel."""
@@ -45,10 +46,23 @@ def stored_draws(folder: str | Path) -> tuple[RecordDraws, ...]:
             expected="parameters of their own for each condition, from which their differences are learnt",
             remedy="fit again without --pool campaign",
         )
-    return tuple(_draws(run, r) for r in run.summary["records"])
+    return tuple(draws_of(run, r) for r in run.summary["records"])
 
 
-def _draws(run: StoredRun, summary: Mapping[str, Any]) -> RecordDraws:
+def draws_of(run: StoredRun, summary: Mapping[str, Any]) -> RecordDraws:
+    """Draws of one record of a fit.
+
+    Parameters
+    ----------
+    run : StoredRun
+    summary : mapping
+        Its entry in the ``records`` of ``summary.json``.
+
+    Raises
+    ------
+    OutputError
+        If its posterior is damaged or does not belong to the summary.
+    """
     path = posterior_path(run.folder, summary["key"])
     stored = read_record(path)
     try:
@@ -61,7 +75,10 @@ def _draws(run: StoredRun, summary: Mapping[str, Any]) -> RecordDraws:
             expected="the posterior that this fit wrote",
             remedy=FINISH,
         ) from None
-    return RecordDraws(posterior, theta, bool(summary["converged"]))
+    record = posterior.records[0]
+    known = {c: k for c, k in record.calibration.items() if c in record.channels}
+    errors = calibration_errors(known, int(run.summary["seed"]), record.key, len(theta))
+    return RecordDraws(posterior, theta, bool(summary["converged"]), errors.get("stiffness"))
 
 
 def _posterior(summary: Mapping[str, Any], stored: StoredRecord) -> Posterior:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -84,12 +85,8 @@ class Fit:
             Channel to two arrays of shape (G N,).
         """
         r = self.records[record]
-        rng = np.random.default_rng(np.random.SeedSequence([self.seed, *r.key.encode()]))
-        return {
-            channel: _calibration_error(calibration, rng, len(self.flat))
-            for channel, calibration in r.calibration.items()
-            if channel in r.channels and (calibration.relative_scale_sd > 0 or calibration.offset_sd > 0)
-        }
+        known = {channel: c for channel, c in r.calibration.items() if channel in r.channels}
+        return calibration_errors(known, self.seed, r.key, len(self.flat))
 
     def calibrated(self, record: int = 0) -> Floats:
         """Kept draws (G N, P) with the uncertainty of the calibration carried into spans and offsets."""
@@ -103,6 +100,28 @@ class Fit:
             theta[:, size] *= gain
             theta[:, offset] = gain * theta[:, offset] + shift
         return theta
+
+
+def calibration_errors(
+    calibration: Mapping[str, Calibration], seed: int, key: str, size: int
+) -> dict[str, tuple[Floats, Floats]]:
+    """Gain and shift of each channel whose calibration is uncertain, `size` of each; see `Fit.calibration_draws`.
+
+    Parameters
+    ----------
+    calibration : mapping of str to Calibration
+        Of the observed channels.
+    seed : int
+    key : str
+        Of the record.
+    size : int
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed, *key.encode()]))
+    return {
+        channel: _calibration_error(c, rng, size)
+        for channel, c in calibration.items()
+        if c.relative_scale_sd > 0 or c.offset_sd > 0
+    }
 
 
 def _calibration_error(c: Calibration, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:

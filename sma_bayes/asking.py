@@ -1,0 +1,408 @@
+"""Inverse questions to a finished fit: which temperature gives a wanted stiffness, force or displacement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sma_bayes.assess.bands import bias_draws
+from sma_bayes.assess.inverse import GRID, Passage, Stretch, met, passages
+from sma_bayes.conditions.draws import RecordDraws
+from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
+from sma_bayes.quantities import (
+    ARBITRARY,
+    QUANTITIES,
+    SPECIMEN_QUANTITY,
+    Floats,
+    convert,
+    number_and_unit,
+    unit_text,
+)  # fmt: skip
+from sma_bayes.records.types import Branch
+from sma_bayes.report.outputs import StoredRun, read_run
+from sma_bayes.report.stored_draws import draws_of
+from sma_bayes.response.arrangement import Arrangement, BiasSpring, overall_stiffness
+from sma_bayes.results.store import plain
+
+SCHEMA: Final = "sma-bayes/ask/1"
+OVERALL: Final = "overall_stiffness"
+"""Stiffness of the spring together with its bias spring, Eq. (8)."""
+WANTED: Final = ("stiffness", "force", "displacement", OVERALL)
+"""What can be asked for; one at a time. Of a specimen they mean modulus, stress, strain."""
+TOLERANCE: Final = "5 %"
+PROBABILITY: Final = 0.9
+
+Curve = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """What is wanted, as it was put.
+
+    Attributes
+    ----------
+    channel, value, tolerance : str
+    probability : float
+    extrapolate : float
+        How far beyond the measured temperatures to search [unit of temperature].
+    """
+
+    channel: str
+    value: str
+    tolerance: str
+    probability: float
+    extrapolate: float
+
+
+def ask(
+    folder: str | Path,
+    *,
+    stiffness: str | None = None,
+    force: str | None = None,
+    displacement: str | None = None,
+    overall_stiffness: str | None = None,
+    tolerance: str = TOLERANCE,
+    probability: float = PROBABILITY,
+    condition: str | None = None,
+    branch: str | None = None,
+    extrapolate: float = 0.0,
+) -> dict[str, Any]:
+    """Temperatures that give a wanted value, from the posteriors of a finished fit.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Output folder of `fit` or `demo`.
+    stiffness, force, displacement, overall_stiffness : str, optional
+        The wanted value with its unit, ``"130 N/m"``; exactly one of them. Of a specimen they mean modulus, stress and
+        strain. `overall_stiffness` is that of the spring with the bias spring which the fit was told of.
+    tolerance : str
+        How far off the value may be: a share, ``"5 %"``, or in a unit, ``"4 N/m"``.
+    probability : float
+        With which the value is to be met, and which the intervals hold [1].
+    condition, branch : str, optional
+        Only this condition, only ``heating`` or ``cooling``.
+    extrapolate : float
+        How far beyond the measured temperatures to search [unit of temperature]; what is found there is marked.
+
+    Returns
+    -------
+    dict
+        ``sma-bayes/ask/1``: see docs/reference/files.md.
+
+    Raises
+    ------
+    SmaBayesError
+        If not exactly one value is wanted, or probability or range make no sense.
+    QuantityError
+        If a value has no unit, or an unknown or wrong one.
+    UnknownNameError
+        If there is no such condition or branch.
+    MeasurementError
+        If none of the records has what is asked for.
+    OutputError
+        If the folder holds no finished fit.
+    """
+    given = dict(zip(WANTED, (stiffness, force, displacement, overall_stiffness), strict=True))
+    wanted = {channel: value for channel, value in given.items() if value is not None}
+    if len(wanted) != 1:
+        raise SmaBayesError(
+            f"{len(wanted)} values are asked for" if wanted else "no value is asked for",
+            expected=f"exactly one of {', '.join(WANTED)}, such as --stiffness '130 N/m'",
+        )
+    ((channel, value),) = wanted.items()
+    if not 0.0 < probability <= 1.0:
+        raise SmaBayesError(f"probability {probability}", expected="more than 0 and at most 1")
+    if not (np.isfinite(extrapolate) and extrapolate >= 0.0):
+        raise SmaBayesError(f"--extrapolate {extrapolate}", expected="a finite number of degrees, at least 0")
+    run = read_run(Path(folder))
+    records = _selected(run, condition, branch)
+    question = _Question(channel, value, tolerance, probability, extrapolate)
+    able = [r for r in records if not _lacking(run, r, channel)]
+    if not able:
+        which = records[0]["key"] if len(records) == 1 else f"any of the {len(records)} records"
+        raise MeasurementError(
+            f"no {_named(_name(records[0], channel))} follows from {which}: {_lacking(run, records[0], channel)}",
+            file=folder,
+            expected=f"one of {', '.join(_has(run, records))}",
+        )
+    answers = [_answer(run, r, question) for r in able]
+    document: dict[str, Any] = plain({
+        "schema": SCHEMA,
+        "campaign": run.summary["campaign"],
+        "seed": run.summary["seed"],
+        "data_sha256": run.summary["data_sha256"],
+        "quantity": answers[0]["quantity"],
+        "value": value,
+        "tolerance": tolerance,
+        "probability": probability,
+        "extrapolate": extrapolate,
+        "converged": all(a["converged"] for a in answers),
+        "answers": answers,
+        "without": {r["key"]: _lacking(run, r, channel) for r in records if r not in able},
+    })  # fmt: skip
+    return document
+
+
+def _selected(run: StoredRun, condition: str | None, branch: str | None) -> list[Mapping[str, Any]]:
+    records = list(run.summary["records"])
+    branches = [b.value for b in Branch]
+    if branch is not None and branch not in branches:
+        raise UnknownNameError(f"unknown branch {branch!r}", expected=near_matches(branch, branches))
+    ids = {r["condition"] for r in records}
+    if condition is not None and condition not in ids:
+        raise UnknownNameError(
+            f"unknown condition {condition!r}", file=run.folder, expected=near_matches(condition, ids)
+        )
+    found = [
+        r for r in records
+        if condition in (None, r["condition"]) and branch in (None, r["branch"])
+    ]  # fmt: skip
+    if not found:
+        raise UnknownNameError(
+            f"{condition or 'the campaign'} has no {branch} branch",
+            file=run.folder,
+            expected=", ".join(r["key"] for r in records if condition in (None, r["condition"])),
+        )
+    return found
+
+
+def _name(record: Mapping[str, Any], channel: str) -> str:
+    """What a channel is called: strain for the displacement of a specimen."""
+    specimen = {q["name"] for q in record["quantities"].values()} & set(SPECIMEN_QUANTITY.values())
+    return SPECIMEN_QUANTITY.get(channel, channel) if specimen else channel
+
+
+def _named(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _has(run: StoredRun, records: Sequence[Mapping[str, Any]]) -> list[str]:
+    names = [_name(r, c) for c in WANTED for r in records if not _lacking(run, r, c)]
+    return [f"--{n.replace('_', '-')}" for n in dict.fromkeys(names)]
+
+
+def _lacking(run: StoredRun, record: Mapping[str, Any], channel: str) -> str:
+    """Why a record can't tell of a channel; empty where it can."""
+    known = record["quantities"]
+    if channel != OVERALL:
+        if channel in known:
+            return ""
+        held = record["held"].get(channel)
+        if held:
+            return f"the rig held it at {held['mean']:.4g} {unit_text(held['unit'])}"
+        if channel == "stiffness":
+            return "neither was it measured, nor were the two of which it is the slope"
+        return "it was not measured"
+    if not run.summary["options"].get("bias_spring"):
+        return "the fit was told of no bias spring (--arrangement)"
+    if "stiffness" not in known:
+        return "no stiffness follows from the record"
+    if known["stiffness"]["name"] != "stiffness" or ARBITRARY in known["stiffness"]["unit"]:
+        return "its stiffness can't be compared with that of the bias spring"
+    return ""
+
+
+def _answer(run: StoredRun, summary: Mapping[str, Any], question: _Question) -> dict[str, Any]:
+    draws = draws_of(run, summary)
+    channel = "stiffness" if question.channel == OVERALL else question.channel
+    unit = summary["quantities"][channel]["unit"]
+    target, bounds = _target(question, unit, _named(_name(summary, question.channel)))
+    low, high = draws.coldest, draws.hottest
+    ends = (low - question.extrapolate, high + question.extrapolate)
+    curve = _curve(run, draws, question.channel, unit)
+    found = passages(curve, *ends, target)
+    level = question.probability
+
+    def stretches(*between: float) -> dict[str, Any]:
+        surely = met(curve, *ends, (between[0], between[1]), near=_temperatures(found))
+        best, top = surely.best
+        most = {"temperature": best, "probability": top, "extrapolated": not low <= best <= high}
+        return {
+            "intervals": [_stretch(s, low, high) for s in surely.at_least(level)],
+            "best": most if top > 0.0 else None,
+        }
+
+    path = summary["path"]
+    return {
+        "key": summary["key"],
+        "condition": summary["condition"],
+        "branch": summary["branch"],
+        "converged": summary["converged"],
+        "quantity": _name(summary, question.channel),
+        "unit": unit,
+        "temperature_unit": summary["temperature"]["unit"],
+        "measured": [low, high],
+        "searched": list(ends),
+        "target": target,
+        "bounds": list(bounds),
+        **_extremes(curve, low, high, level),
+        **_reached(curve, found, target, (low, high), ends),
+        "passages": [_passage(p, level, low, high) for p in found],
+        "within": stretches(*bounds),
+        "at_least": stretches(target, np.inf),
+        "at_most": stretches(-np.inf, target),
+        "caution": path["message"] if channel == "stiffness" and path["kind"] != "path_slope" else None,
+    }
+
+
+def _target(question: _Question, unit: str, what: str) -> tuple[float, tuple[float, float]]:
+    """Wanted value and the bounds within which it will do [unit]."""
+    value = _in_unit(question.value, unit, what)
+    text = question.tolerance.strip()
+    if text.endswith("%"):
+        share, rest = number_and_unit(text[:-1], what="tolerance")
+        margin = abs(value) * share / 100.0
+        if rest:
+            raise QuantityError(f"tolerance {question.tolerance!r}", expected="such as '5 %' or '4 N/m'")
+    else:
+        margin = _in_unit(text, unit, "tolerance")
+    if not margin > 0.0:
+        raise QuantityError(
+            f"tolerance {question.tolerance!r} of {question.value!r}", expected="more than nothing"
+        )
+    return value, (value - margin, value + margin)
+
+
+def _in_unit(text: str, unit: str, what: str) -> float:
+    number, given = number_and_unit(text, what=what)
+    if not given and unit not in ("1", ARBITRARY):
+        raise QuantityError(
+            f"{what} {text!r} has no unit", expected=f"a number with its unit, such as '{number:g} {unit}'"
+        )
+    try:
+        return float(convert(number, given or unit, unit, what=what))
+    except QuantityError as error:
+        raise QuantityError(error.found, expected=error.expected) from None
+
+
+def _curve(run: StoredRun, draws: RecordDraws, channel: str, unit: str) -> Curve:
+    if channel != OVERALL:
+        return lambda temperature: draws.curve(channel, temperature)
+    stated = run.summary["options"]["bias_spring"]
+    bias = BiasSpring(Arrangement(stated["arrangement"]), stated["stiffness"], stated["sd"])
+    k2 = bias_draws(bias, int(run.summary["seed"]), draws.key, draws.size, unit)[:, None]
+    return lambda temperature: overall_stiffness(draws.curve("stiffness", temperature), k2, bias.arrangement)
+
+
+def _temperatures(found: Sequence[Passage]) -> Floats:
+    every = np.concatenate([p.draws for p in found]) if found else np.empty(0)
+    return np.asarray(every[np.isfinite(every)])
+
+
+def _reached(
+    curve: Curve, found: Sequence[Passage], target: float, measured: tuple[float, float], ends: tuple[float, float]
+) -> dict[str, float]:  # fmt: skip
+    """Shares of the curves that pass the value where it was measured, and that stay below or above it all along."""
+    above = curve(np.array(ends))[:, 0] >= target
+    passing = np.zeros(above.shape, dtype=bool)
+    inside = passing.copy()
+    for p in found:
+        passing |= np.isfinite(p.draws)
+        inside |= (p.draws >= measured[0]) & (p.draws <= measured[1])
+    return {
+        "reachable": float(np.mean(inside)),
+        "stays_below": float(np.mean(~passing & ~above)),
+        "stays_above": float(np.mean(~passing & above)),
+    }
+
+
+def _extremes(curve: Curve, low: float, high: float, level: float) -> dict[str, dict[str, float]]:
+    """Least and greatest value over the measured temperatures: what can be asked for at all."""
+    values = curve(np.linspace(low, high, GRID))
+    return {
+        "least": _interval(values.min(axis=1), level),
+        "greatest": _interval(values.max(axis=1), level),
+    }
+
+
+def _interval(draws: Floats, level: float) -> dict[str, float]:
+    """Median and equal-tailed interval of that level."""
+    tail = 0.5 * (1.0 - level)
+    return dict(
+        zip(("low", "median", "high"), np.quantile(draws, (tail, 0.5, 1.0 - tail)).tolist(), strict=True)
+    )
+
+
+def _passage(p: Passage, level: float, low: float, high: float) -> dict[str, Any]:
+    place = _interval(p.draws[np.isfinite(p.draws)], level)
+    beyond = place["low"] < low or place["high"] > high
+    return {"direction": p.direction, "probability": p.probability, **place, "extrapolated": beyond}
+
+
+def _stretch(s: Stretch, low: float, high: float) -> dict[str, Any]:
+    return {"low": s.low, "high": s.high, "extrapolated": bool(s.low < low or s.high > high)}
+
+
+def answer_text(found: Mapping[str, Any]) -> str:
+    """The answers in a few lines each, for a terminal."""
+    level = found["probability"]
+    lines = [
+        f"{found['campaign']}: {_named(found['quantity'])} {found['value']}, tolerance {found['tolerance']}, "
+        f"probability {level:g} or more"
+    ]
+    for a in found["answers"]:
+        lines += ["", *_answer_lines(a, level)]
+    if found["without"]:
+        lines.append("")
+    lines += [f"{key}: no answer, {why}" for key, why in found["without"].items()]
+    return "\n".join(lines)
+
+
+def _answer_lines(a: Mapping[str, Any], level: float) -> list[str]:
+    unit, degrees = unit_text(a["unit"]), unit_text(a["temperature_unit"])
+    symbol = QUANTITIES["stiffness" if a["quantity"] == OVERALL else a["quantity"]].symbol
+    low, high = a["measured"]
+    lines = [f"{a['key']}, measured from {low:.4g} to {high:.4g} {degrees}"]
+    if not a["converged"]:
+        lines.append("  NOT CONVERGED: these numbers must not be relied on")
+    wanted = f"{symbol} = {a['target']:.5g} {unit}".rstrip()
+    lines.append(f"  {wanted} is reached there with probability {a['reachable']:.3f}{_unreached(a)}")
+    lines += [
+        f"    {p['direction']} at {p['median']:.5g} {degrees} ({p['low']:.5g} to {p['high']:.5g}), "
+        f"with probability {p['probability']:.3f}{_mark(p)}"
+        for p in a["passages"]
+    ]
+    least, most = a["bounds"]
+    lines += [
+        f"  {least:.4g} to {most:.4g} {unit}".rstrip() + f": {_stretches(a['within'], level, degrees)}",
+        f"    {_most_surely(a['within']['best'], degrees)}",
+        f"  at least {a['target']:.5g} {unit}".rstrip() + f": {_stretches(a['at_least'], level, degrees)}",
+        f"  at most {a['target']:.5g} {unit}".rstrip() + f": {_stretches(a['at_most'], level, degrees)}",
+        f"  the whole range is {a['least']['median']:.4g} to {a['greatest']['median']:.4g} {unit}".rstrip(),
+    ]
+    if a["caution"]:
+        lines.append(f"  caution: {a['caution']}")
+    return lines
+
+
+def _unreached(a: Mapping[str, Any]) -> str:
+    told = [
+        f"stays {where} with probability {a[f'stays_{where}']:.3f}"
+        for where in ("below", "above")
+        if a[f"stays_{where}"] >= 0.005
+    ]
+    return f"; it {' and '.join(told)}" if told else ""
+
+
+def _most_surely(best: Mapping[str, Any] | None, degrees: str) -> str:
+    if best is None:
+        return "at no temperature in any draw"
+    place = f"most surely at {best['temperature']:.5g} {degrees}"
+    return f"{place}, with probability {best['probability']:.3f}{_mark(best)}"
+
+
+def _stretches(found: Mapping[str, Any], level: float, degrees: str) -> str:
+    if not found["intervals"]:
+        return f"nowhere with probability {level:g}"
+    return " and ".join(
+        f"{s['low']:.5g} to {s['high']:.5g} {degrees}{_mark(s)}" for s in found["intervals"]
+    )  # fmt: skip
+
+
+def _mark(part: Mapping[str, Any]) -> str:
+    return " [extrapolated]" if part["extrapolated"] else ""

@@ -1,0 +1,172 @@
+"""The inverse question: the temperatures at which a curve has a wanted value, and how sure that is.
+
+Each draw of the posterior is a curve. Where a curve passes the wanted value is a temperature of that draw; over all
+draws these temperatures have a distribution. It is not the same as the set of temperatures at which the value is met
+within a tolerance with a stated probability: that one is what a controller may aim at, and may well be empty. Eq. (7)
+can be a hump, so that a stiffness is met twice, once rising and once falling, or not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.quantities import Floats
+
+Curve = Callable[[Floats], Floats]
+"""Curves of N draws: temperatures of shape (m,) or (N, m) to values of shape (N, m)."""
+
+GRID = 401
+"""Temperatures at which curves are searched for passages."""
+NEAR = 201
+"""Further temperatures about each passage, so that a short stretch between two of the others is not missed."""
+_HALVINGS = 50
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Passage:
+    """Where curves pass a value.
+
+    Attributes
+    ----------
+    direction : str
+        ``rising`` or ``falling`` with temperature.
+    draws : ndarray, shape (N,)
+        Temperature at which each curve does; NaN where it does not.
+    """
+
+    direction: str
+    draws: Floats
+
+    @property
+    def probability(self) -> float:
+        """Share of the curves that pass the value so [1]."""
+        return float(np.mean(np.isfinite(self.draws)))
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Temperatures from `low` to `high`."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Met:
+    """How surely a value between two bounds is met, temperature by temperature.
+
+    Attributes
+    ----------
+    temperature, probability : ndarray, shape (m,)
+        Share of the curves that lie between the bounds [1].
+    """
+
+    temperature: Floats
+    probability: Floats
+
+    def at_least(self, probability: float) -> tuple[Stretch, ...]:
+        """Stretches in which the probability is that or more; ends between two temperatures are interpolated."""
+        t, p = self.temperature, self.probability - probability
+        inside = p >= 0.0
+        out = []
+        for first, last in _runs(inside):
+            low = t[first] if first == 0 else _root(t[first - 1 : first + 1], p[first - 1 : first + 1])
+            high = t[last] if last == t.size - 1 else _root(t[last : last + 2], p[last : last + 2])
+            out.append(Stretch(float(low), float(high)))
+        return tuple(out)
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """Temperature at which the value is met most surely, and that probability: the middle where several tie."""
+        top = float(self.probability.max())
+        first, last = max(
+            _runs(self.probability >= top),
+            key=lambda run: self.temperature[run[1]] - self.temperature[run[0]],
+        )
+        return 0.5 * float(self.temperature[first] + self.temperature[last]), top
+
+
+def passages(curve: Curve, low: float, high: float, value: float) -> tuple[Passage, ...]:
+    """Temperatures between two ends at which each curve passes a value, in order of direction.
+
+    Parameters
+    ----------
+    curve : callable
+    low, high : float
+        Ends of the search.
+    value : float
+        Wanted value [unit of the curve].
+
+    Returns
+    -------
+    tuple of Passage
+        Rising ones first; another of the same direction for curves that pass the value more than once so.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> hump = lambda t: 9.0 - (t - np.array([[50.0], [51.0]])) ** 2
+    >>> [(p.direction, p.draws.round(6).tolist()) for p in passages(hump, 40.0, 60.0, 5.0)]
+    [('rising', [48.0, 49.0]), ('falling', [52.0, 53.0])]
+    """
+    t = np.linspace(low, high, GRID)
+    above = curve(t) >= value
+    out = []
+    for direction, change in (
+        ("rising", ~above[:, :-1] & above[:, 1:]),
+        ("falling", above[:, :-1] & ~above[:, 1:]),
+    ):
+        count = change.cumsum(axis=1)
+        for number in range(1, int(count.max(initial=0)) + 1):
+            here = change & (count == number)
+            cell = np.argmax(here, axis=1)
+            place = _halved(curve, t[cell], t[cell + 1], value, rising=direction == "rising")
+            out.append(Passage(direction, np.where(here.any(axis=1), place, np.nan)))
+    return tuple(out)
+
+
+def _halved(curve: Curve, low: Floats, high: Floats, value: float, *, rising: bool) -> Floats:
+    """Passages within cells, one for each curve, by halving."""
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        before = (curve(middle[:, None])[:, 0] < value) == rising
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return 0.5 * (low + high)
+
+
+def met(curve: Curve, low: float, high: float, bounds: tuple[float, float], *, near: Floats) -> Met:
+    """How surely curves lie between two bounds.
+
+    Parameters
+    ----------
+    curve : callable
+    low, high : float
+        Ends of the search.
+    bounds : tuple of float
+        Least and greatest value that will do, infinite where there is none [unit of the curve].
+    near : ndarray
+        Temperatures of passages; about them the search is finer.
+    """
+    cell = (high - low) / (GRID - 1)
+    grids = [np.linspace(low, high, GRID)]
+    if near.size:
+        grids.append(np.linspace(near.min() - cell, near.max() + cell, NEAR))
+        grids.append(np.quantile(near, np.linspace(0.0, 1.0, NEAR)))
+    t = np.unique(np.clip(np.concatenate(grids), low, high))
+    values = curve(t)
+    return Met(t, np.mean((values >= bounds[0]) & (values <= bounds[1]), axis=0))
+
+
+def _runs(inside: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:
+    """First and last index of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
+    for first, after in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        yield first, after - 1
+
+
+def _root(t: Floats, p: Floats) -> float:
+    """Where a straight line through two points is zero."""
+    return float(t[0] - p[0] * (t[1] - t[0]) / (p[1] - p[0]))

@@ -1,0 +1,174 @@
+"""`ask` against the bands that the same fit wrote, and what it refuses."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sma_bayes
+from sma_bayes.errors import (
+    MeasurementError,
+    OutputError,
+    QuantityError,
+    SmaBayesError,
+    UnknownNameError,
+)
+from sma_bayes.records.types import Branch, Calibration, Campaign, Record
+from sma_bayes.response.arrangement import Arrangement, BiasSpring
+from sma_bayes.workflow import fit_campaign
+
+
+@pytest.fixture(scope="module")
+def folder(make_record: Callable[..., Record], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fit of a spring with a bias spring, of a stiffness with an uncertain scale, and of a specimen's strain."""
+    stiff = make_record(("stiffness",), n=40, B2=0.45, condition="k")
+    strain = make_record(("displacement",), n=40, condition="wire", A1=-0.04)
+    records = (
+        *(make_record(n=40, branch=b, seed=i, B2=0.45) for i, b in enumerate(Branch)),
+        replace(stiff, calibration={"stiffness": Calibration(0.05, 0.0, 2.0)}),
+        replace(strain, specimen=True, units={**strain.units, "displacement": "1"}),
+    )
+    out = tmp_path_factory.mktemp("asked") / "fit"
+    campaign = Campaign("spring", "spring", "0" * 64, records)
+    bias = BiasSpring(Arrangement.PARALLEL)
+    fit_campaign(campaign, out, noise="independent", bias=bias, jobs=1, figures=False)
+    return out
+
+
+def band_of(folder: Path, key: str, channel: str) -> dict[str, Any]:
+    with (folder / "bands" / f"{key}-{channel}.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {
+        name: np.array([float(r[name] or "nan") for r in rows]) for name in rows[0] if name != "extrapolated"
+    }
+
+
+@pytest.mark.parametrize(
+    ("key", "channel", "asked"),
+    [
+        ("c-heating", "stiffness", {"stiffness": "150 N/m"}),
+        ("c-cooling", "stiffness", {"stiffness": "0.15 N/mm"}),
+        ("c-heating", "force", {"force": "150 gram_force"}),
+        ("c-cooling", "displacement", {"displacement": "12 mm"}),
+        ("c-heating", "overall_stiffness", {"overall_stiffness": "280 N/m"}),
+        ("k-heating", "stiffness", {"stiffness": "150 N/m"}),
+        ("wire-heating", "displacement", {"displacement": "-1.8 percent"}),
+    ],
+)
+def test_where_the_bands_pass_the_value_the_stretches_end(
+    folder: Path, key: str, channel: str, asked: dict[str, str]
+) -> None:
+    """The curve is at least K* with probability 0.95 where its 5 % quantile is: bands are written by other code."""
+    condition, branch = key.rsplit("-", 1)
+    found = sma_bayes.ask(folder, **asked, condition=condition, branch=branch, probability=0.95)
+    (answer,) = found["answers"]
+    band = band_of(folder, key, channel)
+    t = band["temperature_degC"]
+    for kind, quantile, sign in (("at_least", "q05", 1.0), ("at_most", "q95", -1.0)):
+        apart = sign * (band[quantile] - answer["target"])
+        edges = np.flatnonzero(np.diff(np.sign(apart)))
+        crossings = [t[i] - apart[i] * (t[i + 1] - t[i]) / (apart[i + 1] - apart[i]) for i in edges]
+        assert crossings
+        told = [e for s in answer[kind]["intervals"] for e in (s["low"], s["high"])]
+        inner = [e for e in told if t[0] + 1e-9 < e < t[-1] - 1e-9]
+        np.testing.assert_allclose(inner, crossings, atol=0.03)
+    assert answer["reachable"] == 1.0
+    low, high = (answer[end][q] for end, q in (("least", "median"), ("greatest", "median")))
+    assert low < answer["target"] < high
+
+
+def test_within_a_tolerance(folder: Path) -> None:
+    """Brute force: draws of the stored posterior, counted on a fine grid."""
+    found = sma_bayes.ask(folder, stiffness="150 N/m", tolerance="20 N/m", condition="c", branch="heating")
+    (answer,) = found["answers"]
+    assert answer["bounds"] == [130.0, 170.0]
+    draws = next(d for d in sma_bayes.stored_draws(folder) if d.key == "c-heating")
+    t = np.linspace(*answer["measured"], 3001)
+    sure = np.mean(np.abs(draws.curve("stiffness", t) - 150.0) <= 20.0, axis=0)
+    inside = np.flatnonzero(sure >= 0.9)
+    assert inside.size > 3
+    starts = inside[np.diff(inside, prepend=-2) > 1]
+    told = [s["low"] for s in answer["within"]["intervals"]]
+    np.testing.assert_allclose(told, t[starts], atol=0.02)
+    assert answer["within"]["best"]["probability"] == pytest.approx(sure.max(), abs=0.01)
+    passing = answer["passages"][0]
+    assert passing["low"] < passing["median"] < passing["high"]
+    assert found["converged"]
+    json.dumps(found, allow_nan=False)
+
+
+def test_what_is_not_reached_is_said_so_and_extrapolation_is_marked(folder: Path) -> None:
+    (answer,) = sma_bayes.ask(folder, force="9 N", condition="c", branch="heating")["answers"]
+    assert (answer["reachable"], answer["stays_below"], answer["stays_above"]) == (0.0, 1.0, 0.0)
+    assert answer["passages"] == answer["within"]["intervals"] == []
+    assert answer["within"]["best"] is None
+    (answer,) = sma_bayes.ask(folder, force="0.4 N", condition="c", branch="heating")["answers"]
+    assert answer["stays_above"] == 1.0
+    (answer,) = sma_bayes.ask(folder, stiffness="0.2 N/m", condition="c", branch="heating", extrapolate=60.0)[
+        "answers"
+    ]
+    assert answer["reachable"] < 0.05
+    assert answer["passages"]
+    assert all(p["extrapolated"] for p in answer["passages"])
+
+
+def test_records_that_cannot_tell_are_named(folder: Path) -> None:
+    found = sma_bayes.ask(folder, force="1.5 N")
+    assert [a["key"] for a in found["answers"]] == ["c-heating", "c-cooling"]
+    assert set(found["without"]) == {"k-heating", "wire-heating"}
+
+
+@pytest.mark.parametrize(
+    ("asked", "error", "told"),
+    [
+        ({}, SmaBayesError, "no value is asked for"),
+        ({"force": "1 N", "stiffness": "1 N/m"}, SmaBayesError, "2 values are asked for"),
+        ({"stiffness": "150"}, QuantityError, "has no unit"),
+        ({"stiffness": "150 N"}, QuantityError, "wrong kind"),
+        ({"stiffness": "150 N/furlng"}, QuantityError, "not known"),
+        ({"stiffness": "stiff"}, QuantityError, "stiffness 'stiff'"),
+        ({"stiffness": "150 N/m", "tolerance": "5"}, QuantityError, "tolerance '5' has no unit"),
+        ({"stiffness": "150 N/m", "tolerance": "-5 %"}, QuantityError, "tolerance"),
+        ({"stiffness": "150 N/m", "tolerance": "5 N %"}, QuantityError, "tolerance"),
+        ({"stiffness": "150 N/m", "probability": 0.0}, SmaBayesError, "probability 0"),
+        ({"stiffness": "150 N/m", "extrapolate": float("inf")}, SmaBayesError, "extrapolate"),
+        ({"stiffness": "150 N/m", "condition": "d"}, UnknownNameError, "unknown condition 'd'"),
+        ({"stiffness": "150 N/m", "branch": "heatin"}, UnknownNameError, "unknown branch"),
+        (
+            {"stiffness": "150 N/m", "condition": "k", "branch": "cooling"},
+            UnknownNameError,
+            "no cooling branch",
+        ),
+        ({"force": "1 N", "condition": "k"}, MeasurementError, "no force follows from k-heating"),
+        ({"force": "1 Pa", "condition": "wire"}, MeasurementError, "no stress follows from wire-heating"),
+        ({"overall_stiffness": "1 N/m", "condition": "wire"}, MeasurementError, "no overall stiffness"),
+    ],
+)
+def test_what_can_not_be_asked(
+    folder: Path, asked: dict[str, Any], error: type[SmaBayesError], told: str
+) -> None:
+    with pytest.raises(error, match=told):
+        sma_bayes.ask(folder, **asked)
+
+
+def test_a_folder_without_a_fit(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="holds no run"):
+        sma_bayes.ask(tmp_path, stiffness="1 N/m")
+
+
+def test_conditions_that_share_parameters_can_be_asked(
+    make_record: Callable[..., Record], tmp_path: Path
+) -> None:
+    records = tuple(make_record(("force",), n=30, condition=c, seed=i) for i, c in enumerate("ab"))
+    shared = Campaign("s", "s", "0" * 64, records)
+    fit_campaign(shared, tmp_path / "out", pool="campaign", noise="independent", jobs=1, figures=False)
+    found = sma_bayes.ask(tmp_path / "out", force="1.5 N")
+    a, b = (answer["passages"][0]["median"] for answer in found["answers"])
+    assert a == b
