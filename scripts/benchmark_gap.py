@@ -84,9 +84,11 @@ GOOD = {
 }
 """Outcomes that count as right. Where nothing is hidden only a name is wrong."""
 NAMED = ("right", "class", "part", "wrong", "confident")
-OTHER_SIZE = ("saturation", "temperature_gradient", "thermal_expansion", "ambient_draught", "latent_heat")
+OTHER_SIZE = (
+    "saturation", "temperature_gradient", "thermal_expansion", "ambient_draught", "latent_heat", "rate_dependence",
+)  # fmt: skip
 """Effects whose size is another quantity in the mechanism than in the catalogue: width, temperature, length of the
-part that expands, swing of the room, heat over another specific heat."""
+part that expands, swing of the room, heat over another specific heat, shift at another rate."""
 BOTH = 13.0
 """Size of two effects together from which both count as being there at 10 sigma: 14.1 but for what saturates."""
 

@@ -1,7 +1,7 @@
 """Campaigns with a mechanism hidden in them, of a stated size in sigma.
 
-The size is the norm of the whitened residuals that noise-free data with the mechanism leave once the plain model has
-been refitted to them: what no choice of its parameters absorbs. The mechanism is scaled to it; where that would take
+The size is the norm of the whitened residuals that the expected readings with the mechanism leave once the plain model
+has been refitted to them: what no choice of its parameters absorbs. The mechanism is scaled to it; where that would take
 it out of its physical range, the noise is scaled if up to eight times more or less of it is enough, and the mechanism
 all the same if not.
 """
@@ -22,7 +22,7 @@ from gap_benchmark.kinetics import KINETICS
 from gap_benchmark.noise import NOISES, Noise
 from gap_benchmark.rig import RIG
 from gap_benchmark.spring import CHANNELS, Floats
-from gap_benchmark.state import Hidden, Mechanism, Readings, Traits, simulate
+from gap_benchmark.state import Hidden, Mechanism, Readings, Stage, Traits, simulate
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 
 MECHANISMS: Mapping[str, Mechanism] = {m.id: m for m in (*KINETICS, *RIG)}
@@ -35,6 +35,8 @@ INSIDE = tuple(sorted(set(MECHANISMS) - {*OUTSIDE, *NEUTRAL}))
 
 NOISE_FACTOR = 8.0
 """How much more or less noise than usual there may be."""
+LIKELY = 400
+"""Equally likely values of the noise over which what a digitiser does is averaged."""
 PRECISION = 1e-4
 """Relative precision with which the size in sigma is met."""
 UNITS = {
@@ -143,23 +145,32 @@ class Bench:
             for r, e in zip(clean, self.errors, strict=True)
         )
 
-    def sigma(self, hidden: Sequence[Hidden], factor: float = 1.0) -> float:
-        """Size of what is hidden after the refit.
+    def expected(
+        self, clean: Sequence[Readings], hidden: Sequence[Hidden], factor: float
+    ) -> tuple[tuple[Readings, ...], dict[str, float]]:
+        """Mean of the readings over the noise, and standard deviation about it.
 
-        Steps of a digitiser depend on the noise that carries the readings over them; they are taken with it, and the
-        noise is subtracted again.
+        Without digitisers these are the clean ones and the noise. What a digitiser does to the mean depends on the
+        noise that carries readings over its steps; the rest of what it does is more noise.
         """
-        clean = self.readings(hidden)
-        if any(h.mechanism.id == "quantisation" for h in hidden):
-            noisy = self.measured(clean, hidden, factor)
-            back = [
-                _with(r, {c: r.channels[c] - factor * self.sd[c] * e[c] for c in self.sd})
-                for r, e in zip(noisy, self.errors, strict=True)
-            ]
-        else:
-            back = [_digitised(r, hidden) for r in clean]
         sd = {c: factor * s for c, s in self.sd.items()}
-        return size_in_sigma(leftover(back, self.noise, sd, pooled=self.pooled))
+        if not any(h.mechanism.stage is Stage.DIGITISER for h in hidden):
+            return tuple(clean), sd
+        drawn = np.sort(np.concatenate([e["force"] for e in self.errors]))
+        some = drawn[np.linspace(0, drawn.size - 1, LIKELY).round().astype(int)]
+        out, variances = [], []
+        for r in clean:
+            noisy = r.channels["force"] + sd["force"] * some[:, None]
+            read = _with(r, {"force": noisy})
+            force = _digitised(read, hidden).channels["force"]
+            out.append(_with(r, {"force": force.mean(axis=0)}))
+            variances.append(force.var(axis=0))
+        return tuple(out), {**sd, "force": float(np.sqrt(np.mean(variances)))}
+
+    def sigma(self, hidden: Sequence[Hidden], factor: float = 1.0) -> float:
+        """Size of what is hidden after the refit."""
+        expected, sd = self.expected(self.readings(hidden), hidden, factor)
+        return size_in_sigma(leftover(expected, self.noise, sd, pooled=self.pooled))
 
 
 def hide(

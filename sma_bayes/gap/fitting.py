@@ -79,6 +79,17 @@ class Fitted:
             columns - self.jacobian @ np.linalg.solve(self.precision, self.jacobian.T @ columns)
         )
 
+    def residual_at(self, z: Floats) -> Floats:
+        """Measured minus predicted (W, N) at other sampled coordinates (W, D)."""
+        theta = self.hypothesis.space.to_physical(z)
+        out = np.empty((len(z), self.whitened.size))
+        for i, history in enumerate(self.hypothesis.histories):
+            mu = self.hypothesis.predict(theta, i)
+            for block in self.blocks:
+                if block.history == i:
+                    out[:, block.at] = history.observed[block.channel] - mu[block.channel]
+        return out
+
     def whiten(self, series: Floats) -> Floats:
         """Stacked series (..., N) as innovations of unit variance."""
         return whiten(self.blocks, self.noise, series)

@@ -22,7 +22,7 @@ from scipy.special import logsumexp
 
 from sma_bayes.gap.fitting import Fitted
 from sma_bayes.gap.noise import Block
-from sma_bayes.gap.splines import bumps, grouped, one_of_each, times
+from sma_bayes.gap.splines import bumps, grouped, line, one_of_each, steps, times
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import sweep_rate
 
@@ -33,6 +33,8 @@ SIZES = np.geomspace(0.03, 100.0, 10)
 SIMULATED = "simulated temperature"
 ALONE = ("force", "displacement", "stiffness", SIMULATED, "drive phase")
 """Covariates of terms that are not tried on several channels together."""
+STEPS = 6
+"""Places at which a step in time is tried, at equal distances along each condition."""
 FAR = 500.0
 """Distance from the measured temperatures at which the transformation is over [K]."""
 
@@ -218,6 +220,9 @@ def _columns(v: dict[str, Floats]) -> list[tuple[str, Floats]]:
         out.append(("temperature and cycle", times(cycle, coarse)))
     clock = "time" if "time" in v else "order"
     out.append((clock, times(condition, bumps(v[clock], 10))))
+    out += [(clock, line(v[clock])), *((clock, step) for step in steps(v["condition"], STEPS))]
+    if cycle.shape[1] > 1:
+        out.append(("cycle", line(v["cycle"])))
     if "rate" in v and np.ptp(v["rate"]) > 0.0:
         out.append(("rate", times(branch, bumps(v["rate"], 8))))
         out.append(

@@ -105,7 +105,8 @@ def look(
     """
     found = sorted(gains(fitted, terms_of(fitted)), key=lambda g: -g.ln_bayes_factor)
     null = shuffled(fitted, rng, shuffles)
-    patterns: list[Signature] = [*found, *signatures]
+    # lines and steps, which the others contain, are there to be compared with effects, not to be looked for
+    patterns: list[Signature] = [*(g for g in found if g.term.columns.shape[1] > 1), *signatures]
     greatest = np.max([p.of(null) for p in patterns], axis=0)
     p, beyond = tail_probability(greatest, max(p.ln_bayes_factor for p in patterns))
     return Look(found, p, beyond)

@@ -37,6 +37,8 @@ REFITTED = 6
 """Greatest number of candidates that are refitted at a step."""
 CONTAINED = 0.5
 """Share of a signature from which on a flexible term stands for it."""
+THE_SAME = 0.99
+"""Share of every signature of an effect from which on a flexible term of a single column is that effect."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,7 +141,7 @@ def candidates(
             out.append(Candidate(s.effect, None, s.ln_bayes_factor))
             continue
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
-        guard, covariate = guard_of(signature_at_mode(fitted, found), flexible)
+        guard, covariate = guard_of(signature_at_mode(fitted, found), flexible, s)
         out.append(Candidate(s.effect, found, found.ln_evidence - fitted.ln_evidence, guard, covariate))
     return sorted(out, key=lambda c: -c.ln_bayes_factor)
 
@@ -214,17 +216,32 @@ def signature_at_mode(fitted: Fitted, extended: Fitted) -> Floats:
     return fitted.unabsorbed(fitted.whiten(change)[:, None])[:, 0]
 
 
-def guard_of(signature: Floats, flexible: Sequence[Gain]) -> tuple[float, str]:
+def guard_of(signature: Floats, flexible: Sequence[Gain], screened: Screened) -> tuple[float, str]:
     """Bayes factor of a flexible term that contains most of a signature, and the covariate of the best one.
 
-    Which of the terms that do is not known beforehand, so it is averaged over them.
+    Which of the terms that do is not known beforehand, so it is averaged over them. A line or a step is no guard
+    against an effect that can have no other form: it is the effect itself, without its name.
+
+    Parameters
+    ----------
+    signature : ndarray, shape (N,)
+        Of the effect at its mode, as of `signature_at_mode`.
+    flexible : sequence of Gain
+    screened : Screened
+        The effect over the grid of its parameters.
     """
-    size = float(signature @ signature)
     found = []
     for gain in flexible:
-        share = float(np.sum((gain.directions.T @ signature) ** 2 / gain.information)) / max(size, 1e-300)
-        if share >= CONTAINED:
+        if float(_contained(gain, signature[:, None])[0]) < CONTAINED:
+            continue
+        if gain.information.size > 1 or np.any(_contained(gain, screened.signatures) < THE_SAME):
             found.append((gain.ln_bayes_factor, gain.term.covariate))
     if not found:
         return -np.inf, ""
     return float(logsumexp([f[0] for f in found]) - np.log(len(found))), max(found)[1]
+
+
+def _contained(gain: Gain, signatures: Floats) -> Floats:
+    """Share of each signature (N, G) that a flexible term contains."""
+    parts = (gain.directions.T @ signatures) ** 2 / gain.information[:, None]
+    return np.asarray(parts.sum(axis=0) / np.maximum(np.einsum("ij,ij->j", signatures, signatures), 1e-300))

@@ -130,7 +130,7 @@ def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats) 
         if (
             block.channel == "temperature"
         ):  # as simulated: what was measured carries the very noise that is estimated
-            temperature = temperature - own
+            temperature = history.observed["temperature"] - own
         out.append(block_noise(own, block, smooth_columns(history, temperature)))
     return tuple(out)
 

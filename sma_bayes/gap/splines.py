@@ -1,4 +1,4 @@
-"""Columns of smooth functions: splines of a covariate, one level a cycle, and products of them."""
+"""Columns of simple functions: splines and lines of a covariate, one level a cycle, steps, products of them."""
 
 from __future__ import annotations
 
@@ -40,3 +40,17 @@ def times(a: Floats, b: Floats) -> Floats:
     """All products of a column of `a` (N, i) and one of `b` (N, j), without those that vanish."""
     product = (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
     return np.asarray(product[:, np.any(product != 0.0, axis=0)])
+
+
+def line(x: Floats) -> Floats:
+    """A straight line in a covariate, of unit spread, shape (N, 1)."""
+    return np.asarray((x - x.mean())[:, None] / max(float(np.std(x)), 1e-300))
+
+
+def steps(condition: Floats, count: int) -> list[Floats]:
+    """Steps between equal parts of the samples of each condition, which stay in order; `count` times (N, 1)."""
+    passed = np.empty(condition.size)
+    for label in np.unique(condition):
+        own = condition == label
+        passed[own] = (np.arange(int(own.sum())) + 0.5) / own.sum()
+    return [np.where(passed > k / (count + 1), 0.5, -0.5)[:, None] for k in range(1, count + 1)]

@@ -12,7 +12,7 @@ from sma_bayes.gap.fitting import Fitted, fit_hypothesis, fit_with_noise
 from sma_bayes.gap.flexible import gains, terms_of
 from sma_bayes.gap.hypothesis import Hypothesis, baseline
 from sma_bayes.gap.locate import Disagreement, Look, disagreements, look
-from sma_bayes.gap.name import Candidate, candidates, guard_of, screen_all, signature_at_mode
+from sma_bayes.gap.name import Candidate, candidates, guard_of, screen, screen_all, signature_at_mode
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
@@ -210,7 +210,7 @@ def _holds_beside(both: Fitted) -> bool:
     with_it = rest.hypothesis.extended(one)
     again = fit_hypothesis(with_it, _start_from(both, with_it), both.noise)
     gained = again.ln_evidence - rest.ln_evidence
-    guard, _ = guard_of(signature_at_mode(rest, again), gains(rest, terms_of(rest)))
+    guard, _ = guard_of(signature_at_mode(rest, again), gains(rest, terms_of(rest)), screen(rest, one))
     return gained >= WORTH and gained > guard
 
 

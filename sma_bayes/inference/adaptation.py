@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.special import logsumexp
@@ -16,6 +17,7 @@ from sma_bayes.inference.coordinates import NoiseScaledCoordinates, PredictiveCo
 from sma_bayes.inference.laplace import Density, Mode
 from sma_bayes.inference.proposals import (
     AnyProposal,
+    Coordinates,
     FactorisedMixture,
     MixedProposal,
     Mixture,
@@ -162,14 +164,67 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapt
     return best or _adapt_plain(density, mode, wide, rng)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """Where and how a density is nearly normal.
+
+    Attributes
+    ----------
+    coordinates : Coordinates
+    covariance : ndarray, shape (D, D)
+        In these coordinates, at the mode.
+    bent : int
+        How many coordinates, the last ones, may be far from normal; they are independent of the others.
+    """
+
+    coordinates: Coordinates
+    covariance: Floats
+    bent: int
+
+    def blocks(self) -> tuple[Ints, ...]:
+        """Coordinates that belong together: those that are nearly normal, if any, and the bent ones."""
+        d = len(self.covariance)
+        both = (np.arange(d - self.bent), np.arange(d - self.bent, d))
+        return tuple(block for block in both if block.size)
+
+    def mixture(self, centre: Floats, bends: Sequence[StudentMixture]) -> FactorisedMixture:
+        """One component about a centre (D,) where the density is nearly normal, then what is given for the bends."""
+        blocks = self.blocks()
+        normal = [_one(centre[b], self.covariance[np.ix_(b, b)]) for b in blocks[: -len(bends) or None]]
+        return FactorisedMixture(blocks, (*normal, *bends))
+
+
+@runtime_checkable
+class Shaped(Density, Protocol):
+    """A density that knows its shape."""
+
+    def shape(self) -> Shape:
+        """Coordinates for proposals, and what is known of the density in them."""
+        ...
+
+
+def _shape(density: Density, mode: Mode) -> Shape:
+    if isinstance(density, Shaped):
+        return density.shape()
+    return Shape(PlainCoordinates(), mode.covariance, mode.z.size)
+
+
+def _one(centre: Floats, covariance: Floats) -> StudentMixture:
+    return StudentMixture.from_covariances(np.ones(1), centre[None], covariance[None], DF)
+
+
 def _adapt_plain(density: Density, mode: Mode, wide: StudentMixture, rng: np.random.Generator) -> Adapted:
-    """Proposals in the density's own coordinates: one component, and several where one does not fit."""
-    one = StudentMixture.from_covariances(np.ones(1), mode.z[None], mode.covariance[None], DF)
-    found = _refine(density, Proposal(PlainCoordinates(), one, wide), rng)
-    if found.weights.efficiency >= USABLE:
+    """One component in the coordinates of the density, and several for what is bent where one does not fit."""
+    shape = _shape(density, mode)
+    centre = shape.coordinates.forward(mode.z[None])[0][0]
+    bent = shape.blocks()[-1]
+    bend = _one(centre[bent], shape.covariance[np.ix_(bent, bent)])
+    found = _refine(density, Proposal(shape.coordinates, shape.mixture(centre, [bend]), wide), rng)
+    if found.weights.efficiency >= GOOD:
         return found
-    several = _refine(density, Proposal(PlainCoordinates(), _spread(one, rng, 6), wide), rng, draws=4 * DRAWS)
-    return several if several.weights.efficiency > found.weights.efficiency else found
+    several = shape.mixture(centre, [_spread(bend, rng, 6)])
+    more = _refine(density, Proposal(shape.coordinates, several, wide), rng, draws=4 * DRAWS)
+    return more if more.weights.efficiency > found.weights.efficiency else found
 
 
 def _start(
@@ -302,17 +357,22 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
     chosen = z[rng.choice(len(z), size=min(len(z), 8000), replace=False)]
     covariance = np.cov(chosen.T).reshape(z.shape[1], z.shape[1])
     wide = StudentMixture.from_covariances(np.ones(1), chosen.mean(axis=0)[None], 4.0 * covariance[None], 4.0)
+    shape = _shape(density, modes[0])
     fit, rest = np.array_split(chosen, 2)
+    fit, _, _ = shape.coordinates.forward(fit)
+    bent = shape.blocks()[-1]
+    bend = np.cov(fit[:, bent].T).reshape(bent.size, bent.size)
     weight = np.full(len(fit), 1.0 / len(fit))
     log_prob = density.log_prob(rest)
     best: Adapted | None = None
     evaluations = len(rest)
     for components in (1, 4, 12, 32):
-        means = fit[rng.choice(len(fit), size=components, replace=False)]
+        means = fit[rng.choice(len(fit), size=components, replace=False)][:, bent]
         start = StudentMixture.from_covariances(
-            np.ones(components), means, np.repeat(covariance[None] / components, components, axis=0), DF
+            np.ones(components), means, np.repeat(bend[None] / components, components, axis=0), DF
         )
-        proposal = Proposal(PlainCoordinates(), start.refitted(fit, weight, rounds=40), wide)
+        narrow = shape.mixture(fit.mean(axis=0), [start]).refitted(fit, weight, rounds=40)
+        proposal = Proposal(shape.coordinates, narrow, wide)
         _, weights = _weigh(density, proposal, rng, 2 * DRAWS)
         evaluations += 2 * DRAWS
         if best is None or weights.efficiency > best.weights.efficiency:

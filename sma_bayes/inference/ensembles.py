@@ -58,6 +58,8 @@ class Plan:
         Steps of a block with differential evolution.
     evaluations : int
         Greatest number of evaluations of the density.
+    greatest_weight : float
+        Greatest importance weight, as a multiple of the mean weight, with which independence moves go on.
     """
 
     target: Target = field(default_factory=Target)
@@ -67,6 +69,7 @@ class Plan:
     burn: int = 4
     explore_block: int = 250
     evaluations: int = 6_000_000
+    greatest_weight: float = GREATEST_SHARE
 
     def __post_init__(self) -> None:
         if self.groups < 4:
@@ -131,7 +134,7 @@ Progress = Callable[[str], None]
 
 def sample(
     density: Density,
-    starts: Sequence[Floats],
+    starts: Sequence[Floats] | Sequence[Mode],
     width: Floats,
     seed: np.random.SeedSequence,
     plan: Plan | None = None,
@@ -145,8 +148,9 @@ def sample(
     Parameters
     ----------
     density : Density
-    starts : sequence of ndarray, shape (D,)
-        Points from which modes are climbed to. `dispersed_starts` finds some for a density without a warm start.
+    starts : sequence of ndarray, shape (D,), or of Mode
+        Points from which modes are climbed to, or modes where they are known. `dispersed_starts` finds points for a
+        density without a warm start.
     width : ndarray, shape (D,)
         Greatest plausible standard deviation of each coordinate: that of the prior.
     seed : numpy.random.SeedSequence
@@ -214,7 +218,7 @@ class _Run:
         self.evaluations += len(z)
         return self.density.log_prob(z)
 
-    def go(self, starts: Sequence[Floats]) -> Draws:
+    def go(self, starts: Sequence[Floats] | Sequence[Mode]) -> Draws:
         adapt_seed, explore_seed, first, second, third = self.seed.spawn(5)
         groups = self.plan.groups
         self.tell("climbing to the modes")
@@ -229,10 +233,10 @@ class _Run:
                 return draws
         return self._explore(adapted, modes, np.random.default_rng(explore_seed), third.spawn(groups))
 
-    def _modes(self, starts: Sequence[Floats]) -> tuple[Mode, ...]:
+    def _modes(self, starts: Sequence[Floats] | Sequence[Mode]) -> tuple[Mode, ...]:
         found = []
         for start in starts:
-            mode = climb(self.density, start, self.width)
+            mode = start if isinstance(start, Mode) else climb(self.density, start, self.width)
             if mode is not None:
                 found.append(mode)
                 self.evaluations += mode.evaluations
@@ -265,7 +269,9 @@ class _Run:
             for group in groups:
                 group.advance()
             weights = Weights(np.concatenate([group.log_weight for group in groups]))
-            if weights.efficiency < USABLE or weights.greatest > GREATEST_SHARE * max(1.0, 0.25 * blocks):
+            if weights.efficiency < USABLE or weights.greatest > plan.greatest_weight * max(
+                1.0, 0.25 * blocks
+            ):
                 return None
             chains = np.stack([group.chain[plan.burn :] for group in groups])
             convergence = assess(chains, plan.target)

@@ -7,10 +7,11 @@ happened before, so the gap workflow follows each condition along its whole hist
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.interpolate import make_smoothing_spline
 
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Campaign, Condition, Ints, Record
@@ -19,6 +20,9 @@ GAP = 5.0
 """Steps of time, in medians of the steps of the sweeps beside it, from which on samples no longer follow each other."""
 RATE_SAMPLES = 7
 """Samples of a sweep to which a straight line is fitted for dT/dt."""
+
+SMOOTHED_FROM = 10
+"""Fewest samples of a sweep through which a smoothing spline is laid."""
 
 SIGN = {Branch.HEATING: 1.0, Branch.COOLING: -1.0}
 """How a branch stands among the inputs."""
@@ -35,8 +39,8 @@ class History:
         ``temperature`` [degC]; ``branch``: 1 heating, -1 cooling; ``cycle``, from 1; ``segment``: samples of one
         uninterrupted sweep share a number; ``stretch``: samples between which nothing was left out share a number;
         ``order``: place in the history, from 0. Where they were recorded: ``time`` [s], ``rate``: dT/dt [K/s],
-        ``current`` [A], ``ambient_temperature`` [degC]; where they were set: ``load`` [N, or Pa of a specimen],
-        ``frequency`` [Hz], ``duty_cycle``.
+        ``typical_rate``: median of its magnitude over the campaign [K/s], ``current`` [A], ``ambient_temperature``
+        [degC]; where they were set: ``load`` [N, or Pa of a specimen], ``frequency`` [Hz], ``duty_cycle``.
     observed : mapping of str to ndarray, shape (n,)
         Channels among force, displacement, stiffness; temperature too where current and time were recorded, since it
         then is an outcome as well.
@@ -114,7 +118,13 @@ def histories(campaign: Campaign) -> tuple[History, ...]:
         In the order of the campaign's records.
     """
     conditions = dict.fromkeys(r.condition.id for r in campaign.records)
-    return tuple(_joined([r for r in campaign.records if r.condition.id == i]) for i in conditions)
+    found = tuple(_joined([r for r in campaign.records if r.condition.id == i]) for i in conditions)
+    rates = [np.abs(h.inputs["rate"]) for h in found if "rate" in h.inputs]
+    typical = float(np.median(np.concatenate(rates))) if rates else 0.0
+    return tuple(
+        replace(h, inputs={**h.inputs, "typical_rate": np.full(h.n, typical)}) if typical > 0.0 else h
+        for h in found
+    )
 
 
 def _joined(records: Sequence[Record]) -> History:
@@ -140,6 +150,7 @@ def _joined(records: Sequence[Record]) -> History:
     observed = {c: np.concatenate([r.observed[c] for r in records])[order] for c in channels}
     if timed and "current" in inputs:
         observed["temperature"] = inputs["temperature"]
+        inputs["temperature"] = smoothed(inputs["temperature"], inputs["time"], inputs["segment"])
     condition = first.condition
     for name, value in (
         ("load", condition.load), ("frequency", condition.frequency), ("duty_cycle", condition.duty_cycle),
@@ -157,6 +168,38 @@ def _joined(records: Sequence[Record]) -> History:
         max(r.rows_averaged for r in records),
         {c: h.mean for c, h in first.held.items()},
     )
+
+
+def smoothed(temperature: Floats, time: Floats, segment: Floats) -> Floats:
+    """Temperature of the alloy from noisy readings: a smoothing spline in time through each sweep.
+
+    A response that is computed from noisy readings of the temperature inherits their noise where it is steep, and
+    flattens there [1]_. How smooth it has to be, generalised cross-validation tells; readings without noise stay.
+
+    Parameters
+    ----------
+    temperature, time, segment : ndarray, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        As read, where a sweep has fewer than `SMOOTHED_FROM` samples or two at one time.
+
+    References
+    ----------
+    .. [1] Carroll, Ruppert, Stefanski and Crainiceanu, Measurement Error in Nonlinear Models (2006), regression
+       calibration.
+    """
+    out = temperature.copy()
+    starts = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1.0))
+    for low, high in zip(starts, [*starts[1:], segment.size], strict=True):
+        t = time[low:high]
+        if t.size >= SMOOTHED_FROM and np.all(np.diff(t) > 0.0):
+            scale = (t[-1] - t[0]) / t.size
+            out[low:high] = make_smoothing_spline((t - t[0]) / scale, temperature[low:high])(
+                (t - t[0]) / scale
+            )
+    return out
 
 
 def _interruptions(clock: Floats, sweep: Floats) -> Floats:

@@ -107,8 +107,10 @@ def test_the_path_shift_is_that_of_its_own_force(c: float) -> None:
 def test_a_fast_transformation_comes_late_on_both_branches() -> None:
     for branch, (size, rate, middle, offset) in ((1.0, HEATING[4:]), (-1.0, COOLING[4:])):
         temperature = RAMP[:: int(branch)]
-        inputs = inputs_of(temperature, branch, rate=np.full(RAMP.size, branch * 4.0))
-        late = temperature - branch * 1.5 * 4.0**0.5
+        inputs = inputs_of(
+            temperature, branch, rate=np.full(RAMP.size, branch * 4.0), typical_rate=np.full(RAMP.size, 0.5)
+        )
+        late = temperature - branch * 1.5 * (4.0 / 0.5) ** 0.5
         out = applied("rate_dependence", [1.5, 0.5], inputs)
         np.testing.assert_allclose(out["force"], offset + size * expit(rate * (late - middle)))
 

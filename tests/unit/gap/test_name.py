@@ -110,8 +110,21 @@ def test_the_guard_is_the_mean_of_the_terms_that_hold_most_of_a_signature(line, 
     assert shares[0] > 0.999
     assert shares[1] > 0.6
     assert shares[2] < 0.3
-    value, covariate = guard_of(signature, flexible)
+    screened = screen(fitted, effect)
+    value, covariate = guard_of(signature, flexible, screened)
     assert value == pytest.approx(np.log(np.mean([np.exp(f.ln_bayes_factor) for f in flexible[:2]])))
     assert covariate in ("holds it", "holds it too")
-    assert guard_of(signature, flexible[2:]) == (-np.inf, "")
-    assert guard_of(signature, flexible[:1]) == (flexible[0].ln_bayes_factor, "holds it")
+    assert guard_of(signature, flexible[2:], screened) == (-np.inf, "")
+    assert guard_of(signature, flexible[:1], screened) == (flexible[0].ln_bayes_factor, "holds it")
+
+
+def test_a_line_does_not_guard_against_an_effect_that_is_that_line(line, fitted, added) -> None:
+    """But against one that only comes near it."""
+    ramp = added("ramp", lambda v: v["order"] / 40.0, 0.2)
+    bent = added("bent", lambda v: (v["order"] / 40.0) ** 1.5, 0.2)
+    (term,) = gains(fitted, [Term("order", "displacement", column_of(ramp, line)[:, None])])
+    for effect, guarded in ((ramp, False), (bent, True)):
+        screened = screen(fitted, effect)
+        extended = fit_hypothesis(fitted.hypothesis.extended(effect), screened.start, fitted.noise)
+        value, _ = guard_of(signature_at_mode(fitted, extended), [term], screened)
+        assert np.isfinite(value) == guarded
