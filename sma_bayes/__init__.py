@@ -26,6 +26,7 @@ _PLACES = {
     "study_gap": "sma_bayes.workflow",
     "compare": "sma_bayes.comparing",
     "ask": "sma_bayes.asking",
+    "cluster": "sma_bayes.inference.jobs",
     "fit_records": "sma_bayes.results.fitting",
     "credible_band": "sma_bayes.assess.bands",
     "correlation_factors": "sma_bayes.assess.correlation",

@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import typer
 
 from sma_bayes import __version__
+from sma_bayes.account import Account
 from sma_bayes.errors import SmaBayesError
 
 MISTAKE, INTERRUPTED = 70, 130
@@ -68,7 +69,21 @@ BiasSd = Annotated[float, typer.Option(help="Standard deviation of that stiffnes
 Source = Annotated[
     Path, typer.Argument(metavar="PATH", help="Campaign folder, campaign.toml, or a data file.")
 ]
-Figures = Annotated[bool, typer.Option("--figures/--no-figures", help="Whether figures and report are made.")]
+Figures = Annotated[
+    str,
+    typer.Option(
+        help="'all', 'campaign': none of single conditions and records, 'none': no report either, or 'auto': all "
+        "up to 100 records, campaign beyond."
+    ),
+]
+NoFigures = Annotated[bool, typer.Option("--no-figures", help="The same as --figures none.")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Dask scheduler, such as tcp://head:8786, whose workers do the tasks instead of processes here.",
+    ),
+]
 
 
 def _version(wanted: bool) -> None:
@@ -92,7 +107,9 @@ def demo(
     seed: Seed = 0,
     jobs: Jobs = None,
     noise: Noise = "auto",
-    figures: Figures = True,
+    figures: Figures = "auto",
+    no_figures: NoFigures = False,
+    scheduler: Scheduler = None,
     resume: Resume = False,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -101,9 +118,11 @@ def demo(
     from sma_bayes.paper.twin import twin_campaign
     from sma_bayes.workflow import fit_campaign, is_run_of
 
-    campaign = twin_campaign(seed)
+    account = Account()
+    with account.timed("read"):
+        campaign = twin_campaign(seed)
     again = resume or is_run_of(out, campaign)
-    with _progress(quiet or as_json) as progress:
+    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
         summary = fit_campaign(
             campaign,
             out,
@@ -111,8 +130,9 @@ def demo(
             noise=noise,
             jobs=jobs,
             resume=again,
-            figures=figures,
+            figures="none" if no_figures else figures,
             progress=progress,
+            account=account,
         )
     _finish(summary, quiet, as_json, lambda: _show_fit(summary, out))
 
@@ -164,7 +184,9 @@ def fit(
     arrangement: Arranged = None,
     bias: Bias = 130.0,
     bias_sd: BiasSd = 6.5,
-    figures: Figures = True,
+    figures: Figures = "auto",
+    no_figures: NoFigures = False,
+    scheduler: Scheduler = None,
     resume: Resume = False,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -173,9 +195,12 @@ def fit(
     from sma_bayes.records.campaign import read_campaign
     from sma_bayes.workflow import bias_spring, fit_campaign, pool_named
 
-    with _progress(quiet or as_json) as progress:
+    account = Account()
+    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
+        with account.timed("read"):
+            campaign = read_campaign(path, data_dir=data)
         summary = fit_campaign(
-            read_campaign(path, data_dir=data),
+            campaign,
             out,
             seed=seed,
             noise=noise,
@@ -185,8 +210,9 @@ def fit(
             extrapolate=extrapolate,
             bias=bias_spring(arrangement, bias, bias_sd),
             resume=resume,
-            figures=figures,
+            figures="none" if no_figures else figures,
             progress=progress,
+            account=account,
         )
     _finish(summary, quiet, as_json, lambda: _show_fit(summary, out))
 
@@ -203,7 +229,9 @@ def gap(
         str, typer.Option(help="Only 'auto': the study estimates the noise by itself.")
     ] = "auto",
     pool: PoolChoice = "none",
-    figures: Figures = True,
+    figures: Figures = "auto",
+    no_figures: NoFigures = False,
+    scheduler: Scheduler = None,
     resume: Resume = False,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -212,9 +240,12 @@ def gap(
     from sma_bayes.records.campaign import read_campaign
     from sma_bayes.workflow import pool_named, study_gap
 
-    with _progress(quiet or as_json) as progress:
+    account = Account()
+    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
+        with account.timed("read"):
+            campaign = read_campaign(path, data_dir=data)
         found = study_gap(
-            read_campaign(path, data_dir=data),
+            campaign,
             out,
             seed=seed,
             noise=noise,
@@ -222,8 +253,9 @@ def gap(
             pool=pool_named(pool),
             jobs=jobs,
             resume=resume,
-            figures=figures,
+            figures="none" if no_figures else figures,
             progress=progress,
+            account=account,
         )
     _finish(found, quiet, as_json, lambda: _show_gap(found, out))
 
@@ -241,7 +273,9 @@ def compare(
         typer.Option(help="Noise model of all models, or 'auto': Gaussian, counting independent samples."),
     ] = "auto",
     pool: PoolChoice = "none",
-    figures: Figures = True,
+    figures: Figures = "auto",
+    no_figures: NoFigures = False,
+    scheduler: Scheduler = None,
     resume: Resume = False,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -252,9 +286,12 @@ def compare(
     from sma_bayes.records.campaign import read_campaign
     from sma_bayes.workflow import pool_named
 
-    with _progress(quiet or as_json) as progress:
+    account = Account()
+    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
+        with account.timed("read"):
+            campaign = read_campaign(path, data_dir=data)
         found = compare_campaign(
-            read_campaign(path, data_dir=data),
+            campaign,
             out,
             seed=seed,
             noise=noise,
@@ -262,8 +299,9 @@ def compare(
             pool=pool_named(pool),
             jobs=jobs,
             resume=resume,
-            figures=figures,
+            figures="none" if no_figures else figures,
             progress=progress,
+            account=account,
         )
     told = f"{summary_text(found)}\n{found['wall_s']:.1f} s; results in {out}"
     _finish(found, quiet, as_json, lambda: typer.echo(told))
@@ -319,14 +357,16 @@ def report(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder that fit, gap or compare has written.")
     ],
+    figures: Figures = "auto",
     jobs: Jobs = None,
+    scheduler: Scheduler = None,
     quiet: Quiet = False,
 ) -> None:
     """Rebuild the HTML report, figures and LaTeX tables from what a folder holds."""
     from sma_bayes.report.build import build_report
 
-    with _progress(quiet) as progress:
-        build_report(folder, jobs=jobs, progress=progress)
+    with _workers(scheduler, jobs), _progress(quiet) as progress:
+        build_report(folder, figures=figures, jobs=jobs, progress=progress)
     if not quiet:
         typer.echo(f"report: {folder / 'report.html'}")
 
@@ -366,6 +406,24 @@ def main() -> None:
         traceback.print_exc()
         print("error: this is a mistake in sma_bayes, please report the lines above", file=sys.stderr)
         sys.exit(MISTAKE)
+
+
+@contextmanager
+def _workers(scheduler: str | None, jobs: int | None) -> Iterator[None]:
+    """Where tasks are done: on processes of this machine, or on the cluster of a scheduler."""
+    if scheduler is None:
+        yield
+        return
+    if jobs is not None:
+        raise SmaBayesError(
+            f"--scheduler {scheduler} and --jobs {jobs}",
+            expected="one of the two: a cluster has as many workers as were started",
+            remedy="leave one of them out",
+        )
+    from sma_bayes.inference.jobs import cluster
+
+    with cluster(scheduler):
+        yield
 
 
 @contextmanager
@@ -438,7 +496,17 @@ def _show_fit(summary: dict[str, Any], out: Path) -> None:
     if not summary["converged"]:
         names = ", ".join(r["key"] for r in summary["records"] if not r["converged"])
         console.print(f"NOT CONVERGED: {names}. Their numbers must not be relied on.")
-    console.print(f"{summary['wall_s']:.1f} s; results in {out}", soft_wrap=True)
+    _show_end(console, summary, out)
+
+
+def _show_end(console: Any, found: dict[str, Any], out: Path) -> None:
+    if found.get("figures") == "campaign":
+        console.print(
+            f"figures of the campaign only; `sma-bayes report {out} --figures all` draws the others"
+        )
+    for text in found.get("workers", {}).get("lost", ()):
+        console.print(f"a worker came to an end ({text}); what it did was done again", soft_wrap=True)
+    console.print(f"{found['wall_s']:.1f} s; results in {out}", soft_wrap=True)
 
 
 VERDICTS = {
@@ -486,7 +554,7 @@ def _show_gap(found: dict[str, Any], out: Path) -> None:
             "NOT CONVERGED: draws and intervals must not be relied on; the verdict does not come from them.",
             soft_wrap=True,
         )
-    console.print(f"{found['wall_s']:.1f} s; results in {out}", soft_wrap=True)
+    _show_end(console, found, out)
 
 
 def _effect_text(e: dict[str, Any], *, partial: bool) -> str:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from sma_bayes.account import Account
 from sma_bayes.assess.comparison import AUTO, Comparison, compare_record
 from sma_bayes.assess.comparison_document import (
     SCHEMA,
@@ -33,17 +33,11 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.noise.effective_samples import EffectiveSamples
 from sma_bayes.parameters.priors_file import PriorSet, read_priors
 from sma_bayes.records.types import Branch, Campaign, Record
-from sma_bayes.results.store import plain, write_csv, write_json, write_text
-from sma_bayes.workflow import (
-    DEFAULT_PRIORS,
-    FitOptions,
-    Pool,
-    Progress,
-    all_versions,
-    claimed_folder,
-    report_once,
-    run_identity,
-)
+from sma_bayes.report.choice import figures_for
+from sma_bayes.results.store import plain, write_csv, write_text
+from sma_bayes.tasks import FitOptions, Pool
+from sma_bayes.under_way import Progress, UnderWay, silent
+from sma_bayes.workflow import DEFAULT_PRIORS, all_versions, claimed_folder, run_identity
 
 FEWEST_CONDITIONS = 2
 """Conditions that can be left out in turn."""
@@ -59,8 +53,9 @@ def compare(
     pool: Pool = "none",
     jobs: int | None = None,
     resume: bool = False,
-    figures: bool = True,
+    figures: str | bool = "auto",
     progress: Progress | None = None,
+    account: Account | None = None,
 ) -> dict[str, Any]:
     """Compare the modified sigmoid with the logistic and polynomial baselines.
 
@@ -83,9 +78,11 @@ def compare(
         Processes; by default one for each core.
     resume : bool
         Where `out` holds this very comparison already, only what is missing of its report is made.
-    figures : bool
-        Whether figures and the report are made.
+    figures : str or bool
+        ``all``, ``campaign`` (none of single records), ``none`` (no report either), or ``auto``: see `figures_for`.
     progress : callable, optional
+    account : Account, optional
+        Account to go on with, such as one in which the reading was timed.
 
     Returns
     -------
@@ -104,16 +101,15 @@ def compare(
     options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, noise, pool)
     records = units_of(campaign, pool)
     check(records, options)
-    tell = progress or (lambda done, total, message: None)
+    drawn = figures_for(figures, len(records))
+    work = UnderWay("comparison.json", jobs, drawn, progress or silent, account or Account())
     if out is None:
-        return _compared(campaign, records, None, options, jobs, tell)
-    folder = Path(out)
+        return work.with_account(_compared(campaign, records, None, options, work))
+    folder = Path(out).absolute()
     with claimed_folder(folder, {**run_identity(campaign, options), "kind": "compare"}, resume):
         finished = _finished(folder)
-        found = finished or _compared(campaign, records, folder, options, jobs, tell)
-    if figures:
-        report_once(folder, bool(finished), jobs, tell)
-    return found
+        found = finished or _compared(campaign, records, folder, options, work)
+    return work.end_again(folder, found) if finished else work.end(folder, found)
 
 
 def units_of(campaign: Campaign, pool: Pool) -> list[Record]:
@@ -173,18 +169,18 @@ def _compared(
     records: Sequence[Record],
     folder: Path | None,
     options: FitOptions,
-    jobs: int | None,
-    tell: Progress,
+    work: UnderWay,
 ) -> dict[str, Any]:
-    clock = time.perf_counter()
-    tell(0, len(records), "comparing")
+    work.tell(0, len(records), "comparing")
     comparisons = []
-    for found in run(_compare_task, [_Task(r, options) for r in records], jobs):
+    tasks = [_Task(r, options) for r in records]
+    for found in run(_compare_task, tasks, work.jobs, account=work.account, stage="compare"):
         comparisons.append(found)
-        tell(len(comparisons), len(records), f"compared {stem_of(found)}")
+        work.tell(len(comparisons), len(records), f"compared {stem_of(found)}")
         if folder is not None:
-            write_csv(folder / "curves" / f"{stem_of(found)}.csv", curve_columns(found))
-            write_csv(folder / "samples" / f"{stem_of(found)}.csv", sample_columns(found))
+            with work.account.timed("write"):
+                write_csv(folder / "curves" / f"{stem_of(found)}.csv", curve_columns(found))
+                write_csv(folder / "samples" / f"{stem_of(found)}.csv", sample_columns(found))
     document: dict[str, Any] = plain({
         "schema": SCHEMA,
         "campaign": campaign.name,
@@ -197,11 +193,9 @@ def _compared(
         "overall": overall(comparisons),
         "records": [record_document(c) for c in comparisons],
         "findings": [asdict(f) for f in campaign.findings],
-        "wall_s": time.perf_counter() - clock,
     })  # fmt: skip
     if folder is not None:
         write_text(folder / "priors.toml", options.priors.text)
-        write_json(folder / "comparison.json", document)
     return document
 
 

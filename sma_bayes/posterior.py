@@ -18,6 +18,7 @@ import hashlib
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import version
 
 import numpy as np
@@ -238,8 +239,14 @@ class Posterior:
 
 def versions() -> dict[str, str]:
     """Versions of everything that decides a draw."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> tuple[tuple[str, str], ...]:
+    """Looked up once a process: the files of the installation take longer to read than a record's bands to write."""
     packages = ("sma-bayes", "emcee", "numpy", "scipy")
-    return {"python": platform.python_version(), **{name: version(name) for name in packages}}
+    return (("python", platform.python_version()), *((name, version(name)) for name in packages))
 
 
 def build_posterior(

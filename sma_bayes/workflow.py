@@ -4,82 +4,39 @@ from __future__ import annotations
 
 import hashlib
 import json
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from sma_bayes import __version__
-from sma_bayes.assess.bands import Band, band_channels, credible_band, overall_band
-from sma_bayes.assess.correlation import Agreement, correlation_factors
-from sma_bayes.assess.correlation_average import Scored, averages
-from sma_bayes.assess.loops import loop_quantities
-from sma_bayes.assess.summary import record_summary
+from sma_bayes.account import Account
+from sma_bayes.assess.correlation_average import Averages
 from sma_bayes.effects import EFFECTS
 from sma_bayes.errors import OutputError, ResumeError, SmaBayesError, near_matches
 from sma_bayes.gap.check import Comparable, comparable
-from sma_bayes.inference.ensembles import Plan
 from sma_bayes.inference.jobs import run
 from sma_bayes.inference.noise_choice import choose_noise
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet, read_priors
+from sma_bayes.parts import remove_parts
 from sma_bayes.posterior import build_posterior, versions
 from sma_bayes.records.types import Branch, Campaign, Record
+from sma_bayes.report.choice import figures_for
 from sma_bayes.response.arrangement import Arrangement, BiasSpring
 from sma_bayes.results.fit import Fit
-from sma_bayes.results.fitting import AUTO, fit_records
-from sma_bayes.results.store import (
-    plain,
-    sweep_unfinished,
-    write_csv,
-    write_json,
-    write_posterior,
-    write_text,
-)
+from sma_bayes.results.fitting import AUTO
+from sma_bayes.results.store import plain, sweep_unfinished, write_json, write_text
+from sma_bayes.tasks import MARK, FitOptions, FitTask, Pool, fitted, sample_task
+from sma_bayes.under_way import Progress, UnderWay, silent
 
 DEFAULT_PRIORS = "modified_sigmoid"
-
-MARK = "run.json"
-"""File that tells to which run a folder belongs."""
-
-Pool = Literal["none", "campaign"]
-Progress = Callable[[int, int, str], None]
-"""Told how many tasks are done, how many there are, and what is going on."""
-
-
-@dataclass(frozen=True, slots=True)
-class FitOptions:
-    """What decides the numbers of a run.
-
-    Attributes
-    ----------
-    seed : int
-    noise : str
-        Name of a noise model, or ``auto``.
-    priors : PriorSet
-    pool : str
-        ``none``: each condition and branch has its own A and B; ``campaign``: one set a branch for all.
-    extrapolate : float
-        How far bands go beyond the observed temperatures [unit of temperature].
-    plan : Plan
-    bias : BiasSpring, optional
-        Bias spring whose arrangement with the alloy spring gets bands of its own, Eq. (8).
-    """
-
-    priors: PriorSet
-    seed: int = 0
-    noise: str = AUTO
-    pool: Pool = "none"
-    extrapolate: float = 0.0
-    plan: Plan = field(default_factory=Plan)
-    bias: BiasSpring | None = None
 
 
 def fit(
@@ -115,9 +72,9 @@ def fit(
     """
     options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, noise, pool)
     groups = groups_of(campaign, pool)
-    tasks = [_Task(g, options, None) for g in groups]
+    tasks = [FitTask(g, options, None) for g in groups]
     out: dict[str, Fit] = {}
-    for group, found in zip(groups, run(_sample_task, tasks, jobs), strict=True):
+    for group, found in zip(groups, run(sample_task, tasks, jobs), strict=True):
         out |= {record.key: found for record in group}
     return out
 
@@ -134,8 +91,9 @@ def fit_campaign(
     extrapolate: float = 0.0,
     bias: BiasSpring | None = None,
     resume: bool = False,
-    figures: bool = True,
+    figures: str | bool = "auto",
     progress: Progress | None = None,
+    account: Account | None = None,
 ) -> dict[str, Any]:
     """Fit every record of a campaign and write posteriors, bands, tables, figures and the report.
 
@@ -151,9 +109,12 @@ def fit_campaign(
         Bias spring; the stiffness of both springs together gets bands of its own, Eq. (8).
     resume : bool
         Go on with a run that was interrupted. The result is the same to the bit.
-    figures : bool
-        Whether figures and the report are made.
+    figures : str or bool
+        ``all``, ``campaign`` (none of single conditions and records), ``none`` (no report either), or ``auto``: see
+        `figures_for`.
     progress : callable, optional
+    account : Account, optional
+        Account to go on with, such as one in which the reading was timed.
 
     Returns
     -------
@@ -167,8 +128,7 @@ def fit_campaign(
     ResumeError
         If `out` holds a run with other data, priors, options or versions.
     """
-    clock = time.perf_counter()
-    folder = Path(out)
+    folder = Path(out).absolute()  # workers of a cluster stand elsewhere
     options = FitOptions(
         priors if isinstance(priors, PriorSet) else read_priors(priors),
         seed,
@@ -177,12 +137,14 @@ def fit_campaign(
         extrapolate,
         bias=bias,
     )
+    drawn = figures_for(figures, len(campaign.records))
+    work = UnderWay("summary.json", jobs, drawn, progress or silent, account or Account())
     groups = groups_of(campaign, pool)
     check_call(groups, options)
     with claimed_folder(folder, run_identity(campaign, options), resume):
-        tell = progress or (lambda done, total, message: None)
-        outcomes = _outcomes([_Task(g, options, folder) for g in groups], jobs, tell)
-    records = [s for o in outcomes for s in o.summaries]
+        records, averages, loops = _fitted(groups, options, folder, work)
+    with work.account.timed("write"):
+        write_text(folder / "priors.toml", options.priors.text)
     summary = {
         "schema": "sma-bayes/fit/1",
         "campaign": campaign.name,
@@ -200,31 +162,36 @@ def fit_campaign(
         "data_sha256": campaign.sha256,
         "converged": all(r["converged"] for r in records),
         "records": records,
-        "correlation_average": _correlation_averages(outcomes),
-        "loops": _loops([o.fit for o in outcomes]),
+        "correlation_average": averages,
+        "loops": loops,
         "findings": [asdict(f) for f in campaign.findings],
     }
-    write_text(folder / "priors.toml", options.priors.text)
-    stages = {"sample": time.perf_counter() - clock}
-    write_json(folder / "summary.json", {**summary, "stages_s": stages, "wall_s": stages["sample"]})
-    if figures:
-        from sma_bayes.report.build import build_report
-
-        before = time.perf_counter()
-        build_report(folder, jobs=jobs, progress=tell)
-        stages["report"] = time.perf_counter() - before
-    summary = {**summary, "stages_s": stages, "wall_s": time.perf_counter() - clock}
-    write_json(folder / "summary.json", summary)
+    summary = work.end(folder, summary)
+    remove_parts(folder)
     return summary
 
 
-def _outcomes(tasks: Sequence[_Task], jobs: int | None, tell: Progress) -> list[_Outcome]:
-    tell(0, len(tasks), "sampling")
-    outcomes: list[_Outcome] = []
-    for outcome in run(_whole_task, tasks, jobs):
-        outcomes.append(outcome)
-        tell(len(outcomes), len(tasks), f"sampled {', '.join(s['key'] for s in outcome.summaries)}")
-    return outcomes
+def _fitted(
+    groups: Sequence[tuple[Record, ...]],
+    options: FitOptions,
+    folder: Path,
+    work: UnderWay,
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
+    """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
+    total = sum(len(group) for group in groups)
+    work.tell(0, total, "sampling")
+    records: list[dict[str, Any]] = []
+    loops: list[dict[str, Any]] = []
+    averages = {"measured": Averages(), "replicated": Averages()}
+    for part in fitted(groups, options, folder, work.jobs, work.account):
+        records += part.records
+        loops += part.loops
+        for scored in part.scored:
+            averages[scored.data].add(scored)
+        work.account.take(part.account.document())
+        lost = f" ({len(work.account.lost)} workers lost)" if work.account.lost else ""
+        work.tell(len(records), total, f"sampled {', '.join(s['key'] for s in part.records)}{lost}")
+    return records, [{"data": d, **e} for d, found in averages.items() for e in found.entries()], loops
 
 
 def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
@@ -374,8 +341,9 @@ def study_gap(
     pool: Pool = "none",
     jobs: int | None = None,
     resume: bool = False,
-    figures: bool = True,
+    figures: str | bool = "auto",
     progress: Progress | None = None,
+    account: Account | None = None,
 ) -> dict[str, Any]:
     """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink.
 
@@ -388,7 +356,7 @@ def study_gap(
         Only ``auto``: the study estimates the noise of each channel by itself.
     resume : bool
         Where `out` holds this very study already, only what is missing of its report is made.
-    seed, priors, pool, jobs, figures, progress
+    seed, priors, pool, jobs, figures, progress, account
         See `fit_campaign`. With ``pool="campaign"`` one set of A and B a branch serves all conditions: what differs
         between conditions (stress, rate, lag) then shows instead of being swallowed.
 
@@ -416,41 +384,29 @@ def study_gap(
     options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, pool=pool)
     can = comparable(campaign)
     check_call(groups_of(can.campaign, pool), options)
-    tell = progress or (lambda done, total, message: None)
+    drawn = figures_for(figures, len(campaign.records))
+    work = UnderWay("gap.json", jobs, drawn, progress or silent, account or Account())
     if out is None:
-        return _studied(can, None, options, jobs, tell)
-    folder = Path(out)
+        return work.with_account(_studied(can, None, options, work))
+    folder = Path(out).absolute()
     identity = {**run_identity(campaign, options), "kind": "gap", "effects": sorted(EFFECTS)}
     with claimed_folder(folder, identity, resume):
         finished = _finished_study(folder)
-        found = finished or _studied(can, folder, options, jobs, tell)
-    if figures:
-        report_once(folder, bool(finished), jobs, tell)
-    return found
-
-
-def report_once(folder: Path, finished: bool, jobs: int | None, tell: Progress) -> None:
-    """Make the report of a folder, unless its run had been finished before and has one."""
-    if finished and (folder / "report.html").is_file():
-        return
-    from sma_bayes.report.build import build_report
-
-    build_report(folder, jobs=jobs, progress=tell)
+        found = finished or _studied(can, folder, options, work)
+    return work.end_again(folder, found) if finished else work.end(folder, found)
 
 
 def _studied(
     can: Comparable,
     folder: Path | None,
     options: FitOptions,
-    jobs: int | None,
-    tell: Progress,
+    work: UnderWay,
 ) -> dict[str, Any]:
-    """Study a campaign, and write what was found; `gap.json` last, so that where it is nothing is missing."""
+    """Study a campaign, and write what was found except `gap.json`, which comes last."""
     from sma_bayes.gap.cautions import cautions
     from sma_bayes.gap.outcome import STAGES, gap_outcome, outcome_json
     from sma_bayes.gap.store import write_study
 
-    clock = time.perf_counter()
     campaign = can.campaign
     with threadpool_limits(limits=1):
         outcome = gap_outcome(
@@ -458,8 +414,9 @@ def _studied(
             options.priors,
             pooled=options.pool == "campaign",
             seed=options.seed,
-            jobs=jobs,
-            progress=lambda done, message: tell(done, STAGES, message),
+            jobs=work.jobs,
+            progress=lambda done, message: work.tell(done, STAGES, message),
+            account=work.account,
         )
     stated = outcome_json(outcome)
     found: dict[str, Any] = plain(
@@ -475,13 +432,12 @@ def _studied(
             "cautions": cautions(stated),
             "remarks": list(can.remarks),
             "findings": [asdict(f) for f in campaign.findings],
-            "wall_s": time.perf_counter() - clock,
         }
     )
     if folder is not None:
-        write_study(folder, outcome, seed=options.seed)
-        write_text(folder / "priors.toml", options.priors.text)
-        write_json(folder / "gap.json", found)
+        with work.account.timed("write"):
+            write_study(folder, outcome, seed=options.seed)
+            write_text(folder / "priors.toml", options.priors.text)
     return found
 
 
@@ -515,107 +471,6 @@ def run_identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
         "version": __version__,
         "versions": versions(),
     }
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    records: tuple[Record, ...]
-    options: FitOptions
-    folder: Path | None
-
-
-@dataclass(frozen=True, eq=False)
-class _Outcome:
-    fit: Fit
-    summaries: list[dict[str, Any]]
-    agreements: list[Mapping[str, Mapping[str, Agreement]]]
-    """Of each record: ``measured`` and ``replicated``, then by channel."""
-
-
-def _sample_task(task: _Task) -> Fit:
-    o = task.options
-    checkpoint = None
-    if task.folder is not None:
-        name = task.records[0].key if len(task.records) == 1 else f"all-{task.records[0].branch.value}"
-        checkpoint = task.folder / "checkpoints" / f"{name}.h5"
-    return fit_records(task.records, o.priors, noise=o.noise, seed=o.seed, plan=o.plan, checkpoint=checkpoint)
-
-
-def _whole_task(task: _Task) -> _Outcome:
-    """Sample, assess and write one posterior."""
-    found = _sample_task(task)
-    if task.folder is None:
-        raise SmaBayesError("no folder to write to")
-    summaries: list[dict[str, Any]] = []
-    agreements: list[Mapping[str, Mapping[str, Agreement]]] = []
-    for i, record in enumerate(found.records):
-        clock = time.perf_counter()
-        rng = np.random.default_rng(np.random.SeedSequence([task.options.seed, 4, *record.key.encode()]))
-        replicated = found.posterior.replicate(rng, found.flat, record=i)
-        measured, again = correlation_factors(found, replicated, i)
-        summary = record_summary(found, i, measured, again)
-        write_posterior(task.folder / "posterior" / f"{record.key}.nc", found, i, replicated)
-        for channel in band_channels(record):
-            band = credible_band(found, channel, i, task.options.extrapolate)
-            write_band(task.folder / "bands" / f"{record.key}-{channel}.csv", band, record)
-        overall = (
-            None
-            if task.options.bias is None
-            else overall_band(found, task.options.bias, i, task.options.extrapolate)
-        )
-        if overall is not None:
-            write_band(task.folder / "bands" / f"{record.key}-overall_stiffness.csv", overall, record)
-        summary["stages_s"]["assess"] = time.perf_counter() - clock
-        summary["wall_s"] += summary["stages_s"]["assess"]
-        summaries.append(summary)
-        agreements.append({"measured": measured, "replicated": again})
-    return _Outcome(found, summaries, agreements)
-
-
-def write_band(path: Path, band: Band, record: Record) -> None:
-    """Write a band as CSV: temperature, quantiles of the curve and of a new measurement, simultaneous bands."""
-    unit = record.units["temperature"]
-    columns: dict[str, Any] = {f"temperature_{unit}": band.temperature}
-    columns |= band.curve
-    columns |= band.predictive
-    columns |= band.simultaneous
-    columns["extrapolated"] = band.extrapolated
-    write_csv(path, columns)
-
-
-def _correlation_averages(outcomes: Sequence[_Outcome]) -> list[dict[str, Any]]:
-    """Averages of the correlation factors over all records, for measured and for replicated data."""
-    out = []
-    for data in ("measured", "replicated"):
-        scored = [
-            Scored(
-                record.key,
-                record.branch.value,
-                channel,
-                record.quantity(channel),
-                record.units[channel],
-                outcome.fit.records[0].key,
-                outcome.fit.converged,
-                found,
-            )
-            for outcome in outcomes
-            for record, agreements in zip(outcome.fit.records, outcome.agreements, strict=True)
-            for channel, found in agreements[data].items()
-        ]
-        out += [{"data": data, **entry} for entry in averages(scored)]
-    return out
-
-
-def _loops(fits: Sequence[Fit]) -> list[dict[str, Any]]:
-    place = {r.key: (f, i) for f in fits for i, r in enumerate(f.records)}
-    out = []
-    for key, (heating, i) in place.items():
-        record = heating.records[i]
-        other = f"{record.condition.id}-{Branch.COOLING.value}"
-        if record.branch is Branch.HEATING and other in place and key != other:
-            cooling, j = place[other]
-            out += [asdict(q) for q in loop_quantities(heating, cooling, (i, j))]
-    return out
 
 
 def pool_named(name: str) -> Pool:

@@ -6,7 +6,7 @@ factor to every record, hence an average; so an average has a posterior too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
@@ -38,6 +38,8 @@ class Scored:
         Records with the same name here share their parameters, which are counted once.
     converged : bool
     agreement : Agreement
+    data : str
+        ``measured`` or ``replicated``, where both are told.
     """
 
     key: str
@@ -48,9 +50,10 @@ class Scored:
     posterior: str
     converged: bool
     agreement: Agreement
+    data: str = "measured"
 
 
-def averages(scored: Sequence[Scored]) -> list[dict[str, Any]]:
+def averages(scored: Iterable[Scored]) -> list[dict[str, Any]]:
     """Averages of each channel, over each branch and over both.
 
     Records that did not converge are left out, and named. Channels are not averaged with each other: high factors
@@ -58,7 +61,7 @@ def averages(scored: Sequence[Scored]) -> list[dict[str, Any]]:
 
     Parameters
     ----------
-    scored : sequence of Scored
+    scored : iterable of Scored
 
     Returns
     -------
@@ -67,39 +70,62 @@ def averages(scored: Sequence[Scored]) -> list[dict[str, Any]]:
         ``threshold``; by factor (``r``, ``r2``, ``adj_r2``, ``rmse``) and rule ``q05``, ``median``, ``q95``,
         ``undefined`` and, of r, ``above``: the posterior probability that the average exceeds the threshold.
     """
-    groups: dict[tuple[str, str, str], list[Scored]] = {}
+    found = Averages()
     for s in scored:
-        groups.setdefault((s.channel, s.quantity, s.unit), []).append(s)
-    out = []
-    for group in groups.values():
-        branches = list(dict.fromkeys(s.branch for s in group))
-        for branch in (*branches, "") if len(branches) > 1 else branches:
-            out.append(_entry([s for s in group if branch in ("", s.branch)], branch))
-    return out
+        found.add(s)
+    return found.entries()
 
 
-def _entry(group: Sequence[Scored], branch: str) -> dict[str, Any]:
-    first, kept = group[0], [s for s in group if s.converged]
-    head = {
-        "channel": first.channel,
-        "quantity": first.quantity,
-        "unit": first.unit,
-        "branch": branch,
-        "records": [s.key for s in kept],
-        "left_out": [s.key for s in group if not s.converged],
-        "threshold": CLAIMED,
-    }
-    if not kept:
-        return {**head, "n": 0, "draws": 0}
-    parts = [s.agreement for s in kept]
-    counted = {s.posterior: s.agreement.parameters for s in kept}
-    draws = average_draws(parts, sum(counted.values()))
-    stated = {
-        factor: {rule: _stated(values, factor) for rule, values in rules.items()}
-        for factor, rules in draws.items()
-    }
-    count = min(part.draws for part in parts)
-    return {**head, "n": sum(part.n for part in parts), "draws": count, **stated}
+class Averages:
+    """Averages to which records are added one by one, so that nobody has to keep the draws of all of them."""
+
+    def __init__(self) -> None:
+        self._groups: dict[tuple[str, str, str], dict[str, _Group]] = {}
+
+    def add(self, s: Scored) -> None:
+        """Add a record to the averages of its branch and of both."""
+        group = self._groups.setdefault((s.channel, s.quantity, s.unit), {"": _Group()})
+        for branch in ("", s.branch):
+            group.setdefault(branch, _Group()).add(s)
+
+    def entries(self) -> list[dict[str, Any]]:
+        """What `averages` gives."""
+        out = []
+        for (channel, quantity, unit), group in self._groups.items():
+            branches = [branch for branch in group if branch]
+            for branch in (*branches, "") if len(branches) > 1 else branches:
+                head = {"channel": channel, "quantity": quantity, "unit": unit, "branch": branch}
+                out.append(head | group[branch].entry())
+        return out
+
+
+class _Group:
+    """Records that are averaged with each other."""
+
+    def __init__(self) -> None:
+        self.kept: list[str] = []
+        self.left_out: list[str] = []
+        self.counted: dict[str, int] = {}
+        self.draws = AverageDraws()
+
+    def add(self, s: Scored) -> None:
+        if not s.converged:
+            self.left_out.append(s.key)
+            return
+        self.kept.append(s.key)
+        self.counted[s.posterior] = s.agreement.parameters
+        self.draws.add(s.agreement)
+
+    def entry(self) -> dict[str, Any]:
+        head = {"records": self.kept, "left_out": self.left_out, "threshold": CLAIMED}
+        if not self.kept:
+            return {**head, "n": 0, "draws": 0}
+        draws = self.draws.by_rule(sum(self.counted.values()))
+        stated = {
+            factor: {rule: _stated(values, factor) for rule, values in rules.items()}
+            for factor, rules in draws.items()
+        }
+        return {**head, "n": self.draws.joined.n, "draws": self.draws.joined.draws, **stated}
 
 
 def _stated(values: Floats, factor: str) -> dict[str, float | None]:
@@ -125,16 +151,52 @@ def average_draws(parts: Sequence[Agreement], parameters: int | None = None) -> 
     parameters : int, optional
         Parameters of all records together; the sum by default.
     """
-    whole = joined(parts, parameters)
-    each = {factor: np.stack([getattr(p, factor)[: whole.draws] for p in parts]) for factor in FACTORS}
-    with np.errstate(divide="ignore"):  # r = 1 is infinite by Fisher's transformation, and 1 again after it
-        fisher = np.tanh(np.mean(np.arctanh(each["r"]), axis=0))
-    return {
-        name: {
-            "plain": each[name].mean(axis=0),
-            **({"fisher": fisher} if name == "r" else {}),
-            "pooled": getattr(whole, name),
+    found = AverageDraws()
+    for part in parts:
+        found.add(part)
+    return found.by_rule(parameters)
+
+
+class AverageDraws:
+    """Sums over records of each factor's draws; where records differ in draws, as many are used as the shortest has."""
+
+    def __init__(self) -> None:
+        self._joined: Agreement | None = None
+        self._count = 0
+        self._sums: dict[str, Floats] = {}
+
+    @property
+    def joined(self) -> Agreement:
+        """The agreement of all samples together.
+
+        Raises
+        ------
+        MeasurementError
+            If no record was added.
+        """
+        return joined([] if self._joined is None else [self._joined])
+
+    def add(self, part: Agreement) -> None:
+        """Add a record."""
+        self._joined = part if self._joined is None else joined([self._joined, part])
+        self._count += 1
+        size = self._joined.draws
+        with np.errstate(
+            divide="ignore"
+        ):  # r = 1 is infinite by Fisher's transformation, and 1 again after it
+            new = {**{name: getattr(part, name) for name in FACTORS}, "fisher": np.arctanh(part.r)}
+        before = self._sums or dict.fromkeys(new, np.zeros(size))
+        self._sums = {name: before[name][:size] + values[:size] for name, values in new.items()}
+
+    def by_rule(self, parameters: int | None = None) -> dict[str, dict[str, Floats]]:
+        """What `average_draws` gives."""
+        whole = joined([self.joined], parameters)
+        return {
+            name: {
+                "plain": self._sums[name] / self._count,
+                **({"fisher": np.tanh(self._sums["fisher"] / self._count)} if name == "r" else {}),
+                "pooled": getattr(whole, name),
+            }
+            for name in FACTORS
+            if name != "adj_r2" or whole.parameters > 0
         }
-        for name in FACTORS
-        if name != "adj_r2" or whole.parameters > 0
-    }

@@ -93,8 +93,8 @@ def record_summary(
         "ln_evidence_sd": fit.draws.ln_evidence_sd,
         "shares_parameters_with": [x.key for i, x in enumerate(fit.records) if i != record],
         "log_likelihood_evaluations": fit.draws.evaluations,
-        "wall_s": float(sum(fit.wall_s.values())),
-        "stages_s": dict(fit.wall_s),
+        "wall_s": float(sum(fit.account.wall.values())),
+        **fit.account.document(),
     }
 
 

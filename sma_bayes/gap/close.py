@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.account import Account
 from sma_bayes.effects.types import Effect
 from sma_bayes.gap.fitting import Fitted, fit_hypothesis, fit_with_noise, measured, stacked
 from sma_bayes.gap.flexible import SIZES, Gain, Term, gains, terms_of
@@ -118,7 +119,13 @@ class Predicted:
 
 
 def close(
-    study: GapStudy, effects: Mapping[str, Effect], *, pooled: bool, seed: int, jobs: int | None = 1
+    study: GapStudy,
+    effects: Mapping[str, Effect],
+    *,
+    pooled: bool,
+    seed: int,
+    jobs: int | None = 1,
+    account: Account | None = None,
 ) -> Gap:
     """Gap before and after on held-out measurements.
 
@@ -131,10 +138,12 @@ def close(
     seed : int
     jobs : int, optional
         Processes; by default one for each core.
+    account : Account, optional
+        Told how long it took, as the stage ``hold_out``.
     """
     masks, named = folds_of(study.baseline.hypothesis.histories, pooled=pooled)
     folds = [Fold(study, effects, out, (seed, 11, i)) for i, out in enumerate(masks)]
-    found = list(run(predict_fold, folds, jobs))
+    found = list(run(predict_fold, folds, jobs, account=account, stage="hold_out"))
     count = sum(f.count for f in found)
     rms = np.sqrt(np.sum([f.squares for f in found], axis=0) / max(count, 1))
     floor = min(float(rms[1]), float(rms[2]))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sma_bayes.account import Account
 from sma_bayes.effects import EFFECTS, Effect
 from sma_bayes.effects.needs import untestable
 from sma_bayes.gap.close import Gap, HeldOutScore, close, held_out_scores
@@ -92,6 +93,7 @@ def gap_outcome(
     seed: int = 0,
     jobs: int | None = 1,
     progress: Progress | None = None,
+    account: Account | None = None,
 ) -> GapOutcome:
     """Study a campaign from end to end.
 
@@ -102,24 +104,32 @@ def gap_outcome(
     jobs : int, optional
         Processes; by default one for each core.
     progress : callable, optional
+    account : Account, optional
+        Told how long each part took.
     """
     tell = progress or (lambda done, message: None)
+    account = account if account is not None else Account()
     looks = iter(range(MOST + 2))
-    study = study_campaign(
-        campaign,
-        priors,
-        pooled=pooled,
-        effects=effects,
-        seed=seed,
-        progress=lambda message: tell(next(looks, MOST + 1), message),
-    )
+    with account.timed("study"):
+        study = study_campaign(
+            campaign,
+            priors,
+            pooled=pooled,
+            effects=effects,
+            seed=seed,
+            progress=lambda message: tell(next(looks, MOST + 1), message),
+        )
     tell(MOST + 2, "choosing and predicting without each third of the measurements")
-    gap = close(study, effects, pooled=pooled, seed=seed, jobs=jobs)
+    gap = close(study, effects, pooled=pooled, seed=seed, jobs=jobs, account=account)
     tell(MOST + 3, "scoring candidates on held-out measurements")
-    scores = _scores(study, pooled=pooled)
+    with account.timed("score"):
+        scores = _scores(study, pooled=pooled)
     tell(MOST + 4, "sampling the final model")
-    draws = sample_hypothesis(study.final, np.random.SeedSequence([seed, 13])) if study.effects else None
-    return GapOutcome(study, draws, gap, scores, _experiments(study), pooled)
+    with account.timed("sample"):
+        draws = sample_hypothesis(study.final, np.random.SeedSequence([seed, 13])) if study.effects else None
+    with account.timed("next_experiment"):
+        experiments = _experiments(study)
+    return GapOutcome(study, draws, gap, scores, experiments, pooled)
 
 
 def _scores(study: GapStudy, *, pooled: bool) -> dict[str, HeldOutScore]:

@@ -1,19 +1,58 @@
-"""Independent tasks on several processes."""
+"""Independent tasks side by side: on processes of this machine, or on a Dask cluster.
+
+`run` is the same call in both cases. A cluster is chosen around it:
+
+>>> from sma_bayes.inference.jobs import cluster
+>>> with cluster("tcp://head:8786"):  # doctest: +SKIP
+...     fit_campaign(campaign, "results")
+
+Results do not depend on where tasks are done, to the bit, as long as the machines agree in kind and in the versions
+of Python and of the packages; versions are checked. Linear algebra runs on one thread wherever a task does, and a
+worker of a cluster does one task at a time even if it has more threads.
+"""
 
 from __future__ import annotations
 
 import os
 import re
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
-from joblib import Parallel, delayed
+from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
+from threadpoolctl import threadpool_limits
 
+from sma_bayes.account import Account
 from sma_bayes.errors import WorkerError
+from sma_bayes.posterior import versions
 
 T = TypeVar("T")
 R = TypeVar("R")
+
+TRIES = 4
+"""How often a task is begun, at most, where worker processes come to an end in the middle of it."""
+CONNECT_S = 10.0
+"""How long a scheduler, and then its first worker, is waited for [s]."""
+
+_CLIENT: ContextVar[Any] = ContextVar("client", default=None)
+"""Connection to the cluster that is in use, a `distributed.Client`; None for processes of this machine."""
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Held while a worker of a cluster does a task: limits on threads and matplotlib belong to the whole process."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Done(Generic[R]):
+    """What a task gave, and the time that it took [s]."""
+
+    result: R
+    wall: float
+    cpu: float
 
 
 def processes(jobs: int | None, tasks: int) -> int:
@@ -28,32 +67,213 @@ def processes(jobs: int | None, tasks: int) -> int:
     return max(1, min(wanted, tasks))
 
 
-def run(task: Callable[[T], R], items: Sequence[T], jobs: int | None) -> Iterator[R]:
+def run(
+    task: Callable[[T], R],
+    items: Sequence[T],
+    jobs: int | None,
+    *,
+    account: Account | None = None,
+    stage: str | None = None,
+) -> Iterator[R]:
     """Results of ``task(item)`` in the order of `items`, as they become ready.
 
-    A task must not depend on the process that it runs in; then neither do the results.
+    A task must not depend on the process that it runs in; then neither do the results. Where a worker process comes
+    to an end in the middle of a task, for instance for want of memory, what was under way is done again.
+
+    Parameters
+    ----------
+    task : callable
+    items : sequence
+    jobs : int, optional
+        Processes of this machine; by default one for each core. Of no effect inside `cluster`.
+    account : Account, optional
+        Told of the workers, of those that were lost and, if there is a `stage`, of the time that tasks took.
+    stage : str, optional
+        Stage of the account to which the time is added.
 
     Raises
     ------
     WorkerError
-        If a process came to an end in the middle of a task. What a task itself raises arrives as it is.
+        If a task was begun `TRIES` times and its process came to an end each time, or the cluster can't be reached
+        any more. What a task itself raises arrives as it is.
     """
+    account = account if account is not None else Account()
+    for done in _done(task, items, jobs, account):
+        if stage is not None:
+            account.add(stage, done.wall, done.cpu)
+        yield done.result
+
+
+def _done(
+    task: Callable[[T], R], items: Sequence[T], jobs: int | None, account: Account
+) -> Iterator[_Done[R]]:
+    client = _CLIENT.get()
+    if client is not None:
+        return _on_cluster(task, items, client, account)
     workers = processes(jobs, len(items))
     if workers == 1:
-        yield from map(task, items)
-        return
-    try:
-        yield from Parallel(n_jobs=workers, return_as="generator", pre_dispatch="2*n_jobs")(
-            delayed(task)(item) for item in items
-        )
-    except TerminatedWorkerError as error:
-        raise WorkerError(
-            f"a worker process came to an end in the middle of its task, {_signals(error)}",
-            expected="memory for all processes, and a disk that isn't full",
-            remedy="repeat with a smaller --jobs; --resume keeps what has been done",
-        ) from None
+        return (_timed(task, item) for item in items)
+    account.workers = f"{workers} processes"
+    return _on_processes(task, items, workers, account)
+
+
+def _timed(task: Callable[[T], R], item: T) -> _Done[R]:
+    """Do a task on one thread: linear algebra on several may round differently."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    with threadpool_limits(limits=1):
+        result = task(item)
+    return _Done(result, time.perf_counter() - wall, time.process_time() - cpu)
+
+
+def _on_processes(
+    task: Callable[[T], R], items: Sequence[T], workers: int, account: Account
+) -> Iterator[_Done[R]]:
+    finished, tries = 0, 1
+    while finished < len(items):
+        parallel = Parallel(n_jobs=workers, return_as="generator", pre_dispatch="2*n_jobs")
+        try:
+            for done in parallel(delayed(_timed)(task, item) for item in items[finished:]):
+                finished, tries = finished + 1, 1
+                yield done
+        except TerminatedWorkerError as error:
+            account.lost.append(_signals(error))
+            if tries == TRIES:
+                raise WorkerError(
+                    f"a worker process came to an end in the middle of its task, {_signals(error)}, "
+                    f"{TRIES} times in a row",
+                    expected="memory for all processes, and a disk that isn't full",
+                    remedy="repeat with a smaller --jobs; --resume keeps what has been done",
+                ) from None
+            tries += 1
 
 
 def _signals(error: TerminatedWorkerError) -> str:
     told = re.search(r"exit codes of the workers are (\{.*\})", str(error))
     return told[1].strip("{}") if told else "no one knows why"
+
+
+# --- on a cluster -------------------------------------------------------------------------------------
+
+
+@contextmanager
+def cluster(scheduler: Any) -> Iterator[None]:
+    """Do the tasks of everything inside a ``with`` block on a Dask cluster.
+
+    Workers need this package in the same version, and have to see the output folder under the same path.
+
+    Parameters
+    ----------
+    scheduler : str or distributed.Client
+        Address of a scheduler, such as ``tcp://head:8786``, or a client that is connected; the latter stays open.
+
+    Raises
+    ------
+    WorkerError
+        If the package distributed is not installed, the scheduler can't be reached, it has no worker, or a worker
+        has other versions.
+    """
+    client = _connected(scheduler) if isinstance(scheduler, str) else scheduler
+    try:
+        _check_workers(client)
+        token = _CLIENT.set(client)
+        try:
+            yield
+        finally:
+            _CLIENT.reset(token)
+    finally:
+        if client is not scheduler:
+            client.close()
+
+
+def _connected(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise WorkerError(
+            f"--scheduler {address}: the package distributed is not installed",
+            expected="what talks to a Dask cluster",
+            remedy='pip install "sma-bayes[cluster]", here and on the workers',
+        ) from None
+    try:
+        return Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:  # a time-out is an OSError
+        raise WorkerError(
+            f"--scheduler {address}: can't be reached ({str(error).splitlines()[0]})",
+            expected="the address of a running scheduler, such as tcp://head:8786",
+            remedy="start one with `dask scheduler`, and workers with `dask worker ADDRESS --nthreads 1`",
+        ) from None
+
+
+def _check_workers(client: Any) -> None:
+    address = client.scheduler.address
+    try:
+        client.wait_for_workers(1, timeout=CONNECT_S)
+    except TimeoutError:
+        raise WorkerError(
+            f"{address}: the scheduler has no worker",
+            expected=f"one within {CONNECT_S:g} s",
+            remedy=f"start some with `dask worker {address} --nthreads 1`",
+        ) from None
+    try:
+        client.run(_check_versions, versions())
+    except WorkerError:
+        raise
+    except Exception as error:
+        raise WorkerError(
+            f"{address}: a worker can't run sma_bayes ({type(error).__name__}: {error})",
+            expected="this package on every worker, in the same version",
+            remedy='pip install "sma-bayes[cluster]" on the workers',
+        ) from None
+
+
+def _check_versions(wanted: dict[str, str]) -> None:
+    here = versions()
+    other = [f"{name} {here.get(name)} instead of {v}" for name, v in wanted.items() if here.get(name) != v]
+    if other:
+        raise WorkerError(
+            f"a worker has {', '.join(other)}",
+            expected="the same versions everywhere, as draws depend on them",
+            remedy="install them on the workers",
+        )
+
+
+def _on_worker(call: tuple[Callable[[T], R], T, dict[str, str]]) -> _Done[R]:
+    task, item, wanted = call
+    with _ONE_AT_A_TIME:
+        _check_versions(wanted)
+        return _timed(task, item)
+
+
+def _on_cluster(
+    task: Callable[[T], R], items: Sequence[T], client: Any, account: Account
+) -> Iterator[_Done[R]]:
+    from distributed import CancelledError, KilledWorker
+    from distributed.comm import CommClosedError
+
+    def told(event: tuple[float, dict[str, Any]]) -> None:
+        _, message = event
+        if message.get("action") == "remove-worker" and not message.get("expected", False):
+            account.lost.append(f"{message['worker']}, {len(message.get('processing-tasks', ()))} tasks")
+
+    account.workers = f"cluster {client.scheduler.address}, {len(client.nthreads())} workers"
+    wanted = versions()
+    with parallel_config(backend="dask", client=client):
+        parallel = Parallel(n_jobs=-1, return_as="generator", pre_dispatch="2*n_jobs")
+    client.subscribe_topic("all", told)
+    try:
+        # one tuple, since joblib would keep a copy of an object by itself on a single worker, and lose it with that
+        yield from parallel(delayed(_on_worker)((task, item, wanted)) for item in items)
+    except KilledWorker as error:
+        raise WorkerError(
+            f"workers of the cluster came to an end in the middle of the same task, {error.last_worker.address} last",
+            expected="memory for all workers",
+            remedy="give workers more memory; --resume keeps what has been done",
+        ) from None
+    except (CancelledError, CommClosedError) as error:
+        raise WorkerError(
+            f"the connection to the scheduler was lost ({type(error).__name__})",
+            expected="a scheduler that runs until the end",
+            remedy="start it again and repeat with --resume, which keeps what has been done",
+        ) from None
+    finally:
+        client.unsubscribe_topic("all")

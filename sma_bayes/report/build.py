@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+from sma_bayes.account import Account
 from sma_bayes.inference.jobs import run
+from sma_bayes.report.choice import Drawn, figures_for
 from sma_bayes.report.comparison_outputs import StoredComparison, is_comparison, read_comparison
 from sma_bayes.report.comparison_page import write_comparison_report
 from sma_bayes.report.comparison_tables import comparison_tables, model_averages
@@ -45,93 +48,115 @@ from sma_bayes.report.gather import report_content
 from sma_bayes.report.html import write_report
 from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
 from sma_bayes.report.residuals import median_curves, standardised_residuals
-from sma_bayes.report.tables import report_tables, write_tables
+from sma_bayes.report.tables import Table, report_tables, write_tables
+from sma_bayes.report.took import account_table
 
 Progress = Callable[[int, int, str], None]
 """Told how many tasks are done, how many there are, and what is going on."""
 
 
-def build_report(folder: Path, *, jobs: int | None = None, progress: Progress | None = None) -> None:
+def build_report(
+    folder: Path,
+    *,
+    figures: str | bool = "auto",
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> None:
     """Write ``figures/``, ``tables/`` and ``report.html`` of a run.
 
     Parameters
     ----------
     folder : Path
         Output folder of a finished `fit`, `gap` or `compare`. Nothing but the three outputs is changed in it.
+    figures : str or bool
+        ``all``, ``campaign`` or ``auto``, see `figures_for`; with ``none`` the report goes without.
     jobs : int, optional
         Processes that draw figures; by default one for each core.
     progress : callable, optional
+    account : Account, optional
+        Told how long figures and report took.
 
     Raises
     ------
     OutputError
         If the folder holds no run, an unfinished one, or can't be written.
     """
-    folder = Path(folder)
-    if is_study(folder):
-        build_gap_report(folder, jobs=jobs, progress=progress)
-        return
-    if is_comparison(folder):
-        build_comparison_report(folder, jobs=jobs, progress=progress)
-        return
-    stored = read_run(folder)
-    content = report_content(stored)
-    tasks = [
-        *_record_tasks(folder, content),
-        *_condition_tasks(folder, content),
-        _CampaignTask(folder, content),
-    ]
+    folder = Path(folder).absolute()
     tell = progress or (lambda done, total, message: None)
+    if is_study(folder):
+        _build_gap_report(folder, jobs, tell, account)
+    elif is_comparison(folder):
+        _build_comparison_report(folder, figures, jobs, tell, account)
+    else:
+        _build_fit_report(folder, figures, jobs, tell, account)
+
+
+def _build_fit_report(
+    folder: Path, figures: str | bool, jobs: int | None, tell: Progress, account: Account | None
+) -> None:
+    spent = account or Account()
+    with spent.timed("report"):
+        stored = read_run(folder)
+        content = report_content(stored)
+    drawn = figures_for(figures, len(content.records))
+    tasks = _tasks(folder, content, drawn)
     total = len(tasks) + 1
     tell(0, total, "drawing figures")
-    figures: dict[str, FigureFiles] = {}
-    for done, (task, drawn) in enumerate(zip(tasks, run(_draw, tasks, jobs), strict=True), 1):
-        figures |= {f.stem: f for f in drawn}
-        tell(done, total, f"drew {task.title}")
-    tables = report_tables(content)
-    write_tables(tables, folder / "tables")
-    write_report(folder, content, tables, figures)
+    pictures: dict[str, FigureFiles] = {}
+    for done, files in enumerate(run(_draw, tasks, jobs, account=spent, stage="figures"), 1):
+        pictures |= {f.stem: f for f in files}
+        tell(done, total, f"drew {tasks[done - 1].title}")
+    with spent.timed("report"):
+        tables = report_tables(content) | _took(stored.summary, account)
+        write_tables(tables, folder / "tables")
+        write_report(folder, content, tables, pictures)
     tell(total, total, "wrote report.html")
 
 
-def build_gap_report(folder: Path, *, jobs: int | None = None, progress: Progress | None = None) -> None:
-    """The same for a gap study; see `build_report`."""
+def _took(found: Mapping[str, Any], account: Account | None) -> dict[str, Table]:
+    """What the run took: as stored, or as known by now where the report is part of the run."""
+    return {"account": account_table(found, account or Account())}
+
+
+def _build_gap_report(folder: Path, jobs: int | None, tell: Progress, account: Account | None) -> None:
+    spent = account or Account()
     study = read_study(folder)
     tasks = [_GapTask(study, draw) for draw in _gap_drawings(study)]
-    tell = progress or (lambda done, total, message: None)
     total = len(tasks) + 1
     tell(0, total, "drawing figures")
     figures: dict[str, FigureFiles] = {}
-    for done, drawn in enumerate(run(_draw_gap, tasks, jobs), 1):
+    for done, drawn in enumerate(run(_draw_gap, tasks, jobs, account=spent, stage="figures"), 1):
         figures[drawn.stem] = drawn
         tell(done, total, f"drew {drawn.stem}")
-    tables = gap_tables(study)
-    write_tables(tables, folder / "tables")
-    write_gap_report(study, tables, figures)
+    with spent.timed("report"):
+        tables = gap_tables(study) | _took(study.found, account)
+        write_tables(tables, folder / "tables")
+        write_gap_report(study, tables, figures)
     tell(total, total, "wrote report.html")
 
 
-def build_comparison_report(
-    folder: Path, *, jobs: int | None = None, progress: Progress | None = None
+def _build_comparison_report(
+    folder: Path, choice: str | bool, jobs: int | None, tell: Progress, account: Account | None
 ) -> None:
-    """The same for a comparison of models; see `build_report`."""
+    spent = account or Account()
     stored = read_comparison(folder)
-    drawings: list[Callable[[StoredComparison], Drawing]] = [
-        partial(curves_figure, record=record) for record in stored.found["records"]
-    ]
+    drawings: list[Callable[[StoredComparison], Drawing]] = []
+    if figures_for(choice, len(stored.found["records"])) == "all":
+        drawings += [partial(curves_figure, record=record) for record in stored.found["records"]]
     drawings += [partial(differences_figure, number=n + 1) for n in range(pages(stored))]
     if model_averages(stored):
         drawings.append(model_average_figure)
     tasks = [_ComparisonTask(stored, draw) for draw in drawings]
-    tell = progress or (lambda done, total, message: None)
     tell(0, len(tasks) + 1, "drawing figures")
     figures: dict[str, FigureFiles] = {}
-    for done, drawn in enumerate(run(_draw_comparison, tasks, jobs), 1):
+    for done, drawn in enumerate(run(_draw_comparison, tasks, jobs, account=spent, stage="figures"), 1):
         figures[drawn.stem] = drawn
         tell(done, len(tasks) + 1, f"drew {drawn.stem}")
-    tables = comparison_tables(stored)
-    write_tables(tables, folder / "tables")
-    write_comparison_report(stored, tables, figures)
+    with spent.timed("report"):
+        tables = comparison_tables(stored) | _took(stored.found, account)
+        write_tables(tables, folder / "tables")
+        write_comparison_report(stored, tables, figures)
     tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
 
 
@@ -226,12 +251,14 @@ class _CampaignTask:
 _Task = _RecordTask | _ConditionTask | _CampaignTask
 
 
-def _record_tasks(folder: Path, content: Content) -> list[_Task]:
-    return [_RecordTask(folder, r) for r in content.records]
-
-
-def _condition_tasks(folder: Path, content: Content) -> list[_Task]:
-    return [_ConditionTask(folder, c, content.branches(c)) for c in content.conditions]
+def _tasks(folder: Path, content: Content, drawn: Drawn) -> list[_Task]:
+    tasks: list[_Task] = []
+    if drawn == "all":
+        tasks += [_RecordTask(folder, r) for r in content.records]
+        tasks += [_ConditionTask(folder, c, content.branches(c)) for c in content.conditions]
+    if drawn != "none":
+        tasks.append(_CampaignTask(folder, content))
+    return tasks
 
 
 def _draw(task: _Task) -> list[FigureFiles]:

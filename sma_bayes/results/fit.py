@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sma_bayes.account import Account
 from sma_bayes.inference.ensembles import Draws
 from sma_bayes.inference.noise_choice import NoiseChoice
 from sma_bayes.inference.warm_start import WarmStart
@@ -32,8 +33,8 @@ class Fit:
     noise_choice : NoiseChoice or None
         None where the noise model was the user's choice.
     seed : int
-    wall_s : dict of str to float
-        Time that each stage took.
+    account : Account
+        Time that warm start and sampling took.
     z : ndarray, shape (G, N, D)
         Kept draws in sampled coordinates, evenly thinned.
     theta : ndarray, shape (G, N, P)
@@ -46,7 +47,7 @@ class Fit:
     draws: Draws
     noise_choice: NoiseChoice | None
     seed: int
-    wall_s: dict[str, float] = field(default_factory=dict)
+    account: Account = field(default_factory=Account)
     z: Floats = field(init=False, repr=False)
     theta: Floats = field(init=False, repr=False)
 

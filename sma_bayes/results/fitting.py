@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from sma_bayes.account import Account
 from sma_bayes.inference.ensembles import Plan, sample
 from sma_bayes.inference.noise_choice import (
     choose_noise,
@@ -63,36 +63,34 @@ def fit_records(
     MeasurementError, PriorError, UnknownNameError
         If the records or the call can't be used.
     """
-    wall: dict[str, float] = {}
-    clock = time.perf_counter()
+    account = Account()
     with threadpool_limits(limits=1):  # linear algebra on several threads may round differently
-        first = build_posterior(records, NOISE_MODELS["independent"], priors)
-        root = _seed(records, seed)
-        start_seed, sample_seed = root.spawn(2)
-        start = warm_start(first, np.random.default_rng(start_seed))
-        choice = choose_noise(first, start, priors) if noise == AUTO else None
-        wall["warm_start"] = time.perf_counter() - clock
-        clock = time.perf_counter()
+        with account.timed("warm_start"):
+            first = build_posterior(records, NOISE_MODELS["independent"], priors)
+            root = _seed(records, seed)
+            start_seed, sample_seed = root.spawn(2)
+            start = warm_start(first, np.random.default_rng(start_seed))
+            choice = choose_noise(first, start, priors) if noise == AUTO else None
         while True:
             name = choice.name if choice else noise
-            posterior = posterior_with(name, first, start, priors)
-            z = noise_start(posterior, start)
-            draws = sample(
-                posterior,
-                _starts(z, start),
-                posterior.space.prior_sd(),
-                sample_seed,
-                plan,
-                checkpoint=checkpoint and checkpoint.with_stem(f"{checkpoint.stem}-{name}"),
-                fingerprint=posterior.fingerprint() if checkpoint else "",
-                progress=progress,
-            )
-            found = Fit(posterior, start, posterior.space.to_physical(z), draws, choice, seed, wall)
-            again = choice and taken_over(choice, residual_growth(posterior, start, found.flat[::4]))
+            with account.timed("sample"):
+                posterior = posterior_with(name, first, start, priors)
+                z = noise_start(posterior, start)
+                draws = sample(
+                    posterior,
+                    _starts(z, start),
+                    posterior.space.prior_sd(),
+                    sample_seed,
+                    plan,
+                    checkpoint=checkpoint and checkpoint.with_stem(f"{checkpoint.stem}-{name}"),
+                    fingerprint=posterior.fingerprint() if checkpoint else "",
+                    progress=progress,
+                )
+                found = Fit(posterior, start, posterior.space.to_physical(z), draws, choice, seed, account)
+                again = choice and taken_over(choice, residual_growth(posterior, start, found.flat[::4]))
             if again == choice:
                 break
             choice = again
-        wall["sample"] = time.perf_counter() - clock
     return found
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from sma_bayes import cli, workflow
+from sma_bayes import cli, tasks, workflow
 from sma_bayes.inference.convergence import Target
 from sma_bayes.inference.ensembles import Plan
 
@@ -113,7 +113,7 @@ def test_priors_go_through_a_pipe_and_back(measured: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("verb", "work", "advice"),
     [
-        ("fit", "sma_bayes.workflow.fit_records", "with --resume goes on from here"),
+        ("fit", "sma_bayes.tasks.fit_records", "with --resume goes on from here"),
         ("gap", "sma_bayes.gap.outcome.gap_outcome", "with --resume begins the study anew, or draws"),
     ],
 )
@@ -143,7 +143,7 @@ def test_a_mistake_of_the_package_is_not_taken_for_a_run_that_did_not_converge(
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError("planted")
 
-    monkeypatch.setattr(workflow, "fit_records", fail)
+    monkeypatch.setattr(tasks, "fit_records", fail)
     outcome = run("fit", measured, "--out", tmp_path / "out", "--jobs", 1)
     assert outcome.status == cli.MISTAKE == 70
     assert "ZeroDivisionError: planted" in outcome.err

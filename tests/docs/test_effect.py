@@ -62,7 +62,7 @@ def test_the_effect_is_ranked_refitted_drawn_and_named_only_where_it_is(
 ) -> None:
     measure(tmp_path / "run.csv", run_out=run_out)
     tool = str(Path(sys.executable).with_name("sma-bayes"))
-    figures = "--figures" if run_out else "--no-figures"
+    figures = "--figures=all" if run_out else "--no-figures"
     command = [tool, "gap", "run.csv", "--out", "out", "--jobs", "1", "--quiet", figures]
     environment = os.environ | {"PYTHONPATH": str(package)}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)

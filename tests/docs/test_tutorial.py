@@ -114,7 +114,7 @@ def keys(document: object) -> set[str]:
     for key, value in document.items():
         if key in named and isinstance(value, dict):
             found |= set() if key in ("lag1", "bic", "versions") else keys(list(value.values()))
-        elif key in ("shape", "stages_s"):
+        elif key in ("shape", "stages_s", "stages_cpu_s"):
             continue
         else:
             found |= keys(value)

@@ -18,7 +18,7 @@ import xarray as xr
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.workflow import fit_campaign
 
-TIMES = ("wall_s", "stages_s")
+TIMES = ("wall_s", "stages_s", "stages_cpu_s", "workers")
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "nitihf_sparse_isobaric.toml"
 
 

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import os
 import signal
+import time
+from pathlib import Path
 
+import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
+from sma_bayes.account import Account
 from sma_bayes.errors import PriorError, WorkerError
-from sma_bayes.inference.jobs import processes, run
+from sma_bayes.inference.jobs import TRIES, processes, run
 
 
 def square(x: int) -> int:
@@ -42,10 +47,48 @@ def test_an_error_arrives_as_it_was_raised(jobs: int) -> None:
     )
 
 
-def test_a_process_that_is_killed_is_told() -> None:
-    with pytest.raises(WorkerError, match=r"came to an end .*SIGKILL") as caught:
-        list(run(die, range(8), 2))
+def die_once(item: tuple[int, Path]) -> int:
+    number, mark = item
+    if number == 3 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def threads(_: int) -> list[int]:
+    multiply = np.ones((200, 200)) @ np.ones((200, 200))  # so that the library has its threads up
+    return [int(multiply[0, 0]), *(int(pool["num_threads"]) for pool in threadpool_info())]
+
+
+def test_a_task_that_always_kills_its_process_is_given_up() -> None:
+    account = Account()
+    with pytest.raises(WorkerError, match=r"came to an end .*SIGKILL.*4 times in a row") as caught:
+        list(run(die, range(5), 2, account=account))
     assert "--resume" in str(caught.value)
+    assert len(account.lost) == TRIES
+
+
+def test_what_a_killed_process_was_doing_is_done_again(tmp_path: Path) -> None:
+    account = Account()
+    items = [(i, tmp_path / "mark") for i in range(8)]
+    assert list(run(die_once, items, 2, account=account)) == list(range(8))
+    assert len(account.lost) == 1
+    assert "SIGKILL" in account.lost[0]
+    assert account.run_document()["workers"] == {"where": "2 processes", "lost": account.lost}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_linear_algebra_has_one_thread_wherever_a_task_is_done(jobs: int) -> None:
+    assert all(set(found) <= {200, 1} for found in run(threads, range(2), jobs))
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_the_account_holds_what_tasks_took(jobs: int) -> None:
+    account = Account()
+    list(run(time.sleep, [0.05] * 4, jobs, account=account, stage="sleep"))
+    assert account.wall["sleep"] >= 0.2
+    assert account.cpu["sleep"] < account.wall["sleep"]
+    assert set(account.document()) == {"stages_s", "stages_cpu_s"}
 
 
 def test_no_more_processes_than_tasks() -> None:

@@ -35,7 +35,7 @@ def test_everything_is_there(built: tuple[Path, list[tuple[int, int, str]]]) -> 
           for branch in ("heating", "cooling")),
     }  # fmt: skip
     assert len(list((folder / "figures").iterdir())) == 3 * len(stems)
-    assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 11
+    assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 12
     assert not [p for p in folder.rglob(".*") if p.is_file()]  # no temporary file is left
 
 

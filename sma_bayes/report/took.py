@@ -1,0 +1,54 @@
+"""What a run took, stage by stage, as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from sma_bayes.account import Account
+from sma_bayes.report.content import Number
+from sma_bayes.report.tables import Column, Table
+
+STAGES: Final = {
+    "read": "reading the measurements",
+    "warm_start": "least squares, choice of the noise model",
+    "sample": "sampling, until the draws reach their target",
+    "diagnose": "diagnostics, correlation factors, predictive checks",
+    "bands": "credible bands",
+    "study": "locating the disagreement and naming effects",
+    "hold_out": "choosing and predicting without a part of the measurements",
+    "score": "scoring candidates on held-out measurements",
+    "next_experiment": "what would separate rivals",
+    "compare": "fitting all models, with folds held out",
+    "write": "writing posteriors, bands and series",
+    "figures": "drawing figures",
+}
+"""Stages in words, in the order of the table; the report itself can't say how long it took."""
+
+
+def account_table(found: Mapping[str, Any], spent: Account) -> Table:
+    """Stages of a run with their time.
+
+    Parameters
+    ----------
+    found : mapping
+        What `summary.json`, `gap.json` or `comparison.json` holds.
+    spent : Account
+        On figures, where they have been drawn in the same run.
+    """
+    wall = {**found.get("stages_s", {}), **spent.wall}
+    cpu = {**found.get("stages_cpu_s", {}), **spent.cpu}
+    rows = tuple(
+        (words, Number(wall[stage], "s", 0.1 * wall[stage]), Number(cpu[stage], "s", 0.1 * cpu[stage]))
+        for stage, words in STAGES.items()
+        if stage in wall and stage in cpu
+    )
+    workers = found.get("workers", {})
+    lost = workers.get("lost", ())
+    note = f"Tasks were done by {workers['where']}; what ran side by side is added up. " if workers else ""
+    if lost:
+        note += (
+            f"{len(lost)} came to an end in the middle ({'; '.join(lost)}), and their tasks were done again."
+        )
+    columns = (Column("stage", "stage"), Column("clock", "wall", "s"), Column("processor", "cpu", "s"))
+    return Table("account", "What the run took", note.strip(), columns, rows)

@@ -1,0 +1,260 @@
+"""What is done for the records of a fit: sample, assess, write. Each task stands for itself, wherever it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from sma_bayes.account import Account
+from sma_bayes.assess.bands import Band, band_channels, credible_band, overall_band
+from sma_bayes.assess.correlation import correlation_factors
+from sma_bayes.assess.correlation_average import Scored
+from sma_bayes.assess.loops import loop_quantities
+from sma_bayes.assess.summary import record_summary
+from sma_bayes.errors import OutputError, SmaBayesError
+from sma_bayes.inference.ensembles import Plan
+from sma_bayes.inference.jobs import run
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.parts import Part, part_path, read_part, write_part
+from sma_bayes.records.types import Branch, Record
+from sma_bayes.response.arrangement import BiasSpring
+from sma_bayes.results.fit import Fit
+from sma_bayes.results.fitting import AUTO, fit_records
+from sma_bayes.results.store import plain, write_csv, write_posterior
+
+Pool = Literal["none", "campaign"]
+
+MARK = "run.json"
+"""File that tells to which run a folder belongs."""
+WHOLE_CONDITIONS = 20
+"""Number of conditions from which on a task is a condition with its branches. With fewer, a branch is a task: that
+keeps more processes busy, but sends all draws to the process that joins the branches."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitOptions:
+    """What decides the numbers of a run.
+
+    Attributes
+    ----------
+    seed : int
+    noise : str
+        Name of a noise model, or ``auto``.
+    priors : PriorSet
+    pool : str
+        ``none``: each condition and branch has its own A and B; ``campaign``: one set a branch for all.
+    extrapolate : float
+        How far bands go beyond the observed temperatures [unit of temperature].
+    plan : Plan
+    bias : BiasSpring, optional
+        Bias spring whose arrangement with the alloy spring gets bands of its own, Eq. (8).
+    """
+
+    priors: PriorSet
+    seed: int = 0
+    noise: str = AUTO
+    pool: Pool = "none"
+    extrapolate: float = 0.0
+    plan: Plan = field(default_factory=Plan)
+    bias: BiasSpring | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FitTask:
+    """Records that share a posterior, and where to write; without a folder nothing is written."""
+
+    records: tuple[Record, ...]
+    options: FitOptions
+    folder: Path | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Assessed:
+    fit: Fit
+    summaries: list[dict[str, Any]]
+    scored: list[Scored]
+    account: Account
+
+
+def sample_task(task: FitTask) -> Fit:
+    """Sample one posterior."""
+    o = task.options
+    checkpoint = None
+    if task.folder is not None:
+        name = task.records[0].key if len(task.records) == 1 else f"all-{task.records[0].branch.value}"
+        checkpoint = task.folder / "checkpoints" / f"{name}.h5"
+    return fit_records(task.records, o.priors, noise=o.noise, seed=o.seed, plan=o.plan, checkpoint=checkpoint)
+
+
+def fitted(
+    groups: Sequence[tuple[Record, ...]],
+    options: FitOptions,
+    folder: Path,
+    jobs: int | None,
+    account: Account,
+) -> Iterator[Part]:
+    """Fit groups of records that share a posterior each, and write what was found.
+
+    Parameters
+    ----------
+    groups : sequence of tuple of Record
+    options : FitOptions
+    folder : Path
+        That holds the mark of the run, `MARK`.
+    jobs : int, optional
+        See `run`.
+    account : Account
+        Told of workers that were lost; the stages come with the parts.
+
+    Yields
+    ------
+    Part
+        In the order of the groups where each group is one record, else all at once.
+    """
+    tasks = [FitTask(group, options, folder) for group in groups]
+    conditions = _by_condition(tasks)
+    if options.pool == "none" and len(conditions) >= WHOLE_CONDITIONS:
+        yield from _by_whole_conditions(conditions, folder, jobs, account)
+        return
+    assessed = []
+    for found in run(_assess_task, tasks, jobs, account=account):
+        assessed.append(found.fit)
+        yield Part(found.summaries, [], found.scored, found.account)
+    yield Part([], plain(_loops(assessed)), [])
+
+
+def _by_condition(tasks: Iterable[FitTask]) -> dict[str, tuple[FitTask, ...]]:
+    found: dict[str, tuple[FitTask, ...]] = {}
+    for task in tasks:
+        name = task.records[0].condition.id
+        found[name] = (*found.get(name, ()), task)
+    return found
+
+
+def _by_whole_conditions(
+    conditions: dict[str, tuple[FitTask, ...]], folder: Path, jobs: int | None, account: Account
+) -> Iterator[Part]:
+    """Conditions one by one; those that an earlier call has finished are read, not done again."""
+    finished = {name for name, tasks in conditions.items() if _is_finished(folder, name, tasks)}
+    todo = run(
+        _condition_task, [c for n, c in conditions.items() if n not in finished], jobs, account=account
+    )
+    for name in conditions:
+        part = read_part(folder, name) if name in finished else None
+        yield part or next(todo)
+
+
+def _condition_task(tasks: tuple[FitTask, ...]) -> Part:
+    """All branches of one condition."""
+    assessed = [_assess_task(task) for task in tasks]
+    account = Account()
+    for a in assessed:
+        account.take(a.account.document())
+    with account.timed("diagnose"):
+        loops = _loops([a.fit for a in assessed])
+    part = Part(
+        [s for a in assessed for s in a.summaries],
+        plain(loops),
+        [s for a in assessed for s in a.scored],
+        account,
+    )
+    if tasks[0].folder is not None:
+        write_part(tasks[0].folder, tasks[0].records[0].condition.id, part)
+    return part
+
+
+def _is_finished(folder: Path, condition: str, tasks: Iterable[FitTask]) -> bool:
+    records = [record for task in tasks for record in task.records]
+    files = [folder / "posterior" / f"{r.key}.nc" for r in records]
+    files += [folder / "bands" / f"{r.key}-{c}.csv" for r in records for c in band_channels(r)]
+    return all(path.is_file() for path in (part_path(folder, condition), *files))
+
+
+def _assess_task(task: FitTask) -> _Assessed:
+    """Sample, assess and write one posterior."""
+    if task.folder is None:
+        raise SmaBayesError("no folder to write to")
+    if not (task.folder / MARK).is_file():
+        raise OutputError(
+            "is not the folder of the run, as seen by a worker",
+            file=task.folder,
+            expected="a folder that all workers see under the same path",
+            remedy="name a folder on a shared disk as --out",
+        )
+    found = sample_task(task)
+    account = Account()
+    account.take(found.account.document())
+    summaries: list[dict[str, Any]] = []
+    scored: list[Scored] = []
+    for i, record in enumerate(found.records):
+        own = Account()
+        summary, agreements = _assess_record(found, i, record, task, task.folder, own)
+        account.take(own.document())
+        for key, stages in own.document().items():
+            summary[key] |= stages
+        summary["wall_s"] += sum(own.wall.values())
+        summaries.append(plain(summary))
+        scored += agreements
+    return _Assessed(found, summaries, scored, account)
+
+
+def _assess_record(
+    found: Fit, i: int, record: Record, task: FitTask, folder: Path, account: Account
+) -> tuple[dict[str, Any], list[Scored]]:
+    options = task.options
+    with account.timed("diagnose"):
+        rng = np.random.default_rng(np.random.SeedSequence([options.seed, 4, *record.key.encode()]))
+        replicated = found.posterior.replicate(rng, found.flat, record=i)
+        measured, again = correlation_factors(found, replicated, i)
+        summary = record_summary(found, i, measured, again)
+    with account.timed("bands"):
+        bands = {c: credible_band(found, c, i, options.extrapolate) for c in band_channels(record)}
+        if options.bias is not None:
+            overall = overall_band(found, options.bias, i, options.extrapolate)
+            bands |= {} if overall is None else {"overall_stiffness": overall}
+    with account.timed("write"):
+        write_posterior(folder / "posterior" / f"{record.key}.nc", found, i, replicated)
+        for channel, band in bands.items():
+            write_band(folder / "bands" / f"{record.key}-{channel}.csv", band, record)
+    return summary, [
+        Scored(
+            record.key,
+            record.branch.value,
+            channel,
+            record.quantity(channel),
+            record.units[channel],
+            found.records[0].key,
+            found.converged,
+            agreement,
+            data,
+        )
+        for data, agreements in (("measured", measured), ("replicated", again))
+        for channel, agreement in agreements.items()
+    ]
+
+
+def write_band(path: Path, band: Band, record: Record) -> None:
+    """Write a band as CSV: temperature, quantiles of the curve and of a new measurement, simultaneous bands."""
+    unit = record.units["temperature"]
+    columns: dict[str, Any] = {f"temperature_{unit}": band.temperature}
+    columns |= band.curve
+    columns |= band.predictive
+    columns |= band.simultaneous
+    columns["extrapolated"] = band.extrapolated
+    write_csv(path, columns)
+
+
+def _loops(fits: Sequence[Fit]) -> list[dict[str, Any]]:
+    place = {r.key: (f, i) for f in fits for i, r in enumerate(f.records)}
+    out = []
+    for key, (heating, i) in place.items():
+        record = heating.records[i]
+        other = f"{record.condition.id}-{Branch.COOLING.value}"
+        if record.branch is Branch.HEATING and other in place and key != other:
+            cooling, j = place[other]
+            out += [asdict(q) for q in loop_quantities(heating, cooling, (i, j))]
+    return out

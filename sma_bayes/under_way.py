@@ -1,0 +1,77 @@
+"""A run under way: how it is shared out, whom it tells, what it took so far, and how it is brought to an end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sma_bayes.account import Account
+from sma_bayes.report.choice import Drawn
+from sma_bayes.results.store import write_json
+
+Progress = Callable[[int, int, str], None]
+"""Told how many tasks are done, how many there are, and what is going on."""
+
+
+def silent(done: int, total: int, message: str) -> None:
+    """Progress that nobody wants to know."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnderWay:
+    """A run under way.
+
+    Attributes
+    ----------
+    document : str
+        Name of the JSON file of its results.
+    jobs : int or None
+        See `sma_bayes.inference.jobs.run`.
+    drawn : str
+        Which figures will be drawn, see `sma_bayes.report.choice`.
+    tell : callable
+    account : Account
+    begun : float
+        When it began, by `time.perf_counter` [s].
+    """
+
+    document: str
+    jobs: int | None
+    drawn: Drawn
+    tell: Progress = silent
+    account: Account = field(default_factory=Account)
+    begun: float = field(default_factory=time.perf_counter)
+
+    def with_account(self, found: Mapping[str, Any]) -> dict[str, Any]:
+        """Results with what the run took so far."""
+        return {
+            **found,
+            "figures": self.drawn,
+            **self.account.run_document(),
+            "wall_s": time.perf_counter() - self.begun,
+        }
+
+    def end(self, folder: Path, found: Mapping[str, Any]) -> dict[str, Any]:
+        """Write the results, draw the report, and write the results again with what that took; return them."""
+        stated = self.with_account(found)
+        write_json(folder / self.document, stated)
+        if self.drawn == "none":
+            return stated
+        self._report(folder)
+        stated = self.with_account(found)
+        write_json(folder / self.document, stated)
+        return stated
+
+    def end_again(self, folder: Path, found: dict[str, Any]) -> dict[str, Any]:
+        """Draw the report of a run that was finished before, if it lacks one; return its results as they were."""
+        if self.drawn != "none" and not (folder / "report.html").is_file():
+            self._report(folder)
+        return found
+
+    def _report(self, folder: Path) -> None:
+        from sma_bayes.report.build import build_report
+
+        build_report(folder, figures=self.drawn, jobs=self.jobs, progress=self.tell, account=self.account)
