@@ -65,7 +65,7 @@ def test_a_task_that_always_kills_its_process_is_given_up() -> None:
     with pytest.raises(WorkerError, match=r"came to an end .*SIGKILL.*4 times in a row") as caught:
         list(run(die, range(5), 2, account=account))
     assert "--resume" in str(caught.value)
-    assert len(account.lost) == TRIES
+    assert len(account.lost) >= TRIES  # more where tasks before it had been under way
 
 
 def test_what_a_killed_process_was_doing_is_done_again(tmp_path: Path) -> None:
