@@ -1,9 +1,9 @@
 """Campaigns with a mechanism hidden in them, of a stated size in sigma.
 
-The size is the norm of the whitened residuals that the expected readings with the mechanism leave once the plain model
-has been refitted to them: what no choice of its parameters absorbs. The mechanism is scaled to it; where that would take
-it out of its physical range, the noise is scaled if up to eight times more or less of it is enough, and the mechanism
-all the same if not.
+The size is the norm of the whitened residuals that the expected readings with the mechanism leave once the plain
+model has been refitted to them: what no choice of its parameters absorbs. The mechanism is scaled to it; where that
+would take it out of its physical range, the noise is scaled if up to eight times more or less of it is enough, and
+the mechanism all the same if not.
 """
 
 from __future__ import annotations
