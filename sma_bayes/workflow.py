@@ -355,7 +355,8 @@ def study_gap(
     noise : str
         Only ``auto``: the study estimates the noise of each channel by itself.
     resume : bool
-        Where `out` holds this very study already, only what is missing of its report is made.
+        Go on with this very study: sampling where it stopped, or, where `gap.json` is there already, only what is
+        missing of the report. The search is repeated, to the same end; it takes seconds.
     seed, priors, pool, jobs, figures, progress, account
         See `fit_campaign`. With ``pool="campaign"`` one set of A and B a branch serves all conditions: what differs
         between conditions (stress, rate, lag) then shows instead of being swallowed.
@@ -417,6 +418,7 @@ def _studied(
             jobs=work.jobs,
             progress=lambda done, message: work.tell(done, STAGES, message),
             account=work.account,
+            checkpoint=folder and folder / "checkpoints" / "gap.h5",
         )
     stated = outcome_json(outcome)
     found: dict[str, Any] = plain(

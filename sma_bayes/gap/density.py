@@ -9,7 +9,9 @@ The memory of the noise is held at its estimate: with hundreds of samples a bloc
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -78,7 +80,13 @@ class HypothesisDensity:
         return total
 
 
-def sample_hypothesis(fitted: Fitted, seed: np.random.SeedSequence, target: Target | None = None) -> Draws:
+def sample_hypothesis(
+    fitted: Fitted,
+    seed: np.random.SeedSequence,
+    target: Target | None = None,
+    *,
+    checkpoint: Path | None = None,
+) -> Draws:
     """Sample the posterior of a fitted hypothesis with ensembles.
 
     Parameters
@@ -88,6 +96,13 @@ def sample_hypothesis(fitted: Fitted, seed: np.random.SeedSequence, target: Targ
         for the precision of other densities, mistake a bend that is narrow across for width.
     seed : numpy.random.SeedSequence
     target : Target, optional
+    checkpoint : Path, optional
+        See `sample`.
+
+    Raises
+    ------
+    ResumeError
+        If the file is that of another hypothesis, mode or noise.
     """
     plan = Plan(
         target=target or Target(),
@@ -97,4 +112,20 @@ def sample_hypothesis(fitted: Fitted, seed: np.random.SeedSequence, target: Targ
     )
     density = HypothesisDensity(fitted)
     mode = Mode(fitted.z, float(density.log_prob(fitted.z)[0]), fitted.covariance, 1)
-    return sample(density, [mode], fitted.hypothesis.space.prior_sd(), seed, plan)
+    return sample(
+        density,
+        [mode],
+        fitted.hypothesis.space.prior_sd(),
+        seed,
+        plan,
+        checkpoint=checkpoint,
+        fingerprint=_fingerprint(fitted) if checkpoint else "",
+    )
+
+
+def _fingerprint(fitted: Fitted) -> str:
+    """Of what decides the density: parameters with their priors, data, predictions and noise at the mode."""
+    digest = hashlib.sha256(repr(fitted.hypothesis.space.free).encode())
+    for values in (fitted.z, fitted.residual, fitted.whitened):
+        digest.update(values.tobytes())
+    return digest.hexdigest()

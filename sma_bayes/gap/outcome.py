@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,6 +95,7 @@ def gap_outcome(
     jobs: int | None = 1,
     progress: Progress | None = None,
     account: Account | None = None,
+    checkpoint: Path | None = None,
 ) -> GapOutcome:
     """Study a campaign from end to end.
 
@@ -106,6 +108,8 @@ def gap_outcome(
     progress : callable, optional
     account : Account, optional
         Told how long each part took.
+    checkpoint : Path, optional
+        File from which sampling goes on where it was interrupted; the study itself takes seconds and is repeated.
     """
     tell = progress or (lambda done, message: None)
     account = account if account is not None else Account()
@@ -126,7 +130,10 @@ def gap_outcome(
         scores = _scores(study, pooled=pooled)
     tell(MOST + 4, "sampling the final model")
     with account.timed("sample"):
-        draws = sample_hypothesis(study.final, np.random.SeedSequence([seed, 13])) if study.effects else None
+        draws = None
+        if study.effects:
+            seeds = np.random.SeedSequence([seed, 13])
+            draws = sample_hypothesis(study.final, seeds, checkpoint=checkpoint)
     with account.timed("next_experiment"):
         experiments = _experiments(study)
     return GapOutcome(study, draws, gap, scores, experiments, pooled)

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal
 
+from sma_bayes.errors import ResumeError
 from sma_bayes.gap.density import HypothesisDensity, sample_hypothesis
 from sma_bayes.gap.fitting import fit_hypothesis
 from sma_bayes.inference.convergence import Target
@@ -111,3 +112,37 @@ def test_draws_agree_with_quadrature(two_effects) -> None:
     np.testing.assert_allclose((z.mean(axis=0) - mean) / exact, 0.0, atol=0.08)
     np.testing.assert_allclose(z.std(axis=0) / exact, 1.0, atol=0.06)
     assert np.corrcoef(z.T)[0, 1] == pytest.approx(covariance[0, 1] / np.prod(exact), abs=0.08)
+
+
+class Killed(Exception):
+    """In place of a signal."""
+
+
+def test_sampling_that_was_interrupted_goes_on_to_the_same_bits(two_effects, tmp_path, monkeypatch) -> None:
+    hypothesis, line, _, _ = two_effects
+    fitted = fit_hypothesis(hypothesis, np.zeros(2), line.noise)
+    calls = 0
+
+    def counted(density: HypothesisDensity, z: np.ndarray) -> np.ndarray:
+        nonlocal calls
+        calls += 1
+        if calls == stop:
+            raise Killed
+        return plain(density, z)
+
+    plain = HypothesisDensity.log_prob
+    monkeypatch.setattr(HypothesisDensity, "log_prob", counted)
+    stop = -1
+    whole = sample_hypothesis(fitted, np.random.SeedSequence(5))
+    needed, calls, stop = calls, 0, calls - 2
+    with pytest.raises(Killed):
+        sample_hypothesis(fitted, np.random.SeedSequence(5), checkpoint=tmp_path / "gap.h5")
+    calls, stop = 0, -1
+    again = sample_hypothesis(fitted, np.random.SeedSequence(5), checkpoint=tmp_path / "gap.h5")
+    np.testing.assert_array_equal(again.z, whole.z)
+    assert again.evaluations == whole.evaluations
+    assert calls < needed
+    with pytest.raises(ResumeError):
+        sample_hypothesis(
+            replace(fitted, z=fitted.z + 1e-9), np.random.SeedSequence(5), checkpoint=tmp_path / "gap.h5"
+        )
