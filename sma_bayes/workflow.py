@@ -19,7 +19,7 @@ from sma_bayes.account import Account
 from sma_bayes.assess.correlation_average import Averages
 from sma_bayes.effects import EFFECTS
 from sma_bayes.errors import OutputError, ResumeError, SmaBayesError, near_matches
-from sma_bayes.gap.check import Comparable, comparable
+from sma_bayes.gap.check import Comparable, comparable, smoothing_remarks
 from sma_bayes.inference.jobs import run
 from sma_bayes.inference.noise_choice import choose_noise
 from sma_bayes.inference.warm_start import warm_start
@@ -432,7 +432,10 @@ def _studied(
             "versions": all_versions(),
             "data_sha256": campaign.sha256,
             "cautions": cautions(stated),
-            "remarks": list(can.remarks),
+            "remarks": [
+                *can.remarks,
+                *smoothing_remarks(outcome.study.baseline.hypothesis.histories),
+            ],
             "findings": [asdict(f) for f in campaign.findings],
         }
     )

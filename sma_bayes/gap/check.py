@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from sma_bayes.errors import MeasurementError
 from sma_bayes.quantities import ARBITRARY
+from sma_bayes.records.history import History
 from sma_bayes.records.types import Branch, Campaign, Record
 
 LEAST = 24
@@ -134,3 +137,17 @@ def _enough(name: str, samples: int) -> None:
             expected=f"at least {LEAST}, both branches together, so that a pattern can be told from noise",
             remedy="leave the condition out, or measure more finely",
         )
+
+
+def smoothing_remarks(histories: Sequence[History]) -> list[str]:
+    """By how much temperatures were smoothed, where they are an outcome; see `smoothed`."""
+    moved = [
+        h.observed["temperature"] - h.inputs["temperature"] for h in histories if "temperature" in h.observed
+    ]
+    if not moved:
+        return []
+    rms = float(np.sqrt(np.mean(np.concatenate(moved) ** 2)))
+    return [
+        "Temperature is an outcome here, of the current. The other channels were computed from temperatures smoothed "
+        f"in time within each sweep, from which readings differ by {rms:.2g} K (rms)."
+    ]
