@@ -127,8 +127,10 @@ def next_experiment(rivals: Sequence[Fitted]) -> Proposal | None:
     Returns
     -------
     Proposal or None
-        None where no design can be made from what was recorded.
+        None where there is nothing to separate, or no design can be made from what was recorded.
     """
+    if len(rivals) < 2:
+        return None
     proposals = []
     for design in DESIGNS:
         if all(name in h.inputs for h in rivals[0].hypothesis.histories for name in design.needs):

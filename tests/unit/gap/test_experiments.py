@@ -162,6 +162,7 @@ def test_what_was_not_recorded_is_not_proposed(rivals) -> None:
     proposal = next_experiment(fitted)
     assert proposal is not None
     assert set(proposal.design.needs) <= {"temperature", "cycle"}
+    assert next_experiment(fitted[:1]) is None  # nothing to separate
 
 
 @pytest.mark.parametrize(
