@@ -27,6 +27,7 @@ _PLACES = {
     "compare": "sma_bayes.comparing",
     "ask": "sma_bayes.asking",
     "cluster": "sma_bayes.inference.jobs",
+    "run_study": "sma_bayes.running",
     "fit_records": "sma_bayes.results.fitting",
     "credible_band": "sma_bayes.assess.bands",
     "correlation_factors": "sma_bayes.assess.correlation",

@@ -27,6 +27,7 @@ _GO_ON = {
     "fit": "; the same command with --resume goes on from here",
     "gap": "; the same command with --resume begins the study anew, or draws the report of one that is finished",
     "report": "; the same command begins anew",
+    "run": "; the same command with --resume goes on from here",
 }
 """What to do after an interruption, by verb."""
 
@@ -353,6 +354,28 @@ def ask(
 
 
 @app.command()
+def run(
+    study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="Campaign, folder and steps.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results, in place of the declared one.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(help="Processes, in place of the declared number.", min=1)
+    ] = None,
+    scheduler: Scheduler = None,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Run all that a study file declares: fit, compare, gap and questions, each in a folder of its own."""
+    from sma_bayes.running import run_study, study_text
+
+    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
+        found = run_study(study, out=out, jobs=jobs, resume=resume, progress=progress)
+    _finish(found, quiet, as_json, lambda: typer.echo(study_text(found)))
+
+
+@app.command()
 def report(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder that fit, gap or compare has written.")
@@ -446,15 +469,16 @@ def _progress(silent: bool) -> Iterator[Callable[[int, int, str], None] | None]:
 
 
 def _finish(summary: dict[str, Any], quiet: bool, as_json: bool, show: Callable[[], None]) -> None:
-    """Tell what was found as JSON, for people or not at all; exit status 1 where it has not converged."""
+    """Tell what was found as JSON, for people or not at all; end with its exit status, 1 where it has not converged."""
     if as_json:
         from sma_bayes.results.store import plain
 
         typer.echo(json.dumps(plain(summary), indent=1))
     elif not quiet:
         show()
-    if not summary["converged"]:
-        raise typer.Exit(1)
+    status = summary.get("exit_status", 0 if summary["converged"] else 1)
+    if status:
+        raise typer.Exit(status)
 
 
 def _show_fit(summary: dict[str, Any], out: Path) -> None:

@@ -98,6 +98,10 @@ class CampaignError(SmaBayesError):
     """`campaign.toml` is wrong: a typo, a column that is not there, duplicate conditions."""
 
 
+class StudyError(SmaBayesError):
+    """A study file is wrong: a typo, a path that is not there, a step that lacks what it needs."""
+
+
 class QuantityError(SmaBayesError):
     """A unit is unknown or of the wrong kind."""
 

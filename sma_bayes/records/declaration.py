@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeVar, get_type_hints
+from typing import Annotated, Any, Final, get_type_hints
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
-    ValidationError,
     create_model,
     field_validator,
     model_validator,
@@ -23,6 +19,7 @@ from sma_bayes.errors import CampaignError, SmaBayesError, near_matches
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, STANDARD_GRAVITY
 from sma_bayes.records.formats import Reading
 from sma_bayes.records.split import SplitSettings
+from sma_bayes.records.toml_table import StrictTable, as_toml, checked, parsed_toml
 from sma_bayes.records.types import Condition
 
 CAMPAIGN_FILE: Final = "campaign.toml"
@@ -39,23 +36,8 @@ CHANNEL_OF: Final = {quantity: channel for channel, quantity in SPECIMEN_QUANTIT
 _NOT_IN_FILE_NAMES = re.compile(r'[\x00-\x1f<>:"/\\|?*]|^[ .]|[ .]$')
 _DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
-_IN_TOML: Final = {
-    "a valid dictionary": "a table: [name], or { key = value, ... }",
-    "a valid list": "a list of tables: each begins with [[name]]",
-    "a valid tuple": "a list: [ ... ]",
-    "a valid string": "a text in quotation marks",
-    "a valid boolean": "true or false",
-}
-"""What the checking library calls kinds of value, in the words of TOML."""
 
-M = TypeVar("M", bound=BaseModel)
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class Column(_Table):
+class Column(StrictTable):
     """One entry of ``[columns]``: where a quantity stands in the file and how it becomes a quantity.
 
     A reading becomes ``offset + scale * reading`` in the unit `to`; without scale and offset it is in `unit`.
@@ -121,7 +103,7 @@ class Column(_Table):
         return self.to or self.unit or "1"
 
 
-class TimeWindow(_Table):
+class TimeWindow(StrictTable):
     """Limits of time in ``[segmentation]`` [s]."""
 
     time_from: float | None = None
@@ -135,7 +117,7 @@ _SETTINGS: Final[dict[str, Any]] = {
 _SegmentationTable = create_model("_SegmentationTable", __base__=TimeWindow, **_SETTINGS)
 
 
-class ConditionTable(_Table):
+class ConditionTable(StrictTable):
     """One ``[[condition]]``: its file, what was set on the rig, and what it has of its own."""
 
     id: str
@@ -195,12 +177,12 @@ class ConditionTable(_Table):
         )
 
 
-class _CampaignTable(_Table):
+class _CampaignTable(StrictTable):
     name: str | None = None
     data: str | None = None
 
 
-class _Document(_Table):
+class _Document(StrictTable):
     campaign: dict[str, Any] = Field(default_factory=dict)
     columns: dict[str, Any] = Field(default_factory=dict)
     reading: dict[str, Any] = Field(default_factory=dict)
@@ -291,7 +273,7 @@ def read_declaration(path: Path, data_dir: Path | None, settings: SplitSettings)
     if path.suffix.lower() != ".toml":
         return _single_file(path, settings)
     content = path.read_bytes()
-    document = checked(_Document, _parsed(content, path), file=path, where="")
+    document = checked(_Document, parsed_toml(content, path), file=path, where="")
     campaign = checked(_CampaignTable, document.campaign, file=path, where="campaign")
     folder = data_dir if data_dir is not None else path.parent / (campaign.data or "")
     if not document.condition:
@@ -305,32 +287,6 @@ def read_declaration(path: Path, data_dir: Path | None, settings: SplitSettings)
     _refuse_equal_ids(conditions, path)
     name = campaign.name or (path.parent.resolve().name if path.name == CAMPAIGN_FILE else path.stem)
     return Declaration(name, path, content, conditions)
-
-
-def checked(model: type[M], values: Mapping[str, Any], *, file: Path, where: str) -> M:
-    """Validate one table of a campaign file.
-
-    Raises
-    ------
-    CampaignError
-        With the file, the key, what was found and what was expected.
-    """
-    try:
-        return model.model_validate(values)
-    except ValidationError as error:
-        # a typing error in a key shows up twice: as a key that is missing, and as one too many, which tells more
-        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        key = str(first["loc"][0]) if first["loc"] else ""
-        place = ".".join(part for part in (where, key) if part) or None
-        if first["type"] == "extra_forbidden":
-            found, expected = f"unknown key {key!r}", near_matches(key, model.model_fields)
-        elif first["type"] == "missing" and len(first["loc"]) == 1:
-            found, expected = f"the key {key!r} is not there", f"{key} = ..."
-        else:
-            found = f"found {_as_toml(first['input'])}"
-            expected = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-            expected = _IN_TOML.get(expected, expected)
-        raise CampaignError(found, file=file, column=place, expected=expected) from None
 
 
 def require_channels(names: Mapping[str, object] | set[str], *, file: Path, where: str) -> None:
@@ -373,25 +329,6 @@ def _campaign_in(folder: Path) -> Path:
         remedy="write one, or name a single data file with default column names; the folder holds "
         + (", ".join(there[:FILES_SHOWN]) or "no files"),
     )
-
-
-def _parsed(content: bytes, path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(content.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        row = content[: error.start].count(b"\n") + 1
-        raise CampaignError(
-            "the file is not UTF-8", file=path, row=row, expected="TOML in UTF-8", remedy="save it as UTF-8"
-        ) from None
-    except tomllib.TOMLDecodeError as error:
-        place = re.search(r"\(at line (\d+)", str(error))
-        raise CampaignError(
-            str(error),
-            file=path,
-            row=int(place.group(1)) if place else None,
-            expected="TOML; texts stand in quotation marks, decimals have a point",
-            remedy="correct the line",
-        ) from None
 
 
 def _single_file(path: Path, settings: SplitSettings) -> Declaration:
@@ -456,7 +393,7 @@ def _column(name: str, values: Any, path: Path, where: str) -> Column:
         )
     if not isinstance(values, Mapping):
         raise CampaignError(
-            f"found {_as_toml(values)}",
+            f"found {as_toml(values)}",
             file=path,
             column=where,
             expected='a table such as { name = "header in the file", unit = "N" }',
@@ -528,16 +465,3 @@ def _similar(path: Path) -> str:
     if near.startswith("did you mean") or len(there) <= FILES_SHOWN:
         return near
     return f"the folder holds {', '.join(there[:FILES_SHOWN])} and {len(there) - FILES_SHOWN} more"
-
-
-def _as_toml(value: object) -> str:
-    """Value as it would stand in the campaign file, shortened."""
-    if isinstance(value, Mapping):
-        text = "{ " + ", ".join(f"{key} = {_as_toml(part)}" for key, part in value.items()) + " }"
-    elif isinstance(value, bool):
-        text = str(value).lower()
-    elif isinstance(value, str):
-        text = f'"{value}"'
-    else:
-        text = str(value)
-    return text if len(text) <= 200 else text[:197] + "..."

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_bayes.account import Account
+from sma_bayes.errors import OutputError
 from sma_bayes.inference.jobs import run
 from sma_bayes.report.choice import Drawn, figures_for
 from sma_bayes.report.comparison_outputs import StoredComparison, is_comparison, read_comparison
@@ -95,6 +96,13 @@ def build_report(
 def _build_fit_report(
     folder: Path, figures: str | bool, jobs: int | None, tell: Progress, account: Account | None
 ) -> None:
+    if not any((folder / name).is_file() for name in ("summary.json", "run.json")):
+        raise OutputError(
+            "holds no run of sma_bayes" if folder.is_dir() else "is not a folder",
+            file=folder,
+            expected="a folder with the summary.json of fit, the gap.json of gap or the comparison.json of compare",
+            remedy="name the folder that was given as --out; of a study one of its folders",
+        )
     spent = account or Account()
     with spent.timed("report"):
         stored = read_run(folder)

@@ -18,6 +18,13 @@ from sma_bayes.quantities import Floats
 FIT_SCHEMA: Final = "sma-bayes/fit/1"
 FINISH: Final = "finish it: give the command that started it once more, with --resume"
 
+OTHERS: Final = {
+    "gap.json": "a gap study",
+    "comparison.json": "a comparison of models",
+    "study.json": "the folders of a study",
+}
+"""What else a folder may hold, by the file that gives it away."""
+
 BAND_COLUMNS: Final = ("q05", "q25", "q50", "q75", "q95", "pred_q05", "pred_q95")
 """Quantiles of a band that figures show."""
 
@@ -113,6 +120,14 @@ def read_run(folder: Path) -> StoredRun:
             "is not a folder", file=folder, expected="the output folder of a fit", remedy="check the path"
         )
     if not (folder / "summary.json").is_file():
+        other = next((what for name, what in OTHERS.items() if (folder / name).is_file()), None)
+        if other:
+            raise OutputError(
+                f"holds {other}, no fit",
+                file=folder,
+                expected="a folder with a summary.json",
+                remedy="name the folder that was given to fit as --out; of a study the one called fit",
+            )
         begun = (folder / "run.json").is_file()
         raise OutputError(
             "holds a run that is not finished" if begun else "holds no run of sma_bayes",

@@ -170,7 +170,9 @@ def test_options(run: Run, measured: Path, tmp_path: Path, option: str, value: s
 def test_priors_of_an_unknown_set_and_a_report_of_nothing(run: Run, tmp_path: Path) -> None:
     assert "'paper_spring'" in refused(run, "priors", "no_such")
     assert "is not a folder" in refused(run, "report", tmp_path / "no")
-    assert "holds no run of sma_bayes" in refused(run, "report", tmp_path)
+    told = refused(run, "report", tmp_path)
+    assert "holds no run of sma_bayes" in told
+    assert all(name in told for name in ("summary.json", "gap.json", "comparison.json"))
 
 
 def test_a_verb_that_is_none_and_a_call_without_a_path(run: Run) -> None:

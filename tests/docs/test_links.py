@@ -14,6 +14,7 @@ from sma_bayes.cli import app
 from sma_bayes.parameters.priors_file import parse_priors, shipped_priors
 from sma_bayes.records.declaration import read_declaration
 from sma_bayes.records.split import SplitSettings
+from sma_bayes.study_file import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
@@ -109,6 +110,10 @@ def test_every_toml_example_is_understood(page, tmp_path):
             for condition in document["condition"]:
                 (tmp_path / condition["file"]).write_text("", encoding="utf-8")
             assert read_declaration(place, None, SplitSettings()).conditions
+        elif "study" in document:
+            place = tmp_path / "study.toml"
+            place.write_text(text, encoding="utf-8")
+            assert read_study(place).steps
         elif document.get("schema", "").startswith("sma-bayes/priors"):
             assert parse_priors(text, name(page)).entries["both"]
         else:

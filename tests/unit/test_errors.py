@@ -43,6 +43,7 @@ def test_the_family_is_complete() -> None:
         "SmaBayesError",
         "MeasurementError",
         "CampaignError",
+        "StudyError",
         "QuantityError",
         "PriorError",
         "UnknownNameError",

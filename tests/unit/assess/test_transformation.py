@@ -9,7 +9,6 @@ import pytest
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import expit
 
-from sma_bayes.assess.summary import record_summary
 from sma_bayes.assess.transformation import (
     OUTSTANDING,
     tangents,
@@ -140,5 +139,3 @@ def test_a_gap_over_the_steep_part_is_flagged(make_record: Callable[..., Record]
 def test_stiffness_alone_gives_no_temperatures(make_record: Callable[..., Record]) -> None:
     fit = fit_records([make_record(("stiffness",), n=40, B2=0.45)], PRIORS)
     assert transformation_temperatures(fit) == ()
-    replicated = fit.posterior.replicate(np.random.default_rng(0), fit.flat)
-    assert record_summary(fit, 0, replicated)["transformation"] == {}

@@ -11,8 +11,8 @@ import pytest
 from sma_bayes.catalogue import Catalogue
 from sma_bayes.errors import CampaignError, MeasurementError, UnknownNameError
 from sma_bayes.records import formats
-from sma_bayes.records.declaration import checked
 from sma_bayes.records.formats import FORMATS, Format, Reading, read_table, recognise
+from sma_bayes.records.toml_table import checked
 
 
 def test_every_file_of_the_folder_that_holds_a_format_is_in_the_table() -> None:

@@ -32,6 +32,21 @@ def test_a_folder_without_a_run(tmp_path: Path) -> None:
         read_run(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("gap.json", "a gap study, no fit"),
+        ("comparison.json", "a comparison of models"),
+        ("study.json", "a study"),
+    ],
+)
+def test_what_a_folder_holds_instead_of_a_fit(tmp_path: Path, name: str, told: str) -> None:
+    for place in (name, "run.json"):
+        (tmp_path / place).write_text("{}", encoding="utf-8")
+    with pytest.raises(OutputError, match=told):
+        read_run(tmp_path)
+
+
 def test_a_run_that_was_interrupted_says_how_to_finish_it(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("{}", encoding="utf-8")
     with pytest.raises(OutputError, match="not finished") as caught:

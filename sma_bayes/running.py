@@ -1,0 +1,258 @@
+"""Running a whole study from one file: fit, comparison, gap study and questions, each in a folder of its own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from sma_bayes.asking import WANTED, ask
+from sma_bayes.comparing import compare
+from sma_bayes.errors import SmaBayesError
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.quantities import number_and_unit
+from sma_bayes.records.campaign import read_campaign
+from sma_bayes.records.types import Campaign
+from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD
+from sma_bayes.results.fitting import AUTO
+from sma_bayes.results.store import plain, write_json
+from sma_bayes.study_file import Study, read_study
+from sma_bayes.under_way import Progress, silent
+from sma_bayes.workflow import all_versions, bias_spring, claimed_folder, fit_campaign, study_gap
+
+SCHEMA: Final = "sma-bayes/study/1"
+DONE, NOT_CONVERGED, WRONG = 0, 1, 2
+"""Exit statuses of a step; that of the study is the greatest of them."""
+STATUS: Final = {DONE: "done", NOT_CONVERGED: "not converged", WRONG: "failed"}
+SKIPPED: Final = "skipped"
+
+FOLDERS: Final = {"fit": "fit", "compare": "comparison", "gap": "gap", "ask": "ask"}
+SUMMARIES: Final = {"fit": "summary.json", "compare": "comparison.json", "gap": "gap.json"}
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A step that waits to be run.
+
+    Attributes
+    ----------
+    name, kind : str
+        ``ask 2`` and ``ask``; of the others both are the same.
+    summary : str
+        Its JSON file, below the folder of the study.
+    needs : str
+        Kind of the step without which it can't run; empty where there is none.
+    run : callable
+        Told the progress; gives what the summary holds.
+    """
+
+    name: str
+    kind: str
+    summary: str
+    needs: str
+    run: Callable[[Progress], dict[str, Any]]
+
+
+def run_study(
+    path: str | Path,
+    *,
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run all steps that a study file declares.
+
+    A step that fails for want of something in the data does not keep the others from running: its message is in the
+    result. What is wrong in the file itself is refused before anything is written.
+
+    Parameters
+    ----------
+    path : str or Path
+        The study file.
+    out : str or Path, optional
+        Folder for the results, in place of the declared one.
+    jobs : int, optional
+        Processes, in place of the declared number.
+    resume : bool
+        Go on with a study that was interrupted, or run steps that were added to its file.
+    progress : callable, optional
+
+    Returns
+    -------
+    dict
+        What `study.json` holds.
+
+    Raises
+    ------
+    StudyError
+        If the study file can't be read or is wrong.
+    SmaBayesError
+        If a name in it is unknown, the campaign can't be read, or the folder can't be used.
+    """
+    clock = time.perf_counter()
+    study = read_study(Path(path))
+    _check(study)
+    campaign = read_campaign(study.campaign, data_dir=study.data)
+    folder = Path(out) if out is not None else study.out
+    tell = progress or silent
+    steps = _steps(study, campaign, folder, jobs if jobs is not None else study.jobs, resume)
+    results: list[dict[str, Any]] = []
+    document: dict[str, Any] = {}
+    with claimed_folder(folder, _identity(campaign), resume):
+        for step in steps:
+            results.append(_result(step, results, tell))
+            document = _document(study, campaign, results, len(results) == len(steps), clock)
+            write_json(folder / "study.json", document)
+    return document
+
+
+def _identity(campaign: Campaign) -> dict[str, Any]:
+    """What makes a folder that of this study; options may change, since each step watches over its own."""
+    return {"schema": "sma-bayes/run/1", "kind": "study", "data": campaign.sha256}
+
+
+def _check(study: Study) -> None:
+    """Refuse names that no step could do with, before the campaign is read."""
+    for name, options in study.steps.items():
+        with _place(study, f"{name}.priors"):
+            read_priors(options["priors"])
+        noise = options.get("noise", AUTO)
+        with _place(study, f"{name}.noise"):
+            NOISE_MODELS["independent" if noise == AUTO else noise]
+    with _place(study, "fit.arrangement"):
+        _bias(study.steps.get("fit", {}))
+    for number, asked in enumerate(study.asks, start=1):
+        for name in (*WANTED, "tolerance"):
+            if asked[name] is not None:
+                with _place(study, f"ask {number}.{name}"):
+                    number_and_unit(asked[name].rstrip("% "), what=name)
+
+
+@contextmanager
+def _place(study: Study, key: str) -> Iterator[None]:
+    """Name the key of the study file in an error that knows of no place."""
+    try:
+        yield
+    except SmaBayesError as error:
+        raise type(error)(
+            error.found,
+            file=error.file or study.file,
+            row=error.row,
+            column=error.column or key,
+            expected=error.expected,
+            remedy=error.remedy,
+        ) from None
+
+
+def _bias(options: Mapping[str, Any]) -> Any:
+    return bias_spring(
+        options.get("arrangement"),
+        options.get("bias", BIAS_STIFFNESS),
+        options.get("bias_sd", BIAS_STIFFNESS_SD),
+    )
+
+
+def _steps(study: Study, campaign: Campaign, folder: Path, jobs: int | None, resume: bool) -> list[_Step]:
+    calls: dict[str, Callable[..., dict[str, Any]]] = {
+        "fit": fit_campaign, "compare": compare, "gap": study_gap
+    }  # fmt: skip
+    steps = []
+    for kind, options in study.steps.items():
+        arguments = {k: v for k, v in options.items() if k not in ("arrangement", "bias", "bias_sd")}
+        if kind == "fit":
+            arguments["bias"] = _bias(options)
+        place = folder / FOLDERS[kind]
+        call = partial(calls[kind], campaign, place, seed=study.seed, jobs=jobs, resume=resume, **arguments)
+        steps.append(_Step(kind, kind, f"{FOLDERS[kind]}/{SUMMARIES[kind]}", "", partial(_called, call)))
+    for number, asked in enumerate(study.asks, start=1):
+        summary = f"{FOLDERS['ask']}/{number}.json"
+        run = partial(_asked, folder / FOLDERS["fit"], folder / summary, asked)
+        steps.append(_Step(f"ask {number}", "ask", summary, "fit", run))
+    return steps
+
+
+def _called(call: Callable[..., dict[str, Any]], tell: Progress) -> dict[str, Any]:
+    return call(progress=tell)
+
+
+def _asked(fit: Path, summary: Path, asked: Mapping[str, Any], tell: Progress) -> dict[str, Any]:
+    tell(0, 1, "asking")
+    found = ask(fit, **asked)
+    write_json(summary, found)
+    return found
+
+
+def _result(step: _Step, before: list[dict[str, Any]], tell: Progress) -> dict[str, Any]:
+    clock = time.perf_counter()
+    failed = next((r for r in before if r["step"] == step.needs and r["exit_status"] == WRONG), None)
+    stated = {"step": step.name, "summary": None, "schema": None, "told": None, "error": None}
+    if failed:
+        stated["error"] = f"{failed['step']} failed"
+        return {**stated, "status": SKIPPED, "exit_status": WRONG, "wall_s": 0.0}
+    try:
+        found = step.run(lambda done, total, message: tell(done, total, f"{step.name}: {message}"))
+    except SmaBayesError as error:
+        stated["error"] = str(error)
+        status = WRONG
+    else:
+        stated |= {"summary": step.summary, "schema": found["schema"], "told": _told(step.kind, found)}
+        status = DONE if found["converged"] else NOT_CONVERGED
+    return {
+        **stated,
+        "status": STATUS[status],
+        "exit_status": status,
+        "wall_s": time.perf_counter() - clock,
+    }
+
+
+def _told(kind: str, found: Mapping[str, Any]) -> str:
+    """What a step found, in a few words."""
+    if kind == "fit":
+        good = sum(r["converged"] for r in found["records"])
+        return f"{good} of {len(found['records'])} records converged"
+    if kind == "compare":
+        return "; ".join(f"{g['channel']}: {g['verdict']}" for g in found["overall"])
+    if kind == "gap":
+        effects = ", ".join(e["id"] for e in found["effects"])
+        return f"{found['verdict']}: {effects}" if effects else str(found["verdict"])
+    sure = sum(bool(a["within"]["intervals"]) for a in found["answers"])
+    return (
+        f"{found['quantity'].replace('_', ' ')} {found['value']}: {sure} of {len(found['answers'])} branches give it "
+        f"with probability {found['probability']:g}"
+    )
+
+
+def _document(
+    study: Study, campaign: Campaign, results: list[dict[str, Any]], finished: bool, clock: float
+) -> dict[str, Any]:
+    document: dict[str, Any] = plain({
+        "schema": SCHEMA,
+        "study": study.file,
+        "campaign": campaign.name,
+        "source": campaign.source,
+        "seed": study.seed,
+        "versions": all_versions(),
+        "data_sha256": campaign.sha256,
+        "finished": finished,
+        "converged": all(r["exit_status"] == DONE for r in results),
+        "exit_status": max(r["exit_status"] for r in results),
+        "steps": results,
+        "wall_s": time.perf_counter() - clock,
+    })  # fmt: skip
+    return document
+
+
+def study_text(found: Mapping[str, Any]) -> str:
+    """The steps of a study, a line each."""
+    lines = [f"{found['campaign']}, seed {found['seed']}"]
+    width = max(len(r["step"]) for r in found["steps"])
+    for r in found["steps"]:
+        told = r["told"] or r["error"].replace("\n", "\n" + " " * (width + 19))
+        lines.append(f"  {r['step']:<{width}}  {r['status']:<13}  {told}")
+    return "\n".join(lines)

@@ -1,0 +1,213 @@
+"""What a study file declares, checked: a campaign, where the results go, and which steps run with which options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from pydantic import Field, model_validator
+
+from sma_bayes.asking import PROBABILITY, TOLERANCE, WANTED
+from sma_bayes.errors import StudyError, near_matches
+from sma_bayes.records.toml_table import StrictTable, as_toml, checked, parsed_toml
+
+Figures = Literal["auto", "all", "campaign", "none"]
+
+
+class StudyTable(StrictTable):
+    """``[study]``: what all steps share. Paths are relative to the folder of the study file.
+
+    Attributes
+    ----------
+    campaign : str
+        Campaign folder, campaign file or data file.
+    out : str
+        Folder for the results, one below it for each step.
+    data : str, optional
+        Folder of the data files, where it is not the campaign's own.
+    seed : int
+    jobs : int, optional
+    priors : str
+        Name of a shipped set, or a TOML file.
+    noise : str
+        Of fit and compare; a gap study estimates the noise by itself.
+    pool : str
+        ``none`` or ``campaign``.
+    figures : str
+        ``auto``, ``all``, ``campaign`` or ``none``, see `figures_for`.
+    """
+
+    campaign: str
+    out: str
+    data: str | None = None
+    seed: int = Field(default=0, ge=0)
+    jobs: int | None = Field(default=None, ge=1)
+    priors: str = "modified_sigmoid"
+    noise: str = "auto"
+    pool: Literal["none", "campaign"] = "none"
+    figures: Figures = "auto"
+
+
+class StepTable(StrictTable):
+    """What a step may have otherwise than ``[study]`` says."""
+
+    priors: str | None = None
+    pool: Literal["none", "campaign"] | None = None
+    figures: Figures | None = None
+
+
+class CompareTable(StepTable):
+    """``[compare]``."""
+
+    noise: str | None = None
+
+
+class FitTable(CompareTable):
+    """``[fit]``; a bias spring where `arrangement` names one [N/m]."""
+
+    extrapolate: float = Field(default=0.0, ge=0.0)
+    arrangement: str | None = None
+    bias: float | None = Field(default=None, gt=0.0)
+    bias_sd: float | None = Field(default=None, ge=0.0)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> FitTable:
+        if self.arrangement is None and (self.bias is not None or self.bias_sd is not None):
+            raise ValueError("an arrangement beside bias and bias_sd")
+        return self
+
+
+class GapTable(StepTable):
+    """``[gap]``."""
+
+
+class AskTable(StrictTable):
+    """One ``[[ask]]``; values with their units, as `ask` takes them."""
+
+    stiffness: str | None = None
+    force: str | None = None
+    displacement: str | None = None
+    overall_stiffness: str | None = None
+    tolerance: str = TOLERANCE
+    probability: float = Field(default=PROBABILITY, gt=0.0, le=1.0)
+    condition: str | None = None
+    branch: Literal["heating", "cooling"] | None = None
+    extrapolate: float = Field(default=0.0, ge=0.0)
+
+    @model_validator(mode="after")
+    def _one_value(self) -> AskTable:
+        if sum(getattr(self, name) is not None for name in WANTED) != 1:
+            raise ValueError(f"exactly one of {', '.join(WANTED)}")
+        return self
+
+
+_STEPS: Final[dict[str, type[StepTable]]] = {"fit": FitTable, "compare": CompareTable, "gap": GapTable}
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """A study as declared, with its paths resolved.
+
+    Attributes
+    ----------
+    file : Path
+    campaign, out : Path
+    data : Path or None
+    seed : int
+    jobs : int or None
+    steps : mapping of str to mapping
+        Options of ``fit``, ``compare`` and ``gap``, those of ``[study]`` filled in; a step that is not there does not
+        run.
+    asks : tuple of mapping
+        Arguments of each `ask`.
+    """
+
+    file: Path
+    campaign: Path
+    out: Path
+    data: Path | None
+    seed: int
+    jobs: int | None
+    steps: Mapping[str, Mapping[str, Any]]
+    asks: tuple[Mapping[str, Any], ...]
+
+
+def read_study(path: Path) -> Study:
+    """Read and check a study file; names of priors and noise models are left to the steps.
+
+    Raises
+    ------
+    StudyError
+        If it is not there or wrong, with the key.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise StudyError(
+            f"can't be read: {error.strerror}", file=path, expected="a study file", remedy="check the path"
+        ) from None
+    document = parsed_toml(content, path, StudyError)
+    known = ("study", *_STEPS, "ask")
+    for key in document:
+        if key not in known:
+            raise StudyError(
+                f"unknown table {key!r}", file=path, column=key, expected=near_matches(key, known)
+            )
+    tables = {name: _table(document, name, path) for name in ("study", *_STEPS) if name in document}
+    study = checked(StudyTable, tables.get("study", {}), file=path, where="study", kind=StudyError)
+    asks = _asks(document.get("ask", []), path)
+    steps = {
+        name: _options(study, checked(model, tables[name], file=path, where=name, kind=StudyError), path)
+        for name, model in _STEPS.items()
+        if name in tables
+    }
+    if not steps:
+        raise StudyError("no step is declared", file=path, expected="at least one of [fit], [compare], [gap]")
+    if asks and "fit" not in steps:
+        raise StudyError(
+            "asks without a fit", file=path, column="ask", expected="a [fit], whose posteriors answer"
+        )
+    folder = path.parent
+    return Study(
+        file=path,
+        campaign=folder / study.campaign,
+        out=folder / study.out,
+        data=None if study.data is None else folder / study.data,
+        seed=study.seed,
+        jobs=study.jobs,
+        steps=steps,
+        asks=asks,
+    )
+
+
+def _table(document: Mapping[str, Any], name: str, path: Path) -> Mapping[str, Any]:
+    values = document[name]
+    if not isinstance(values, Mapping):
+        raise StudyError(f"found {as_toml(values)}", file=path, column=name, expected=f"a table: [{name}]")
+    return values
+
+
+def _asks(values: Any, path: Path) -> tuple[Mapping[str, Any], ...]:
+    if not isinstance(values, list) or not all(isinstance(v, Mapping) for v in values):
+        raise StudyError(
+            f"found {as_toml(values)}",
+            file=path,
+            column="ask",
+            expected="a list of tables: each begins with [[ask]]",
+        )
+    return tuple(
+        checked(AskTable, v, file=path, where=f"ask {number}", kind=StudyError).model_dump()
+        for number, v in enumerate(values, start=1)
+    )
+
+
+def _options(study: StudyTable, table: StepTable, path: Path) -> dict[str, Any]:
+    """Options of a step, with those that all steps share where it has none of its own."""
+    own = {name: value for name, value in table.model_dump().items() if value is not None}
+    shared = {name: getattr(study, name) for name in type(table).model_fields if hasattr(study, name)}
+    options = {**shared, **own}
+    if options["priors"].endswith(".toml") or Path(options["priors"]).name != options["priors"]:
+        options["priors"] = str(path.parent / options["priors"])
+    return options

@@ -1,0 +1,115 @@
+"""`sma-bayes run`: steps in folders of their own, the worst exit status, and going on with what is there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+STUDY = """\
+[study]
+campaign = "bench"
+out = "results"
+jobs = 1
+figures = "none"
+noise = "independent"
+
+[fit]
+
+[[ask]]
+stiffness = "0.12 N/mm"
+"""
+
+
+@pytest.fixture
+def study(make_campaign: Callable[..., Path], tmp_path: Path) -> Path:
+    make_campaign(tmp_path / "bench")
+    return written(tmp_path / "study.toml", STUDY)
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def document(folder: Path) -> Any:
+    return json.loads((folder / "results" / "study.json").read_text(encoding="utf-8"))
+
+
+def test_steps_are_run_resumed_and_added(run: Callable[..., Any], study: Path) -> None:
+    folder = study.parent
+    first = run("run", study, "--json")
+    assert (first.status, first.err) == (0, "")
+    found = json.loads(first.out)
+    assert found == document(folder)
+    assert (found["schema"], found["finished"], found["converged"]) == ("sma-bayes/study/1", True, True)
+    assert [(s["step"], s["status"], s["summary"], s["schema"]) for s in found["steps"]] == [
+        ("fit", "done", "fit/summary.json", "sma-bayes/fit/1"),
+        ("ask 1", "done", "ask/1.json", "sma-bayes/ask/1"),
+    ]
+    for s in found["steps"]:
+        assert (
+            json.loads((folder / "results" / s["summary"]).read_text(encoding="utf-8"))["schema"]
+            == s["schema"]
+        )
+    again = run("run", study)
+    assert again.status == 2
+    assert "--resume" in again.err
+    # one condition can't be left out: this step fails, the others don't; a new question is answered
+    written(study, STUDY + '[[ask]]\nforce = "1 N"\n[compare]\npool = "campaign"\n')
+    more = run("run", study, "--resume")
+    assert more.status == 2
+    found = document(folder)
+    assert found["exit_status"] == 2
+    assert not found["converged"]
+    assert {s["step"]: s["status"] for s in found["steps"]} == {
+        "fit": "done", "compare": "failed", "ask 1": "done", "ask 2": "done"
+    }  # fmt: skip
+    (failed,) = [s for s in found["steps"] if s["status"] == "failed"]
+    assert "no two conditions" in failed["error"]
+    assert "no two conditions" in more.out
+
+
+def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], study: Path) -> None:
+    few = "\n".join((study.parent / "bench" / "a.csv").read_text(encoding="utf-8").splitlines()[:41])
+    (study.parent / "bench" / "a.csv").write_text(few + "\n", encoding="utf-8")
+    first = run("run", study, "--quiet")
+    assert (first.status, first.out) == (0, "")
+    (study.parent / "results" / "fit" / "run.json").write_text("{}", encoding="utf-8")
+    second = run("run", study, "--resume")
+    assert second.status == 2
+    found = document(study.parent)
+    assert [s["status"] for s in found["steps"]] == ["failed", "skipped"]
+    assert found["steps"][1]["error"] == "fit failed"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('noise = "independent"', 'noise = "idependent"', "column 'fit.noise'"),
+        ('noise = "independent"', 'priors = "papr"', "column 'fit.priors'"),
+        ("[fit]", '[fit]\narrangement = "serial"', "did you mean 'series'"),
+        ('"0.12 N/mm"', '"stiff"', "column 'ask 1.stiffness'"),
+        ('campaign = "bench"', 'campaign = "bunch"', "there is no such file or folder"),
+        ("jobs = 1", "job = 1", "did you mean 'jobs'"),
+    ],
+)
+def test_what_is_wrong_is_told_before_anything_is_written(
+    run: Callable[..., Any], study: Path, old: str, new: str, told: str
+) -> None:
+    assert old in STUDY
+    written(study, STUDY.replace(old, new))
+    outcome = run("run", study)
+    assert (outcome.status, outcome.out) == (2, "")
+    assert told in outcome.err
+    assert not (study.parent / "results").exists()
+
+
+def test_another_folder_can_be_named(run: Callable[..., Any], study: Path, tmp_path: Path) -> None:
+    written(study, STUDY.partition("[[ask]]")[0])
+    assert run("run", study, "--out", tmp_path / "else" / "where", "--quiet").status == 0
+    assert (tmp_path / "else" / "where" / "fit" / "summary.json").is_file()
+    assert not (tmp_path / "results").exists()
