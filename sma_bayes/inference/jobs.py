@@ -252,8 +252,9 @@ def _on_cluster(
 
     def told(event: tuple[float, dict[str, Any]]) -> None:
         _, message = event
-        if message.get("action") == "remove-worker" and not message.get("expected", False):
-            account.lost.append(f"{message['worker']}, {len(message.get('processing-tasks', ()))} tasks")
+        begun = message.get("processing-tasks", ())
+        if message.get("action") == "remove-worker" and begun:
+            account.lost.append(f"{message['worker']}, {len(begun)} tasks")
 
     account.workers = f"cluster {client.scheduler.address}, {len(client.nthreads())} workers"
     wanted = versions()

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.workflow import fit_campaign
 
-TIMES = ("wall_s", "stages_s", "stages_cpu_s", "workers")
+Same = Callable[[Path, Path], None]
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "nitihf_sparse_isobaric.toml"
 
 
@@ -51,31 +50,6 @@ def whole(data: Path) -> Path:
     return data / "whole"
 
 
-def without_times(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: without_times(v) for k, v in value.items() if k not in TIMES}
-    return [without_times(v) for v in value] if isinstance(value, list) else value
-
-
-def summary(folder: Path) -> Any:
-    return without_times(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
-
-
-def assert_same_run(one: Path, other: Path) -> None:
-    """Draws, bands and summary agree to the bit; times differ."""
-    assert summary(one) == summary(other)
-    for path in sorted((one / "bands").iterdir()):
-        assert path.read_bytes() == (other / "bands" / path.name).read_bytes(), path.name
-    posteriors = sorted((one / "posterior").iterdir())
-    assert [p.name for p in posteriors] == sorted(p.name for p in (other / "posterior").iterdir())
-    for path in posteriors:
-        with (
-            xr.open_datatree(path, engine="h5netcdf") as a,
-            xr.open_datatree(other / "posterior" / path.name, engine="h5netcdf") as b,
-        ):
-            xr.testing.assert_identical(a.load(), b.load())
-
-
 def command(data: Path, out: Path, *options: object) -> list[str]:
     fixed = ["--out", str(out), "--no-figures", "--quiet"]
     return [sys.executable, "-m", "sma_bayes.cli", "fit", str(data), *fixed, *map(str, options)]
@@ -94,12 +68,12 @@ def kill_after(arguments: list[str], ready: Any) -> None:
     process.wait()
 
 
-def test_two_processes_give_the_numbers_of_one(data: Path, whole: Path) -> None:
+def test_two_processes_give_the_numbers_of_one(data: Path, whole: Path, assert_same_run: Same) -> None:
     fit_campaign(read_campaign(data), data / "two", jobs=2, figures=False)
     assert_same_run(whole, data / "two")
 
 
-def test_another_seed_gives_other_draws(data: Path, whole: Path) -> None:
+def test_another_seed_gives_other_draws(data: Path, whole: Path, summary: Callable[[Path], Any]) -> None:
     other = fit_campaign(read_campaign(data), data / "seed", seed=1, jobs=2, figures=False)
     for mine, theirs in zip(summary(whole)["records"], other["records"], strict=True):
         assert mine["parameters"]["B1"]["mean"] != theirs["parameters"]["B1"]["mean"]
@@ -107,7 +81,9 @@ def test_another_seed_gives_other_draws(data: Path, whole: Path) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="needs process groups")
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_run_that_was_killed_goes_on_to_the_same_bits(data: Path, whole: Path, jobs: int) -> None:
+def test_a_run_that_was_killed_goes_on_to_the_same_bits(
+    data: Path, whole: Path, jobs: int, assert_same_run: Same
+) -> None:
     out = data / f"killed-{jobs}"
     call = command(data, out, "--jobs", jobs)
     chains = out / "checkpoints"
@@ -121,7 +97,9 @@ def test_a_run_that_was_killed_goes_on_to_the_same_bits(data: Path, whole: Path,
     assert list(out.rglob(".*")) == []
 
 
-def test_a_half_written_file_and_a_spoilt_checkpoint_do_no_harm(data: Path, whole: Path) -> None:
+def test_a_half_written_file_and_a_spoilt_checkpoint_do_no_harm(
+    data: Path, whole: Path, assert_same_run: Same
+) -> None:
     out = data / "spoilt"
     fit_campaign(read_campaign(data), out, jobs=1, figures=False)
     (out / "posterior" / ".unfinished-abc.nc").write_bytes(b"half")
@@ -135,7 +113,9 @@ def test_a_half_written_file_and_a_spoilt_checkpoint_do_no_harm(data: Path, whol
 
 
 @pytest.mark.slow
-def test_a_real_campaign_killed_at_random_times(shared_data: Path, tmp_path: Path) -> None:
+def test_a_real_campaign_killed_at_random_times(
+    shared_data: Path, tmp_path: Path, assert_same_run: Same
+) -> None:
     source = shared_data / "nitihf_sparse_isobaric"
     call = [*command(EXAMPLE, tmp_path / "killed", "--jobs", 2), "--data", str(source)]
     rng = np.random.default_rng(0)

@@ -1,0 +1,54 @@
+"""What tests of whole runs share: runs compared to the bit, and the script that makes a test house."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import xarray as xr
+
+SCRIPTS = str(Path(__file__).resolve().parents[2] / "scripts")
+if SCRIPTS not in sys.path:
+    sys.path.append(SCRIPTS)
+
+TIMES = ("wall_s", "stages_s", "stages_cpu_s", "workers")
+
+
+def without_times(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: without_times(v) for k, v in value.items() if k not in TIMES}
+    return [without_times(v) for v in value] if isinstance(value, list) else value
+
+
+def summary_of(folder: Path) -> Any:
+    return without_times(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
+
+
+@pytest.fixture(scope="session")
+def summary() -> Callable[[Path], Any]:
+    """The summary of a run without what differs from run to run."""
+    return summary_of
+
+
+@pytest.fixture(scope="session")
+def assert_same_run() -> Callable[[Path, Path], None]:
+    """Check that draws, bands and summary of two runs agree to the bit; times differ."""
+
+    def check(one: Path, other: Path) -> None:
+        assert summary_of(one) == summary_of(other)
+        for path in sorted((one / "bands").iterdir()):
+            assert path.read_bytes() == (other / "bands" / path.name).read_bytes(), path.name
+        posteriors = sorted((one / "posterior").iterdir())
+        assert [p.name for p in posteriors] == sorted(p.name for p in (other / "posterior").iterdir())
+        for path in posteriors:
+            with (
+                xr.open_datatree(path, engine="h5netcdf") as a,
+                xr.open_datatree(other / "posterior" / path.name, engine="h5netcdf") as b,
+            ):
+                xr.testing.assert_identical(a.load(), b.load())
+
+    return check

@@ -1,0 +1,208 @@
+"""Many records: whole conditions as tasks, resumed without doing them again, and shared out on a cluster of Dask."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import sma_bayes
+from sma_bayes import tasks
+from sma_bayes.errors import OutputError, WorkerError
+from sma_bayes.records.campaign import read_campaign
+from sma_bayes.results.store import write_file
+from sma_bayes.workflow import fit_campaign
+
+Same = Callable[[Path, Path], None]
+CONDITIONS = 4
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small test house: one spring, a few conditions, two branches each."""
+    from make_test_house import write_test_house
+
+    folder = tmp_path_factory.mktemp("house")
+    assert write_test_house(folder, springs=1, conditions=CONDITIONS, points=40, seed=3) == 2 * CONDITIONS
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(house: Path) -> Path:
+    """Fitted branch by branch in one process, which is what few conditions get."""
+    fit_campaign(read_campaign(house), house / "whole", jobs=1, figures=False)
+    return house / "whole"
+
+
+@pytest.fixture
+def by_condition(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make a task of each condition, as for a campaign of many."""
+    monkeypatch.setattr(tasks, "WHOLE_CONDITIONS", 1)
+
+
+@pytest.mark.usefixtures("by_condition")
+def test_whole_conditions_give_the_numbers_of_single_branches(
+    house: Path, whole: Path, assert_same_run: Same
+) -> None:
+    seen: list[tuple[int, int]] = []
+    fit_campaign(
+        read_campaign(house),
+        house / "conditions",
+        jobs=1,
+        figures=False,
+        progress=lambda done, total, _: seen.append((done, total)),
+    )
+    assert_same_run(whole, house / "conditions")
+    assert seen == [(n, 2 * CONDITIONS) for n in range(0, 2 * CONDITIONS + 1, 2)]
+    assert not (house / "conditions" / "parts").exists()
+
+
+@pytest.mark.usefixtures("by_condition")
+def test_conditions_that_were_finished_are_not_done_again(
+    house: Path, whole: Path, assert_same_run: Same, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, sampled = house / "resumed", []
+
+    def interrupt(done: int, total: int, message: str) -> None:
+        if done == 4:
+            raise KeyboardInterrupt
+
+    def count(task: tasks.FitTask) -> Any:
+        sampled.append(task.records[0].key)
+        return sample(task)
+
+    sample = tasks.sample_task
+    with pytest.raises(KeyboardInterrupt):
+        fit_campaign(read_campaign(house), out, jobs=1, figures=False, progress=interrupt)
+    parts = sorted((out / "parts").iterdir())
+    assert [p.stem for p in parts] == ["spring001-01", "spring001-02"]
+    (out / "bands" / "spring001-02-heating-force.csv").unlink()  # so this one has to be done again
+    monkeypatch.setattr(tasks, "sample_task", count)
+    fit_campaign(read_campaign(house), out, jobs=1, figures=False, resume=True)
+    assert {key.rpartition("-")[0] for key in sampled} == {"spring001-02", "spring001-03", "spring001-04"}
+    assert_same_run(whole, out)
+
+
+@pytest.mark.usefixtures("by_condition")
+def test_a_spoilt_part_is_told_of(house: Path, tmp_path: Path) -> None:
+    def interrupt(done: int, total: int, message: str) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_campaign(read_campaign(house), tmp_path / "out", jobs=1, figures=False, progress=interrupt)
+    (part,) = (tmp_path / "out" / "parts").iterdir()
+    write_file(part, lambda path: path.write_bytes(b"half"))
+    with pytest.raises(OutputError, match=r"spring001-01\.npz: can't be read") as caught:
+        fit_campaign(read_campaign(house), tmp_path / "out", jobs=1, figures=False, resume=True)
+    assert "remove the file" in str(caught.value)
+
+
+# --- a cluster ----------------------------------------------------------------------------------------
+
+
+def start(*arguments: object) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-W", "ignore", "-m", "dask", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def until(ready: Callable[[], object], seconds: float = 60.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not ready():
+        assert time.monotonic() < deadline, "the cluster did not come up"
+        time.sleep(0.05)
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Address of a scheduler with two workers of one thread, all processes of their own; and the workers."""
+    pytest.importorskip("distributed", reason="the extra cluster is not installed")
+    from distributed import Client
+
+    file = tmp_path / "scheduler.json"
+    common = ("--scheduler-file", file, "--no-dashboard")
+    running = [start("scheduler", *common, "--host", "127.0.0.1", "--port", 0)]
+    try:
+        until(file.exists)
+        place = ("--local-directory", tmp_path / "dask")
+        running += [start("worker", *common, "--nthreads", 1, "--no-nanny", *place) for _ in range(2)]
+        with Client(scheduler_file=str(file), set_as_default=False, timeout=60) as client:
+            client.wait_for_workers(2, timeout=60)
+            address = client.scheduler.address
+        yield address, running[1:]
+    finally:
+        for process in reversed(running):
+            process.kill()
+            process.wait()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("by_condition")
+def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(
+    house: Path,
+    whole: Path,
+    scheduler: tuple[str, list[subprocess.Popen[bytes]]],
+    assert_same_run: Same,
+) -> None:
+    address, workers = scheduler
+
+    def kill_one(done: int, total: int, message: str) -> None:
+        if done == 2:
+            workers[0].send_signal(signal.SIGKILL)
+
+    with sma_bayes.cluster(address):
+        found = fit_campaign(read_campaign(house), house / "cluster", figures=False, progress=kill_one)
+    assert_same_run(whole, house / "cluster")
+    assert found["workers"]["where"] == f"cluster {address}, 2 workers"
+    assert len(found["workers"]["lost"]) == 1
+    assert workers[0].wait(10) == -signal.SIGKILL
+    assert workers[1].poll() is None
+
+
+@pytest.mark.slow
+def test_a_client_of_ones_own_stays_open_and_tasks_have_one_thread_each(
+    scheduler: tuple[str, list[subprocess.Popen[bytes]]],
+) -> None:
+    from distributed import Client
+
+    from sma_bayes.inference.jobs import run
+
+    address, workers = scheduler
+    with Client(address, set_as_default=False) as client:
+        with sma_bayes.cluster(client):
+            found = list(run(threads_and_process, range(6), jobs=1))
+        assert client.status == "running"
+    assert {pid for pid, _ in found} <= {w.pid for w in workers}
+    assert all(pools <= {1} for _, pools in found)
+
+
+def threads_and_process(_: int) -> tuple[int, set[int]]:
+    import numpy as np
+    from threadpoolctl import threadpool_info
+
+    np.linalg.norm(np.ones((100, 100)) @ np.ones((100, 100)))
+    return os.getpid(), {int(pool["num_threads"]) for pool in threadpool_info()}
+
+
+def test_without_the_extra_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with (
+        pytest.raises(WorkerError, match=r"pip install \"sma-bayes\[cluster\]\""),
+        sma_bayes.cluster("tcp://127.0.0.1:1"),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "nonsense://here"])
+def test_a_scheduler_that_is_not_there_is_told_of(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed", reason="the extra cluster is not installed")
+    monkeypatch.setattr("sma_bayes.inference.jobs.CONNECT_S", 0.5)
+    with pytest.raises(WorkerError, match=r"can't be reached"), sma_bayes.cluster(address):
+        pass
