@@ -19,6 +19,7 @@ from sma_bayes.posterior import versions
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.results.fit import Fit
+from sma_bayes.results.netcdf import write_tree
 
 PRIOR_DRAWS = 500
 PRIOR_GRID = 81
@@ -131,7 +132,7 @@ def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, 
     tree = _tree(fit, record, replicated)
     write_file(
         path,
-        lambda place: tree.to_netcdf(place, engine="h5netcdf", encoding=_encoding(tree)),
+        lambda place: write_tree(place, tree, packed=("/log_likelihood", "/posterior_predictive")),
         nbytes=int(tree.nbytes),
     )
 
@@ -251,13 +252,4 @@ def _attributes(fit: Fit, record: Record) -> dict[str, Any]:
         "inference_library_version": versions()["emcee"],
         "creation_library": "sma_bayes",
         "creation_library_version": versions()["sma-bayes"],
-    }
-
-
-def _encoding(tree: Any) -> dict[str, dict[str, Any]]:
-    packed = {"zlib": True, "complevel": 1}
-    return {
-        node.path: {name: packed for name in node.data_vars}
-        for node in tree.subtree
-        if node.path in ("/log_likelihood", "/posterior_predictive")
     }
