@@ -76,7 +76,7 @@ def read_part(folder: Path, condition: str) -> Part:
     """
     path = part_path(folder, condition)
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             document = json.loads(str(file["document"]))
             scored = [
                 Scored(

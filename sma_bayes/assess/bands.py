@@ -9,7 +9,7 @@ import numpy as np
 
 from sma_bayes.noise import Steps
 from sma_bayes.quantities import ARBITRARY, Floats, convert
-from sma_bayes.records.types import Record
+from sma_bayes.records.types import Ints, Record
 from sma_bayes.response.arrangement import BiasSpring, overall_stiffness
 from sma_bayes.response.modified_sigmoid import channel_unit, stiffness
 from sma_bayes.response.types import ResponseModel
@@ -109,13 +109,15 @@ def credible_band(fit: Fit, channel: str, record: int = 0, extrapolate: float = 
 
 def _band(record: Record, channel: str, t: Floats, curve: Floats, predictive: dict[str, Floats]) -> Band:
     measured = channel in record.channels
-    values = np.quantile(curve, list(QUANTILES.values()), axis=0)
+    order = np.argsort(curve.T, axis=1, kind="stable")
+    in_order = np.take_along_axis(curve.T, order, axis=1)  # sorting is what a band costs, so do it once
+    values = np.quantile(in_order, list(QUANTILES.values()), axis=1)
     return Band(
         channel=channel,
         unit=channel_unit(record.units, channel if measured else "stiffness"),
         temperature=t,
         curve=dict(zip(QUANTILES, values, strict=True)),
-        simultaneous=simultaneous_band(curve),
+        simultaneous=_simultaneous(order, in_order),
         predictive=predictive,
         extrapolated=(t < record.temperature.min() - 1e-12) | (t > record.temperature.max() + 1e-12),
         derived=not measured,
@@ -162,17 +164,24 @@ def simultaneous_band(curve: Floats) -> dict[str, Floats]:
     curve : ndarray, shape (N, m)
         Draws of the curve.
     """
-    count = len(curve)
-    in_order = np.sort(curve, axis=0)
-    rank = np.empty(curve.shape, dtype=np.int64)
-    np.put_along_axis(rank, np.argsort(curve, axis=0, kind="stable"), np.arange(count)[:, None], axis=0)
-    depth = np.minimum(rank, count - 1 - rank).min(axis=1)  # how deep a curve stays inside all others
+    order = np.argsort(curve.T, axis=1, kind="stable")
+    return _simultaneous(order, np.take_along_axis(curve.T, order, axis=1))
+
+
+def _simultaneous(order: Ints, in_order: Floats) -> dict[str, Floats]:
+    """The same from the order of the draws at each point and the draws in that order, both (m, N)."""
+    count = order.shape[1]
+    rank = np.arange(count)
+    inside = np.minimum(rank, count - 1 - rank)
+    depth = np.full(count, count)  # how deep a curve stays inside all others
+    for at_point in order:
+        depth[at_point] = np.minimum(depth[at_point], inside)
     deepest_first = np.sort(depth)[::-1]
     out = {}
     for name, level in LEVELS.items():
         k = int(deepest_first[min(int(np.ceil(level * count)) - 1, count - 1)])
-        out[f"sim{name}_low"] = in_order[k]
-        out[f"sim{name}_high"] = in_order[count - 1 - k]
+        out[f"sim{name}_low"] = in_order[:, k]
+        out[f"sim{name}_high"] = in_order[:, count - 1 - k]
     return out
 
 

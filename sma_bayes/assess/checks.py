@@ -69,17 +69,18 @@ def predictive_checks(fit: Fit, record: int = 0) -> list[Check]:
             fit.posterior.steps[record],
         )
         for name, meaning in MEANING.items():
-            seen = np.array([_statistic(name, e, r, blocks) for e in measured[channel]])
-            new = np.array([_statistic(name, e, r, blocks) for e in e_new])
+            seen = _statistic(name, measured[channel], r, blocks)
+            new = _statistic(name, e_new, r, blocks)
             p = float(np.mean(new > seen) + 0.5 * np.mean(new == seen))
             low, high = np.quantile(new, (0.05, 0.95))
             out.append(Check(channel, name, float(np.median(seen)), float(low), float(high), p, meaning))
     return out
 
 
-def _statistic(name: str, e: Floats, record: Record, blocks: list[Ints]) -> float:
+def _statistic(name: str, e: Floats, record: Record, blocks: list[Ints]) -> Floats:
+    """A statistic of each of several series of innovations (N, n)."""
     if name == "greatest":
-        return float(np.max(np.abs(e)))
+        return np.asarray(np.max(np.abs(e), axis=1))
     if name == "lag1":
         return lag1(e, Steps.of(record))
-    return float(sum(len(b) * np.mean(e[b]) ** 2 for b in blocks))
+    return np.asarray(np.sum([len(b) * np.mean(e[:, b], axis=1) ** 2 for b in blocks], axis=0))

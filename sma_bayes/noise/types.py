@@ -128,11 +128,12 @@ class NoiseModel(Protocol):
         ...
 
 
-def lag1(residual: Floats, steps: Steps) -> float:
-    """Correlation of neighbouring residuals (n,) within sweeps."""
+def lag1(residual: Floats, steps: Steps) -> Floats:
+    """Correlation of neighbouring residuals (..., n) within sweeps; 0 where all are."""
     after = np.flatnonzero(~steps.first)
-    total = float(residual @ residual)
-    return float(residual[after] @ residual[after - 1]) / total if total > 0 else 0.0
+    total = np.sum(residual**2, axis=-1)
+    near = np.sum(residual[..., after] * residual[..., after - 1], axis=-1)
+    return np.asarray(near / np.where(total > 0, total, 1.0))
 
 
 def sd_fact(channel: str, unit: str) -> ParameterFact:
