@@ -50,7 +50,7 @@ class Block:
 
 
 class Checkpoint:
-    """Chains of one posterior in one file, a group for each stage and ensemble.
+    """Chains of one posterior in one file, a group for each stage, and for each ensemble where they run apart.
 
     A file that can't be read, because the process was killed while it wrote, is set aside as ``*.unreadable`` and
     the chains are begun again; they come out the same.

@@ -226,9 +226,9 @@ class _Run:
         adapted = adapt(self.density, modes, np.random.default_rng(adapt_seed))
         self.evaluations += adapted.evaluations
         if adapted.carries:
-            draws = self._independence("independence", adapted, modes, first.spawn(groups))
+            draws = self._independence("independence", adapted, modes, first)
             if draws is None:  # a single draw in the tail may have weighed too much
-                draws = self._independence("wider", with_wide_share(adapted), modes, second.spawn(groups))
+                draws = self._independence("wider", with_wide_share(adapted), modes, second)
             if draws is not None:
                 return draws
         return self._explore(adapted, modes, np.random.default_rng(explore_seed), third.spawn(groups))
@@ -257,26 +257,25 @@ class _Run:
         return tuple(kept)
 
     def _independence(
-        self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seeds: Sequence[np.random.SeedSequence]
+        self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seed: np.random.SeedSequence
     ) -> Draws | None:
-        """Independence moves alone; None if they turn out not to suffice."""
+        """Independence moves alone; None if they turn out not to suffice.
+
+        No walker's move looks at another walker, so that any of them are independent of the rest: all groups are
+        run as one ensemble and told apart afterwards, which spares the work of a step for each of them.
+        """
         plan = self.plan
-        groups = [
-            _Group(self, f"{name}-{g}", adapted, seed, None, plan.block) for g, seed in enumerate(seeds)
-        ]
+        group = _Group(self, name, adapted, seed, None, plan.block, copies=plan.groups)
         for blocks in range(1, 9):
             self.tell(f"independence moves, block {blocks}")
-            for group in groups:
-                group.advance()
-            weights = Weights(np.concatenate([group.log_weight for group in groups]))
-            if weights.efficiency < USABLE or weights.greatest > plan.greatest_weight * max(
-                1.0, 0.25 * blocks
-            ):
+            group.advance()
+            weights = Weights(group.log_weight)
+            most = plan.greatest_weight * max(1.0, 0.25 * blocks)
+            if weights.efficiency < USABLE or weights.greatest > most:
                 return None
-            chains = np.stack([group.chain[plan.burn :] for group in groups])
-            convergence = assess(chains, plan.target)
+            convergence = assess(group.chains[:, plan.burn :], plan.target)
             if convergence.converged:
-                return self._draws(groups, plan.burn, convergence, modes, weights, METHODS[name])
+                return self._draws([group], plan.burn, convergence, modes, weights, METHODS[name])
         return None
 
     def _explore(
@@ -302,14 +301,14 @@ class _Run:
                 group.advance()
             half = len(groups[0].chain) // 2
             enough = Target(EXPLORED_RHAT, EXPLORED_TIMES * chains)
-            explored = assess(np.stack([g.chain[half:] for g in groups]), enough).converged
+            explored = assess(np.concatenate([g.chains[:, half:] for g in groups]), enough).converged
             if explored:
                 break
         z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
         fitted = adapt_to_draws(self.density, z, modes, rng)
         self.evaluations += fitted.evaluations
         if explored and fitted.carries:
-            draws = self._independence("refitted", fitted, modes, [s[2] for s in explore_seeds])
+            draws = self._independence("refitted", fitted, modes, explore_seeds[0][2])
             if draws is not None:
                 return draws
         if fitted.weights.efficiency > adapted.weights.efficiency:
@@ -330,7 +329,7 @@ class _Run:
                 group.advance()
             burn = len(groups[0].chain) // 4
             target = Target(plan.target.rhat, max(plan.target.ess, MIXED_TIMES * chains))
-            convergence = assess(np.stack([g.chain[burn:] for g in groups]), target)
+            convergence = assess(np.concatenate([g.chains[:, burn:] for g in groups]), target)
             if convergence.converged or self.evaluations >= plan.evaluations:
                 weights = Weights(np.concatenate([g.log_weight for g in groups]))
                 return self._draws(
@@ -348,8 +347,8 @@ class _Run:
     ) -> Draws:
         ln_evidence, ln_evidence_sd = weights.log_evidence()
         return Draws(
-            z=np.stack([g.chain[burn:] for g in groups]),
-            log_prob=np.stack([g.log_prob[burn:] for g in groups]),
+            z=np.concatenate([g.chains[:, burn:] for g in groups]),
+            log_prob=np.concatenate([g.log_probs[:, burn:] for g in groups]),
             convergence=convergence,
             acceptance=float(np.mean([g.acceptance for g in groups])),
             evaluations=self.evaluations,
@@ -378,7 +377,10 @@ class _Sampler(emcee.EnsembleSampler):  # type: ignore[misc]
 
 
 class _Group:
-    """One ensemble, run a block at a time; blocks that a checkpoint holds are read instead of run."""
+    """One ensemble, run a block at a time; blocks that a checkpoint holds are read instead of run.
+
+    With `copies`, as many ensembles side by side, for moves that never look at another walker.
+    """
 
     def __init__(
         self,
@@ -389,11 +391,14 @@ class _Group:
         moves: list[tuple[Move, float]] | None,
         steps: int,
         *,
+        copies: int = 1,
         independence: float = 0.0,
         start: Floats | None = None,
         modes: Sequence[Mode] = (),
     ) -> None:
         self.run = run
+        self.copies = copies
+        self.walkers = copies * run.walkers
         self.name = name
         self.steps = steps
         self.move = IndependenceMove(adapted.proposal, steps if moves is None else 16)
@@ -402,7 +407,7 @@ class _Group:
             chosen = [(move, share * (1.0 - independence)) for move, share in moves]
             if independence > 0.0:
                 chosen.append((self.move, independence))
-        self.sampler = _Sampler(run.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True)
+        self.sampler = _Sampler(self.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True)
         start_seed, chain_seed = seed.spawn(2)
         stream = np.random.RandomState(np.random.MT19937(chain_seed))
         if start is None:
@@ -421,8 +426,8 @@ class _Group:
         found: list[Floats] = []
         values: list[Floats] = []
         count = 0
-        while count < run.walkers:
-            z = adapted.proposal.draw(rng, run.walkers + run.walkers // 8)[0]
+        while count < self.walkers:
+            z = adapted.proposal.draw(rng, self.walkers + self.walkers // 8)[0]
             if modes:
                 which = rng.integers(len(modes), size=len(z))
                 root = np.stack([np.linalg.cholesky(m.covariance) for m in modes])
@@ -437,7 +442,7 @@ class _Group:
             found.append(z[usable])
             values.append(log_prob[usable])
             count += int(usable.sum())
-        return np.concatenate(found)[: run.walkers], np.concatenate(values)[: run.walkers]
+        return np.concatenate(found)[: self.walkers], np.concatenate(values)[: self.walkers]
 
     def advance(self) -> None:
         """Run one more block, or read it."""
@@ -474,9 +479,17 @@ class _Group:
         return np.concatenate([b.chain for b in self._blocks])
 
     @property
-    def log_prob(self) -> Floats:
-        """Log-probability of the steps so far, shape (S, W)."""
-        return np.concatenate([b.log_prob for b in self._blocks])
+    def chains(self) -> Floats:
+        """Steps so far, the ensembles apart, shape (copies, S, W, D)."""
+        return self._apart(self.chain)
+
+    @property
+    def log_probs(self) -> Floats:
+        """Log-probability of the steps so far, shape (copies, S, W)."""
+        return self._apart(np.concatenate([b.log_prob for b in self._blocks]))
+
+    def _apart(self, values: Floats) -> Floats:
+        return np.stack(np.split(values, self.copies, axis=1))
 
     @property
     def log_weight(self) -> Floats:

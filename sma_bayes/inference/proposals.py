@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.special import gammaln, logsumexp
+from scipy.special import gammaln
 
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints
@@ -125,7 +125,14 @@ class StudentMixture:
     def log_density(self, x: Floats) -> Floats:
         """Log density, shape (W,)."""
         parts = self.log_components(x)
-        return parts[:, 0] if parts.shape[1] == 1 else np.asarray(logsumexp(parts, axis=1))
+        return _log_sum(parts)
+
+    def _shares(self, x: Floats) -> Floats:
+        """Probability (W, K) that a point comes from each component."""
+        if len(self.weight) == 1:
+            return np.ones((len(x), 1))
+        parts = self.log_components(x)
+        return np.asarray(np.exp(parts - _log_sum(parts)[:, None]))
 
     def refitted(self, x: Floats, weight: Floats, *, rounds: int) -> StudentMixture:
         """Fit to weighted points by expectation-maximisation; components that lose their points are dropped.
@@ -141,8 +148,7 @@ class StudentMixture:
         mixture = self
         d, df = self.dimension, self.df
         for _ in range(rounds):
-            parts = mixture.log_components(x)
-            share = np.exp(parts - logsumexp(parts, axis=1, keepdims=True)) * weight[:, None]
+            share = mixture._shares(x) * weight[:, None]
             weights, means, roots = [], [], []
             for k in range(share.shape[1]):
                 total = float(share[:, k].sum())
@@ -285,10 +291,15 @@ class MixedProposal:
     def log_density(self, z: Floats) -> Floats:
         """Log density at any points, shape (W,)."""
         parts = np.stack([part.log_density(z) for part in self.parts])
-        return np.asarray(logsumexp(parts + np.log(self.weight)[:, None], axis=0))
+        return _log_sum((parts + np.log(self.weight)[:, None]).T)
 
 
 AnyProposal = Proposal | MixedProposal
+
+
+def _log_sum(parts: Floats) -> Floats:
+    """Logarithm of the sum of the exponentials of each row; for few columns several times as fast as scipy's."""
+    return parts[:, 0] if parts.shape[1] == 1 else np.asarray(np.logaddexp.reduce(parts, axis=1))
 
 
 def _root(matrix: Floats) -> Floats:

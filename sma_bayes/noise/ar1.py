@@ -57,6 +57,10 @@ def best_memory(noise: NoiseModel, residual: Floats, candidates: Floats, steps: 
     return np.array([sd[best], candidates[best]])
 
 
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(np.einsum("...i,...i->...", a, b))
+
+
 @dataclass(frozen=True)
 class AR1:
     """``e[i] = phi e[i-1] + sqrt(1 - phi**2) N(0, 1)``; `sd` is the standard deviation of the series itself.
@@ -88,15 +92,14 @@ class AR1:
     def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         # sums of squares and of neighbouring products are all that a constant memory needs
         phi = shape[..., 0]
-        starts = steps.first
-        follows = ~starts
         n = e.shape[-1]
-        m = int(follows.sum())
-        squares = e * e
-        all_squares = squares.sum(axis=-1)
-        start_squares = squares[..., starts].sum(axis=-1)
-        before = squares[..., :-1] @ follows[1:].astype(float)
-        cross = (e[..., 1:] * e[..., :-1]) @ follows[1:].astype(float)
+        starts = np.flatnonzero(steps.first)
+        ends = np.append(starts[1:] - 1, n - 1)
+        m = n - starts.size
+        all_squares = _dot(e, e)
+        start_squares = _dot(e[..., starts], e[..., starts])
+        before = all_squares - _dot(e[..., ends], e[..., ends])
+        cross = _dot(e[..., 1:], e[..., :-1]) - _dot(e[..., starts[1:]], e[..., ends[:-1]])
         variance = 1.0 - phi * phi
         with np.errstate(divide="ignore", invalid="ignore"):
             quadratic = (

@@ -66,6 +66,19 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     assert done.stdout.split() == []
 
 
+def test_help_loads_no_array() -> None:
+    """Nor any of the heavy packages: what a verb needs is imported when it runs."""
+    command = (
+        "import sys; from typer.testing import CliRunner; from sma_bayes.cli import app; "
+        "assert CliRunner().invoke(app, ['--help']).exit_code == 0; "
+        f"print(*sorted({HEAVY | {'numpy'}!r} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout.split() == []
+
+
 # --- tables -------------------------------------------------------------------------------------------
 
 
