@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from sma_bayes.assess.bands import bias_draws
-from sma_bayes.assess.inverse import GRID, Passage, Stretch, met, passages
+from sma_bayes.assess.inverse import Passage, Stretch, met, passages, search_grid
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.quantities import (
@@ -217,9 +217,11 @@ def _answer(run: StoredRun, summary: Mapping[str, Any], question: _Question) -> 
     curve = _curve(run, draws, question.channel, unit)
     found = passages(curve, *ends, target)
     level = question.probability
+    grid = search_grid(*ends, _temperatures(found))
+    values = curve(grid)
 
-    def stretches(*between: float) -> dict[str, Any]:
-        surely = met(curve, *ends, (between[0], between[1]), near=_temperatures(found))
+    def stretches(least: float, greatest: float) -> dict[str, Any]:
+        surely = met(grid, values, (least, greatest))
         best, top = surely.best
         most = {"temperature": best, "probability": top, "extrapolated": not low <= best <= high}
         return {
@@ -240,7 +242,7 @@ def _answer(run: StoredRun, summary: Mapping[str, Any], question: _Question) -> 
         "searched": list(ends),
         "target": target,
         "bounds": list(bounds),
-        **_extremes(curve, low, high, level),
+        **_extremes(values[:, (grid >= low) & (grid <= high)], level),
         **_reached(curve, found, target, (low, high), ends),
         "passages": [_passage(p, level, low, high) for p in found],
         "within": stretches(*bounds),
@@ -311,9 +313,8 @@ def _reached(
     }
 
 
-def _extremes(curve: Curve, low: float, high: float, level: float) -> dict[str, dict[str, float]]:
+def _extremes(values: Floats, level: float) -> dict[str, dict[str, float]]:
     """Least and greatest value over the measured temperatures: what can be asked for at all."""
-    values = curve(np.linspace(low, high, GRID))
     return {
         "least": _interval(values.min(axis=1), level),
         "greatest": _interval(values.max(axis=1), level),

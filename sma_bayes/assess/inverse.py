@@ -137,27 +137,36 @@ def _halved(curve: Curve, low: Floats, high: Floats, value: float, *, rising: bo
     return 0.5 * (low + high)
 
 
-def met(curve: Curve, low: float, high: float, bounds: tuple[float, float], *, near: Floats) -> Met:
-    """How surely curves lie between two bounds.
+def search_grid(low: float, high: float, near: Floats) -> Floats:
+    """Temperatures between two ends at which curves are looked at, closer together about passages, shape (m,).
 
     Parameters
     ----------
-    curve : callable
     low, high : float
         Ends of the search.
-    bounds : tuple of float
-        Least and greatest value that will do, infinite where there is none [unit of the curve].
     near : ndarray
-        Temperatures of passages; about them the search is finer.
+        Temperatures of passages.
     """
     cell = (high - low) / (GRID - 1)
     grids = [np.linspace(low, high, GRID)]
     if near.size:
         grids.append(np.linspace(near.min() - cell, near.max() + cell, NEAR))
         grids.append(np.quantile(near, np.linspace(0.0, 1.0, NEAR)))
-    t = np.unique(np.clip(np.concatenate(grids), low, high))
-    values = curve(t)
-    return Met(t, np.mean((values >= bounds[0]) & (values <= bounds[1]), axis=0))
+    return np.unique(np.clip(np.concatenate(grids), low, high))
+
+
+def met(temperature: Floats, values: Floats, bounds: tuple[float, float]) -> Met:
+    """How surely curves lie between two bounds.
+
+    Parameters
+    ----------
+    temperature : ndarray, shape (m,)
+    values : ndarray, shape (N, m)
+        Curves at these temperatures.
+    bounds : tuple of float
+        Least and greatest value that will do, infinite where there is none [unit of the curves].
+    """
+    return Met(temperature, np.mean((values >= bounds[0]) & (values <= bounds[1]), axis=0))
 
 
 def _runs(inside: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from sma_bayes.assess.inverse import Met, met, passages
+from sma_bayes.assess.inverse import Met, met, passages, search_grid
 from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import sigmoid, stiffness
 
@@ -71,7 +71,8 @@ def test_where_a_tolerance_is_met_agrees_with_the_normal_distribution() -> None:
         return 3.0 * (t - middle)
 
     (rising,) = passages(curve, LOW, HIGH, 0.0)
-    surely = met(curve, LOW, HIGH, (-6.0, 6.0), near=rising.draws)
+    grid = search_grid(LOW, HIGH, rising.draws)
+    surely = met(grid, curve(grid), (-6.0, 6.0))
     exact = norm.cdf((surely.temperature + 2.0 - 55.0) / 0.8) - norm.cdf(
         (surely.temperature - 2.0 - 55.0) / 0.8
     )
@@ -92,7 +93,8 @@ def test_a_short_stretch_is_not_missed_between_two_temperatures() -> None:
         return t - middle
 
     (rising,) = passages(curve, LOW, HIGH, 0.0)
-    (stretch,) = met(curve, LOW, HIGH, (-0.02, 0.02), near=rising.draws).at_least(1.0)
+    grid = search_grid(LOW, HIGH, rising.draws)
+    (stretch,) = met(grid, curve(grid), (-0.02, 0.02)).at_least(1.0)
     assert (stretch.low, stretch.high) == (pytest.approx(54.99, abs=1e-3), pytest.approx(55.01, abs=1e-3))
 
 
