@@ -28,6 +28,7 @@ _PLACES = {
     "ask": "sma_bayes.asking",
     "cluster": "sma_bayes.inference.jobs",
     "run_study": "sma_bayes.running",
+    "study_conditions": "sma_bayes.predicting",
     "fit_records": "sma_bayes.results.fitting",
     "credible_band": "sma_bayes.assess.bands",
     "correlation_factors": "sma_bayes.assess.correlation",

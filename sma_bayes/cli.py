@@ -354,6 +354,55 @@ def ask(
 
 
 @app.command()
+def conditions(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
+    at: Annotated[
+        list[str] | None,
+        typer.Option(help="A condition to predict, such as current_A=2.2,load_g=150; may be repeated."),
+    ] = None,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A condition to leave out and predict from the others, or 'each'; may be repeated."
+        ),
+    ] = None,
+    scatter: Annotated[
+        float,
+        typer.Option(
+            help="Scatter between conditions to expect, as a share of span, rate and width of a curve."
+        ),
+    ] = 0.1,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    figures: Figures = "auto",
+    no_figures: NoFigures = False,
+    scheduler: Scheduler = None,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Tell what current, load, frequency and duty cycle do, and predict conditions that were not measured."""
+    from sma_bayes.predicting import study_conditions, summary_text
+
+    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
+        found = study_conditions(
+            folder,
+            out,
+            at=at or (),
+            leave_out=leave_out or (),
+            scatter=scatter,
+            seed=seed,
+            jobs=jobs,
+            resume=resume,
+            figures="none" if no_figures else figures,
+            progress=progress,
+        )
+    told = f"{summary_text(found)}\n{found['wall_s']:.1f} s; results in {out}"
+    _finish(found, quiet, as_json, lambda: typer.echo(told))
+
+
+@app.command()
 def run(
     study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="Campaign, folder and steps.")],
     out: Annotated[
@@ -378,7 +427,7 @@ def run(
 @app.command()
 def report(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder that fit, gap or compare has written.")
+        Path, typer.Argument(metavar="DIR", help="Folder that fit, gap, compare or conditions has written.")
     ],
     figures: Figures = "auto",
     jobs: Jobs = None,

@@ -105,14 +105,17 @@ def operating_effects(features: Sequence[Feature], *, seed: int = 0) -> tuple[Ef
     for design in designs(conditions):
         if not design.varied:
             continue
+        came_about = _came_about(design, features)
+        along = confounders(design, came_about)
         for name, branch, channel in dict.fromkeys((f.name, f.branch, f.channel) for f in features):
+            if name in CAME_ABOUT and name not in came_about:
+                continue
             members = {
                 f.condition: f for f in features if (f.name, f.branch, f.channel) == (name, branch, channel)
             }
             if all(c in members for c in design.conditions):
                 words = f"{name} {branch} {channel} {' '.join(design.ids)}"
                 rng = np.random.default_rng(np.random.SeedSequence([seed, 11, *words.encode()]))
-                along = confounders(design, _came_about(design, features))
                 out += _effects(design, [members[c] for c in design.conditions], along, rng)
     return tuple(out)
 

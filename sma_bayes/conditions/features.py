@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
+from sma_bayes.assess.transformation import temperatures_of_curves, transformation_channel
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.quantities import Floats, per
 from sma_bayes.records.types import Branch, Condition
@@ -70,9 +71,10 @@ class Feature:
 
 
 def interval(draws: Floats) -> dict[str, float]:
-    """Median and equal-tailed 90 % interval."""
-    q05, median, q95 = (float(v) for v in np.quantile(draws, (0.05, 0.5, 0.95)))
-    return {"q05": q05, "median": median, "q95": q95}
+    """Median and equal-tailed 90 % interval of the draws that have a value; NaN where none has."""
+    found = draws[~np.isnan(draws)]
+    levels = np.quantile(found, (0.05, 0.5, 0.95)) if found.size else np.full(3, np.nan)
+    return dict(zip(("q05", "median", "q95"), levels.tolist(), strict=True))
 
 
 def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:
@@ -116,7 +118,22 @@ def _of_branch(record: RecordDraws) -> Iterator[Feature]:
                 f"slope of {record.quantities[channel]} at its midpoint, |{SPAN[channel]} {RATE[channel]}|/4",
                 on_log=True,
             )  # fmt: skip
+    yield from _transformation(record)
     yield from _stiffness(record)
+
+
+def _transformation(record: RecordDraws) -> Iterator[Feature]:
+    """As and Af, or Mf and Ms, by the tangent rule."""
+    channel = transformation_channel(record.record)
+    if channel is None:
+        return
+    found = temperatures_of_curves(lambda t: record.curve(channel, t), record.record, channel)
+    for t in found:
+        doubt = "" if t.within_data else "; beyond what was measured, so the model's word alone"
+        yield Feature(
+            t.name, record.condition, record.branch.value, channel, t.unit, t.draws,
+            f"{t.meaning} temperature by the tangent rule, from {record.quantities[channel]}{doubt}",
+        )  # fmt: skip
 
 
 def _stiffness(record: RecordDraws) -> Iterator[Feature]:

@@ -9,7 +9,8 @@ import numpy as np
 
 from sma_bayes.assess.bands import PREDICTIVE, QUANTILES, Band, simultaneous_band
 from sma_bayes.conditions.design import Design
-from sma_bayes.conditions.draws import RecordDraws, curve_of
+from sma_bayes.conditions.draws import GRID, RecordDraws, curve_of
+from sma_bayes.conditions.features import MIDPOINT, Feature
 from sma_bayes.conditions.population import Population
 from sma_bayes.noise import Steps
 from sma_bayes.quantities import Floats
@@ -45,6 +46,11 @@ class Prediction:
         """Temperatures between which every condition was measured [unit of temperature]; may be empty."""
         records = self.population.records
         return max(r.coldest for r in records), min(r.hottest for r in records)
+
+    def grid(self) -> Floats:
+        """Even temperatures over all that was measured in any condition, shape (m,)."""
+        records = self.population.records
+        return np.linspace(min(r.coldest for r in records), max(r.hottest for r in records), GRID)
 
     def band(self, channel: str, temperature: Floats, rng: np.random.Generator) -> Band:
         """Bands of a channel; the noise of a new measurement is that of a measured condition, any alike."""
@@ -154,3 +160,35 @@ def parameters_by_hand(
     size = min(len(a), len(b))
     theta = (1.0 - between.share) * a[:size] + between.share * b[:size]
     return curve_of(records[0].posterior.model, theta, channel, temperature)
+
+
+def predicted_features(prediction: Prediction) -> tuple[Feature, ...]:
+    """Midpoints, and least and greatest stiffness over the temperatures at which every condition was measured."""
+    reference, condition = prediction.reference, prediction.condition
+    branch, names = reference.branch.value, reference.names
+    out = [
+        Feature(
+            "midpoint", condition, branch, channel, reference.units["temperature"],
+            prediction.theta[:, names.index(name)],
+            f"temperature of the midpoint of {reference.quantities.get(channel, channel)}, {name}",
+        )
+        for channel, name in MIDPOINT.items() if name in names
+    ]  # fmt: skip
+    low, high = prediction.covered()
+    if "stiffness" not in reference.quantities or not low < high:
+        return tuple(out)
+    curve = np.abs(prediction.curve("stiffness", np.linspace(low, high, GRID)))
+    what, unit = reference.quantities["stiffness"], reference.units["stiffness"]
+    where = f"from {low:.4g} to {high:.4g}, where every condition was measured"
+    least, greatest = curve.min(axis=1), curve.max(axis=1)
+    with np.errstate(divide="ignore"):
+        ratio = greatest / least
+    out += [
+        Feature(name, condition, branch, "stiffness", its_unit, draws, f"{words} {what} {where}", True)
+        for name, its_unit, draws, words in (
+            ("least_stiffness", unit, least, "least"),
+            ("greatest_stiffness", unit, greatest, "greatest"),
+            ("stiffness_ratio", "1", ratio, "greatest over least"),
+        )
+    ]
+    return tuple(out)

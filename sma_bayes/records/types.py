@@ -48,6 +48,21 @@ class Condition:
     duty_cycle: float | None = None
 
 
+SETTING_UNITS = {"current": "A", "load": "N", "frequency": "Hz", "duty_cycle": "1"}
+"""Settings of a `Condition` with their canonical units; the load of a specimen is a stress."""
+
+
+def setting_unit(setting: str, *, specimen: bool) -> str:
+    """Unit of a setting.
+
+    Examples
+    --------
+    >>> setting_unit("load", specimen=False), setting_unit("load", specimen=True)
+    ('N', 'Pa')
+    """
+    return "Pa" if setting == "load" and specimen else SETTING_UNITS.get(setting, "1")
+
+
 @dataclass(frozen=True, slots=True)
 class Calibration:
     """Uncertainty of a channel's calibration, common to all its samples.

@@ -15,6 +15,9 @@ from sma_bayes.report.choice import Drawn, figures_for
 from sma_bayes.report.comparison_outputs import StoredComparison, is_comparison, read_comparison
 from sma_bayes.report.comparison_page import write_comparison_report
 from sma_bayes.report.comparison_tables import comparison_tables, model_averages
+from sma_bayes.report.conditions_outputs import StoredConditions, is_condition_study, read_conditions
+from sma_bayes.report.conditions_page import write_conditions_report
+from sma_bayes.report.conditions_tables import conditions_tables
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.figures import (
     BranchData,
@@ -29,12 +32,16 @@ from sma_bayes.report.figures import (
     disagreement_loops,
     effect_figure,
     effect_parameter_figure,
+    effects_figure,
+    held_out_figure,
     ladder_figure,
     loop_figure,
+    measured_figure,
     model_average_figure,
     overview_figure,
     pages,
     parameter_figure,
+    predicted_figure,
     predictive_figure,
     printed_figure,
     residual_figure,
@@ -69,7 +76,7 @@ def build_report(
     Parameters
     ----------
     folder : Path
-        Output folder of a finished `fit`, `gap` or `compare`. Nothing but the three outputs is changed in it.
+        Output folder of a finished `fit`, `gap`, `compare` or `conditions`. Nothing but the three outputs is changed.
     figures : str or bool
         ``all``, ``campaign`` or ``auto``, see `figures_for`; with ``none`` the report goes without.
     jobs : int, optional
@@ -89,6 +96,8 @@ def build_report(
         _build_gap_report(folder, jobs, tell, account)
     elif is_comparison(folder):
         _build_comparison_report(folder, figures, jobs, tell, account)
+    elif is_condition_study(folder):
+        _build_conditions_report(folder, figures, jobs, tell, account)
     else:
         _build_fit_report(folder, figures, jobs, tell, account)
 
@@ -166,6 +175,55 @@ def _build_comparison_report(
         write_tables(tables, folder / "tables")
         write_comparison_report(stored, tables, figures)
     tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
+
+
+def _build_conditions_report(
+    folder: Path, choice: str | bool, jobs: int | None, tell: Progress, account: Account | None
+) -> None:
+    spent = account or Account()
+    stored = read_conditions(folder)
+    tasks = [_ConditionsTask(stored, draw) for draw in _conditions_drawings(stored, choice)]
+    tell(0, len(tasks) + 1, "drawing figures")
+    figures: dict[str, FigureFiles] = {}
+    for done, drawn in enumerate(run(_draw_conditions, tasks, jobs, account=spent, stage="figures"), 1):
+        figures[drawn.stem] = drawn
+        tell(done, len(tasks) + 1, f"drew {drawn.stem}")
+    with spent.timed("report"):
+        tables = conditions_tables(stored) | _took(stored.found, account)
+        write_tables(tables, folder / "tables")
+        write_conditions_report(stored, tables, figures)
+    tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
+
+
+@dataclass(frozen=True, slots=True)
+class _ConditionsTask:
+    """A figure of a study of conditions."""
+
+    stored: StoredConditions
+    draw: Callable[[StoredConditions], Drawing]
+
+
+def _conditions_drawings(
+    stored: StoredConditions, choice: str | bool
+) -> list[Callable[[StoredConditions], Drawing]]:
+    found = stored.found
+    drawings: list[Callable[[StoredConditions], Drawing]] = []
+    for number, group in enumerate(found["groups"], 1):
+        drawings.append(partial(measured_figure, number=number))
+        told = {
+            e["setting"] for e in found["effects"] if e["conditions"] == group["conditions"] and e["tested"]
+        }
+        drawings += [partial(effects_figure, number=number, setting=s) for s in group["varied"] if s in told]
+    if figures_for(choice, len(found["features"])) != "none":
+        asked = dict.fromkeys(p["condition"] for p in found["predictions"])
+        drawings += [partial(predicted_figure, condition=c) for c in asked]
+        left_out = dict.fromkeys(h["condition"] for h in found["held_out"])
+        drawings += [partial(held_out_figure, condition=c) for c in left_out]
+    return drawings
+
+
+def _draw_conditions(task: _ConditionsTask) -> FigureFiles:
+    return save(partial(task.draw, task.stored), task.stored.folder / "figures")
 
 
 @dataclass(frozen=True, slots=True)

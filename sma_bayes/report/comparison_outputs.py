@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from sma_bayes.assess.comparison_document import SCHEMA
 from sma_bayes.errors import OutputError
 from sma_bayes.quantities import Floats
+from sma_bayes.report.outputs import kind_of, read_columns
 
 AGAIN: Final = "compare again into another folder"
 
@@ -39,13 +37,7 @@ class StoredComparison:
 
 def is_comparison(folder: Path) -> bool:
     """Whether a folder holds a comparison, finished or not."""
-    if (folder / "comparison.json").is_file():
-        return True
-    try:
-        mark = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(mark, dict) and mark.get("kind") == "compare"
+    return (folder / "comparison.json").is_file() or kind_of(folder) == "compare"
 
 
 def read_comparison(folder: Path) -> StoredComparison:
@@ -76,21 +68,6 @@ def read_comparison(folder: Path) -> StoredComparison:
     return StoredComparison(
         folder,
         found,
-        {k: _columns(folder / "curves" / f"{k}.csv") for k in keys},
-        {k: _columns(folder / "samples" / f"{k}.csv") for k in keys},
+        {k: read_columns(folder / "curves" / f"{k}.csv", AGAIN) for k in keys},
+        {k: read_columns(folder / "samples" / f"{k}.csv", AGAIN) for k in keys},
     )
-
-
-def _columns(path: Path) -> dict[str, Floats]:
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            header, *rows = csv.reader(file)
-        cells = zip(*rows, strict=True)
-        return {
-            name: np.array([float(c) if c else np.nan for c in column])
-            for name, column in zip(header, cells, strict=True)
-        }
-    except (OSError, ValueError) as error:
-        raise OutputError(
-            f"can't be read: {error}", file=path, expected="columns as compare writes them", remedy=AGAIN
-        ) from None

@@ -8,6 +8,7 @@ from typing import Any, Final
 from sma_bayes.assess.correlation import FACTORS
 from sma_bayes.paper.twin import printed_values
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, unit_text
+from sma_bayes.records.types import setting_unit
 from sma_bayes.report.content import (
     AverageFactor,
     Channel,
@@ -44,8 +45,6 @@ QUANTITY_NAMES: Final = {
     "stiffness_ratio": "stiffness ratio",
 }
 """Names of quantities of branches and loops, for people."""
-SETTING_UNITS: Final = {"current": "A", "load": "N", "frequency": "Hz", "duty_cycle": "1"}
-"""Canonical units of what is set on a rig."""
 
 
 def report_content(run: StoredRun) -> Content:
@@ -149,7 +148,7 @@ def _record(r: Mapping[str, Any]) -> RecordContent:
 
 def _setting_unit(setting: str, names: Mapping[str, str]) -> str:
     specimen = set(names.values()) & set(SPECIMEN_QUANTITY.values())
-    return "Pa" if setting == "load" and specimen else SETTING_UNITS.get(setting, "1")
+    return setting_unit(setting, specimen=bool(specimen))
 
 
 def _channel(channel: str, quantity: Mapping[str, str], r: Mapping[str, Any]) -> Channel:

@@ -21,6 +21,7 @@ FINISH: Final = "finish it: give the command that started it once more, with --r
 OTHERS: Final = {
     "gap.json": "a gap study",
     "comparison.json": "a comparison of models",
+    "conditions.json": "a study of conditions",
     "study.json": "the folders of a study",
 }
 """What else a folder may hold, by the file that gives it away."""
@@ -147,6 +148,44 @@ def read_run(folder: Path) -> StoredRun:
         )
     priors = folder / "priors.toml"
     return StoredRun(folder, summary, priors.read_text(encoding="utf-8") if priors.is_file() else "")
+
+
+def kind_of(folder: Path) -> str:
+    """Command other than a fit that wrote into a folder; empty where that is not known."""
+    try:
+        mark = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return ""
+    return str(mark.get("kind", "")) if isinstance(mark, dict) else ""
+
+
+def read_columns(path: Path, again: str) -> dict[str, Floats]:
+    """Read a CSV of numbers and of true or false, as 1 and 0.
+
+    Parameters
+    ----------
+    path : Path
+    again : str
+        What to do if it can't be read.
+
+    Raises
+    ------
+    OutputError
+        If it can't.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            header, *rows = csv.reader(file)
+        cells = zip(*rows, strict=True)
+        truth = {"true": "1", "false": "0"}
+        return {
+            name: _floats(tuple(truth.get(cell, cell) for cell in column))
+            for name, column in zip(header, cells, strict=True)
+        }
+    except (OSError, ValueError) as error:
+        raise OutputError(
+            f"can't be read: {error}", file=path, expected="columns as they were written", remedy=again
+        ) from None
 
 
 def _summary(path: Path) -> Mapping[str, Any]:

@@ -8,6 +8,12 @@ from sma_bayes.report.figures.campaign import (
     printed_figure,
 )
 from sma_bayes.report.figures.condition import loop_figure, overview_figure
+from sma_bayes.report.figures.conditions import (
+    effects_figure,
+    held_out_figure,
+    measured_figure,
+    predicted_figure,
+)
 from sma_bayes.report.figures.disagreement import disagreement_loops, residual_maps
 from sma_bayes.report.figures.marginals import corner_figure
 from sma_bayes.report.figures.missing import effect_figure, effect_parameter_figure, ladder_figure
@@ -28,12 +34,16 @@ __all__ = [
     "disagreement_loops",
     "effect_figure",
     "effect_parameter_figure",
+    "effects_figure",
+    "held_out_figure",
     "ladder_figure",
     "loop_figure",
+    "measured_figure",
     "model_average_figure",
     "overview_figure",
     "pages",
     "parameter_figure",
+    "predicted_figure",
     "predictive_figure",
     "printed_figure",
     "residual_figure",

@@ -1,0 +1,336 @@
+"""Studying the conditions of a finished fit, from its folder to files."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from sma_bayes.account import Account
+from sma_bayes.conditions.document import (
+    SCHEMA,
+    curve_columns,
+    held_out_columns,
+    sample_columns,
+    stem,
+    study_document,
+)
+from sma_bayes.conditions.draws import RecordDraws
+from sma_bayes.conditions.population import SCATTER
+from sma_bayes.conditions.study import ConditionStudy, bands_of, study
+from sma_bayes.errors import OutputError, SmaBayesError, near_matches
+from sma_bayes.records.declaration import ConditionTable
+from sma_bayes.records.types import Condition
+from sma_bayes.report.choice import figures_for
+from sma_bayes.report.outputs import StoredRun, read_run
+from sma_bayes.report.stored_draws import stored_draws
+from sma_bayes.results.store import plain, write_csv
+from sma_bayes.tasks import write_band
+from sma_bayes.under_way import Progress, UnderWay, silent
+from sma_bayes.workflow import all_versions, claimed_folder
+
+HEADLINES: Final = (
+    "least_stiffness", "greatest_stiffness", "stiffness_ratio", "hysteresis_width", "midpoint", "As", "Af", "Ms", "Mf",
+    "peak_temperature",
+)  # fmt: skip
+"""Features whose effects are told on a terminal."""
+UNITS: Final = ("A", "g", "N", "MPa", "mHz", "Hz", "pct")
+KEYS: Final = tuple(n for n in ConditionTable.model_fields if n.rpartition("_")[2] in UNITS)
+"""Settings as campaign.toml names them: ``current_A``, ``load_g`` and so on."""
+
+
+def study_conditions(
+    folder: str | Path,
+    out: str | Path | None = None,
+    *,
+    at: Sequence[Condition | str] = (),
+    leave_out: Sequence[str] = (),
+    seed: int = 0,
+    scatter: float = SCATTER,
+    jobs: int | None = None,
+    resume: bool = False,
+    figures: str | bool = "auto",
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Tell what operating conditions do, and predict conditions that were not measured.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Output folder of a finished `fit`.
+    out : str or Path, optional
+        Folder for `conditions.json`, bands, series, tables, figures and the report; nothing is written without it.
+    at : sequence of Condition or str
+        Conditions to predict; as text ``current_A=2.2,load_g=150``, with the names of campaign.toml.
+    leave_out : sequence of str
+        Conditions to leave out in turn and to predict from the others; ``each`` for all.
+    seed : int
+        Decides every draw.
+    scatter : float
+        Median of the prior of the scatter between conditions, as a share of what a curve has by itself: see
+        `sma_bayes.conditions.population`.
+    jobs : int, optional
+        Processes; by default one for each core.
+    resume : bool
+        Where `out` holds this very study already, only what is missing of its report is made.
+    figures : str or bool
+        ``all``, ``campaign`` (none of single conditions), ``none`` (no report either), or ``auto``: see `figures_for`.
+    progress : callable, optional
+    account : Account, optional
+        Account to go on with, such as one in which the reading was timed.
+
+    Returns
+    -------
+    dict
+        What `conditions.json` holds.
+
+    Raises
+    ------
+    OutputError, ResumeError
+        If `folder` holds no finished fit of separate conditions, or `out` can't be used.
+    MeasurementError
+        If no two conditions can be compared, or they say nothing about one that was asked.
+    UnknownNameError, SmaBayesError
+        If a setting or condition is not known.
+    """
+    source, spent = Path(folder), account or Account()
+    with spent.timed("read"):
+        run, records = read_run(source), stored_draws(source)
+    specimen = records[0].record.specimen
+    asked = tuple(condition_at(a, specimen=specimen) if isinstance(a, str) else a for a in at)
+    question = _Question(run, records, asked, tuple(leave_out), seed, scatter)
+    drawn = figures_for(figures, len(records))
+    work = UnderWay("conditions.json", jobs, drawn, progress or silent, spent)
+    if out is None:
+        return work.with_account(_studied(question, None, work))
+    place = Path(out).absolute()
+    with claimed_folder(place, question.identity(), resume):
+        finished = _finished(place)
+        found = finished or _studied(question, place, work)
+    return work.end_again(place, found) if finished else work.end(place, found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Question:
+    """What is asked of which fit."""
+
+    run: StoredRun
+    records: tuple[RecordDraws, ...]
+    asked: tuple[Condition, ...]
+    left_out: tuple[str, ...]
+    seed: int
+    scatter: float
+
+    def identity(self) -> dict[str, Any]:
+        """What decides the numbers: what `run.json` holds, and what must agree for a study to be resumed."""
+        digest = hashlib.sha256()
+        for record in self.records:
+            digest.update(f"{record.condition!r} {record.branch}".encode())
+            digest.update(record.theta.tobytes())
+        return {
+            "schema": "sma-bayes/run/1",
+            "kind": "conditions",
+            "data": self.run.summary["data_sha256"],
+            "fit": digest.hexdigest(),
+            "at": [repr(c) for c in self.asked],
+            "leave_out": list(self.left_out),
+            "seed": self.seed,
+            "scatter": self.scatter,
+            "versions": all_versions(),
+        }
+
+
+def _studied(question: _Question, folder: Path | None, work: UnderWay) -> dict[str, Any]:
+    q = question
+    specimen = q.records[0].record.specimen
+    found = study(
+        q.records, q.asked, q.left_out, seed=q.seed, scatter=q.scatter, jobs=work.jobs, tell=work.tell,
+        account=work.account,
+    )  # fmt: skip
+    if folder is not None:
+        with work.account.timed("write"):
+            _write(folder, found, q.seed)
+    document: dict[str, Any] = plain({
+        "schema": SCHEMA,
+        "campaign": q.run.summary["campaign"],
+        "source": str(q.run.folder),
+        "seed": q.seed,
+        "options": {
+            "scatter": q.scatter,
+            "at": [text_of(c, specimen=specimen) for c in q.asked],
+            "leave_out": q.left_out,
+        },
+        "versions": all_versions(),
+        "data_sha256": q.run.summary["data_sha256"],
+        "specimen": specimen,
+        **study_document(found, specimen=specimen),
+    })  # fmt: skip
+    return document
+
+
+def condition_at(text: str, *, specimen: bool) -> Condition:
+    """Condition from text such as ``current_A=2.2,load_g=150``.
+
+    Parameters
+    ----------
+    text : str
+        Settings with the names of campaign.toml.
+    specimen : bool
+        Whether a specimen was tested, whose load is a stress.
+
+    Raises
+    ------
+    SmaBayesError
+        If a setting is not known, given twice, no number, or of the wrong kind.
+
+    Examples
+    --------
+    >>> condition_at("current_A=2.2,frequency_mHz=10", specimen=False)
+    Condition(id='2.2A-10mHz', current=2.2, load=None, frequency=0.01, duty_cycle=None)
+    """
+    values: dict[str, Any] = {}
+    for part in text.split(","):
+        name, equals, number = (p.strip() for p in part.partition("="))
+        if name not in KEYS or not equals:
+            raise SmaBayesError(
+                f"--at {text}: {part.strip()!r} is no setting",
+                expected=f"settings such as current_A=2.2,load_g=150; {near_matches(name, KEYS)}",
+            )
+        if name in values:
+            raise SmaBayesError(f"--at {text}: {name} is given twice", expected="each setting once")
+        try:
+            values[name] = float(number)
+        except ValueError:
+            raise SmaBayesError(f"--at {text}: {number!r} is no number", expected=f"{name}=NUMBER") from None
+    label = "-".join(f"{v:g}{n.rpartition('_')[2]}" for n, v in values.items())
+    try:
+        return ConditionTable(id=label, file="none", **values).condition(specimen=specimen)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise SmaBayesError(
+            f"--at {text}: {first['msg']}", column=str(next(iter(first["loc"]), ""))
+        ) from None
+    except ValueError as error:
+        raise SmaBayesError(f"--at {text}", expected=str(error)) from None
+
+
+def text_of(condition: Condition, *, specimen: bool) -> str:
+    """Condition as `condition_at` takes it.
+
+    Examples
+    --------
+    >>> text_of(Condition("x", current=2.2, frequency=0.01), specimen=False)
+    'current_A=2.2,frequency_Hz=0.01'
+    """
+    load = None if condition.load is None else condition.load * (1e-6 if specimen else 1.0)
+    duty = None if condition.duty_cycle is None else condition.duty_cycle * 100.0
+    values = {
+        "current_A": condition.current,
+        "stress_MPa" if specimen else "load_N": load,
+        "frequency_Hz": condition.frequency,
+        "duty_cycle_pct": duty,
+    }
+    return ",".join(f"{name}={value:.12g}" for name, value in values.items() if value is not None)
+
+
+def _write(folder: Path, found: ConditionStudy, seed: int) -> None:
+    """Write curves, bands and series."""
+    for population in found.populations:
+        for record in population.records:
+            for channel in record.quantities:
+                name = stem(record.condition, record.branch.value, channel)
+                write_csv(folder / "curves" / f"{name}.csv", curve_columns(record, channel))
+    for prediction in found.predictions:
+        branch = prediction.reference.branch.value
+        for channel, band in bands_of(prediction, seed).items():
+            path = folder / "bands" / f"{stem(prediction.condition, branch, channel)}.csv"
+            write_band(path, band, prediction.reference.record)
+    for held in found.held_out:
+        name = stem(held.record.condition, held.record.branch.value, held.channel)
+        write_csv(folder / "held_out" / f"{name}.csv", held_out_columns(held))
+        samples = sample_columns(held)
+        if samples:
+            write_csv(folder / "held_out" / f"{name}-samples.csv", samples)
+
+
+def _finished(folder: Path) -> dict[str, Any] | None:
+    """What `conditions.json` of a folder holds, if the study came to its end."""
+    path = folder / "conditions.json"
+    if not path.is_file():
+        return None
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise OutputError(
+            f"can't be read: {error}", file=path, expected="JSON as conditions writes it", remedy="remove it"
+        ) from None
+    return found if isinstance(found, dict) else None
+
+
+def summary_text(found: Mapping[str, Any]) -> str:
+    """What `conditions.json` says, in a few lines for a terminal."""
+    lines = [f"{found['campaign']}, seed {found['seed']}"]
+    for group in found["groups"]:
+        varied = ", ".join(
+            f"{n} {min(v['values']):g} to {max(v['values']):g} {v['unit']}"
+            for n, v in group["varied"].items()
+        )
+        lines.append(f"{', '.join(group['conditions'])}: {varied or 'nothing varied'}")
+    told = [e for e in found["effects"] if e["beyond"] and e["feature"] in HEADLINES]
+    sure = [e for e in told if _sure(e)]
+    lines += [_effect_text(e) for e in sure]
+    if told:
+        lines.append(
+            f"  {len(sure)} of {len(told)} effects have a 95 % sure direction; the report has all of them"
+        )
+    for p in found["predictions"]:
+        note = f"; EXTRAPOLATES in {', '.join(p['extrapolates'])}" if p["extrapolates"] else ""
+        lines.append(f"predicted {p['condition']}, {p['branch']}, from {len(p['from'])} conditions{note}")
+        lines += [f"  {_estimate_text(f)}" for f in p["features"]]
+    for h in found["held_out"]:
+        ways = "; ".join(_score_text(n, s, h) for n, s in h["ways"].items())
+        lines.append(f"left out {h['condition']}, {h['branch']}, {h['quantity']}: {ways}")
+    lines += [f"caution: {c}" for c in found["cautions"]]
+    lines += [f"remark: {r}" for r in found["remarks"]]
+    if not found["converged"]:
+        lines.append("NOT CONVERGED: the numbers must not be relied on.")
+    return "\n".join(lines)
+
+
+def _sure(effect: Mapping[str, Any]) -> bool:
+    p = effect["probability_rises"]
+    return p is not None and (p < 0.05 or p > 0.95)
+
+
+def _effect_text(e: Mapping[str, Any]) -> str:
+    b = e["beyond"]
+    sign = "×" if e["kind"] == "factor" else ""
+    unit = "" if e["kind"] == "factor" else f" {e['unit']}"
+    along = ", ".join(c["name"] for c in e["confounded_with"] if c["strong"])
+    return (
+        f"  {e['setting']} {e['from']:g} to {e['to']:g} {e['setting_unit']}: {_feature_text(e)} "
+        f"{sign}{b['median']:.3g} [{b['q05']:.3g}, {b['q95']:.3g}]{unit}" + (f"; or {along}" if along else "")
+    )
+
+
+def _feature_text(e: Mapping[str, Any]) -> str:
+    name = e.get("feature") or e["name"]
+    of = f" of {e['channel']}" if e["channel"] and e["channel"] not in name else ""
+    branch = f", {e['branch']}" if e.get("branch") and e["branch"] != "both" else ""
+    return f"{name.replace('_', ' ')}{of}{branch}"
+
+
+def _estimate_text(f: Mapping[str, Any]) -> str:
+    return f"{_feature_text(f)}: {f['median']:.4g} [{f['q05']:.4g}, {f['q95']:.4g}] {f['unit']}"
+
+
+def _score_text(name: str, score: Mapping[str, Any], held: Mapping[str, Any]) -> str:
+    size = 1.0 if held["on_log"] else held["span"]
+    width, error = score["width"] / size, score["error"] / size
+    return f"{name} covers {score['covers_curve']:.0%}, width {width:.2g}, error {error:.2g}"

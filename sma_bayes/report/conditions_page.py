@@ -1,0 +1,78 @@
+"""The report of a study of conditions in plain words: what settings do, what was predicted, and what to doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from markupsafe import Markup
+
+from sma_bayes.report.conditions_outputs import StoredConditions
+from sma_bayes.report.figures import FigureFiles
+from sma_bayes.report.html import anchor, embedded, page_environment, style_sheet
+from sma_bayes.report.tables import Table
+from sma_bayes.results.store import write_text
+
+TEMPLATE: Final = "conditions.html.j2"
+
+
+def write_conditions_report(
+    stored: StoredConditions, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
+) -> None:
+    """Write ``report.html`` of a study of conditions.
+
+    Parameters
+    ----------
+    stored : StoredConditions
+    tables : mapping of str to Table
+    figures : mapping of str to FigureFiles
+        By stem; their PNG files are in ``figures/``.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written, or a figure can't be read.
+    """
+    environment = page_environment()
+    page = environment.get_template(TEMPLATE).render(
+        found=stored.found,
+        coverage=coverage(stored.found),
+        command=command(stored.found),
+        tables=tables,
+        pictures={s: embedded(stored.folder / "figures" / f"{s}.png", f) for s, f in figures.items()},
+        stems={
+            part: [s for s in figures if s.startswith(part)]
+            for part in ("measured", "effects", "predicted", "held-out")
+        },
+        style=Markup(style_sheet(environment)),  # ours, not the user's
+        anchor=anchor,
+    )
+    write_text(stored.folder / "report.html", page)
+
+
+def coverage(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Averages over all that was left out, for each way to predict."""
+    rows: dict[str, list[tuple[Mapping[str, Any], Mapping[str, Any]]]] = {}
+    for h in found["held_out"]:
+        for name, score in h["ways"].items():
+            if not h["on_log"]:
+                rows.setdefault(name, []).append((h, score))
+    return [
+        {
+            "way": name,
+            "count": len(parts),
+            "covers": sum(s["covers_curve"] for _, s in parts) / len(parts),
+            "width": sum(s["width"] / h["span"] for h, s in parts) / len(parts),
+            "error": sum(s["error"] / h["span"] for h, s in parts) / len(parts),
+        }
+        for name, parts in rows.items()
+    ]
+
+
+def command(found: Mapping[str, Any]) -> str:
+    """The command that gives the same study again."""
+    options = found["options"]
+    more = "".join(f' --at "{text}"' for text in options["at"])
+    more += "".join(f' --leave-out "{name}"' for name in options["leave_out"])
+    fixed = f"--out DIR --seed {found['seed']} --scatter {options['scatter']:g}"
+    return f'sma-bayes conditions "{found["source"]}" {fixed}{more}'

@@ -1,0 +1,332 @@
+"""Tables of a study of conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from sma_bayes.report.conditions_outputs import StoredConditions
+from sma_bayes.report.content import Estimate, Number
+from sma_bayes.report.notation import compact, unit_label
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+
+NAMES: Final[Mapping[str, str]] = {
+    "midpoint": "midpoint",
+    "greatest_slope": "greatest slope",
+    "share_transformed": "share transformed at the hottest",
+    "least_stiffness": "least stiffness",
+    "greatest_stiffness": "greatest stiffness",
+    "stiffness_ratio": "stiffness ratio",
+    "steepest_stiffness": "steepest slope of stiffness",
+    "hysteresis_width": "hysteresis width",
+    "least_temperature": "least temperature",
+    "peak_temperature": "peak temperature",
+    "mean_power": "mean power",
+    "duty_cycle": "duty cycle",
+}
+"""Features and settings, for people."""
+EDGE: Final = 0.5
+"""Probability from which an extreme is said to lie at an end of the measured temperatures."""
+
+
+def conditions_tables(stored: StoredConditions) -> dict[str, Table]:
+    """All tables of a study of conditions, by name."""
+    tables = (
+        design_table(stored),
+        extremes_table(stored),
+        feature_table(stored),
+        effect_table(stored),
+        scatter_table(stored),
+        prediction_table(stored),
+        held_out_table(stored),
+        pooled_table(stored),
+    )
+    return {table.name: table for table in tables if table.rows}
+
+
+def named(feature: str) -> str:
+    """Name of a feature or setting, for people."""
+    return NAMES.get(feature, feature)
+
+
+def estimate(found: Mapping[str, Any] | None, unit: str) -> Estimate | None:
+    """Median and interval, where there are any."""
+    return None if found is None else Estimate(found["median"], found["q05"], found["q95"], unit)
+
+
+def setting_text(name: str, value: float, unit: str) -> str:
+    """A setting with its unit: ``150 MPa`` rather than ``1.5e8 Pa``."""
+    if unit == "Pa":
+        return f"{value * 1e-6:g} MPa"
+    if unit == "Hz" and value < 1.0:
+        return f"{value * 1e3:g} mHz"
+    return f"{value:.4g} {unit_label(unit)}".strip()
+
+
+def design_table(stored: StoredConditions) -> Table:
+    """What was set in each condition."""
+    specimen = stored.found["specimen"]
+    return Table(
+        "design",
+        "Conditions",
+        "What is stated of each condition. Only conditions that state the same settings can be compared.",
+        (Column("group", "group"), Column("condition", "condition"), Column("settings", "settings")),
+        tuple(_design_rows(stored.found["groups"], specimen)),
+    )
+
+
+def _design_rows(groups: list[Mapping[str, Any]], specimen: bool) -> Iterator[tuple[Cell, ...]]:
+    for number, group in enumerate(groups, 1):
+        for place, condition in enumerate(group["conditions"]):
+            settings = ", ".join(
+                f"{'stress' if n == 'load' and specimen else named(n)} {setting_text(n, v['values'][place], v['unit'])}"
+                for n, v in group["varied"].items()
+            )
+            yield (number, condition, settings or "nothing that differs")
+
+
+def extremes_table(stored: StoredConditions) -> Table:
+    """Temperatures and stiffness of each condition: the form of Tables 9 to 12 of the paper."""
+    found: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for f in stored.found["features"]:
+        if f["branch"] == "both" and f["name"] != "hysteresis_width":
+            found.setdefault(f["condition"], {})[f["name"]] = f
+    rows = [
+        (
+            condition,
+            *(Number(f[n]["median"], f[n]["unit"]) for n in ("least_temperature", "peak_temperature")),
+            unit_label(f["peak_temperature"]["unit"]),
+            *(estimate(f[n], f[n]["unit"]) for n in ("least_stiffness", "greatest_stiffness")),
+            unit_label(f["least_stiffness"]["unit"]),
+            estimate(f["stiffness_ratio"], "1"),
+        )
+        for condition, f in found.items()
+        if "least_stiffness" in f
+    ]
+    return Table(
+        "extremes",
+        "Least and greatest stiffness",
+        "Over the measured temperatures of both branches, as Tables 9 to 12 of the paper have them; 90 % intervals.",
+        (
+            Column("condition", "condition"),
+            Column("least temperature", "least_temperature", OF_ROW),
+            Column("peak temperature", "peak_temperature", OF_ROW),
+            Column("unit", "temperature_unit"),
+            Column("least stiffness", "least_stiffness", OF_ROW),
+            Column("greatest stiffness", "greatest_stiffness", OF_ROW),
+            Column("unit", "stiffness_unit"),
+            Column("ratio", "stiffness_ratio", "1"),
+        ),
+        tuple(rows),
+    )
+
+
+def feature_table(stored: StoredConditions) -> Table:
+    """Every feature of every condition."""
+    rows = []
+    for f in stored.found["features"]:
+        value = (
+            Number(f["median"], f["unit"]) if f["measured"] or f["median"] is None else estimate(f, f["unit"])
+        )
+        edge = f["at_edge"] is not None and f["at_edge"] > EDGE
+        rows.append(
+            (f["condition"], f["branch"], named(f["name"]), f["channel"], value, unit_label(f["unit"]) or "1",
+             "at an end of the measured temperatures" if edge else "", f["meaning"])
+        )  # fmt: skip
+    return Table(
+        "features",
+        "What sums up each condition",
+        "Median and 90 % interval. An extreme at an end of the measured temperatures tells how far they went.",
+        (
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("feature", "feature"),
+            Column("of", "channel"),
+            Column("value", "value", OF_ROW),
+            Column("unit", "unit"),
+            Column("remark", "remark"),
+            Column("meaning", "meaning", brief=False),
+        ),
+        tuple(rows),
+        grouped=2,
+    )
+
+
+def effect_table(stored: StoredConditions) -> Table:
+    """Effect of every setting on every feature."""
+    return Table(
+        "effects",
+        "Effects",
+        "Change of a feature from the least to the greatest value of a setting, the other settings being equal: a "
+        "factor (×) or a difference. Tested: how the tested conditions differ, without scatter. With scatter: what "
+        "the setting does, conditions scattering about a straight line. Of many effects that are not there, one in "
+        "ten has an interval without 1 (×) or 0 all the same.",
+        (
+            Column("setting", "setting"),
+            Column("from", "from"),
+            Column("to", "to"),
+            Column("feature", "feature"),
+            Column("branch", "branch"),
+            Column("of", "channel"),
+            Column("kind", "kind"),
+            Column("tested", "tested", OF_ROW),
+            Column("with scatter", "with_scatter", OF_ROW),
+            Column("unit", "unit"),
+            Column("P(rises)", "probability_rises", "1"),
+            Column("scatter of a condition", "scatter", OF_ROW, brief=False),
+            Column("can't be told from", "confounded_with", brief=False),
+            Column("conditions", "conditions", brief=False),
+        ),
+        tuple(_effect_rows(stored.found)),
+        grouped=3,
+    )
+
+
+def _effect_rows(found: Mapping[str, Any]) -> Iterator[tuple[Cell, ...]]:
+    ranked = sorted(found["effects"], key=lambda e: (e["conditions"], e["setting"]))
+    for e in ranked:
+        load = "stress" if e["setting"] == "load" and found["specimen"] else named(e["setting"])
+        along = [c["name"] for c in e["confounded_with"] if c["strong"]]
+        yield (
+            load,
+            *(setting_text(e["setting"], e[end], e["setting_unit"]) for end in ("from", "to")),
+            named(e["feature"]), e["branch"], e["channel"], "×" if e["kind"] == "factor" else "difference",
+            estimate(e["tested"], e["unit"]), estimate(e["beyond"], e["unit"]), unit_label(e["unit"]) or "1",
+            Number(e["probability_rises"], "1", 0.01), estimate(e["scatter"], e["unit"]),
+            ", ".join(named(n) for n in [*e["aliased_with"], *along]), ", ".join(e["conditions"]),
+        )  # fmt: skip
+
+
+def scatter_table(stored: StoredConditions) -> Table:
+    """Scatter between conditions, before and after the data."""
+    rows = [
+        (
+            ", ".join(p["conditions"]), p["branch"], c["name"],
+            estimate(c["scatter_prior"], "1"), estimate(c["scatter"], "1"),
+            "; ".join(f"{named(n)} {_brief(v)}" for n, v in c["changes"].items()),
+        )
+        for p in stored.found["populations"]
+        for c in p["coordinates"]
+    ]  # fmt: skip
+    return Table(
+        "scatter",
+        "What conditions have in common",
+        "Standard deviation of the scatter of conditions about level and straight lines, in each coordinate and its "
+        "unit, before and after the data; and the change over the tested range of each setting.",
+        (
+            Column("conditions", "conditions"),
+            Column("branch", "branch"),
+            Column("coordinate", "coordinate"),
+            Column("scatter before", "scatter_prior", OF_ROW),
+            Column("scatter", "scatter", OF_ROW),
+            Column("change with", "change"),
+        ),
+        tuple(rows),
+        grouped=2,
+    )
+
+
+def _brief(found: Mapping[str, Any]) -> str:
+    return f"{compact(found['median'])} [{compact(found['q05'])}, {compact(found['q95'])}]"
+
+
+def prediction_table(stored: StoredConditions) -> Table:
+    """Features of the conditions that were asked for."""
+    rows = [
+        (
+            p["condition"], p["branch"], named(f["name"]), f["channel"], estimate(f, f["unit"]),
+            unit_label(f["unit"]) or "1", _warning(p), f["meaning"],
+        )
+        for p in stored.found["predictions"]
+        for f in p["features"]
+    ]  # fmt: skip
+    return Table(
+        "predictions",
+        "Conditions that were not measured",
+        "Median and 90 % interval of what a run under these conditions would give.",
+        (
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("feature", "feature"),
+            Column("of", "channel"),
+            Column("value", "value", OF_ROW),
+            Column("unit", "unit"),
+            Column("warning", "warning"),
+            Column("meaning", "meaning", brief=False),
+        ),
+        tuple(rows),
+        grouped=2,
+    )
+
+
+def _warning(p: Mapping[str, Any]) -> str:
+    said = []
+    if p["extrapolates"]:
+        said.append("extrapolates: " + ", ".join(named(s) for s in p["extrapolates"]))
+    if p["prior_led"]:
+        said.append("width led by the prior")
+    return "; ".join(said)
+
+
+def held_out_table(stored: StoredConditions) -> Table:
+    """How well left-out conditions were predicted, each way."""
+    return Table(
+        "held_out",
+        "Conditions that were left out",
+        "Each was predicted from the others. Covered: share of its temperatures at which the 90 % band holds the "
+        "curve fitted to the condition itself, and share of its samples within the 90 % band of a new measurement. "
+        "Whole: whether the simultaneous band holds the curve everywhere. Width of the band and error of its median "
+        "over the span of the curve; of stiffness, of its natural logarithm. Temperatures of one curve go together: "
+        "one condition is about one trial.",
+        (
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("quantity", "quantity"),
+            Column("way", "way"),
+            Column("curve covered", "covers_curve", "1"),
+            Column("samples covered", "covers_samples", "1"),
+            Column("whole", "holds_whole"),
+            Column("width", "width", "1"),
+            Column("error", "error", "1"),
+            Column("remark", "remark"),
+        ),
+        tuple(_held_out_rows(stored.found["held_out"])),
+        grouped=3,
+    )
+
+
+def _held_out_rows(held_out: list[Mapping[str, Any]]) -> Iterator[tuple[Cell, ...]]:
+    for h in held_out:
+        size = 1.0 if h["on_log"] else h["span"]
+        for name, score in h["ways"].items():
+            yield (
+                h["condition"], h["branch"], h["quantity"], name,
+                *(Number(score[n], "1", 0.01) for n in ("covers_curve", "covers_samples")), score["holds_whole"],
+                *(Number(score[n] / size, "1", 0.01) for n in ("width", "error")),
+                _warning(h) if name == "hierarchical" else "",
+            )  # fmt: skip
+
+
+def pooled_table(stored: StoredConditions) -> Table:
+    """A and B of each condition by itself, and with what the others say about it."""
+    rows = [
+        (condition, p["branch"], name, estimate(v["own"], "1"), estimate(v["pooled"], "1"))
+        for p in stored.found["populations"]
+        for condition, parameters in p["parameters"].items()
+        for name, v in parameters.items()
+    ]
+    return Table(
+        "pooled",
+        "Parameters, alone and partially pooled",
+        "In the units of the fit's own table of parameters. Where a condition tells its parameters well, pooling "
+        "changes nothing.",
+        (
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("parameter", "parameter"),
+            Column("alone", "alone", OF_ROW),
+            Column("partially pooled", "pooled", OF_ROW),
+        ),
+        tuple(rows),
+        grouped=2,
+    )
