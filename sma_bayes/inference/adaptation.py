@@ -224,7 +224,8 @@ def _adapt_plain(density: Density, mode: Mode, wide: StudentMixture, rng: np.ran
         return found
     several = shape.mixture(centre, [_spread(bend, rng, 6)])
     more = _refine(density, Proposal(shape.coordinates, several, wide), rng, draws=4 * DRAWS)
-    return more if more.weights.efficiency > found.weights.efficiency else found
+    better = more if more.weights.efficiency > found.weights.efficiency else found
+    return replace(better, evaluations=found.evaluations + more.evaluations)
 
 
 def _start(
