@@ -451,8 +451,24 @@ def paper(
     ] = None,
     form: Annotated[str, typer.Option("--format", help="text, csv, json, latex or markdown.")] = "text",
     out: Annotated[Path | None, typer.Option(help="Folder for files, one a table.")] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option(help="Folder for the page that puts every table and claim to the test; takes minutes."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the page: decides the twin and every draw.", min=0)] = 0,
+    jobs: Jobs = None,
+    quiet: Quiet = False,
 ) -> None:
-    """Show the paper's printed tables and their errata, printed and corrected side by side."""
+    """Show the paper's printed tables and their errata, printed and corrected side by side; or reproduce it."""
+    if page is not None:
+        if errata or table is not None or out is not None or form != "text":
+            raise SmaBayesError(
+                "--page together with --errata, --table, --format or --out",
+                expected="--page by itself: it writes the whole page",
+                remedy="give two commands",
+            )
+        _reproduce(page, seed, jobs, quiet)
+        return
     from sma_bayes.paper.export import render, select, write
 
     selection = select(table, errata_only=errata)
@@ -461,6 +477,19 @@ def paper(
         return
     for path in write(selection, out, form):
         typer.echo(str(path))
+
+
+def _reproduce(folder: Path, seed: int, jobs: int | None, quiet: bool) -> None:
+    from sma_bayes.reproduction.build import NUMBERS, PAGE, reproduce_paper
+
+    with _progress(quiet) as progress:
+        found = reproduce_paper(folder, seed=seed, jobs=jobs, progress=progress)
+    if not quiet:
+        for claim in found["claims"]:
+            typer.echo(f"{claim['verdict']}: {claim['claim']}")
+        typer.echo(f"page: {folder / PAGE}, numbers: {folder / NUMBERS}")
+    if not found["converged"]:
+        raise typer.Exit(1)
 
 
 def main() -> None:

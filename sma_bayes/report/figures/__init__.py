@@ -18,13 +18,28 @@ from sma_bayes.report.figures.disagreement import disagreement_loops, residual_m
 from sma_bayes.report.figures.marginals import corner_figure
 from sma_bayes.report.figures.missing import effect_figure, effect_parameter_figure, ladder_figure
 from sma_bayes.report.figures.models import curves_figure, differences_figure, pages
+from sma_bayes.report.figures.paper import (
+    Curve,
+    Nearest,
+    Plugged,
+    Profile,
+    extremes_figure,
+    nearest_figure,
+    plugged_figure,
+    profile_figure,
+    rival_figure,
+)
 from sma_bayes.report.figures.record import predictive_figure, residual_figure, trace_figure
-from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles, save
+from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles, save, save_picture
 
 __all__ = [
     "BranchData",
+    "Curve",
     "Drawing",
     "FigureFiles",
+    "Nearest",
+    "Plugged",
+    "Profile",
     "average_figure",
     "corner_figure",
     "correlation_figure",
@@ -35,19 +50,25 @@ __all__ = [
     "effect_figure",
     "effect_parameter_figure",
     "effects_figure",
+    "extremes_figure",
     "held_out_figure",
     "ladder_figure",
     "loop_figure",
     "measured_figure",
     "model_average_figure",
+    "nearest_figure",
     "overview_figure",
     "pages",
     "parameter_figure",
+    "plugged_figure",
     "predicted_figure",
     "predictive_figure",
     "printed_figure",
+    "profile_figure",
     "residual_figure",
     "residual_maps",
+    "rival_figure",
     "save",
+    "save_picture",
     "trace_figure",
 ]

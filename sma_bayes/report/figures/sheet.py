@@ -151,6 +151,17 @@ def save(draw: Callable[[], Drawing], folder: Path) -> FigureFiles:
     return FigureFiles(drawing.stem, drawing.caption, drawing.alt)
 
 
+def save_picture(draw: Callable[[], Drawing], folder: Path) -> FigureFiles:
+    """Draw a figure and write it as PNG alone, for a page that shows it; see `save`."""
+    with mpl.rc_context({**STYLE, "font.family": list(families())}):
+        drawing = draw()
+        figure = drawing.figure
+        write_file(
+            folder / f"{drawing.stem}.png", lambda path: figure.savefig(path, format="png", dpi=PNG_DPI)
+        )
+    return FigureFiles(drawing.stem, drawing.caption, drawing.alt)
+
+
 def empty_sheet(width: float, height: float) -> Figure:
     """Empty figure [inch] with a canvas of its own."""
     figure = Figure(figsize=(width, height))

@@ -144,7 +144,9 @@ def test_two_lumps_are_two_modes_with_their_shares() -> None:
 
 
 def test_what_is_not_covered_is_explored() -> None:
-    draws = run(banana(), seed=2, plan=QUICK)  # of another seed the weights may pass: the bend is at the limit
+    draws = run(
+        banana(), seed=2, plan=QUICK
+    )  # of another seed the weights may pass: the bend is at the limit
     assert draws.method != "independence"
     assert draws.convergence.converged
 

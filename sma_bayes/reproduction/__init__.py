@@ -1,0 +1,1 @@
+"""The paper, table by table and claim by claim: what it prints beside what comes out."""

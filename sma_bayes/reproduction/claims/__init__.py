@@ -1,0 +1,22 @@
+"""The claims of the paper, each with its evidence and a verdict."""
+
+from sma_bayes.reproduction.claims.conditions import condition_claims
+from sma_bayes.reproduction.claims.correlation import correlation_claims
+from sma_bayes.reproduction.claims.models import model_claims
+from sma_bayes.reproduction.claims.shape import shape_claims
+from sma_bayes.reproduction.claims.types import Claim, Evidence
+from sma_bayes.reproduction.study import Study
+
+__all__ = ["Claim", "Evidence", "claims"]
+
+
+def claims(study: Study) -> tuple[Claim, ...]:
+    """All claims, judged.
+
+    Parameters
+    ----------
+    study : Study
+        Of all conditions of the twin.
+    """
+    parts = (correlation_claims, model_claims, shape_claims, condition_claims)
+    return tuple(claim for part in parts for claim in part(study))
