@@ -29,6 +29,7 @@ _PLACES = {
     "cluster": "sma_bayes.inference.jobs",
     "run_study": "sma_bayes.running",
     "study_conditions": "sma_bayes.predicting",
+    "reproduce_paper": "sma_bayes.reproduction.build",
     "fit_records": "sma_bayes.results.fitting",
     "credible_band": "sma_bayes.assess.bands",
     "correlation_factors": "sma_bayes.assess.correlation",

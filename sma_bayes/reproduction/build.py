@@ -9,7 +9,7 @@ from typing import Any, Final
 from sma_bayes.reproduction.document import reproduction_document
 from sma_bayes.reproduction.page import PICTURES, page
 from sma_bayes.reproduction.pictures import write_pictures
-from sma_bayes.reproduction.study import Progress, run_study
+from sma_bayes.reproduction.study import Progress, study_twin
 from sma_bayes.results.store import write_json, write_text
 
 PAGE: Final = "paper.md"
@@ -57,7 +57,7 @@ def reproduce_paper(
     """
     place = Path(folder)
     _try_to_write(place)
-    study = run_study(seed=seed, jobs=jobs, progress=progress)
+    study = study_twin(seed=seed, jobs=jobs, progress=progress)
     found = reproduction_document(study)
     figures = write_pictures(study, found["tables"], place / PICTURES)
     found["figures"] = [asdict(f) for f in figures.values()]

@@ -15,7 +15,7 @@ from sma_bayes.reproduction.claims import claims
 from sma_bayes.reproduction.claims.correlation import straight_line_correlation
 from sma_bayes.reproduction.distance import distances
 from sma_bayes.reproduction.printed import printed_effects
-from sma_bayes.reproduction.study import Study
+from sma_bayes.reproduction.study import TwinStudy
 from sma_bayes.reproduction.tables import table_rows
 from sma_bayes.results.store import plain
 from sma_bayes.workflow import all_versions
@@ -23,12 +23,12 @@ from sma_bayes.workflow import all_versions
 SCHEMA: Final = "sma-bayes/reproduction/1"
 
 
-def reproduction_document(study: Study) -> dict[str, Any]:
+def reproduction_document(study: TwinStudy) -> dict[str, Any]:
     """What a study of the paper found.
 
     Parameters
     ----------
-    study : Study
+    study : TwinStudy
         Of all conditions of the twin.
     """
     found: dict[str, Any] = plain({
@@ -53,7 +53,7 @@ def reproduction_document(study: Study) -> dict[str, Any]:
     return found
 
 
-def _averages(study: Study) -> list[dict[str, Any]]:
+def _averages(study: TwinStudy) -> list[dict[str, Any]]:
     scored = [
         Scored(
             r.key, r.branch.value, "stiffness", r.quantity("stiffness"), r.units["stiffness"], r.key,
@@ -64,7 +64,7 @@ def _averages(study: Study) -> list[dict[str, Any]]:
     return averages(scored)
 
 
-def _comparison(study: Study) -> dict[str, Any]:
+def _comparison(study: TwinStudy) -> dict[str, Any]:
     found = study.comparison.found
     (overall,) = found["overall"]
     return {

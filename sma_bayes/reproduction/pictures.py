@@ -30,7 +30,7 @@ from sma_bayes.report.figures import (
     save_picture,
 )
 from sma_bayes.reproduction.distance import Distance, distances, nearest_line, nearest_logistic, rising_part
-from sma_bayes.reproduction.study import Study
+from sma_bayes.reproduction.study import TwinStudy
 from sma_bayes.response.logistic import Logistic, printed_constants
 
 FIGURES: Final[Mapping[str, tuple[str, Mapping[str, str]]]] = {
@@ -66,12 +66,12 @@ PLUGGED: Final[Mapping[str, tuple[str, str]]] = {
 """Panels of the printed logistic: the name of its extremes, its title, and the condition of its temperatures."""
 
 
-def write_pictures(study: Study, tables: Mapping[str, Any], folder: Path) -> dict[str, FigureFiles]:
+def write_pictures(study: TwinStudy, tables: Mapping[str, Any], folder: Path) -> dict[str, FigureFiles]:
     """Draw all figures into a folder.
 
     Parameters
     ----------
-    study : Study
+    study : TwinStudy
     tables : mapping
         Rows of the tables, as the result file has them.
     folder : Path
@@ -109,7 +109,7 @@ def _in_si(values: Floats) -> Floats:
     return np.asarray(convert(values, "N/cm", "N/m", what="stiffness"))
 
 
-def _profiles(study: Study, parts: Mapping[str, str], rival: str = "") -> list[Profile]:
+def _profiles(study: TwinStudy, parts: Mapping[str, str], rival: str = "") -> list[Profile]:
     return [
         _profile(study, r, parts[r.condition.id], rival)
         for r in study.campaign.records
@@ -117,7 +117,7 @@ def _profiles(study: Study, parts: Mapping[str, str], rival: str = "") -> list[P
     ]
 
 
-def _profile(study: Study, record: Record, title: str, rival: str) -> Profile:
+def _profile(study: TwinStudy, record: Record, title: str, rival: str) -> Profile:
     band = study.bands[record.key]
     quantiles = (_in_si(band.curve[q]) for q in ("q05", "q50", "q95"))
     curves = {"modified_sigmoid": Curve(band.temperature, *quantiles)}

@@ -25,7 +25,7 @@ PARTS = ("force", "displacement")
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class TwinStudy:
     """Fits of the twin of the paper's campaign.
 
     Attributes
@@ -61,13 +61,13 @@ class Study:
         return all(f.converged for f in fits) and bool(self.comparison.found["converged"])
 
 
-def run_study(
+def study_twin(
     *,
     seed: int = 0,
     only: Sequence[str] = (),
     jobs: int | None = None,
     progress: Progress | None = None,
-) -> Study:
+) -> TwinStudy:
     """Draw the twin and fit it.
 
     Parameters
@@ -96,7 +96,7 @@ def run_study(
         compare(campaign, out, seed=seed, jobs=jobs, figures=False)
         comparison = read_comparison(out)
     tell(2, 3, "summing up")
-    return Study(
+    return TwinStudy(
         seed=seed,
         campaign=campaign,
         stiffness=stiffness,

@@ -17,7 +17,7 @@ from sma_bayes.paper.specifications import TABLE_1, specification
 from sma_bayes.paper.tables import PARAMETER_TABLES, STATISTICS_TABLES, CellStatus, PrintedCell, PrintedTable
 from sma_bayes.paper.twin import FITTED_PARAMETERS
 from sma_bayes.quantities import Floats, convert
-from sma_bayes.reproduction.study import Study
+from sma_bayes.reproduction.study import TwinStudy
 
 Row = dict[str, Any]
 Found = Mapping[str, float] | None
@@ -30,12 +30,12 @@ FEATURES: Final[Mapping[str, str]] = {
 """Feature of a condition behind a printed column of Tables 9 to 12."""
 
 
-def table_rows(study: Study) -> dict[str, list[Row]]:
+def table_rows(study: TwinStudy) -> dict[str, list[Row]]:
     """Rows of every table, by its number.
 
     Parameters
     ----------
-    study : Study
+    study : TwinStudy
         Cells of conditions that it leaves out are left out too.
 
     Returns
@@ -56,7 +56,7 @@ def table_rows(study: Study) -> dict[str, list[Row]]:
     return {n: [r for r in rows if n not in fitted or r["condition"] in known] for n, rows in out.items()}
 
 
-def _recomputer(table: PrintedTable, study: Study) -> Callable[[PrintedCell], Found]:
+def _recomputer(table: PrintedTable, study: TwinStudy) -> Callable[[PrintedCell], Found]:
     if table is TABLE_1:
         return _specification
     if table in PARAMETER_TABLES:
@@ -82,24 +82,24 @@ def _key(cell: PrintedCell) -> str:
     return f"{cell.condition}-{'' if cell.branch is None else cell.branch.value}"
 
 
-def _parameter(cell: PrintedCell, study: Study) -> Found:
+def _parameter(cell: PrintedCell, study: TwinStudy) -> Found:
     """A1 and B1 from force and displacement, the others from stiffness, as the paper fitted them."""
     fits = study.parts if cell.quantity in ("A1", "B1") else study.stiffness
     fitted = fits.get(_key(cell))
     return None if fitted is None else interval(fitted.flat[:, fitted.posterior.space.index(cell.quantity)])
 
 
-def _goodness(cell: PrintedCell, study: Study) -> GoodnessOfFit | None:
+def _goodness(cell: PrintedCell, study: TwinStudy) -> GoodnessOfFit | None:
     fitted = study.stiffness.get(_key(cell))
     return None if fitted is None else fitted.warm_start.fit[0]["stiffness"]
 
 
-def _statistic(cell: PrintedCell, study: Study) -> Found:
+def _statistic(cell: PrintedCell, study: TwinStudy) -> Found:
     found = _goodness(cell, study)
     return None if found is None else {"value": float(getattr(found, cell.quantity))}
 
 
-def _extreme(cell: PrintedCell, study: Study) -> Found:
+def _extreme(cell: PrintedCell, study: TwinStudy) -> Found:
     name = FEATURES.get(cell.quantity)
     for f in study.features:
         if (f.name, f.branch, f.condition.id) == (name, BOTH, cell.condition):
@@ -108,7 +108,7 @@ def _extreme(cell: PrintedCell, study: Study) -> Found:
     return None
 
 
-def _derived(table: PrintedTable, study: Study) -> Iterator[Row]:
+def _derived(table: PrintedTable, study: TwinStudy) -> Iterator[Row]:
     """What follows from several printed cells: B1/A1, and the spread of the measured stiffness."""
     places = dict.fromkeys((c.condition, c.branch) for c in table.cells)
     for condition, branch in places:

@@ -5,17 +5,17 @@ from sma_bayes.reproduction.claims.correlation import correlation_claims
 from sma_bayes.reproduction.claims.models import model_claims
 from sma_bayes.reproduction.claims.shape import shape_claims
 from sma_bayes.reproduction.claims.types import Claim, Evidence
-from sma_bayes.reproduction.study import Study
+from sma_bayes.reproduction.study import TwinStudy
 
 __all__ = ["Claim", "Evidence", "claims"]
 
 
-def claims(study: Study) -> tuple[Claim, ...]:
+def claims(study: TwinStudy) -> tuple[Claim, ...]:
     """All claims, judged.
 
     Parameters
     ----------
-    study : Study
+    study : TwinStudy
         Of all conditions of the twin.
     """
     parts = (correlation_claims, model_claims, shape_claims, condition_claims)

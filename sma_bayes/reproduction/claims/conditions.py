@@ -21,13 +21,13 @@ from sma_bayes.reproduction.printed import (
     repeat_scatter,
     second_run,
 )
-from sma_bayes.reproduction.study import Study
+from sma_bayes.reproduction.study import TwinStudy
 
 ASSUMED = "depends on the temperatures that the twin assumes"
 TREND = "slope over the tests, with scatter between them"
 
 
-def condition_claims(study: Study) -> Iterator[Claim]:
+def condition_claims(study: TwinStudy) -> Iterator[Claim]:
     """Every trend that sections 7.1 and 5 state, in their order."""
     twin = {
         (e.feature, e.channel, e.setting): e

@@ -10,13 +10,13 @@ import numpy as np
 from sma_bayes.assess.correlation_average import average_draws
 from sma_bayes.paper.correlation import implied_average
 from sma_bayes.reproduction.claims.types import Claim, Evidence
-from sma_bayes.reproduction.study import Study
+from sma_bayes.reproduction.study import TwinStudy
 
 ROUNDED: Final = 0.005
 """Half a unit of the last digit of the claimed correlation factor."""
 
 
-def correlation_claims(study: Study) -> Iterator[Claim]:
+def correlation_claims(study: TwinStudy) -> Iterator[Claim]:
     """The average is 0.95; it is 0.95 or more."""
     implied = implied_average()
     r = average_draws(list(study.agreements.values()))["r"]["plain"]
@@ -56,7 +56,7 @@ def correlation_claims(study: Study) -> Iterator[Claim]:
     )
 
 
-def straight_line_correlation(study: Study) -> float:
+def straight_line_correlation(study: TwinStudy) -> float:
     """Plain mean over the twin's records of the correlation of stiffness and temperature [1]."""
     found = [abs(np.corrcoef(r.temperature, r.observed["stiffness"])[0, 1]) for r in study.campaign.records]
     return float(np.mean(found))

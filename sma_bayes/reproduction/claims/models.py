@@ -11,10 +11,10 @@ from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
 from sma_bayes.reproduction.claims.types import Claim, Evidence
 from sma_bayes.reproduction.distance import distances
-from sma_bayes.reproduction.study import Study
+from sma_bayes.reproduction.study import TwinStudy
 
 
-def model_claims(study: Study) -> Iterator[Claim]:
+def model_claims(study: TwinStudy) -> Iterator[Claim]:
     """The modified sigmoid is superior to the logistic and to the polynomial; the logistic is abrupt."""
     known = [d for d in distances() if d.rmse is not None]
     near = sum(d.logistic < (d.rmse or 0.0) for d in known)
@@ -83,7 +83,7 @@ def model_claims(study: Study) -> Iterator[Claim]:
     )
 
 
-def _twin_comparison(study: Study, family: str) -> str:
+def _twin_comparison(study: TwinStudy, family: str) -> str:
     records = study.comparison.found["records"]
     wins = sum(r["verdict"] == "modified_sigmoid" for r in records)
     loses = sum(r["verdict"] == family for r in records)
@@ -96,7 +96,7 @@ def _twin_comparison(study: Study, family: str) -> str:
     )
 
 
-def _twin_probability(study: Study, family: str) -> float:
+def _twin_probability(study: TwinStudy, family: str) -> float:
     (overall,) = study.comparison.found["overall"]
     models = overall["models"]
     behind = models[_best(models, family)]["ln_evidence"] - models["modified_sigmoid"]["ln_evidence"]

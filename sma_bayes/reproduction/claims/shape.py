@@ -12,7 +12,7 @@ from sma_bayes.assess.bands import curve_draws, temperature_grid
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, TABLE_11, extremes
 from sma_bayes.reproduction.claims.types import Claim, Evidence
 from sma_bayes.reproduction.printed import probability_positive, second_run
-from sma_bayes.reproduction.study import Study
+from sma_bayes.reproduction.study import TwinStudy
 from sma_bayes.response.modified_sigmoid import shape_of
 from sma_bayes.results.fit import Fit
 
@@ -20,7 +20,7 @@ AUSTENITE: Final = 5.0
 """Least ratio of austenite to martensite stiffness that the conclusions claim."""
 
 
-def shape_claims(study: Study) -> Iterator[Claim]:
+def shape_claims(study: TwinStudy) -> Iterator[Claim]:
     """Eq. (7) is an S curve; it rises by more than five."""
     kinds: Counter[str] = Counter()
     for fitted in study.stiffness.values():
