@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from scipy.special import ndtri
 
 from sma_bayes.assess.bands import bias_draws
 from sma_bayes.assess.inverse import Passage, Stretch, met, passages, search_grid
@@ -49,6 +50,8 @@ class _Question:
     probability : float
     extrapolate : float
         How far beyond the measured temperatures to search [unit of temperature].
+    temperature_sd : float
+        Standard deviation of the error of the controller's temperature [unit of temperature].
     """
 
     channel: str
@@ -56,6 +59,7 @@ class _Question:
     tolerance: str
     probability: float
     extrapolate: float
+    temperature_sd: float
 
 
 def ask(
@@ -70,6 +74,7 @@ def ask(
     condition: str | None = None,
     branch: str | None = None,
     extrapolate: float = 0.0,
+    temperature_sd: float = 0.0,
 ) -> dict[str, Any]:
     """Temperatures that give a wanted value, from the posteriors of a finished fit.
 
@@ -88,6 +93,9 @@ def ask(
         Only this condition, only ``heating`` or ``cooling``.
     extrapolate : float
         How far beyond the measured temperatures to search [unit of temperature]; what is found there is marked.
+    temperature_sd : float
+        Standard deviation of the difference between the temperature that a controller sets and that of the alloy
+        [unit of temperature]. It makes every set of temperatures narrower; passages are those of the curves.
 
     Returns
     -------
@@ -117,11 +125,12 @@ def ask(
     ((channel, value),) = wanted.items()
     if not 0.0 < probability <= 1.0:
         raise SmaBayesError(f"probability {probability}", expected="more than 0 and at most 1")
-    if not (np.isfinite(extrapolate) and extrapolate >= 0.0):
-        raise SmaBayesError(f"--extrapolate {extrapolate}", expected="a finite number of degrees, at least 0")
+    for name, number in (("extrapolate", extrapolate), ("temperature-sd", temperature_sd)):
+        if not (np.isfinite(number) and number >= 0.0):
+            raise SmaBayesError(f"--{name} {number}", expected="a finite number of degrees, at least 0")
     run = read_run(Path(folder))
     records = _selected(run, condition, branch)
-    question = _Question(channel, value, tolerance, probability, extrapolate)
+    question = _Question(channel, value, tolerance, probability, extrapolate, temperature_sd)
     able = [r for r in records if not _lacking(run, r, channel)]
     if not able:
         which = records[0]["key"] if len(records) == 1 else f"any of the {len(records)} records"
@@ -141,6 +150,7 @@ def ask(
         "tolerance": tolerance,
         "probability": probability,
         "extrapolate": extrapolate,
+        "temperature_sd": temperature_sd,
         "converged": all(a["converged"] for a in answers),
         "answers": answers,
         "without": {r["key"]: _lacking(run, r, channel) for r in records if r not in able},
@@ -217,11 +227,13 @@ def _answer(run: StoredRun, summary: Mapping[str, Any], question: _Question) -> 
     curve = _curve(run, draws, question.channel, unit)
     found = passages(curve, *ends, target)
     level = question.probability
-    grid = search_grid(*ends, _temperatures(found))
+    error = question.temperature_sd * _normal_scores(draws.size)
+    grid = search_grid(*ends, _temperatures(found, error))
     values = curve(grid)
+    set_values = curve(grid + error[:, None]) if question.temperature_sd else values
 
     def stretches(least: float, greatest: float) -> dict[str, Any]:
-        surely = met(grid, values, (least, greatest))
+        surely = met(grid, set_values, (least, greatest))
         best, top = surely.best
         most = {"temperature": best, "probability": top, "extrapolated": not low <= best <= high}
         return {
@@ -291,8 +303,15 @@ def _curve(run: StoredRun, draws: RecordDraws, channel: str, unit: str) -> Curve
     return lambda temperature: overall_stiffness(draws.curve("stiffness", temperature), k2, bias.arrangement)
 
 
-def _temperatures(found: Sequence[Passage]) -> Floats:
-    every = np.concatenate([p.draws for p in found]) if found else np.empty(0)
+def _normal_scores(size: int) -> Floats:
+    """Quantiles of the standard normal distribution in an order of their own, one for each draw, shape (size,)."""
+    scores = ndtri((np.arange(size) + 0.5) / size)
+    return np.asarray(np.random.default_rng(0).permutation(scores))
+
+
+def _temperatures(found: Sequence[Passage], error: Floats) -> Floats:
+    """Settings of the temperature at which a curve passes the value."""
+    every = np.concatenate([p.draws - error for p in found]) if found else np.empty(0)
     return np.asarray(every[np.isfinite(every)])
 
 
@@ -345,6 +364,7 @@ def answer_text(found: Mapping[str, Any]) -> str:
     lines = [
         f"{found['campaign']}: {_named(found['quantity'])} {found['value']}, tolerance {found['tolerance']}, "
         f"probability {level:g} or more"
+        + (f", temperature set to within {found['temperature_sd']:g} (sd)" if found["temperature_sd"] else "")
     ]
     for a in found["answers"]:
         lines += ["", *_answer_lines(a, level)]

@@ -331,6 +331,9 @@ def ask(
     extrapolate: Annotated[
         float, typer.Option(help="How far to search beyond the measured temperatures; marked there.", min=0.0)
     ] = 0.0,
+    temperature_sd: Annotated[
+        float, typer.Option(help="Standard deviation of the error of the controller's temperature.", min=0.0)
+    ] = 0.0,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -349,6 +352,7 @@ def ask(
         condition=condition,
         branch=branch,
         extrapolate=extrapolate,
+        temperature_sd=temperature_sd,
     )
     _finish(found, quiet, as_json, lambda: typer.echo(answer_text(found)))
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from sma_bayes.asking import WANTED, ask
 from sma_bayes.comparing import compare
-from sma_bayes.errors import SmaBayesError
+from sma_bayes.errors import ResumeError, SmaBayesError
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.quantities import number_and_unit
@@ -92,6 +92,8 @@ def run_study(
     ------
     StudyError
         If the study file can't be read or is wrong.
+    ResumeError
+        If a step was run with other options, data or versions before.
     SmaBayesError
         If a name in it is unknown, the campaign can't be read, or the folder can't be used.
     """
@@ -197,6 +199,10 @@ def _result(step: _Step, before: list[dict[str, Any]], tell: Progress) -> dict[s
         return {**stated, "status": SKIPPED, "exit_status": WRONG, "wall_s": 0.0}
     try:
         found = step.run(lambda done, total, message: tell(done, total, f"{step.name}: {message}"))
+    except (
+        ResumeError
+    ):  # the study file was changed where its results may not: nothing is told of a study then
+        raise
     except SmaBayesError as error:
         stated["error"] = str(error)
         status = WRONG

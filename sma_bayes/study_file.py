@@ -95,6 +95,7 @@ class AskTable(StrictTable):
     condition: str | None = None
     branch: Literal["heating", "cooling"] | None = None
     extrapolate: float = Field(default=0.0, ge=0.0)
+    temperature_sd: float = Field(default=0.0, ge=0.0)
 
     @model_validator(mode="after")
     def _one_value(self) -> AskTable:

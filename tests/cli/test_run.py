@@ -73,14 +73,28 @@ def test_steps_are_run_resumed_and_added(run: Callable[..., Any], study: Path) -
     assert "no two conditions" in more.out
 
 
+def test_a_step_with_other_options_is_refused_and_what_was_told_is_kept(
+    run: Callable[..., Any], study: Path
+) -> None:
+    assert run("run", study, "--quiet").status == 0
+    before = document(study.parent)
+    written(study, STUDY.replace("jobs = 1", "jobs = 1\nseed = 5"))
+    outcome = run("run", study, "--resume")
+    assert (outcome.status, outcome.out) == (2, "")
+    assert "differs in seed" in outcome.err
+    assert document(study.parent) == before
+
+
 def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], study: Path) -> None:
-    few = "\n".join((study.parent / "bench" / "a.csv").read_text(encoding="utf-8").splitlines()[:41])
-    (study.parent / "bench" / "a.csv").write_text(few + "\n", encoding="utf-8")
-    first = run("run", study, "--quiet")
-    assert (first.status, first.out) == (0, "")
-    (study.parent / "results" / "fit" / "run.json").write_text("{}", encoding="utf-8")
-    second = run("run", study, "--resume")
-    assert second.status == 2
+    mark = written(
+        study.parent / "empty.toml", STUDY.partition("[fit]")[0] + '[compare]\npool = "campaign"\n'
+    )
+    assert (
+        run("run", mark, "--quiet").status == 2
+    )  # its only step fails, so that the folder is that of a study
+    written(study.parent / "results" / "fit", "a file where a folder should be")
+    outcome = run("run", study, "--resume")
+    assert outcome.status == 2
     found = document(study.parent)
     assert [s["status"] for s in found["steps"]] == ["failed", "skipped"]
     assert found["steps"][1]["error"] == "fit failed"

@@ -104,6 +104,26 @@ def test_within_a_tolerance(folder: Path) -> None:
     json.dumps(found, allow_nan=False)
 
 
+def test_an_uncertain_temperature_narrows_what_is_sure(folder: Path) -> None:
+    """A force that rises is at least F* where T + error is beyond its passage: quantiles of their difference.
+
+    200,000 drawn errors; the 90 % quantile has a standard error of about 0.004 degC.
+    """
+    asked: dict[str, Any] = {"force": "1.5 N", "condition": "c", "branch": "heating", "tolerance": "30 %"}
+    (sure,) = sma_bayes.ask(folder, **asked)["answers"]
+    (unsure,) = sma_bayes.ask(folder, **asked, temperature_sd=1.0)["answers"]
+    draws = next(d for d in sma_bayes.stored_draws(folder) if d.key == "c-heating")
+    b1, b2, b3, b4 = (draws.parameter(f"B{i}") for i in range(1, 5))
+    share = (1.5 - b4) / b1
+    passage = b3 + np.log(share / (1.0 - share)) / b2
+    rng = np.random.default_rng(2)
+    needed = rng.choice(passage, 200_000) - rng.standard_normal(200_000)
+    assert unsure["at_least"]["intervals"][0]["low"] == pytest.approx(np.quantile(needed, 0.9), abs=0.05)
+    assert unsure["passages"] == sure["passages"]
+    (narrow,), (wide,) = (a["within"]["intervals"] for a in (unsure, sure))
+    assert wide["low"] < narrow["low"] < narrow["high"] < wide["high"]
+
+
 def test_what_is_not_reached_is_said_so_and_extrapolation_is_marked(folder: Path) -> None:
     (answer,) = sma_bayes.ask(folder, force="9 N", condition="c", branch="heating")["answers"]
     assert (answer["reachable"], answer["stays_below"], answer["stays_above"]) == (0.0, 1.0, 0.0)
@@ -139,6 +159,7 @@ def test_records_that_cannot_tell_are_named(folder: Path) -> None:
         ({"stiffness": "150 N/m", "tolerance": "5 N %"}, QuantityError, "tolerance"),
         ({"stiffness": "150 N/m", "probability": 0.0}, SmaBayesError, "probability 0"),
         ({"stiffness": "150 N/m", "extrapolate": float("inf")}, SmaBayesError, "extrapolate"),
+        ({"stiffness": "150 N/m", "temperature_sd": -1.0}, SmaBayesError, "temperature-sd"),
         ({"stiffness": "150 N/m", "condition": "d"}, UnknownNameError, "unknown condition 'd'"),
         ({"stiffness": "150 N/m", "branch": "heatin"}, UnknownNameError, "unknown branch"),
         (
