@@ -20,7 +20,7 @@ class ThermocoupleLag:
     At a constant rate on each branch that is a shift of the curve, which its midpoint absorbs; it shows where the rate
     differs at the same temperature: other currents, a step-off, the rounded ends of a sweep. A transformation that
     lags moves the curves the other way; infrared, or a step-off above the transformation, shows the sensor alone. A
-    simulated temperature goes through the same lag, beginning at the first reading of each stretch.
+    simulated temperature goes through the same lag, and begins each stretch as far behind as it then sweeps.
     """
 
     id = "thermocouple_lag"
@@ -43,7 +43,8 @@ class ThermocoupleLag:
         out = response(at(inputs, inputs["temperature"] + tau * inputs["rate"]))
         if "temperature" in out:
             first = starts(inputs)
-            metal = np.where(first, inputs["temperature"], out["temperature"])
+            behind = np.where(first, tau * inputs["rate"], 0.0)
+            metal = out["temperature"] - behind
             steps = np.where(first, FORGOTTEN, elapsed(inputs) / np.maximum(tau, 1e-12))
             out = {**out, "temperature": lagged(metal, steps)}
         return out

@@ -3,7 +3,8 @@
     m c dT/dt = I**2 R - h A (T - Ta)
 
 Divided by the heat capacity, two numbers are left: ``gain = R/(m c)`` and ``loss = h A/(m c)``. Between samples current
-and ambient temperature are held, so each step is exact; every stretch starts at its first reading.
+and ambient temperature are held, so each step is exact. Every stretch starts at the temperature that suits its readings
+best: the first one is as noisy as any other, and its error would die away only with the time constant.
 """
 
 from __future__ import annotations
@@ -12,9 +13,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
+
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class JouleHeating:
         ----------
         theta : ndarray, shape (..., 3)
         inputs : mapping of str to ndarray, shape (n,) or (..., n)
-            ``current`` [A], ``time`` [s], ``stretch``, ``temperature`` (first of each stretch) [degC];
+            ``current`` [A], ``time`` [s], ``stretch``, ``temperature`` (for the start of each stretch) [degC];
             ``ambient_temperature`` [degC] where it was recorded. Effects may add ``heat_capacity_factor`` and
             ``loss_factor``, by which heat capacity and loss differ from their constants.
 
@@ -67,9 +71,20 @@ class JouleHeating:
         kept = np.exp(-rate[..., :-1] * dt[..., 1:])  # what is held over a step is what its start says
         step = (1.0 - kept) * goal[..., :-1]
         first = np.diff(inputs["stretch"], prepend=-1.0) != 0
-        out = np.where(first, inputs["temperature"], np.pad(step, [*[(0, 0)] * (len(shape) - 1), (1, 0)]))
-        carried = np.where(first, 0.0, np.pad(kept, [*[(0, 0)] * (len(shape) - 1), (1, 0)]))
-        return {"temperature": recursion(carried, out)}
+        ahead = [*[(0, 0)] * (len(shape) - 1), (1, 0)]
+        carried = np.where(first, 0.0, np.pad(kept, ahead))
+        from_zero = recursion(carried, np.where(first, 0.0, np.pad(step, ahead)))
+        of_start = recursion(carried, np.broadcast_to(np.where(first, 1.0, 0.0), shape))
+        start = _starts(inputs["temperature"] - from_zero, of_start, first)
+        return {"temperature": from_zero + of_start * start}
+
+
+def _starts(left: Floats, of_start: Floats, first: Bools) -> Floats:
+    """Least-squares temperature at the start of each stretch, shape (..., n), given what it has to explain."""
+    at = np.flatnonzero(first)
+    pull = np.add.reduceat(of_start * left, at, axis=-1)
+    weight = np.add.reduceat(of_start**2, at, axis=-1)
+    return np.repeat(pull / weight, np.diff(np.append(at, first.size)), axis=-1)
 
 
 def recursion(kept: Floats, add: Floats) -> Floats:

@@ -313,5 +313,5 @@ def test_the_fingerprint_changes_with_versions(
 ) -> None:
     p = build(make_record())
     before = p.fingerprint()
-    monkeypatch.setattr(posterior_module, "version", lambda name: "0.0.0")
+    monkeypatch.setattr(posterior_module, "versions", lambda: {"numpy": "0.0.0"})
     assert p.fingerprint() != before

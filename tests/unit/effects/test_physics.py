@@ -73,9 +73,9 @@ def test_a_lagging_sensor_delays_the_simulated_temperature() -> None:
         return [4.0 * gain - loss * (y[0] - ambient), (y[0] - y[1]) / tau]
 
     metal, sensor = solve_ivp(balance, (0.0, 60.0), [22.0, 22.0], t_eval=time, rtol=1e-9).y
-    inputs = inputs_of(sensor, time=time)
-    plain = response_at(THETA)(inputs)["temperature"]
+    plain = response_at(THETA)(inputs_of(metal, time=time))["temperature"]
     np.testing.assert_allclose(plain, metal, atol=0.01)
+    inputs = inputs_of(sensor, time=time)
     inputs["rate"] = np.gradient(sensor, time, edge_order=2)
     out = applied("thermocouple_lag", [tau], inputs)["temperature"]
     np.testing.assert_allclose(out, sensor, atol=0.05)
