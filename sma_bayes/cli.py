@@ -26,6 +26,7 @@ _GO_ON = {
     "demo": "; the same command goes on from here",
     "fit": "; the same command with --resume goes on from here",
     "gap": "; the same command with --resume begins the study anew, or draws the report of one that is finished",
+    "conditions": "; the same command with --resume begins anew, or draws the report of what is finished",
     "report": "; the same command begins anew",
     "run": "; the same command with --resume goes on from here",
 }
