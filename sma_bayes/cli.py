@@ -421,7 +421,7 @@ def run(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Run all that a study file declares: fit, compare, gap and questions, each in a folder of its own."""
+    """Run all that a study file declares: fit, compare, gap, conditions, questions, each in a folder of its own."""
     from sma_bayes.running import run_study, study_text
 
     with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:

@@ -1,4 +1,4 @@
-"""Running a whole study from one file: fit, comparison, gap study and questions, each in a folder of its own."""
+"""Running a whole study from one file: fit, comparison, gap, conditions and questions, each in its own folder."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from sma_bayes.comparing import compare
 from sma_bayes.errors import ResumeError, SmaBayesError
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.predicting import study_conditions
 from sma_bayes.quantities import number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
@@ -31,8 +32,19 @@ DONE, NOT_CONVERGED, WRONG = 0, 1, 2
 STATUS: Final = {DONE: "done", NOT_CONVERGED: "not converged", WRONG: "failed"}
 SKIPPED: Final = "skipped"
 
-FOLDERS: Final = {"fit": "fit", "compare": "comparison", "gap": "gap", "ask": "ask"}
-SUMMARIES: Final = {"fit": "summary.json", "compare": "comparison.json", "gap": "gap.json"}
+FOLDERS: Final = {
+    "fit": "fit",
+    "compare": "comparison",
+    "gap": "gap",
+    "conditions": "conditions",
+    "ask": "ask",
+}
+SUMMARIES: Final = {
+    "fit": "summary.json",
+    "compare": "comparison.json",
+    "gap": "gap.json",
+    "conditions": "conditions.json",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +134,9 @@ def _identity(campaign: Campaign) -> dict[str, Any]:
 def _check(study: Study) -> None:
     """Refuse names that no step could do with, before the campaign is read."""
     for name, options in study.steps.items():
-        with _place(study, f"{name}.priors"):
-            read_priors(options["priors"])
+        if "priors" in options:
+            with _place(study, f"{name}.priors"):
+                read_priors(options["priors"])
         noise = options.get("noise", AUTO)
         with _place(study, f"{name}.noise"):
             NOISE_MODELS["independent" if noise == AUTO else noise]
@@ -161,20 +174,27 @@ def _bias(options: Mapping[str, Any]) -> Any:
 
 
 def _steps(study: Study, campaign: Campaign, folder: Path, jobs: int | None, resume: bool) -> list[_Step]:
-    calls: dict[str, Callable[..., dict[str, Any]]] = {
-        "fit": fit_campaign, "compare": compare, "gap": study_gap
-    }  # fmt: skip
+    shared: dict[str, Any] = {"seed": study.seed, "jobs": jobs, "resume": resume}
+    fit = folder / FOLDERS["fit"]
     steps = []
     for kind, options in study.steps.items():
-        arguments = {k: v for k, v in options.items() if k not in ("arrangement", "bias", "bias_sd")}
-        if kind == "fit":
-            arguments["bias"] = _bias(options)
         place = folder / FOLDERS[kind]
-        call = partial(calls[kind], campaign, place, seed=study.seed, jobs=jobs, resume=resume, **arguments)
-        steps.append(_Step(kind, kind, f"{FOLDERS[kind]}/{SUMMARIES[kind]}", "", partial(_called, call)))
+        given = {**shared, **options}
+        needs = ""
+        call: Callable[..., dict[str, Any]]
+        if kind == "fit":
+            bias = _bias(options)
+            given = {k: v for k, v in given.items() if k not in ("arrangement", "bias", "bias_sd")}
+            call = partial(fit_campaign, campaign, place, bias=bias, **given)
+        elif kind == "conditions":
+            needs = "fit"
+            call = partial(study_conditions, fit, place, **given)
+        else:
+            call = partial({"compare": compare, "gap": study_gap}[kind], campaign, place, **given)
+        steps.append(_Step(kind, kind, f"{FOLDERS[kind]}/{SUMMARIES[kind]}", needs, partial(_called, call)))
     for number, asked in enumerate(study.asks, start=1):
         summary = f"{FOLDERS['ask']}/{number}.json"
-        run = partial(_asked, folder / FOLDERS["fit"], folder / summary, asked)
+        run = partial(_asked, fit, folder / summary, asked)
         steps.append(_Step(f"ask {number}", "ask", summary, "fit", run))
     return steps
 
@@ -227,6 +247,9 @@ def _told(kind: str, found: Mapping[str, Any]) -> str:
     if kind == "gap":
         effects = ", ".join(e["id"] for e in found["effects"])
         return f"{found['verdict']}: {effects}" if effects else str(found["verdict"])
+    if kind == "conditions":
+        counts = {"effects": "effects", "predictions": "predictions", "held_out": "left out"}
+        return ", ".join(f"{len(found[key])} {what}" for key, what in counts.items())
     sure = sum(bool(a["within"]["intervals"]) for a in found["answers"])
     return (
         f"{found['quantity'].replace('_', ' ')} {found['value']}: {sure} of {len(found['answers'])} branches give it "

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
 from sma_bayes.asking import PROBABILITY, TOLERANCE, WANTED
+from sma_bayes.conditions.population import SCATTER
 from sma_bayes.errors import StudyError, near_matches
 from sma_bayes.records.toml_table import StrictTable, as_toml, checked, parsed_toml
 
@@ -50,12 +51,17 @@ class StudyTable(StrictTable):
     figures: Figures = "auto"
 
 
-class StepTable(StrictTable):
-    """What a step may have otherwise than ``[study]`` says."""
+class DrawnTable(StrictTable):
+    """A step whose figures may be others than ``[study]`` says."""
+
+    figures: Figures | None = None
+
+
+class StepTable(DrawnTable):
+    """What a step on the records themselves may have otherwise than ``[study]`` says."""
 
     priors: str | None = None
     pool: Literal["none", "campaign"] | None = None
-    figures: Figures | None = None
 
 
 class CompareTable(StepTable):
@@ -83,6 +89,14 @@ class GapTable(StepTable):
     """``[gap]``."""
 
 
+class ConditionsTable(DrawnTable):
+    """``[conditions]``: `at` and `leave_out` as the command line takes them."""
+
+    at: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    leave_out: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    scatter: float = Field(default=SCATTER, gt=0.0)
+
+
 class AskTable(StrictTable):
     """One ``[[ask]]``; values with their units, as `ask` takes them."""
 
@@ -104,7 +118,12 @@ class AskTable(StrictTable):
         return self
 
 
-_STEPS: Final[dict[str, type[StepTable]]] = {"fit": FitTable, "compare": CompareTable, "gap": GapTable}
+_STEPS: Final[dict[str, type[DrawnTable]]] = {
+    "fit": FitTable,
+    "compare": CompareTable,
+    "gap": GapTable,
+    "conditions": ConditionsTable,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +138,8 @@ class Study:
     seed : int
     jobs : int or None
     steps : mapping of str to mapping
-        Options of ``fit``, ``compare`` and ``gap``, those of ``[study]`` filled in; a step that is not there does not
-        run.
+        Options of ``fit``, ``compare``, ``gap`` and ``conditions``, those of ``[study]`` filled in; a step that is not
+        there does not run.
     asks : tuple of mapping
         Arguments of each `ask`.
     """
@@ -166,10 +185,7 @@ def read_study(path: Path) -> Study:
     }
     if not steps:
         raise StudyError("no step is declared", file=path, expected="at least one of [fit], [compare], [gap]")
-    if asks and "fit" not in steps:
-        raise StudyError(
-            "asks without a fit", file=path, column="ask", expected="a [fit], whose posteriors answer"
-        )
+    _refuse_without_fit(steps, asks, path)
     folder = path.parent
     return Study(
         file=path,
@@ -181,6 +197,27 @@ def read_study(path: Path) -> Study:
         steps=steps,
         asks=asks,
     )
+
+
+def _refuse_without_fit(
+    steps: Mapping[str, Mapping[str, Any]], asks: Sequence[Mapping[str, Any]], path: Path
+) -> None:
+    """Refuse what starts from a fit where there is none, or one that can't serve it."""
+    for name, there in (("conditions", "conditions" in steps), ("ask", bool(asks))):
+        if there and "fit" not in steps:
+            raise StudyError(
+                f"{name} without a fit",
+                file=path,
+                column=name,
+                expected="a [fit], from whose posteriors it starts",
+            )
+    if "conditions" in steps and steps["fit"]["pool"] != "none":
+        raise StudyError(
+            "conditions after a fit in which all conditions share A and B",
+            file=path,
+            column="fit.pool",
+            expected='pool = "none" under [fit], so that conditions may differ',
+        )
 
 
 def _table(document: Mapping[str, Any], name: str, path: Path) -> Mapping[str, Any]:
@@ -204,11 +241,12 @@ def _asks(values: Any, path: Path) -> tuple[Mapping[str, Any], ...]:
     )
 
 
-def _options(study: StudyTable, table: StepTable, path: Path) -> dict[str, Any]:
+def _options(study: StudyTable, table: DrawnTable, path: Path) -> dict[str, Any]:
     """Options of a step, with those that all steps share where it has none of its own."""
     own = {name: value for name, value in table.model_dump().items() if value is not None}
     shared = {name: getattr(study, name) for name in type(table).model_fields if hasattr(study, name)}
     options = {**shared, **own}
-    if options["priors"].endswith(".toml") or Path(options["priors"]).name != options["priors"]:
-        options["priors"] = str(path.parent / options["priors"])
+    priors = options.get("priors", "")
+    if priors.endswith(".toml") or Path(priors).name != priors:
+        options["priors"] = str(path.parent / priors)
     return options

@@ -109,7 +109,8 @@ def _build_fit_report(
         raise OutputError(
             "holds no run of sma_bayes" if folder.is_dir() else "is not a folder",
             file=folder,
-            expected="a folder with the summary.json of fit, the gap.json of gap or the comparison.json of compare",
+            expected="a folder with summary.json, gap.json, comparison.json or conditions.json: what fit, gap, compare "
+            "and conditions write",
             remedy="name the folder that was given as --out; of a study one of its folders",
         )
     spent = account or Account()

@@ -29,6 +29,10 @@ priors = "paper"
 [gap]
 figures = "none"
 
+[conditions]
+at = ["current_A=2"]
+figures = "campaign"
+
 [[ask]]
 stiffness = "130 N/m"
 
@@ -57,6 +61,7 @@ def test_paths_are_relative_to_the_file_and_steps_inherit(tmp_path: Path) -> Non
         },
         "compare": {"priors": "paper", "pool": "campaign", "figures": "auto", "noise": "ar1"},
         "gap": {"priors": mine, "pool": "none", "figures": "none"},
+        "conditions": {"at": ("current_A=2",), "leave_out": (), "scatter": 0.1, "figures": "campaign"},
     }  # fmt: skip
     assert [a["stiffness"] or a["force"] for a in study.asks] == ["130 N/m", "2 N"]
     assert study.asks[1]["probability"] == 0.95
@@ -82,6 +87,9 @@ def test_an_empty_table_runs_a_step_with_its_defaults(tmp_path: Path) -> None:
         ('force = "2 N"', 'force = "2 N"\nstiffness = "1 N/m"', "ask 2", "exactly one of stiffness"),
         ('force = "2 N"', "force = 2", "ask 2.force", "a text in quotation marks"),
         ("probability = 0.95", "probability = 95", "ask 2.probability", "less than or equal to 1"),
+        ('at = ["current_A=2"]', 'at = "current_A=2"', "conditions.at", "a list: [ ... ]"),
+        ('at = ["current_A=2"]', 'pool = "none"', "conditions.pool", "known: "),
+        ('noise = "student_t"', 'pool = "campaign"', "fit.pool", 'pool = "none" under [fit]'),
         ('branch = "heating"', 'branch = "up"', "ask 2.branch", "'heating' or 'cooling'"),
         ("[[ask]]\nforce", "[fit2]\nforce", "fit2", "did you mean 'fit'"),
     ],
@@ -102,7 +110,7 @@ def test_each_mistake_is_told_with_file_and_key(
     ("text", "told"),
     [
         ('[study]\ncampaign = "a"\nout = "b"\n', "no step is declared"),
-        ('[study]\ncampaign = "a"\nout = "b"\n[gap]\n[[ask]]\nforce = "1 N"\n', "asks without a fit"),
+        ('[study]\ncampaign = "a"\nout = "b"\n[gap]\n[[ask]]\nforce = "1 N"\n', "ask without a fit"),
         (
             '[study]\ncampaign = "a"\nout = "b"\n[fit]\n[ask]\nforce = "1 N"\n',
             r"each begins with \[\[ask\]\]",
