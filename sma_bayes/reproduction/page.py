@@ -10,9 +10,8 @@ from typing import Any, Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from sma_bayes.paper.tables import CellStatus
-from sma_bayes.quantities import unit_text
 from sma_bayes.report.comparison_tables import SHORT
-from sma_bayes.report.notation import MISSING, interval_text, write, write_interval
+from sma_bayes.report.notation import MISSING, interval_text, unit_label, write, write_interval
 from sma_bayes.reproduction.claims.types import FAILS, HOLDS, OPEN, SURE
 
 TEMPLATE: Final = "paper.md.j2"
@@ -127,7 +126,15 @@ def _figure(found: Found, stem: str) -> str:
     return f"![{chosen['alt']}]({PICTURES}/{stem}.png)\n\n*{chosen['caption']}*\n"
 
 
+def _unit(unit: str) -> str:
+    """Unit for people; a difference of temperatures is told as a temperature."""
+    return unit_label(unit.replace("delta_degC", "degC"))
+
+
 def _interval(found: Found) -> str:
+    """Median and interval; the median alone where rounding is all that makes a difference."""
+    if found["q95"] - found["q05"] < 1e-9 * abs(found["median"]):
+        return write([found["median"]], digits=5).plain[0]
     return interval_text(write_interval(found["median"], found["q05"], found["q95"]))
 
 
@@ -246,11 +253,14 @@ def _comparison_words(found: Found) -> dict[str, str]:
     why = c["why"]
     for name in sorted(SHORT, key=len, reverse=True):
         why = why.replace(name, f"the {SHORT[name]}")
-    missing = [f"{SHORT[name]}: {reason}" for name, reason in c["unavailable"].items()]
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in c["unavailable"].items():
+        by_reason.setdefault(reason, []).append(f"{SHORT[name]}")
+    missing = [f"{' and '.join(names)} ({reason})" for reason, names in by_reason.items()]
     return {
         "why": why,
         "verdicts": ", ".join(f"{n} {v.replace('_', ' ')}" for v, n in c["verdicts"].items()),
-        "unavailable": f"Not taking part: {'; '.join(missing)}." if missing else "",
+        "unavailable": f"Not taking part: {', '.join(missing)}." if missing else "",
     }
 
 
@@ -260,7 +270,7 @@ def _specification_table(found: Found) -> str:
             str(r["table"]),
             r["quantity"].replace("_", " "),
             _untypeset(r["printed"]),
-            MISSING if r["recomputed"] is None else f"{_value(r['recomputed'])} {unit_text(r['unit'])}",
+            MISSING if r["recomputed"] is None else f"{_value(r['recomputed'])} {_unit(r['unit'])}",
             "" if r["status"] == CellStatus.OK else r["status"],
             errata_links(r["errata"]),
         )
@@ -334,7 +344,7 @@ def _trend_table(found: Found) -> str:
 
 
 def _trend(number: str, e: Found) -> tuple[str, ...]:
-    sign, unit = ("× ", "") if e["factor"] else ("", f" {unit_text(e['unit'])}")
+    sign, unit = ("× ", "") if e["factor"] else ("", f" {_unit(e['unit'])}")
     tested = MISSING if e["tested"] is None else f"{sign}{write([e['tested']], digits=3).plain[0]}{unit}"
     general = MISSING if e["beyond"] is None else f"{sign}{_interval(e['beyond'])}{unit}"
     along = [

@@ -14,6 +14,7 @@ from sma_bayes.paper.physics import PUBLISHED_HELIX, apparent_shear_modulus
 from sma_bayes.paper.tables import TABLE_6
 from sma_bayes.quantities import convert
 from sma_bayes.records.types import Branch
+from sma_bayes.report.notation import unit_label
 from sma_bayes.reproduction.claims.types import Claim, Evidence
 from sma_bayes.reproduction.printed import (
     printed_effects,
@@ -65,7 +66,7 @@ def _change(effect: Effect) -> str:
         return "no change can be told"
     if effect.factor:
         return f"{effect.tested['median']:.2f}-fold"
-    return f"{effect.tested['median']:+.3g} {effect.unit}".strip()
+    return f"{effect.tested['median']:+.3g} {unit_label(effect.unit)}".replace("-", "−")
 
 
 def _confounded(effect: Effect) -> str:

@@ -28,7 +28,7 @@ def test_more_scatter_makes_a_trend_less_sure() -> None:
 
 
 def test_what_is_lost_is_left_out() -> None:
-    assert set(printed_effects(TABLE_12)) == {"least_temperature", "peak_temperature"}
+    assert not [name for name in printed_effects(TABLE_12) if "stiffness" in name or "slope" in name]
 
 
 def test_a_contrast_is_judged_by_students_t_of_one_degree_of_freedom() -> None:
