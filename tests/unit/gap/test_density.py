@@ -114,6 +114,10 @@ def test_draws_agree_with_quadrature(two_effects) -> None:
     assert np.corrcoef(z.T)[0, 1] == pytest.approx(covariance[0, 1] / np.prod(exact), abs=0.08)
 
 
+MANY = Target(ess=20_000.0)
+"""Draws that take several blocks."""
+
+
 class Killed(Exception):
     """In place of a signal."""
 
@@ -133,16 +137,19 @@ def test_sampling_that_was_interrupted_goes_on_to_the_same_bits(two_effects, tmp
     plain = HypothesisDensity.log_prob
     monkeypatch.setattr(HypothesisDensity, "log_prob", counted)
     stop = -1
-    whole = sample_hypothesis(fitted, np.random.SeedSequence(5))
-    needed, calls, stop = calls, 0, calls - 2
+    whole = sample_hypothesis(fitted, np.random.SeedSequence(5), MANY)
+    needed, calls, stop = calls, 0, calls - 1
     with pytest.raises(Killed):
-        sample_hypothesis(fitted, np.random.SeedSequence(5), checkpoint=tmp_path / "gap.h5")
+        sample_hypothesis(fitted, np.random.SeedSequence(5), MANY, checkpoint=tmp_path / "gap.h5")
     calls, stop = 0, -1
-    again = sample_hypothesis(fitted, np.random.SeedSequence(5), checkpoint=tmp_path / "gap.h5")
+    again = sample_hypothesis(fitted, np.random.SeedSequence(5), MANY, checkpoint=tmp_path / "gap.h5")
     np.testing.assert_array_equal(again.z, whole.z)
     assert again.evaluations == whole.evaluations
     assert calls < needed
     with pytest.raises(ResumeError):
         sample_hypothesis(
-            replace(fitted, z=fitted.z + 1e-9), np.random.SeedSequence(5), checkpoint=tmp_path / "gap.h5"
+            replace(fitted, z=fitted.z + 1e-9),
+            np.random.SeedSequence(5),
+            MANY,
+            checkpoint=tmp_path / "gap.h5",
         )
