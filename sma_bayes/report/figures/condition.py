@@ -373,6 +373,13 @@ def _loop_data(branches: Sequence[BranchData]) -> dict[str, Any]:
                 ("band", *head, "", "", t, math.nan, *q)
                 for t, q in zip(band.temperature, quantiles, strict=True)
             ]
+            rows += [
+                (f"{t.name} {end}", *head, "", "", getattr(t.estimate, end), math.nan, *blank)
+                for t in b.content.transformation
+                if t.channel == channel.name and b.content.converged
+                for end in ("q05", "median", "q95")
+                if getattr(t.estimate, end) is not None
+            ]
     unit = branches[0].content.temperature_unit
     header = ("what", "branch", "channel", "unit", "row", "cycle", f"temperature [{unit}]", "measured [unit]")
     return as_columns((*header, *(f"{n} [unit]" for n in names)), rows)

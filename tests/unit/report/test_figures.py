@@ -147,6 +147,30 @@ def test_the_loop_holds_what_was_measured_and_the_bands(content: Content, branch
     assert "stiffness K [N/cm]" in words(drawing.figure)
 
 
+def test_the_loop_marks_transformation_temperatures(content: Content, branch_of: Gather) -> None:
+    """Labels at the edge stand at the medians; a record whose sweep stops short has its label in brackets."""
+    (condition,) = content.conditions
+    records = content.branches(condition)
+    branches = [branch_of(r) for r in records]
+    short = replace(
+        records[0], transformation=tuple(replace(t, within_data=False) for t in records[0].transformation)
+    )
+    figure = loop_figure(condition, [replace(branches[0], content=short), *branches[1:]])
+    labels = {text.get_text(): text.get_position()[0] for ax in figure.figure.axes for text in ax.texts}
+    told = {t.name: t.estimate.median for r in records for t in r.transformation}
+    assert set(told) == {"As", "Af", "Mf", "Ms"}
+    assert {n.strip("()"): x for n, x in labels.items() if n.strip("()") in told} == told
+    assert {"(As)", "(Af)", "Ms", "Mf"} <= set(labels)
+    data = dict(
+        zip(
+            figure.data["what"],
+            figure.data[next(k for k in figure.data if k.startswith("temp"))],
+            strict=True,
+        )
+    )
+    assert {n: data[f"{n} median"] for n in told} == told
+
+
 def test_a_record_that_did_not_converge_is_marked(content: Content, branch_of: Gather) -> None:
     bad = replace(
         content, records=tuple(replace(r, converged=r.branch == "cooling") for r in content.records)
