@@ -219,9 +219,7 @@ def _result(step: _Step, before: list[dict[str, Any]], tell: Progress) -> dict[s
         return {**stated, "status": SKIPPED, "exit_status": WRONG, "wall_s": 0.0}
     try:
         found = step.run(lambda done, total, message: tell(done, total, f"{step.name}: {message}"))
-    except (
-        ResumeError
-    ):  # the study file was changed where its results may not: nothing is told of a study then
+    except ResumeError:  # options were changed under results that are there: the call is wrong, not the step
         raise
     except SmaBayesError as error:
         stated["error"] = str(error)
