@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from sma_bayes.paper.tables import CellStatus
 from sma_bayes.report.comparison_tables import SHORT
+from sma_bayes.report.gather import SETTING_UNITS
 from sma_bayes.report.notation import MISSING, interval_text, unit_label, write, write_interval
 from sma_bayes.reproduction.claims.types import FAILS, HOLDS, OPEN, SURE
 
@@ -343,6 +344,11 @@ def _trend_table(found: Found) -> str:
     return pipes(header, [_trend(n, e) for n, group in found["printed_effects"].items() for e in group])
 
 
+def _setting(e: Found) -> str:
+    unit = unit_label(SETTING_UNITS[e["setting"]])
+    return f"{e['setting'].replace('_', ' ')}, {e['from']:.3g} to {e['to']:.3g} {unit}".strip()
+
+
 def _trend(number: str, e: Found) -> tuple[str, ...]:
     sign, unit = ("× ", "") if e["factor"] else ("", f" {_unit(e['unit'])}")
     tested = MISSING if e["tested"] is None else f"{sign}{write([e['tested']], digits=3).plain[0]}{unit}"
@@ -354,7 +360,7 @@ def _trend(number: str, e: Found) -> tuple[str, ...]:
     ]
     return (
         number,
-        f"{e['setting'].replace('_', ' ')}, {e['from']:g} to {e['to']:.3g}",
+        _setting(e),
         e["feature"].replace("_", " "),
         tested,
         general,
