@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from sma_bayes.assess.bands import bias_draws
-from sma_bayes.assess.inverse import Passage, Stretch, met, passages, search_grid
+from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, search_grid
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.quantities import (
@@ -225,10 +225,11 @@ def _answer(run: StoredRun, summary: Mapping[str, Any], question: _Question) -> 
     low, high = draws.coldest, draws.hottest
     ends = (low - question.extrapolate, high + question.extrapolate)
     curve = _curve(run, draws, question.channel, unit)
-    found = passages(curve, *ends, target)
+    t = search_grid(low, high, question.extrapolate)
+    found = passages(curve, t, target)
     level = question.probability
     error = question.temperature_sd * _normal_scores(draws.size)
-    grid = search_grid(*ends, _temperatures(found, error))
+    grid = finer(t, _temperatures(found, error))
     values = curve(grid)
     set_values = curve(grid + error[:, None]) if question.temperature_sd else values
 

@@ -19,7 +19,7 @@ Curve = Callable[[Floats], Floats]
 """Curves of N draws: temperatures of shape (m,) or (N, m) to values of shape (N, m)."""
 
 GRID = 401
-"""Temperatures at which curves are searched for passages."""
+"""Temperatures at which curves are searched for passages: so many where they were measured, so many on either side."""
 NEAR = 201
 """Further temperatures about each passage, so that a short stretch between two of the others is not missed."""
 _HALVINGS = 50
@@ -89,14 +89,37 @@ class Met:
         return 0.5 * float(self.temperature[first] + self.temperature[last]), top
 
 
-def passages(curve: Curve, low: float, high: float, value: float) -> tuple[Passage, ...]:
-    """Temperatures between two ends at which each curve passes a value, in order of direction.
+def search_grid(low: float, high: float, beyond: float = 0.0) -> Floats:
+    """Temperatures at which curves are searched for passages, shape (m,).
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the measured range; within it they are even.
+    beyond : float
+        How far to go beyond it on either side, in steps that grow.
+
+    Examples
+    --------
+    >>> t = search_grid(20.0, 80.0, 500.0)
+    >>> float(t[0]), float(t[-1]), int(((t >= 20.0) & (t <= 80.0)).sum())
+    (-480.0, 580.0, 401)
+    """
+    t = np.linspace(low, high, GRID)
+    if beyond <= 0.0:
+        return t
+    away = np.geomspace(min(float(t[1] - t[0]), beyond), beyond, GRID)
+    return np.unique(np.concatenate([low - away, t, high + away]))
+
+
+def passages(curve: Curve, t: Floats, value: float) -> tuple[Passage, ...]:
+    """Temperatures at which each curve passes a value.
 
     Parameters
     ----------
     curve : callable
-    low, high : float
-        Ends of the search.
+    t : ndarray, shape (m,)
+        Temperatures, rising; two passages between neighbours are not seen.
     value : float
         Wanted value [unit of the curve].
 
@@ -107,12 +130,10 @@ def passages(curve: Curve, low: float, high: float, value: float) -> tuple[Passa
 
     Examples
     --------
-    >>> import numpy as np
     >>> hump = lambda t: 9.0 - (t - np.array([[50.0], [51.0]])) ** 2
-    >>> [(p.direction, p.draws.round(6).tolist()) for p in passages(hump, 40.0, 60.0, 5.0)]
+    >>> [(p.direction, p.draws.round(6).tolist()) for p in passages(hump, search_grid(40.0, 60.0), 5.0)]
     [('rising', [48.0, 49.0]), ('falling', [52.0, 53.0])]
     """
-    t = np.linspace(low, high, GRID)
     above = curve(t) >= value
     out = []
     for direction, change in (
@@ -137,22 +158,21 @@ def _halved(curve: Curve, low: Floats, high: Floats, value: float, *, rising: bo
     return 0.5 * (low + high)
 
 
-def search_grid(low: float, high: float, near: Floats) -> Floats:
-    """Temperatures between two ends at which curves are looked at, closer together about passages, shape (m,).
+def finer(t: Floats, near: Floats) -> Floats:
+    """Temperatures with more of them about passages, so that no short stretch is missed between two.
 
     Parameters
     ----------
-    low, high : float
-        Ends of the search.
+    t : ndarray, shape (m,)
     near : ndarray
         Temperatures of passages.
     """
-    cell = (high - low) / (GRID - 1)
-    grids = [np.linspace(low, high, GRID)]
-    if near.size:
-        grids.append(np.linspace(near.min() - cell, near.max() + cell, NEAR))
-        grids.append(np.quantile(near, np.linspace(0.0, 1.0, NEAR)))
-    return np.unique(np.clip(np.concatenate(grids), low, high))
+    if not near.size:
+        return t
+    cell = float(np.diff(t).min())
+    about = np.linspace(near.min() - cell, near.max() + cell, NEAR)
+    every = np.concatenate([t, about, np.quantile(near, np.linspace(0.0, 1.0, NEAR))])
+    return np.unique(np.clip(every, t[0], t[-1]))
 
 
 def met(temperature: Floats, values: Floats, bounds: tuple[float, float]) -> Met:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from sma_bayes.assess.inverse import met, passages, search_grid
+from sma_bayes.assess.inverse import finer, met, passages, search_grid
 from sma_bayes.assess.transformation import transformation_temperatures
 from sma_bayes.conditions.draws import record_draws
 from sma_bayes.parameters.priors_file import read_priors
@@ -47,13 +47,12 @@ def test_stated_probabilities_come_true(make_record: Callable[..., Record]) -> N
 
         place = float(rng.uniform(44.0, 50.0))  # where the stiffness of all these springs still rises
         wanted = true_stiffness(place)
-        rising = next(
-            p for p in passages(curve, draws.coldest, draws.hottest, wanted) if p.direction == "rising"
-        )
+        t = search_grid(draws.coldest, draws.hottest)
+        rising = next(p for p in passages(curve, t, wanted) if p.direction == "rising")
         low, high = np.nanquantile(rising.draws, (0.05, 0.95))
         kept["passage"] += low < place < high
 
-        grid = search_grid(draws.coldest, draws.hottest, rising.draws[np.isfinite(rising.draws)])
+        grid = finer(t, rising.draws[np.isfinite(rising.draws)])
         bounds = (0.8 * wanted, 1.2 * wanted)
         edge = met(grid, curve(grid), bounds).at_least(STATED)[0].low
         kept["edge"] += bounds[0] <= true_stiffness(edge) <= bounds[1]

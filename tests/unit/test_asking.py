@@ -139,6 +139,17 @@ def test_what_is_not_reached_is_said_so_and_extrapolation_is_marked(folder: Path
     assert all(p["extrapolated"] for p in answer["passages"])
 
 
+def test_a_wide_search_sees_no_less_of_what_was_measured(folder: Path) -> None:
+    asked: dict[str, Any] = {"stiffness": "150 N/m", "condition": "c", "branch": "heating"}
+    (near,) = sma_bayes.ask(folder, **asked)["answers"]
+    (far,) = sma_bayes.ask(folder, **asked, extrapolate=5000.0)["answers"]
+    inside = [p for p in far["passages"] if not p["extrapolated"]]
+    assert inside == near["passages"]
+    assert far["reachable"] == near["reachable"]
+    for end in ("least", "greatest"):
+        assert far[end] == pytest.approx(near[end], rel=1e-4)
+
+
 def test_records_that_cannot_tell_are_named(folder: Path) -> None:
     found = sma_bayes.ask(folder, force="1.5 N")
     assert [a["key"] for a in found["answers"]] == ["c-heating", "c-cooling"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from sma_bayes.assess.inverse import Met, met, passages, search_grid
+from sma_bayes.assess.inverse import Met, finer, met, passages, search_grid
 from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import sigmoid, stiffness
 
@@ -17,7 +17,7 @@ def test_a_sigmoid_is_inverted_as_its_closed_form_has_it() -> None:
     rng = np.random.default_rng(0)
     size, rate = rng.uniform(1.0, 3.0, (200, 1)), rng.uniform(0.2, 0.5, (200, 1))
     middle = rng.uniform(40.0, 60.0, (200, 1))
-    (rising,) = passages(lambda t: sigmoid(t, size, rate, middle, np.array(0.5)), LOW, HIGH, 1.7)
+    (rising,) = passages(lambda t: sigmoid(t, size, rate, middle, np.array(0.5)), search_grid(LOW, HIGH), 1.7)
     share = 1.2 / size
     with np.errstate(divide="ignore", invalid="ignore"):
         exact = (middle + np.log(share / (1.0 - share)) / rate)[:, 0]
@@ -41,7 +41,7 @@ def test_a_hump_is_passed_twice_or_not_at_all() -> None:
     values = curve(t)
     wanted = float(np.median(values.max(axis=1)))
     above = values >= wanted
-    rising, falling = passages(curve, LOW, HIGH, wanted)
+    rising, falling = passages(curve, search_grid(LOW, HIGH), wanted)
     for passage, change in (
         (rising, ~above[:, :-1] & above[:, 1:]),
         (falling, above[:, :-1] & ~above[:, 1:]),
@@ -55,7 +55,7 @@ def test_a_hump_is_passed_twice_or_not_at_all() -> None:
 
 
 def test_passages_of_one_direction_are_kept_apart() -> None:
-    found = passages(lambda t: np.sin(t)[None, :] if t.ndim == 1 else np.sin(t), 0.5, 14.0, 0.0)
+    found = passages(lambda t: np.sin(t)[None, :] if t.ndim == 1 else np.sin(t), search_grid(0.5, 14.0), 0.0)
     assert [p.direction for p in found] == ["rising", "rising", "falling", "falling"]
     np.testing.assert_allclose([p.draws[0] for p in found], np.pi * np.array([2, 4, 1, 3]), rtol=1e-12)
 
@@ -70,8 +70,8 @@ def test_where_a_tolerance_is_met_agrees_with_the_normal_distribution() -> None:
     def curve(t: Floats) -> Floats:
         return 3.0 * (t - middle)
 
-    (rising,) = passages(curve, LOW, HIGH, 0.0)
-    grid = search_grid(LOW, HIGH, rising.draws)
+    (rising,) = passages(curve, search_grid(LOW, HIGH), 0.0)
+    grid = finer(search_grid(LOW, HIGH), rising.draws)
     surely = met(grid, curve(grid), (-6.0, 6.0))
     exact = norm.cdf((surely.temperature + 2.0 - 55.0) / 0.8) - norm.cdf(
         (surely.temperature - 2.0 - 55.0) / 0.8
@@ -92,8 +92,8 @@ def test_a_short_stretch_is_not_missed_between_two_temperatures() -> None:
     def curve(t: Floats) -> Floats:
         return t - middle
 
-    (rising,) = passages(curve, LOW, HIGH, 0.0)
-    grid = search_grid(LOW, HIGH, rising.draws)
+    (rising,) = passages(curve, search_grid(LOW, HIGH), 0.0)
+    grid = finer(search_grid(LOW, HIGH), rising.draws)
     (stretch,) = met(grid, curve(grid), (-0.02, 0.02)).at_least(1.0)
     assert (stretch.low, stretch.high) == (pytest.approx(54.99, abs=1e-3), pytest.approx(55.01, abs=1e-3))
 
