@@ -10,8 +10,8 @@ from typing import Any, Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from sma_bayes.paper.tables import CellStatus
+from sma_bayes.records.types import setting_unit
 from sma_bayes.report.comparison_tables import SHORT
-from sma_bayes.report.gather import SETTING_UNITS
 from sma_bayes.report.notation import MISSING, interval_text, unit_label, write, write_interval
 from sma_bayes.reproduction.claims.types import FAILS, HOLDS, OPEN, SURE
 
@@ -345,7 +345,7 @@ def _trend_table(found: Found) -> str:
 
 
 def _setting(e: Found) -> str:
-    unit = unit_label(SETTING_UNITS[e["setting"]])
+    unit = unit_label(setting_unit(e["setting"], specimen=False))
     return f"{e['setting'].replace('_', ' ')}, {e['from']:.3g} to {e['to']:.3g} {unit}".strip()
 
 
