@@ -634,6 +634,8 @@ def _cell_text(cell: Cell, escape: Callable[[str], str]) -> str:
             return "yes" if cell else "no"
         case Number(value, _, resolution):
             return escape(write([value], resolution).plain[0])
+        case Estimate(median=None):
+            return escape(MISSING)
         case Estimate(median, low, high):
             return escape(interval_text(write_interval(median, low, high)))
         case _:

@@ -145,4 +145,4 @@ def test_rows_are_listed_in_runs() -> None:
 def test_cells_as_people_read_them() -> None:
     assert [cell_text(c) for c in (True, False, None, "", 7)] == ["yes", "no", "–", "–", "7"]
     assert cell_text(Number(0.5, "N", 0.01)) == "0.500"
-    assert cell_text(Estimate(None, None, None)) == "– [–, –]"
+    assert cell_text(Estimate(None, None, None)) == "–"

@@ -1,0 +1,59 @@
+"""Average correlation factors in tables and figures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sma_bayes.report.content import PAPER_CORRELATION, AverageFactor, Content, Estimate
+from sma_bayes.report.figures.averages import NEAREST, Mark, average_figure, correlation_axis
+from sma_bayes.report.figures.sheet import empty_sheet
+from sma_bayes.report.tables import average_table, cell_text, probability_text
+
+UNDEFINED = Estimate(None, None, None)
+
+
+def drawn(*estimates: Estimate) -> tuple[tuple[float, float], list[float]]:
+    """Limits of the axis as correlations, and the correlations at which there are points."""
+    ax = empty_sheet(4.0, 2.0).subplots()
+    correlation_axis(ax, [Mark(float(i), e, "black") for i, e in enumerate(estimates)])
+    left, right = ax.get_xlim()
+    points = [float(1.0 - line.get_xdata()[0]) for line in ax.lines if line.get_marker() == "o"]  # type: ignore[index]
+    return (1.0 - left, 1.0 - right), points
+
+
+@pytest.mark.parametrize("r", [-0.5, 0.2, 0.94, 0.951, 0.9999, 1.0 - 1e-8])
+def test_the_axis_shows_every_r_beside_the_papers(r: float) -> None:
+    (low, high), points = drawn(Estimate(r, r - 1e-9, r + 1e-9))
+    assert low < min(r, PAPER_CORRELATION)
+    assert high > max(r, PAPER_CORRELATION)
+    assert points == pytest.approx([r])
+
+
+def test_a_perfect_r_is_drawn_at_the_end_and_an_undefined_one_not_at_all() -> None:
+    (_, high), points = drawn(Estimate(1.0, 0.9999, 1.0), UNDEFINED)
+    assert points == pytest.approx([1.0 - NEAREST])
+    assert high <= 1.0
+
+
+def test_left_out_records_are_counted(content: Content) -> None:
+    first = content.averages[0]
+    table = average_table([replace(first, left_out=("x", "y"))])
+    assert table.rows[0][4] == f"{len(first.records)} of {len(first.records) + 2}"
+
+
+def test_an_average_that_is_not_defined_is_a_dash(content: Content) -> None:
+    factors = {"r": UNDEFINED, "r2": UNDEFINED}
+    nothing: AverageFactor = replace(content.averages[0], factors=factors, undefined=1.0, above=0.0)
+    row = average_table([nothing]).rows[0]
+    assert cell_text(row[5]) == cell_text(None)
+    assert row[6] == "< 0.001"
+    drawing = average_figure(replace(content, averages=(nothing,)))
+    assert np.isnan(drawing.data["r_median [1]"]).all()
+
+
+def test_probabilities_are_as_sure_as_their_draws() -> None:
+    assert [probability_text(1.0, n) for n in (50, 2000, 20000)] == ["> 0.9", "> 0.999", "> 0.9999"]
+    assert probability_text(None, 2000) == "–"
