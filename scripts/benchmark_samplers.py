@@ -22,18 +22,20 @@ import sys
 import time
 from collections.abc import Iterable
 from dataclasses import asdict, fields, replace
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy is loaded; threadpoolctl sees to it once more
+os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
 import numpy as np  # noqa: E402
 import typer  # noqa: E402
-from benchmark.measure import TARGET, Row, Task, measure  # noqa: E402
+from benchmark.measure import TARGET, Row, Task, measure, prepare  # noqa: E402
 from benchmark.problems import Case, Problem  # noqa: E402
-from benchmark.samplers import SAMPLERS, Settings  # noqa: E402
+from benchmark.progress import Settings  # noqa: E402
+from benchmark.samplers import SAMPLERS  # noqa: E402
 from benchmark.summary import Line, as_json, case_of, summarise  # noqa: E402
 from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
@@ -63,7 +65,7 @@ def run(
         int, typer.Option(help="Runs of each sampler on each record, in alternating order.")
     ] = 1,
     limit: Annotated[
-        float, typer.Option(help="Seconds after which a sampler is given up on a record.")
+        float, typer.Option(help="Seconds of processor time after which a sampler is given up on a record.")
     ] = 60.0,
     walkers: Annotated[int, typer.Option(help="Walkers of each ensemble of the other samplers.")] = 100,
     start: Annotated[
@@ -82,7 +84,9 @@ def run(
     _describe(out)
     measured = case.records()
     with threadpool_limits(limits=1):
-        for index in _chosen(records, [record.key for record in measured]):
+        chosen = _chosen(records, [record.key for record in measured])
+        names = _ready(names, Problem.of(measured[chosen[0]], noise), settings, cold)
+        for index in chosen:
             problem = Problem.of(measured[index], noise)
             for repeat in range(repeats):
                 order = names if repeat % 2 == 0 else names[::-1]
@@ -91,6 +95,28 @@ def run(
                     row = _fresh(task) if cold else measure(task, problem)
                     _append(out / "samplers.csv", row)
                     _tell(row)
+
+
+def _ready(names: list[str], problem: Problem, settings: Settings, cold: bool) -> list[str]:
+    """Samplers that are installed; what they can share is compiled, unless they are measured cold."""
+    ready = []
+    for name in names:
+        missing = [p for p in SAMPLERS[name].packages if not _installed(p)]
+        if missing:
+            console.print(f"{name}: not measured, not installed: {', '.join(missing)}", highlight=False)
+            continue
+        if not cold:
+            prepare(name, problem, settings)
+        ready.append(name)
+    return ready
+
+
+def _installed(package: str) -> bool:
+    try:
+        version(package)
+    except PackageNotFoundError:
+        return False
+    return True
 
 
 def _chosen(records: str, keys: list[str]) -> list[int]:
@@ -196,7 +222,10 @@ def machine() -> dict[str, object]:
 def versions() -> dict[str, str]:
     """Versions of Python and of every package whose speed is measured."""
     packages = {"numpy", "scipy"}.union(*(s.packages for s in SAMPLERS.values()))
-    return {"python": platform.python_version(), **{name: version(name) for name in sorted(packages)}}
+    return {
+        "python": platform.python_version(),
+        **{name: version(name) for name in sorted(packages) if _installed(name)},
+    }
 
 
 HEADER = (

@@ -14,7 +14,8 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 from benchmark.problems import Case, Problem
-from benchmark.samplers import ONE_BY_ONE, SAMPLERS, Progress, Settings
+from benchmark.progress import Progress, Settings
+from benchmark.samplers import COMPILED, ONE_BY_ONE, SAMPLERS
 
 from sma_bayes.inference.convergence import Convergence, Target, ess_bulk, ess_tail, rank_rhat
 from sma_bayes.quantities import Floats
@@ -46,6 +47,7 @@ class Task:
     repeat, place : int
         Repeat, which is the seed too; and place in the order of the samplers.
     limit_s : float
+        Of processor time.
     """
 
     session: str
@@ -235,7 +237,7 @@ def to_target(
     now = before
     claimed = float("nan")
     outcome = growth = None
-    while now.wall_s < limit_s:
+    while now.cpu_s < limit_s:
         wall, cpu = time.perf_counter(), time.process_time()
         try:
             progress = steps.send(growth)
@@ -252,7 +254,7 @@ def to_target(
         if verdict.reached:
             break
         before = now
-        growth = _growth(verdict.least, limit_s / now.wall_s)
+        growth = _growth(verdict.least, limit_s / max(now.cpu_s, 1e-3))
     if outcome is None:
         raise ValueError("the sampler made no draws")
     return outcome
@@ -290,6 +292,21 @@ def _earliest(
 def _growth(least: float, most: float) -> float:
     """By what factor to go on: as the effective sample size suggests, but not far beyond the limit of time."""
     return float(np.clip(TARGET.ess / max(least, 1.0), 1.1, min(2.0, max(1.1 * most, 1.1))))
+
+
+def prepare(name: str, problem: Problem, settings: Settings) -> None:
+    """What a sampler can compile once for all records, and a look whether its target is the same.
+
+    Raises
+    ------
+    ValueError
+        If it samples another posterior.
+    """
+    sampler = SAMPLERS[name]
+    if hasattr(sampler, "check"):
+        sampler.check(problem)
+    if name in COMPILED:
+        next(sampler.run(problem, settings, 1000))
 
 
 def measure(task: Task, problem: Problem) -> Row:

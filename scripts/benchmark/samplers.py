@@ -10,62 +10,17 @@ from __future__ import annotations
 import io
 from collections.abc import Generator
 from contextlib import redirect_stdout
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from benchmark import peers
 from benchmark.problems import Problem
+from benchmark.progress import GROUPS, Progress, Settings
 
 from sma_bayes.inference.ensembles import Plan
-from sma_bayes.quantities import Floats
 
-GROUPS = 4
-"""Independent ensembles or chains of every sampler."""
 FIRST_BLOCK = 100
 """Steps before the first check."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Progress:
-    """How far a sampler got.
-
-    Attributes
-    ----------
-    chains : ndarray, shape (G, S, W, D)
-        Independent groups, steps, walkers (1 for samplers of single chains), sampled coordinates.
-    evaluations : int
-        Points at which the log-posterior was evaluated; gradients are counted by the sampler that uses them.
-    discards : tuple of float
-        Shares of the steps that may be dropped as burn-in; the best one counts.
-    """
-
-    chains: Floats
-    evaluations: int
-    discards: tuple[float, ...] = (0.1, 0.25, 0.5)
-
-    def cut(self, steps: int) -> Progress:
-        """What there was after fewer steps."""
-        share = steps / self.chains.shape[1]
-        return Progress(self.chains[:, :steps], round(self.evaluations * share), self.discards)
-
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """What ensembles of other samplers are given.
-
-    Attributes
-    ----------
-    walkers : int
-    start : str
-        ``laplace`` or ``ball``; see `Problem.starts`.
-    log_prob : str
-        What samplers that ask for one point at a time call: ``written`` out for one point, or the ``package``'s
-        log-posterior with a batch of one.
-    """
-
-    walkers: int = 100
-    start: str = "laplace"
-    log_prob: str = "written"
 
 
 class Sampler(Protocol):
@@ -196,6 +151,15 @@ SAMPLERS: dict[str, Sampler] = {
     "emcee-vectorised": VectorisedEmcee("emcee, vectorised, stretch", "stretch"),
     "emcee-de": VectorisedEmcee("emcee, vectorised, DE", "de"),
     "lmfit": Lmfit(),
+    "zeus": peers.Zeus(),
+    "pymc": peers.PyMC(),
+    "nutpie": peers.Nutpie(),
+    "numpyro": peers.NumPyro(),
+    "blackjax": peers.BlackJax(),
+    "dynesty": peers.Dynesty(),
+    "ultranest": peers.UltraNest(),
 }
 ONE_BY_ONE = frozenset({"emcee", "lmfit"})
 """Samplers that ask for the log-posterior of one point at a time."""
+COMPILED = frozenset({"pymc", "nutpie", "numpyro", "blackjax"})
+"""Samplers that compile the log-posterior and its gradient."""
