@@ -107,14 +107,14 @@ def _of_branch(record: RecordDraws) -> Iterator[Feature]:
                 f"temperature of the midpoint of {what}, {name}",
             )  # fmt: skip
             yield Feature(
-                "share_transformed", condition, branch, channel, "1",
-                expit(np.abs(record.parameter(RATE[channel])) * (record.hottest - record.parameter(name))),
-                f"share of the transformation of {what} that is done at the highest measured temperature",
+                "share_left", condition, branch, channel, "1",
+                expit(np.abs(record.parameter(RATE[channel])) * (record.parameter(name) - record.hottest)),
+                f"share of the transformation of {what} that is left at the highest measured temperature", on_log=True,
             )  # fmt: skip
         if channel in record.channels:
             slope = np.abs(record.parameter(SPAN[channel]) * record.parameter(RATE[channel])) / 4.0
             yield Feature(
-                "greatest_slope", condition, branch, channel, f"{units[channel]} {per(degrees)}", slope,
+                "greatest_slope", condition, branch, channel, slope_unit(units[channel], degrees), slope,
                 f"slope of {record.quantities[channel]} at its midpoint, |{SPAN[channel]} {RATE[channel]}|/4",
                 on_log=True,
             )  # fmt: skip
@@ -153,8 +153,19 @@ def _stiffness(record: RecordDraws) -> Iterator[Feature]:
                   True, _at_edge(curve.argmax(axis=1), grid.size))  # fmt: skip
     yield Feature("stiffness_ratio", condition, branch, "stiffness", "1", _ratio(high, low),
                   f"greatest over least {what} {where}", True)  # fmt: skip
-    yield Feature("steepest_stiffness", condition, branch, "stiffness", f"{unit} {per(degrees)}", slope,
+    yield Feature("steepest_stiffness", condition, branch, "stiffness", slope_unit(unit, degrees), slope,
                   f"greatest magnitude of the slope of {what} against temperature {where}", True)  # fmt: skip
+
+
+def slope_unit(unit: str, degrees: str) -> str:
+    """Unit of a slope against temperature.
+
+    Examples
+    --------
+    >>> slope_unit("N", "degC"), slope_unit("1", "degC")
+    ('N 1/degC', '1/degC')
+    """
+    return per(degrees) if unit == "1" else f"{unit} {per(degrees)}"
 
 
 def _at_edge(place: np.ndarray[tuple[int], np.dtype[np.intp]], size: int) -> float:

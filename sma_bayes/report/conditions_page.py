@@ -51,21 +51,22 @@ def write_conditions_report(
 
 
 def coverage(found: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Averages over all that was left out, for each way to predict."""
-    rows: dict[str, list[tuple[Mapping[str, Any], Mapping[str, Any]]]] = {}
+    """Averages over what was left out, for each way to predict, extrapolations apart; stiffness not counted."""
+    rows: dict[tuple[bool, str], list[tuple[float, Mapping[str, Any]]]] = {}
     for h in found["held_out"]:
         for name, score in h["ways"].items():
             if not h["on_log"]:
-                rows.setdefault(name, []).append((h, score))
+                rows.setdefault((bool(h["extrapolates"]), name), []).append((h["span"], score))
     return [
         {
             "way": name,
+            "where": "beyond the measured settings" if outside else "between measured settings",
             "count": len(parts),
             "covers": sum(s["covers_curve"] for _, s in parts) / len(parts),
-            "width": sum(s["width"] / h["span"] for h, s in parts) / len(parts),
-            "error": sum(s["error"] / h["span"] for h, s in parts) / len(parts),
+            "width": sum(s["width"] / span for span, s in parts) / len(parts),
+            "error": sum(s["error"] / span for span, s in parts) / len(parts),
         }
-        for name, parts in rows.items()
+        for (outside, name), parts in sorted(rows.items(), key=lambda item: item[0][0])
     ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.report.conditions_outputs import StoredConditions
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import compact, unit_label
@@ -13,7 +14,7 @@ from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
 NAMES: Final[Mapping[str, str]] = {
     "midpoint": "midpoint",
     "greatest_slope": "greatest slope",
-    "share_transformed": "share transformed at the hottest",
+    "share_left": "share left at the hottest",
     "least_stiffness": "least stiffness",
     "greatest_stiffness": "greatest stiffness",
     "stiffness_ratio": "stiffness ratio",
@@ -49,6 +50,16 @@ def named(feature: str) -> str:
     return NAMES.get(feature, feature)
 
 
+def quantity(channel: str, specimen: bool) -> str:
+    """Name of the quantity behind a channel."""
+    return SPECIMEN_QUANTITY.get(channel, channel) if specimen else channel
+
+
+def setting_name(setting: str, specimen: bool) -> str:
+    """Name of a setting; the load of a specimen is a stress."""
+    return "stress" if setting == "load" and specimen else named(setting)
+
+
 def estimate(found: Mapping[str, Any] | None, unit: str) -> Estimate | None:
     """Median and interval, where there are any."""
     return None if found is None else Estimate(found["median"], found["q05"], found["q95"], unit)
@@ -79,7 +90,7 @@ def _design_rows(groups: list[Mapping[str, Any]], specimen: bool) -> Iterator[tu
     for number, group in enumerate(groups, 1):
         for place, condition in enumerate(group["conditions"]):
             settings = ", ".join(
-                f"{'stress' if n == 'load' and specimen else named(n)} {setting_text(n, v['values'][place], v['unit'])}"
+                f"{setting_name(n, specimen)} {setting_text(n, v['values'][place], v['unit'])}"
                 for n, v in group["varied"].items()
             )
             yield (number, condition, settings or "nothing that differs")
@@ -123,15 +134,15 @@ def extremes_table(stored: StoredConditions) -> Table:
 
 def feature_table(stored: StoredConditions) -> Table:
     """Every feature of every condition."""
-    rows = []
+    rows, specimen = [], stored.found["specimen"]
     for f in stored.found["features"]:
         value = (
             Number(f["median"], f["unit"]) if f["measured"] or f["median"] is None else estimate(f, f["unit"])
         )
         edge = f["at_edge"] is not None and f["at_edge"] > EDGE
         rows.append(
-            (f["condition"], f["branch"], named(f["name"]), f["channel"], value, unit_label(f["unit"]) or "1",
-             "at an end of the measured temperatures" if edge else "", f["meaning"])
+            (f["condition"], f["branch"], named(f["name"]), quantity(f["channel"], specimen), value,
+             unit_label(f["unit"]) or "1", "at an end of the measured temperatures" if edge else "", f["meaning"])
         )  # fmt: skip
     return Table(
         "features",
@@ -162,6 +173,7 @@ def effect_table(stored: StoredConditions) -> Table:
         "the setting does, conditions scattering about a straight line. Of many effects that are not there, one in "
         "ten has an interval without 1 (×) or 0 all the same.",
         (
+            Column("group", "group"),
             Column("setting", "setting"),
             Column("from", "from"),
             Column("to", "to"),
@@ -175,25 +187,25 @@ def effect_table(stored: StoredConditions) -> Table:
             Column("P(rises)", "probability_rises", "1"),
             Column("scatter of a condition", "scatter", OF_ROW, brief=False),
             Column("can't be told from", "confounded_with", brief=False),
-            Column("conditions", "conditions", brief=False),
         ),
         tuple(_effect_rows(stored.found)),
-        grouped=3,
+        grouped=4,
     )
 
 
 def _effect_rows(found: Mapping[str, Any]) -> Iterator[tuple[Cell, ...]]:
-    ranked = sorted(found["effects"], key=lambda e: (e["conditions"], e["setting"]))
-    for e in ranked:
-        load = "stress" if e["setting"] == "load" and found["specimen"] else named(e["setting"])
+    groups = [g["conditions"] for g in found["groups"]]
+    for e in sorted(found["effects"], key=lambda e: (groups.index(e["conditions"]), e["setting"])):
+        specimen = found["specimen"]
         along = [c["name"] for c in e["confounded_with"] if c["strong"]]
         yield (
-            load,
+            f"group {groups.index(e['conditions']) + 1}", setting_name(e["setting"], specimen),
             *(setting_text(e["setting"], e[end], e["setting_unit"]) for end in ("from", "to")),
-            named(e["feature"]), e["branch"], e["channel"], "×" if e["kind"] == "factor" else "difference",
+            named(e["feature"]), e["branch"], quantity(e["channel"], specimen),
+            "×" if e["kind"] == "factor" else "difference",
             estimate(e["tested"], e["unit"]), estimate(e["beyond"], e["unit"]), unit_label(e["unit"]) or "1",
             Number(e["probability_rises"], "1", 0.01), estimate(e["scatter"], e["unit"]),
-            ", ".join(named(n) for n in [*e["aliased_with"], *along]), ", ".join(e["conditions"]),
+            ", ".join(setting_name(n, specimen) for n in [*e["aliased_with"], *along]),
         )  # fmt: skip
 
 
@@ -203,7 +215,7 @@ def scatter_table(stored: StoredConditions) -> Table:
         (
             ", ".join(p["conditions"]), p["branch"], c["name"],
             estimate(c["scatter_prior"], "1"), estimate(c["scatter"], "1"),
-            "; ".join(f"{named(n)} {_brief(v)}" for n, v in c["changes"].items()),
+            "; ".join(f"{setting_name(n, stored.found['specimen'])} {_brief(v)}" for n, v in c["changes"].items()),
         )
         for p in stored.found["populations"]
         for c in p["coordinates"]
@@ -232,10 +244,12 @@ def _brief(found: Mapping[str, Any]) -> str:
 
 def prediction_table(stored: StoredConditions) -> Table:
     """Features of the conditions that were asked for."""
+    specimen = stored.found["specimen"]
     rows = [
         (
-            p["condition"], p["branch"], named(f["name"]), f["channel"], estimate(f, f["unit"]),
-            unit_label(f["unit"]) or "1", _warning(p), f["meaning"],
+            p["condition"], p["branch"], named(f["name"]),
+            quantity(f["channel"], specimen), estimate(f, f["unit"]),
+            unit_label(f["unit"]) or "1", _warning(p, specimen), f["meaning"],
         )
         for p in stored.found["predictions"]
         for f in p["features"]
@@ -259,10 +273,10 @@ def prediction_table(stored: StoredConditions) -> Table:
     )
 
 
-def _warning(p: Mapping[str, Any]) -> str:
+def _warning(p: Mapping[str, Any], specimen: bool) -> str:
     said = []
     if p["extrapolates"]:
-        said.append("extrapolates: " + ", ".join(named(s) for s in p["extrapolates"]))
+        said.append("extrapolates: " + ", ".join(setting_name(s, specimen) for s in p["extrapolates"]))
     if p["prior_led"]:
         said.append("width led by the prior")
     return "; ".join(said)
@@ -290,20 +304,21 @@ def held_out_table(stored: StoredConditions) -> Table:
             Column("error", "error", "1"),
             Column("remark", "remark"),
         ),
-        tuple(_held_out_rows(stored.found["held_out"])),
+        tuple(_held_out_rows(stored.found)),
         grouped=3,
     )
 
 
-def _held_out_rows(held_out: list[Mapping[str, Any]]) -> Iterator[tuple[Cell, ...]]:
-    for h in held_out:
+def _held_out_rows(found: Mapping[str, Any]) -> Iterator[tuple[Cell, ...]]:
+    specimen = found["specimen"]
+    for h in found["held_out"]:
         size = 1.0 if h["on_log"] else h["span"]
         for name, score in h["ways"].items():
             yield (
                 h["condition"], h["branch"], h["quantity"], name,
                 *(Number(score[n], "1", 0.01) for n in ("covers_curve", "covers_samples")), score["holds_whole"],
                 *(Number(score[n] / size, "1", 0.01) for n in ("width", "error")),
-                _warning(h) if name == "hierarchical" else "",
+                _warning(h, specimen) if name == "hierarchical" else "",
             )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from sma_bayes.conditions.leave_out import CURVES, PARAMETERS
 from sma_bayes.quantities import Floats
 from sma_bayes.report.conditions_outputs import StoredConditions
-from sma_bayes.report.conditions_tables import named, setting_text
+from sma_bayes.report.conditions_tables import named, quantity, setting_name, setting_text
 from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
@@ -64,7 +64,7 @@ def measured_figure(stored: StoredConditions, number: int) -> Drawing:
     stiff = any(f["channel"] == "stiffness" for f in features)
     left = label_width(ids)
     columns = 2 if stiff else 1
-    figure = empty_sheet(left + 2.9 * columns + 0.35, 1.25 + 0.34 * len(ids))
+    figure = empty_sheet(left + max(2.9 * columns, 4.2) + 0.35, 1.25 + 0.34 * len(ids))
     axes = panels(figure, 1, columns, left=left, right=0.15, bottom=0.75, top=0.45, gap_x=0.3)[0]
     rows: list[tuple[Any, ...]] = []
     for ax in axes:
@@ -93,7 +93,7 @@ def measured_figure(stored: StoredConditions, number: int) -> Drawing:
 
 
 def _title(group: Mapping[str, Any], specimen: bool) -> str:
-    names = ["stress" if n == "load" and specimen else named(n) for n in group["varied"]]
+    names = [setting_name(n, specimen) for n in group["varied"]]
     return f"{len(group['conditions'])} conditions that differ in {' and '.join(names) or 'nothing'}"
 
 
@@ -187,7 +187,8 @@ def effects_figure(stored: StoredConditions, number: int, setting: str) -> Drawi
     shown.sort(key=lambda e: (SHOWN.index(e["feature"]), e["branch"], e["channel"]))
     parts = [[e for e in shown if e["kind"] == kind] for kind in ("factor", "difference")]
     parts = [p for p in parts if p]
-    labels = [_label(e) for e in shown]
+    specimen = stored.found["specimen"]
+    labels = [_label(e, specimen) for e in shown]
     left = label_width(labels)
     tall = [len(p) + 0.5 for p in parts]
     figure = empty_sheet(left + 4.3, 1.1 + 0.75 * (len(parts) - 1) + 0.2 * sum(tall))
@@ -196,7 +197,7 @@ def effects_figure(stored: StoredConditions, number: int, setting: str) -> Drawi
     ]
     rows: list[tuple[Any, ...]] = []
     for ax, part in zip(axes, parts, strict=True):
-        rows += _effects(ax, part)
+        rows += _effects(ax, part, specimen)
     _legend(figure, [
         *(Line2D([], [], color=c, lw=2, label=b) for b, c in {**COLOURS, "both branches": BOTH}.items()),
         Line2D([], [], color=INK, lw=3, marker="|", ms=9, mew=1.6, label="tested conditions"),
@@ -204,7 +205,7 @@ def effects_figure(stored: StoredConditions, number: int, setting: str) -> Drawi
     ])  # fmt: skip
     varied = group["varied"][setting]
     ends = [setting_text(setting, choose(varied["values"]), varied["unit"]) for choose in (min, max)]
-    name = "stress" if setting == "load" and stored.found["specimen"] else named(setting)
+    name = setting_name(setting, specimen)
     heading(figure, f"From {ends[0]} to {ends[1]} ({name})", "")
     along = sorted({named(c["name"]) for e in shown for c in e["confounded_with"] if c["strong"]})
     return Drawing(
@@ -224,12 +225,12 @@ def effects_figure(stored: StoredConditions, number: int, setting: str) -> Drawi
     )  # fmt: skip
 
 
-def _label(e: Mapping[str, Any]) -> str:
-    of = f" ({e['channel']})" if e["channel"] and e["channel"] != "stiffness" else ""
+def _label(e: Mapping[str, Any], specimen: bool) -> str:
+    of = f" ({quantity(e['channel'], specimen)})" if e["channel"] and e["channel"] != "stiffness" else ""
     return f"{named(e['feature'])}{of}"
 
 
-def _effects(ax: Axes, part: Sequence[Mapping[str, Any]]) -> list[tuple[Any, ...]]:
+def _effects(ax: Axes, part: Sequence[Mapping[str, Any]], specimen: bool) -> list[tuple[Any, ...]]:
     rows = []
     factor = part[0]["kind"] == "factor"
     ax.axvline(1.0 if factor else 0.0, color=INK, lw=0.6, zorder=0)
@@ -237,7 +238,7 @@ def _effects(ax: Axes, part: Sequence[Mapping[str, Any]]) -> list[tuple[Any, ...
         colour, t, b = COLOURS.get(e["branch"], BOTH), e["tested"], e["beyond"]
         if b is not None:
             ax.plot([b["q05"], b["q95"]], [place, place], color=colour, lw=0.8)
-            ax.plot(b["median"], place, "o", ms=3.4, mfc="white", mec=colour, mew=0.8)
+            ax.plot(b["median"], place, "o", ms=3.4, mfc="white", mec=colour, mew=0.8, zorder=5)
         ax.plot([t["q05"], t["q95"]], [place, place], color=colour, lw=3.2, solid_capstyle="butt", alpha=0.8)
         ax.plot(t["median"], place, "|", ms=9, mew=1.6, color=colour)
         none = {"q05": None, "median": None, "q95": None}
@@ -252,7 +253,7 @@ def _effects(ax: Axes, part: Sequence[Mapping[str, Any]]) -> list[tuple[Any, ...
                 *(b or none).values(),
             )
         )
-    _rows_of(ax, [_label(e) for e in part], labelled=True)
+    _rows_of(ax, [_label(e, specimen) for e in part], labelled=True)
     units = sorted({unit_label(e["unit"]) for e in part if e["unit"] != "1"})
     ax.set_xlabel("factor [1]" if factor else f"difference [{' or '.join(units) or '1'}]")
     if factor:
