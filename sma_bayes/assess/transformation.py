@@ -45,6 +45,8 @@ _DOUBLINGS = 12
 _SETTLED = 1e-4
 """A crossing has settled where a tangent laid twice as far out moves it by less than this [widths of the range]."""
 
+_FLAT = 1e-9
+"""A curve that at its steepest would rise by less than this share of its values over the whole search is flat."""
 _LEVEL = 1e-6
 """Lines whose slopes differ by less than this share are parallel: a straight curve has no transformation."""
 
@@ -229,7 +231,9 @@ class _Plateau:
 def _steepest(curve: Curve, low: float, high: float) -> tuple[Floats, Floats]:
     """Temperature (N,) and slope (N,) where each curve is steepest; NaN where that is at an end of the range."""
     t = np.linspace(low, high, _COARSE)
-    place, slope, inside = _steepest_chord(t, curve(t))
+    y = curve(t)
+    place, slope, inside = _steepest_chord(t, y)
+    inside &= np.abs(slope) * (high - low) > _FLAT * np.abs(y).max(axis=-1)
     half = 1.5 * (t[1] - t[0])
     for _ in range(_PASSES):
         near = place[:, None] + half * np.linspace(-1.0, 1.0, _FINE)

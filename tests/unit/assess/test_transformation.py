@@ -90,6 +90,20 @@ def test_the_rule_works_on_another_model_and_refuses_what_has_no_inflection() ->
         assert np.isnan([none.lower, none.upper, none.missing_below, none.missing_above]).all()
 
 
+def test_curves_as_wide_as_any_prior_give_the_closed_form_or_nothing() -> None:
+    """Rates over ten powers of ten, midpoints far outside the search: rounding must not pass for a transformation."""
+    rng = np.random.default_rng(0)
+    size, rate = np.exp(rng.normal(0.0, 2.0, (1500, 1))), np.exp(rng.normal(-1.0, 3.0, (1500, 1)))
+    middle, offset = rng.normal(50.0, 80.0, (1500, 1)), rng.normal(0.0, 3.0, (1500, 1))
+    found = tangents(lambda t: sigmoid(t, size, rate, middle, offset), LOW, HIGH)
+    searched = (np.abs(middle - 50.0) < 60.0)[:, 0]
+    assert np.isfinite(found.lower[searched]).mean() > 0.95
+    assert np.isnan(found.lower[~searched]).all()
+    there = np.isfinite(found.lower)
+    apart = np.abs(found.lower - (middle - 2.0 / rate)[:, 0])[there]
+    assert np.all(apart < 1e-4 * np.maximum(60.0, (2.0 / rate)[there, 0]))
+
+
 def test_draws_of_a_fit_follow_the_closed_form_and_hold_the_truth(make_record: Callable[..., Record]) -> None:
     """Seeds are fixed; an interval of 90 % misses the truth in one case of ten, three of four in less than 0.4 %."""
     inside = []
