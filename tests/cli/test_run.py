@@ -89,14 +89,13 @@ def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], stud
     mark = written(
         study.parent / "empty.toml", STUDY.partition("[fit]")[0] + '[compare]\npool = "campaign"\n'
     )
-    assert (
-        run("run", mark, "--quiet").status == 2
-    )  # its only step fails, so that the folder is that of a study
+    assert run("run", mark, "--quiet").status == 2  # its only step fails; the folder is that of a study now
     written(study.parent / "results" / "fit", "a file where a folder should be")
+    written(study, STUDY + "[conditions]\n")
     outcome = run("run", study, "--resume")
     assert outcome.status == 2
     found = document(study.parent)
-    assert [s["status"] for s in found["steps"]] == ["failed", "skipped"]
+    assert [s["status"] for s in found["steps"]] == ["failed", "skipped", "skipped"]
     assert found["steps"][1]["error"] == "fit failed"
 
 
