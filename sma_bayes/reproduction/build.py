@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+from sma_bayes.errors import OutputError
 from sma_bayes.reproduction.document import reproduction_document
 from sma_bayes.reproduction.page import PICTURES, page
 from sma_bayes.reproduction.pictures import write_pictures
@@ -21,7 +22,12 @@ PROBE: Final = ".writable"
 
 def _try_to_write(folder: Path) -> None:
     """Refuse a folder that can't be written before minutes are spent on what goes there."""
-    write_text(folder / PROBE, "")
+    try:
+        write_text(folder / PROBE, "")
+    except OutputError as error:
+        raise OutputError(
+            error.found, file=folder, expected="a folder that can be written", remedy="choose another --page"
+        ) from None
     (folder / PROBE).unlink(missing_ok=True)
 
 

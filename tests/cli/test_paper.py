@@ -23,4 +23,5 @@ def test_a_folder_that_is_a_file_is_refused_at_once(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine", encoding="utf-8")
     found = CliRunner().invoke(app, ["paper", "--page", str(tmp_path / "file")])
     assert isinstance(found.exception, OutputError)
+    assert "--page" in str(found.exception)
     assert (tmp_path / "file").read_text(encoding="utf-8") == "mine"
