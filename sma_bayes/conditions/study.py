@@ -13,7 +13,7 @@ from sma_bayes.assess.bands import Band
 from sma_bayes.conditions.design import SETTINGS, Design, designs
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.conditions.effects import Effect, operating_effects
-from sma_bayes.conditions.features import Feature, condition_features
+from sma_bayes.conditions.features import SPAN, Feature, condition_features
 from sma_bayes.conditions.leave_out import HeldOut, leave_out
 from sma_bayes.conditions.population import SCATTER, Population, population_of
 from sma_bayes.conditions.prediction import Prediction, predict
@@ -158,20 +158,24 @@ def complete(design: Design, condition: Condition) -> Condition:
 
 
 def _groups(records: Sequence[RecordDraws]) -> tuple[list[Group], list[str]]:
-    kinds: dict[tuple[Branch, tuple[str, ...], tuple[tuple[str, str], ...]], list[RecordDraws]] = {}
+    kinds: dict[tuple[object, ...], list[RecordDraws]] = {}
     for r in records:
-        kinds.setdefault((r.branch, r.channels, tuple(sorted(r.units.items()))), []).append(r)
-    groups, remarks = [], []
-    for (branch, channels, _), members in kinds.items():
+        rises = tuple(float(np.sign(np.median(r.parameter(n)))) for n in SPAN.values() if n in r.names)
+        kinds.setdefault((r.branch, r.channels, tuple(sorted(r.units.items())), rises), []).append(r)
+    groups: list[Group] = []
+    remarks = []
+    for members in kinds.values():
         by_condition = {r.condition: r for r in members}
         for design in designs(tuple(by_condition)):
-            if len(design.conditions) < FEWEST:
+            own = tuple(by_condition[c] for c in design.conditions)
+            if len(own) < FEWEST:
+                stated = ", ".join(design.stated) or "no setting"
                 remarks.append(
-                    f"{design.ids[0]}, {branch.value} ({', '.join(channels)}), is alone in what is stated of it "
-                    f"({', '.join(design.stated) or 'no setting'}): there is nothing to compare it with"
+                    f"{own[0].key} ({', '.join(own[0].channels)}; stated: {stated}) has no other condition to be "
+                    "compared with, of the same channels and settings and whose curves rise or fall as its own do"
                 )
                 continue
-            groups.append(Group(design, branch, tuple(by_condition[c] for c in design.conditions)))
+            groups.append(Group(design, own[0].branch, own))
     if not groups:
         raise MeasurementError(
             "no two conditions can be compared",

@@ -70,7 +70,7 @@ def test_from_a_fit_to_predictions(done: tuple[Path, dict[str, Any]]) -> None:
     effect = next(e for e in stored["effects"] if e["feature"] == "midpoint")
     assert effect["tested"]["median"] == pytest.approx(6.0, abs=0.3)
     assert effect["beyond"]["q05"] > 0.0
-    assert any("odd" in text and "nothing to compare" in text for text in stored["remarks"])
+    assert any("odd" in text and "no other condition to be" in text for text in stored["remarks"])
     assert any("an extrapolation (load beyond" in text for text in stored["cautions"])
 
 
