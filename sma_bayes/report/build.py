@@ -26,8 +26,10 @@ from sma_bayes.report.figures import (
     average_figure,
     corner_figure,
     correlation_figure,
+    correlation_of_many,
     curves_figure,
     diagnostics_figure,
+    diagnostics_of_many,
     differences_figure,
     disagreement_loops,
     effect_figure,
@@ -41,6 +43,7 @@ from sma_bayes.report.figures import (
     overview_figure,
     pages,
     parameter_figure,
+    parameters_of_many,
     predicted_figure,
     predictive_figure,
     printed_figure,
@@ -53,7 +56,7 @@ from sma_bayes.report.gap_outputs import StoredStudy, is_study, read_study
 from sma_bayes.report.gap_page import write_gap_report
 from sma_bayes.report.gap_tables import gap_tables
 from sma_bayes.report.gather import report_content
-from sma_bayes.report.html import write_report
+from sma_bayes.report.html import write_record_page, write_report
 from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
 from sma_bayes.report.residuals import median_curves, standardised_residuals
 from sma_bayes.report.tables import Table, report_tables, write_tables
@@ -129,6 +132,10 @@ def _build_fit_report(
         tables = report_tables(content) | _took(stored.summary, account)
         write_tables(tables, folder / "tables")
         write_report(folder, content, tables, pictures)
+    if content.paged:
+        pages = _page_tasks(folder, content, pictures)
+        for done, _ in enumerate(run(_write_page, pages, jobs, account=spent, stage="report"), 1):
+            tell(done, len(pages), "writing pages of records")
     tell(total, total, "wrote report.html")
 
 
@@ -258,6 +265,29 @@ def _draw_gap(task: _GapTask) -> FigureFiles:
 
 
 @dataclass(frozen=True, slots=True)
+class _PageTask:
+    """The page of a record, in a report of many."""
+
+    folder: Path
+    content: Content
+    record: RecordContent
+    figures: Mapping[str, FigureFiles]
+
+
+def _write_page(task: _PageTask) -> None:
+    write_record_page(task.folder, task.content, task.record, task.figures)
+
+
+def _page_tasks(folder: Path, content: Content, figures: Mapping[str, FigureFiles]) -> list[_PageTask]:
+    def of(r: RecordContent) -> dict[str, FigureFiles]:
+        kinds = ("corner", "trace", "predictive", "residuals")
+        stems = (f"loop-{r.condition}", *(f"{kind}-{r.key}" for kind in kinds))
+        return {stem: figures[stem] for stem in stems if stem in figures}
+
+    return [_PageTask(folder, content.only(r), r, of(r)) for r in content.records]
+
+
+@dataclass(frozen=True, slots=True)
 class _RecordTask:
     """Figures of one record."""
 
@@ -302,14 +332,17 @@ class _CampaignTask:
     title: str = "the campaign"
 
     def drawings(self) -> Iterator[Callable[[], Drawing]]:
-        yield partial(diagnostics_figure, self.content)
-        yield partial(correlation_figure, self.content)
+        many = self.content.paged
+        yield partial(diagnostics_of_many if many else diagnostics_figure, self.content)
+        yield partial(correlation_of_many if many else correlation_figure, self.content)
         if self.content.averages:
             yield partial(average_figure, self.content)
         if self.content.printed:
             yield partial(printed_figure, self.content)
         for number, part in enumerate(self.content.by_units(), 1):
-            yield partial(parameter_figure, part, number)
+            yield partial(parameters_of_many if many else parameter_figure, part, number)
+            if many:
+                continue
             branches = {c: [_branch_data(self.folder, r) for r in part.branches(c)] for c in part.conditions}
             for channel in part.channels:
                 yield partial(overview_figure, channel.channel, branches, number)

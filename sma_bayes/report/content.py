@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 from sma_bayes.inference.convergence import Target
 from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.paper.tables import PrintedCell
+from sma_bayes.report.choice import MANY
 from sma_bayes.report.notation import compact
 
 LEVEL: Final = "90 %"
@@ -465,7 +467,7 @@ class Provenance:
     command: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Content:
     """The content of a report.
 
@@ -524,9 +526,27 @@ class Content:
             parts.setdefault(kind, []).extend(records)
         return tuple(replace(self, records=tuple(records)) for records in parts.values())
 
+    @property
+    def paged(self) -> bool:
+        """Whether there are so many records that each has a page of its own, and only the campaign is reported here."""
+        return len(self.records) > MANY
+
+    @cached_property
+    def _by_condition(self) -> dict[str, tuple[RecordContent, ...]]:
+        found: dict[str, list[RecordContent]] = {}
+        for r in self.records:
+            found.setdefault(r.condition, []).append(r)
+        return {condition: tuple(records) for condition, records in found.items()}
+
     def branches(self, condition: str) -> tuple[RecordContent, ...]:
         """Records of a condition."""
-        return tuple(r for r in self.records if r.condition == condition)
+        return self._by_condition.get(condition, ())
+
+    def only(self, r: RecordContent) -> Content:
+        """The same with one record, and nothing about the others."""
+        return replace(
+            self, records=(r,), loops=self.loops_of(r.condition), findings=(), printed=(), averages=()
+        )
 
     def loops_of(self, condition: str) -> tuple[Quantity, ...]:
         """Loop quantities of a condition, where all of its branches converged."""

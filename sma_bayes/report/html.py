@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import base64
+import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,10 +32,12 @@ from sma_bayes.report.content import (
 from sma_bayes.report.figures import FigureFiles
 from sma_bayes.report.figures.sheet import numbered
 from sma_bayes.report.notation import MISSING, count_text, interval_text, unit_label, write, write_interval
-from sma_bayes.report.tables import Cell, Column, Table, cell_text, group_text, rows_text
+from sma_bayes.report.tables import Cell, Column, Table, cell_text, group_text, report_tables, rows_text
 from sma_bayes.results.store import write_text
 
 TEMPLATE: Final = "report.html.j2"
+SHOWN: Final = 20
+"""Entries of a list or a table that the report of a campaign of many records shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +80,67 @@ def write_report(
     OutputError
         If it can't be written, or a figure can't be read.
     """
-    pictures = {stem: embedded(folder / "figures" / f"{stem}.png", f) for stem, f in figures.items()}
+    shown = {stem: f for stem, f in figures.items() if not content.paged or stem in of_campaign(content)}
+    pictures = {stem: embedded(folder / "figures" / f"{stem}.png", f) for stem, f in shown.items()}
     write_text(folder / "report.html", render(content, tables, pictures))
+    if content.paged:
+        write_text(folder / "records" / "index.html", render_index(content))
+
+
+def of_campaign(content: Content) -> set[str]:
+    """Stems of the figures of the campaign itself."""
+    numbers = range(1, len(content.by_units()) + 1)
+    return {
+        "diagnostics", "correlation", "correlation-average", "printed", *(numbered("parameters", n) for n in numbers)
+    }  # fmt: skip
+
+
+def write_record_page(
+    folder: Path, content: Content, record: RecordContent, figures: Mapping[str, FigureFiles]
+) -> None:
+    """Write ``records/KEY.html``, with its figures as links to their files.
+
+    Parameters
+    ----------
+    folder : Path
+    content : Content
+        Of one record, see `Content.only`.
+    record : RecordContent
+    figures : mapping of str to FigureFiles
+        By stem.
+    """
+    pictures = {
+        stem: replace(embedded(folder / "figures" / f"{stem}.png", f), source=f"../figures/{stem}.png")
+        for stem, f in figures.items()
+    }
+    environment = page_environment()
+    page = environment.get_template("record.html.j2").render(
+        r=record,
+        content=content,
+        tables=report_tables(content),
+        pictures=pictures,
+        select=select,
+        interval=INTERVAL,
+        anchor=anchor,
+        style=Markup(style_sheet(environment)),  # ours, not the user's
+    )
+    write_text(folder / "records" / f"{record.key}.html", page)
+
+
+def render_index(content: Content) -> str:
+    """The list of all records, each with a link to its page."""
+    environment = page_environment()
+    return environment.get_template("records.html.j2").render(
+        content=content,
+        channels=[c for c in content.channels if any(_agreement(r, c.channel) for r in content.records)],
+        agreement=_agreement,
+        style=Markup(style_sheet(environment)),  # ours, not the user's
+    )
+
+
+def _agreement(record: RecordContent, channel: str) -> float | None:
+    found = record.channel(channel)
+    return found.measured["r"].median if found is not None and "r" in found.measured else None
 
 
 def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str, Picture]) -> str:
@@ -89,7 +153,7 @@ def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str,
     pictures : mapping of str to Picture
         By stem; a picture that is missing is left out.
     """
-    environment = page_environment()
+    environment = page_environment(most=SHOWN if content.paged else None)
     return environment.get_template(TEMPLATE).render(
         content=content,
         tables=tables,
@@ -116,8 +180,9 @@ def _has_arbitrary_unit(record: RecordContent) -> bool:
     return any(ARBITRARY in unit for unit in (record.temperature_unit, *(c.unit for c in record.channels)))
 
 
-def page_environment() -> Environment:
-    """Templates with what they call."""
+@cache  # a template is compiled once, not for each of thousands of pages
+def page_environment(most: int | None = None) -> Environment:
+    """Templates with what they call; tables and lists are cut after `most` entries."""
     environment = Environment(
         loader=PackageLoader("sma_bayes.report", "templates"),
         autoescape=True,
@@ -133,9 +198,16 @@ def page_environment() -> Environment:
         "estimate": _estimate,
         "number": _number,
         "rows": rows_text,
+        "joined": lambda parts: list(chain.from_iterable(parts)),
         "plain": lambda value, digits=4: write([value], digits=digits).plain[0],
     }
-    environment.globals |= {"group_text": group_text, "is_numeric": _is_numeric}
+    environment.globals |= {
+        "group_text": group_text,
+        "is_numeric": _is_numeric,
+        "few": lambda entries: entries[:most],
+        "worst_first": worst_first if most else lambda table: table,
+        "with_any": lambda records, what: [r for r in records if any(getattr(p, what) for p in r.parameters)],
+    }
     return environment
 
 
@@ -214,6 +286,17 @@ def select(table: Table, *, drop: tuple[str, ...] = (), **wanted: Any) -> Table:
     )
 
 
+def worst_first(table: Table) -> Table:
+    """Rows of the table of diagnostics with the greatest R-hat first."""
+    at = [c.key for c in table.columns].index("rhat")
+
+    def rhat(row: tuple[Cell, ...]) -> float:
+        cell = row[at]
+        return cell.value if isinstance(cell, Number) and cell.value is not None else math.inf
+
+    return replace(table, rows=tuple(sorted(table.rows, key=rhat, reverse=True)))
+
+
 def parameter_overview(content: Content) -> tuple[Table, ...]:
     """Median and interval of the response's parameters of the converged records, a table for A and one for B."""
     out = []
@@ -255,7 +338,7 @@ def _overview(records: tuple[RecordContent, ...], names: list[str], title: str) 
                 cells.append(text + mark)
         rows.append((r.condition, r.branch, *cells))
     note = f"Median and {INTERVAL}; “(not identified)” marks what the data leave to the prior."
-    return Table("overview", title, note, columns, tuple(rows))
+    return Table("parameters", title, note, columns, tuple(rows))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from sma_bayes.report.figures.conditions import (
     measured_figure,
     predicted_figure,
 )
+from sma_bayes.report.figures.crowd import correlation_of_many, diagnostics_of_many, parameters_of_many
 from sma_bayes.report.figures.disagreement import disagreement_loops, residual_maps
 from sma_bayes.report.figures.marginals import corner_figure
 from sma_bayes.report.figures.missing import effect_figure, effect_parameter_figure, ladder_figure
@@ -43,8 +44,10 @@ __all__ = [
     "average_figure",
     "corner_figure",
     "correlation_figure",
+    "correlation_of_many",
     "curves_figure",
     "diagnostics_figure",
+    "diagnostics_of_many",
     "differences_figure",
     "disagreement_loops",
     "effect_figure",
@@ -60,6 +63,7 @@ __all__ = [
     "overview_figure",
     "pages",
     "parameter_figure",
+    "parameters_of_many",
     "plugged_figure",
     "predicted_figure",
     "predictive_figure",

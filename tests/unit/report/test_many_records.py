@@ -1,0 +1,84 @@
+"""The report of a campaign of many records: short itself, with a page for each record."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sma_bayes.report import content as content_module
+from sma_bayes.report.build import build_report
+from sma_bayes.report.choice import figures_for
+from sma_bayes.report.content import Content
+from sma_bayes.report.html import SHOWN, render, render_index
+from sma_bayes.report.tables import report_tables
+
+LINK = re.compile(r'(?:href|src)="([^"#:]+)"')
+
+
+@pytest.fixture
+def two_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a run of two records count as one of many."""
+    monkeypatch.setattr(content_module, "MANY", 1)
+
+
+def many(content: Content, times: int) -> Content:
+    """The same records again and again, each under a name of its own."""
+    return replace(
+        content,
+        printed=(),
+        records=tuple(
+            replace(r, condition=f"{r.condition}-{i}", key=f"{r.condition}-{i}-{r.branch}")
+            for i in range(times)
+            for r in content.records
+        ),
+    )
+
+
+@pytest.mark.usefixtures("two_are_many")
+@pytest.mark.parametrize(("figures", "drawn"), [("all", 4 + 9), ("campaign", 4)])
+def test_each_record_has_a_page_and_every_link_leads_somewhere(
+    run_copy: Path, figures: str, drawn: int
+) -> None:
+    build_report(run_copy, figures=figures, jobs=1)
+    assert len(list((run_copy / "figures").glob("*.png"))) == drawn
+    pages = [run_copy / "report.html", *(run_copy / "records").iterdir()]
+    assert len(pages) == 1 + 1 + 2
+    for page in pages:
+        links = LINK.findall(page.read_text(encoding="utf-8"))
+        assert links
+        assert all((page.parent / link).is_file() for link in links), page
+    own = (run_copy / "records" / "100g-10mHz-heating.html").read_text(encoding="utf-8")
+    assert own.count("<img") == (5 if figures == "all" else 0)
+    assert (run_copy / "report.html").read_text(encoding="utf-8").count("<img") == 4
+
+
+def test_the_page_of_a_campaign_does_not_grow_with_its_records(content: Content) -> None:
+    sizes = []
+    for times in (60, 240):
+        long = many(content, times)
+        assert long.paged
+        page = render(long, report_tables(long), {})
+        assert f"{SHOWN} of {2 * times} rows" in page.replace("\u202f", "").replace("\u2009", "")
+        sizes.append(len(page))
+        assert render_index(long).count("<tr>") == 2 * times + 1
+    assert sizes[1] < 1.02 * sizes[0]
+
+
+def test_worst_records_are_shown_first(content: Content) -> None:
+    long = many(content, 60)
+    bad = replace(long.records[77], parameters=(replace(long.records[77].parameters[0], rhat=1.7),))
+    long = replace(long, records=(*long.records[:77], bad, *long.records[78:]))
+    page = render(long, report_tables(long), {})
+    head = page[page.index('<h3 id="convergence">') : page.index('<h3 id="noise">')]
+    assert bad.condition in head
+    assert head.index("1.7") < head.index("1.00")
+
+
+def test_figures_are_those_of_the_campaign_from_a_hundred_records_on() -> None:
+    assert [figures_for(c, 100) for c in ("auto", True, False, "none")] == ["all", "all", "none", "none"]
+    assert [figures_for(c, 101) for c in ("auto", "all", "campaign")] == ["campaign", "all", "campaign"]
+    with pytest.raises(Exception, match=r"no choice of figures 'al'\n.*'all'"):
+        figures_for("al", 3)
