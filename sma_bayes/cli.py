@@ -573,7 +573,7 @@ def _show_fit(summary: dict[str, Any], out: Path) -> None:
         table.add_column(
             name, justify="left" if name in ("record", "noise", "not identified", "r") else "right"
         )
-    for r in summary["records"]:
+    for r in _worth_a_row(summary["records"]):
         sampled = [p for p in r["parameters"].values() if p["rhat"] is not None]
         prior_driven = [n for n, p in r["parameters"].items() if not p["identified"] and not p["fixed"]]
         factors = ", ".join(
@@ -591,9 +591,14 @@ def _show_fit(summary: dict[str, Any], out: Path) -> None:
         )
     console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
     console.print(table)
-    for finding in summary["findings"]:
-        if finding["kind"] == "one-branch":
-            console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
+    if len(summary["records"]) > table.row_count:
+        converged = sum(r["converged"] for r in summary["records"])
+        console.print(
+            f"{len(summary['records'])} records, {converged} converged; above are the worst by R-hat"
+        )
+    alone = [f for f in summary["findings"] if f["kind"] == "one-branch"]
+    for finding in alone[:SHOWN]:
+        console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
     dropped = sum(f["dropped"] for f in summary["findings"])
     if summary["findings"]:
         console.print(
@@ -601,9 +606,24 @@ def _show_fit(summary: dict[str, Any], out: Path) -> None:
             "see the report or `sma-bayes inspect`"
         )
     if not summary["converged"]:
-        names = ", ".join(r["key"] for r in summary["records"] if not r["converged"])
-        console.print(f"NOT CONVERGED: {names}. Their numbers must not be relied on.")
+        names = [r["key"] for r in summary["records"] if not r["converged"]]
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        console.print(
+            f"NOT CONVERGED: {', '.join(names[:SHOWN])}{more}. Their numbers must not be relied on."
+        )
     _show_end(console, summary, out)
+
+
+def _worth_a_row(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """All records, or of very many those that converged worst."""
+    from sma_bayes.report.choice import MANY
+
+    def worst_rhat(r: dict[str, Any]) -> float:
+        return max((p["rhat"] or 0.0 for p in r["parameters"].values()), default=0.0)
+
+    if len(records) <= MANY:
+        return records
+    return sorted(records, key=lambda r: (r["converged"], -worst_rhat(r)))[:SHOWN]
 
 
 def _show_end(console: Any, found: dict[str, Any], out: Path) -> None:
@@ -615,6 +635,9 @@ def _show_end(console: Any, found: dict[str, Any], out: Path) -> None:
         console.print(f"a worker came to an end ({text}); what it did was done again", soft_wrap=True)
     console.print(f"{found['wall_s']:.1f} s; results in {out}", soft_wrap=True)
 
+
+SHOWN = 20
+"""Entries of a list on the screen, where there are very many."""
 
 VERDICTS = {
     "named": "NAMED: the model misses something, and the catalogue has a name for it",

@@ -28,7 +28,7 @@ from sma_bayes.parameters.priors_file import PriorSet, read_priors
 from sma_bayes.parts import remove_parts
 from sma_bayes.posterior import build_posterior, versions
 from sma_bayes.records.types import Branch, Campaign, Record
-from sma_bayes.report.choice import figures_for
+from sma_bayes.report.choice import Drawn, figures_for
 from sma_bayes.response.arrangement import Arrangement, BiasSpring
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import AUTO
@@ -385,7 +385,7 @@ def study_gap(
     options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, pool=pool)
     can = comparable(campaign)
     check_call(groups_of(can.campaign, pool), options)
-    drawn = figures_for(figures, len(campaign.records))
+    drawn: Drawn = "none" if figures_for(figures, len(campaign.records)) == "none" else "all"
     work = UnderWay("gap.json", jobs, drawn, progress or silent, account or Account())
     if out is None:
         return work.with_account(_studied(can, None, options, work))

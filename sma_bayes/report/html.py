@@ -116,6 +116,7 @@ def write_record_page(
     environment = page_environment()
     page = environment.get_template("record.html.j2").render(
         r=record,
+        own_page=True,
         content=content,
         tables=report_tables(content),
         pictures=pictures,
