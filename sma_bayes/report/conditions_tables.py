@@ -142,12 +142,13 @@ def feature_table(stored: StoredConditions) -> Table:
         edge = f["at_edge"] is not None and f["at_edge"] > EDGE
         rows.append(
             (f["condition"], f["branch"], named(f["name"]), quantity(f["channel"], specimen), value,
-             unit_label(f["unit"]) or "1", "at an end of the measured temperatures" if edge else "", f["meaning"])
+             unit_label(f["unit"]) or "1", "at an end of the sweep" if edge else "")
         )  # fmt: skip
     return Table(
         "features",
         "What sums up each condition",
-        "Median and 90 % interval. An extreme at an end of the measured temperatures tells how far they went.",
+        "Median and 90 % interval; conditions.json says what each means. An extreme at an end of the sweep tells how "
+        "far the temperature went.",
         (
             Column("condition", "condition"),
             Column("branch", "branch"),
@@ -156,7 +157,6 @@ def feature_table(stored: StoredConditions) -> Table:
             Column("value", "value", OF_ROW),
             Column("unit", "unit"),
             Column("remark", "remark"),
-            Column("meaning", "meaning", brief=False),
         ),
         tuple(rows),
         grouped=2,

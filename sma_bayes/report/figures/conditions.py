@@ -424,10 +424,10 @@ def _logarithmic(ax: Axes, axis: Axis) -> None:
 
 
 def _said(ax: Axes, text: str, *, warn: bool) -> None:
-    ax.text(
-        0.98, 0.97, text, transform=ax.transAxes, ha="right", va="top", fontsize=6.5, style="italic",
-        color=WARNING if warn else INK, bbox={"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.8},
-    )  # fmt: skip
+    """A few small words above a panel, where they hide nothing."""
+    ax.set_title(
+        text, loc="right", fontsize=6.5, fontweight="normal", style="italic", color=WARNING if warn else INK
+    )
 
 
 def _same_length(data: Mapping[str, Floats]) -> dict[str, Any]:
