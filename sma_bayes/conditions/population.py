@@ -36,7 +36,7 @@ parts as input of the whole.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -66,6 +66,8 @@ WIDER: Final = 1.15
 """By how much these points are drawn from wider than the Gaussian answer, so that they reach the tails."""
 SHARPEST: Final = 1e-10
 """Least variance of a posterior over that of its prior: parameters that are held fixed have none."""
+CHUNK: Final = 1 << 20
+"""Numbers in an array of intermediate results, about."""
 FEW_SPARE: Final = 3
 """Conditions beyond those that the slopes need, below which the scatter is called led by its prior."""
 
@@ -167,7 +169,9 @@ class ScatterDensity:
         with np.errstate(over="ignore", invalid="ignore"):
             value = self.log_prior(log_tau)
             usable = np.isfinite(value) & (np.abs(log_tau) < 300.0).all(axis=-1)
-            value[usable] += self._given(np.exp(log_tau[usable]))[2]
+            rows = np.flatnonzero(usable)
+            for part in self._chunks(rows.size):
+                value[rows[part]] += self._given(np.exp(log_tau[rows[part]]))[2]
         return np.where(usable & ~np.isnan(value), value, -np.inf)
 
     def _given(self, tau: Floats) -> tuple[Floats, Floats, Floats]:
@@ -195,11 +199,20 @@ class ScatterDensity:
 
     def coefficients(self, rng: np.random.Generator, tau: Floats) -> Floats:
         """Draw level and slopes (W, Q, P) given scatters ``tau`` (W, P)."""
-        precision, pull, _ = self._given(tau)
-        root = np.linalg.cholesky(precision)
-        mean = np.linalg.solve(precision, pull[..., None])
-        noise = np.linalg.solve(np.swapaxes(root, 1, 2), rng.standard_normal(mean.shape))
-        return np.asarray((mean + noise).reshape(len(tau), self.matrix.shape[1], -1))
+        out = np.empty((len(tau), self.matrix.shape[1] * self.width.size))
+        for part in self._chunks(len(tau)):
+            precision, pull, _ = self._given(tau[part])
+            root = np.linalg.cholesky(precision)
+            mean = np.linalg.solve(precision, pull[..., None])
+            noise = np.linalg.solve(np.swapaxes(root, 1, 2), rng.standard_normal(mean.shape))
+            out[part] = (mean + noise)[..., 0]
+        return out.reshape(len(tau), self.matrix.shape[1], -1)
+
+    def _chunks(self, rows: int) -> Iterator[slice]:
+        """Rows that are worked out at a time, so that memory does not grow with the number of conditions."""
+        size = max(16, CHUNK // self.precision.size)
+        for start in range(0, rows, size):
+            yield slice(start, min(start + size, rows))
 
     def condition(
         self, place: int, mean: Floats, tau: Floats, rng: np.random.Generator, size: int, wider: float = 1.0

@@ -6,11 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
+from sma_bayes.conditions.coordinates import coordinates_for
 from sma_bayes.conditions.design import designs
 from sma_bayes.conditions.draws import RecordDraws
-from sma_bayes.conditions.population import ScatterDensity, Summary, population_of, summary_of
+from sma_bayes.conditions.population import ScatterDensity, Summary, log_ratio, population_of, summary_of
 from sma_bayes.records.types import Condition
 
 RNG = np.random.default_rng(5)
@@ -109,6 +111,27 @@ def test_what_repeats_the_prior_says_nothing() -> None:
     values = np.linalg.eigvalsh(found.precision)
     assert values[0] == pytest.approx(0.0, abs=1e-9)
     assert values[1] == pytest.approx(99.0, rel=0.05)
+
+
+def test_ratio_to_the_gaussian_form_integrates_the_noise_out(make_draws: Callable[..., RecordDraws]) -> None:
+    record = make_draws(Condition("c", load=1.0), channels=("displacement",))
+    coordinates = coordinates_for([record])
+    summary = Summary(np.diag([4e3, 1e3, 5.0, 1e5]), np.array([-1e4, -1e3, 200.0, 50.0]))
+    points = coordinates.to_coordinates(record.curve_theta[:3])
+    ratios = log_ratio(
+        summary, coordinates, record, np.repeat(points, 4000, axis=0), np.random.default_rng(1)
+    )
+    found = logsumexp(ratios.reshape(3, 4000), axis=1) - np.log(4000)
+    ln_sd = np.linspace(-13.0, -5.0, 4001)  # quadrature over the standard deviation of the noise
+    prior = record.posterior.space.parameters[-1].prior
+    expected = []
+    for phi in points:
+        theta = np.empty((ln_sd.size, 5))
+        theta[:, :4], theta[:, 4] = coordinates.to_parameters(phi), np.exp(ln_sd)
+        log_p = record.posterior.log_likelihood(theta) + prior.log_density(theta[:, 4]) + ln_sd
+        gaussian = phi @ summary.pull - 0.5 * phi @ summary.precision @ phi
+        expected.append(logsumexp(log_p) + np.log(ln_sd[1] - ln_sd[0]) - gaussian)
+    np.testing.assert_allclose(np.diff(found), np.diff(expected), atol=0.03)
 
 
 def test_a_law_without_scatter_is_found(make_draws: Callable[..., RecordDraws]) -> None:
