@@ -17,8 +17,9 @@ from scipy.stats import binom, kstest, multivariate_normal
 from sma_bayes.conditions.coordinates import Coordinates
 from sma_bayes.conditions.design import Design, designs
 from sma_bayes.conditions.draws import RecordDraws
-from sma_bayes.conditions.population import COMMON, OWN, Population, population_of
+from sma_bayes.conditions.population import Population, population_of
 from sma_bayes.conditions.prediction import predict
+from sma_bayes.conditions.scatter import COMMON, OWN
 from sma_bayes.inference.importance import importance_draws
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.distributions import LogNormal, Normal

@@ -10,9 +10,11 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from sma_bayes.conditions.coordinates import coordinates_for
+from sma_bayes.conditions.correction import log_ratio
 from sma_bayes.conditions.design import designs
 from sma_bayes.conditions.draws import RecordDraws
-from sma_bayes.conditions.population import ScatterDensity, Summary, log_ratio, population_of, summary_of
+from sma_bayes.conditions.population import population_of
+from sma_bayes.conditions.scatter import ScatterDensity, Summary, summary_of
 from sma_bayes.records.types import Condition
 
 RNG = np.random.default_rng(5)
