@@ -8,13 +8,15 @@ longer run of this package; and where a run of this package does not, it has not
 from __future__ import annotations
 
 import json
+import signal
 import time
-from collections.abc import Generator
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 from benchmark.problems import Case, Problem
-from benchmark.progress import Progress, Settings
+from benchmark.progress import GROUPS, Progress, Settings
 from benchmark.samplers import COMPILED, ONE_BY_ONE, SAMPLERS
 
 from sma_bayes.inference.convergence import Convergence, Target, ess_bulk, ess_tail, rank_rhat
@@ -27,6 +29,8 @@ SD_RATIO = 0.1
 """Greatest relative difference of standard deviations of 'the same posterior'."""
 ERRORS = 4.0
 """Standard errors of the draws that are allowed for where they are more than that."""
+PATIENCE = 1.2
+"""Multiple of the limit of time at which a sampler that has not handed over its draws is broken off."""
 LATE = 0.02
 """By what share of the steps the moment at which the target was reached may be found too late."""
 
@@ -219,6 +223,26 @@ class Clock:
         )
 
 
+class TimeUp(Exception):
+    """A sampler was still at it when its processor time had run out."""
+
+
+@contextmanager
+def at_most(seconds: float) -> Iterator[None]:
+    """Raise `TimeUp` when a block has used so much processor time; compiled code is let come to its end."""
+
+    def ring(number: int, frame: object) -> None:
+        raise TimeUp
+
+    before = signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
     """Where the clock stopped."""
@@ -240,8 +264,12 @@ def to_target(
     while now.cpu_s < limit_s:
         wall, cpu = time.perf_counter(), time.process_time()
         try:
-            progress = steps.send(growth)
-        except StopIteration:
+            with at_most(max(PATIENCE * limit_s - now.cpu_s, 0.1)):
+                progress = steps.send(growth)
+        except (StopIteration, TimeUp):
+            now = Clock(
+                now.steps, now.wall_s + time.perf_counter() - wall, now.cpu_s + time.process_time() - cpu
+            )
             break
         length = progress.chains.shape[1]
         now = Clock(length, now.wall_s + time.perf_counter() - wall, now.cpu_s + time.process_time() - cpu)
@@ -256,8 +284,10 @@ def to_target(
         before = now
         growth = _growth(verdict.least, limit_s / max(now.cpu_s, 1e-3))
     if outcome is None:
-        raise ValueError("the sampler made no draws")
-    return outcome
+        none = np.full((GROUPS, 4, 1, reference[0].size), np.nan)
+        verdict = Verdict(0.0, Convergence(*(np.full(reference[0].size, np.nan),) * 3, False), *reference)
+        return Outcome(Progress(none, 0), verdict, claimed, now)
+    return outcome if outcome.verdict.reached else replace(outcome, clock=now)
 
 
 def _verdict(progress: Progress, reference: tuple[Floats, Floats]) -> Verdict:

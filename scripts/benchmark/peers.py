@@ -296,10 +296,15 @@ class Zeus:
         np.random.seed(seed)  # noqa: NPY002 - zeus draws from numpy's global state
         rng = np.random.default_rng([seed, 7])
         walkers = max(settings.walkers // 2, 2 * problem.dimension + 2) // 2 * 2
+        evaluations = 0
+
+        def log_prob(z: Floats) -> Floats:
+            nonlocal evaluations
+            evaluations += len(z)
+            return problem.posterior.log_prob(z)
+
         samplers = [
-            zeus.EnsembleSampler(
-                walkers, problem.dimension, problem.posterior.log_prob, vectorize=True, verbose=False
-            )
+            zeus.EnsembleSampler(walkers, problem.dimension, log_prob, vectorize=True, verbose=False)
             for _ in range(GROUPS)
         ]
         starts = [problem.starts(rng, walkers, settings.start) for _ in range(GROUPS)]
@@ -309,7 +314,7 @@ class Zeus:
                 sampler.run_mcmc(starts[i], steps, progress=False)
                 starts[i] = sampler.get_last_sample()
             chains = np.stack([s.get_chain() for s in samplers])
-            growth = yield Progress(chains, sum(int(s.ncall) for s in samplers))
+            growth = yield Progress(chains, evaluations)
             steps = max(10, round(chains.shape[1] * (growth - 1.0)))
 
 
@@ -384,18 +389,25 @@ class Dynesty(_Nested):
 
 
 class UltraNest(_Nested):
-    """ultranest's reactive sampler, vectorised."""
+    """ultranest's reactive sampler with slices, vectorised; its regions alone don't come to an end here."""
 
-    title = "ultranest"
+    title = "ultranest, slices"
     packages = ("ultranest",)
 
     def one(self, problem: Problem, live: int, seed: int) -> tuple[Floats, Floats, int]:
-        import ultranest
+        import logging
 
+        import ultranest
+        from ultranest.stepsampler import SliceSampler, generate_mixture_random_direction
+
+        logging.getLogger("ultranest").setLevel(logging.ERROR)
         np.random.seed(seed)  # noqa: NPY002 - ultranest draws from numpy's global state
         transform, log_likelihood = _cube(problem)
         sampler = ultranest.ReactiveNestedSampler(
             list(problem.posterior.names), log_likelihood, transform, vectorized=True
+        )
+        sampler.stepsampler = SliceSampler(
+            nsteps=2 * problem.dimension, generate_direction=generate_mixture_random_direction
         )
         r = sampler.run(
             min_num_live_points=live, show_status=False, viz_callback=False, dlogz=0.5, min_ess=0,

@@ -21,19 +21,19 @@ class Line:
     records, reached, runs : int
         Different records; runs that reached the target, of how many.
     median_s, low_s, high_s : float
-        Time of one record: median and range over the records of the medians over repeats.
+        Processor time of one record: median and range over the records of the medians over repeats.
     total_s : float
         Sum over the records of the medians; runs that did not reach the target count with their limit, so that
         the sum is a lower bound.
     ratio, ratio_low, ratio_high : float
         `total_s` over this package's on the same records: of the medians, and range over repeats. Lower bounds
         where the target was not reached.
-    cpu_ratio : float
-        The same with processor time, which other load on the machine disturbs less.
+    wall_ratio : float
+        The same by the clock, which other load on the machine disturbs more.
     evaluations : float
         Median of the evaluations of the log-posterior.
     ess_per_s : float
-        Median of the least effective sample size over the time.
+        Median of the least effective sample size over the processor time.
     early : int
         Runs whose R-hat and effective sample size met the target while the draws were of another posterior.
     mean_shift, sd_off : float
@@ -58,7 +58,7 @@ class Line:
     ratio: float
     ratio_low: float
     ratio_high: float
-    cpu_ratio: float
+    wall_ratio: float
     evaluations: float
     ess_per_s: float
     early: int
@@ -94,11 +94,11 @@ def summarise(rows: Iterable[Row]) -> list[Line]:
 
 def _line(rows: Sequence[Row], own: Sequence[Row]) -> Line:
     first = rows[0]
-    times = _by_record(rows)
+    times = _by_record(rows, "cpu_s")
     typical = np.array([np.median(list(t.values())) for t in times.values()])
     reached = [row for row in rows if row.reached]
-    ratio, ratio_low, ratio_high = _ratio(times, _by_record(own))
-    cpu_ratio, *_ = _ratio(_by_record(rows, "cpu_s"), _by_record(own, "cpu_s"))
+    ratio, ratio_low, ratio_high = _ratio(times, _by_record(own, "cpu_s"))
+    wall_ratio, *_ = _ratio(_by_record(rows, "wall_s"), _by_record(own, "wall_s"))
     return Line(
         kind=first.kind,
         channels=first.channels,
@@ -118,9 +118,9 @@ def _line(rows: Sequence[Row], own: Sequence[Row]) -> Line:
         ratio=ratio,
         ratio_low=ratio_low,
         ratio_high=ratio_high,
-        cpu_ratio=cpu_ratio,
+        wall_ratio=wall_ratio,
         evaluations=float(np.median([row.evaluations for row in rows])),
-        ess_per_s=float(np.median([min(row.ess_bulk, row.ess_tail) / row.wall_s for row in rows])),
+        ess_per_s=float(np.median([min(row.ess_bulk, row.ess_tail) / row.cpu_s for row in rows])),
         early=sum(row.claimed_s < row.wall_s for row in rows),
         mean_shift=max((row.mean_shift for row in reached), default=float("nan")),
         sd_off=max((max(1 - row.sd_low, row.sd_high - 1) for row in reached), default=float("nan")),
@@ -130,7 +130,7 @@ def _line(rows: Sequence[Row], own: Sequence[Row]) -> Line:
 Times = dict[str, dict[tuple[str, int], float]]
 
 
-def _by_record(rows: Iterable[Row], what: str = "wall_s") -> Times:
+def _by_record(rows: Iterable[Row], what: str) -> Times:
     """Time of each repeat of each session, by record."""
     times: Times = defaultdict(dict)
     for row in rows:
