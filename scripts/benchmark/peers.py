@@ -154,7 +154,7 @@ class BlackJax:
 
 
 HAND_STEP = 0.6
-"""Leapfrog step in units of the standard deviation; about the best of 0.4 to 0.9."""
+"""Leapfrog step in units of the standard deviation; not tuned."""
 
 
 @cache
