@@ -94,19 +94,8 @@ def fit_house(springs: int, conditions: int, points: int, branches: int) -> Acco
 
     with tempfile.TemporaryDirectory() as place:
         house = Path(place) / "house"
-        subprocess.run(
-            [sys.executable, "-c",
-             "import sys; from pathlib import Path; from make_test_house import write_test_house; "
-             "a = sys.argv; write_test_house(Path(a[1]), *map(int, a[2:]))",
-             str(house), *map(str, (springs, conditions, points, 0))],
-            check=True, cwd=Path(__file__).parent,
-        )  # fmt: skip
-        if branches == 1:
-            for file in house.glob("spring*.csv"):
-                with file.open(encoding="utf-8") as lines:
-                    kept = [next(lines) for _ in range(points + 1)]
-                file.write_text("".join(kept), encoding="utf-8")
-                del kept
+        numbers = map(str, (springs, conditions, points, branches))
+        subprocess.run([sys.executable, __file__, "house", str(house), *numbers], check=True)
         account = Account()
         global BASE
         BASE = peak_mb()
@@ -148,7 +137,18 @@ MEASURED: dict[str, Callable[[int], Account]] = {
 }
 
 
-@app.command()
+@app.command(hidden=True)
+def house(folder: Path, springs: int, conditions: int, points: int, branches: int) -> None:
+    """Write a test house, with one branch or both, in a process whose memory is nobody's concern."""
+    from make_test_house import write_test_house
+
+    write_test_house(folder, springs, conditions, points, 0)
+    for file in folder.glob("spring*.csv") if branches == 1 else ():
+        lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+        file.write_text("".join(lines[: points + 1]), encoding="utf-8")
+
+
+@app.command(hidden=True)
 def one(what: str, size: int) -> None:
     """Measure one size in this process and print rows as JSON."""
     account = MEASURED[what](size)

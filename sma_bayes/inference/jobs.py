@@ -13,17 +13,20 @@ worker of a cluster does one task at a time even if it has more threads.
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Generic, TypeVar
 
-from joblib import Parallel, delayed, parallel_config
+from joblib import Parallel, delayed
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 from threadpoolctl import threadpool_limits
 
@@ -36,6 +39,8 @@ R = TypeVar("R")
 
 TRIES = 4
 """How often a task is begun, at most, where worker processes come to an end in the middle of it."""
+AHEAD = 2
+"""Tasks that a cluster is given at a time, for each of its threads."""
 CONNECT_S = 10.0
 """How long a scheduler, and then its first worker, is waited for [s]."""
 
@@ -194,6 +199,8 @@ def _connected(address: str) -> Any:
             expected="what talks to a Dask cluster",
             remedy='pip install "sma-bayes[cluster]", here and on the workers',
         ) from None
+    for handler in logging.getLogger("distributed").handlers:
+        handler.setLevel(logging.CRITICAL)  # what matters arrives as an error of ours
     try:
         return Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:  # a time-out is an OSError
@@ -247,6 +254,7 @@ def _on_worker(call: tuple[Callable[[T], R], T, dict[str, str]]) -> _Done[R]:
 def _on_cluster(
     task: Callable[[T], R], items: Sequence[T], client: Any, account: Account
 ) -> Iterator[_Done[R]]:
+    """Straight by the client: joblib's backend waits for ever for a task whose workers all died (joblib 1.6)."""
     from distributed import CancelledError, KilledWorker
     from distributed.comm import CommClosedError
 
@@ -257,13 +265,16 @@ def _on_cluster(
             account.lost.append(f"{message['worker']}, {len(begun)} tasks")
 
     account.workers = f"cluster {client.scheduler.address}, {len(client.nthreads())} workers"
-    wanted = versions()
-    with parallel_config(backend="dask", client=client):
-        parallel = Parallel(n_jobs=-1, return_as="generator", pre_dispatch="2*n_jobs")
+    calls = iter([(task, item, versions()) for item in items])
+    under_way: deque[Any] = deque()
     client.subscribe_topic("all", told)
     try:
-        # one tuple, since joblib would keep a copy of an object by itself on a single worker, and lose it with that
-        yield from parallel(delayed(_on_worker)((task, item, wanted)) for item in items)
+        while True:
+            room = AHEAD * max(1, sum(client.nthreads().values())) - len(under_way)
+            under_way += [client.submit(_on_worker, call, pure=False) for call in islice(calls, max(room, 0))]
+            if not under_way:
+                return
+            yield under_way.popleft().result()
     except KilledWorker as error:
         raise WorkerError(
             f"workers of the cluster came to an end in the middle of the same task, {error.last_worker.address} last",
@@ -277,4 +288,11 @@ def _on_cluster(
             remedy="start it again and repeat with --resume, which keeps what has been done",
         ) from None
     finally:
+        _leave(client, under_way)
+
+
+def _leave(client: Any, under_way: Iterable[Any]) -> None:
+    """Take back what nobody waits for any more, if there is still somebody to tell."""
+    if client.status == "running":
         client.unsubscribe_topic("all")
+        client.cancel(list(under_way))

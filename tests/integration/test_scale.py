@@ -94,7 +94,8 @@ def test_conditions_that_were_finished_are_not_done_again(
 
 def start(*arguments: object) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-W", "ignore", "-m", "dask", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    once_more = os.environ | {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=once_more)
 
 
 def until(ready: Callable[[], object], seconds: float = 60.0) -> None:
@@ -173,6 +174,23 @@ def threads_and_process(_: int) -> tuple[int, set[int]]:
 
     np.linalg.norm(np.ones((100, 100)) @ np.ones((100, 100)))
     return os.getpid(), {int(pool["num_threads"]) for pool in threadpool_info()}
+
+
+@pytest.mark.slow
+def test_a_task_that_ends_every_worker_is_given_up(
+    scheduler: tuple[str, list[subprocess.Popen[bytes]]],
+) -> None:
+    from sma_bayes.inference.jobs import run
+
+    with (
+        sma_bayes.cluster(scheduler[0]),
+        pytest.raises(WorkerError, match="came to an end in the middle of the same task"),
+    ):
+        list(run(end_this_process, [0], None))
+
+
+def end_this_process(_: int) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_without_the_extra_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
