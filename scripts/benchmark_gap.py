@@ -86,9 +86,11 @@ GOOD = {
 NAMED = ("right", "class", "part", "wrong", "confident")
 OTHER_SIZE = (
     "saturation", "temperature_gradient", "thermal_expansion", "ambient_draught", "latent_heat", "rate_dependence",
+    "training_drift",
 )  # fmt: skip
 """Effects whose size is another quantity in the mechanism than in the catalogue: width, temperature, length of the
-part that expands, swing of the room, heat over another specific heat, shift at another rate."""
+part that expands, swing of the room, heat over another specific heat, shift at another rate, drift until another
+cycle."""
 BOTH = 13.0
 """Size of two effects together from which both count as being there at 10 sigma: 14.1 but for what saturates."""
 

@@ -36,7 +36,8 @@ class History:
     ----------
     condition : Condition
     inputs : mapping of str to ndarray, shape (n,)
-        ``temperature`` [degC]; ``branch``: 1 heating, -1 cooling; ``cycle``, from 1; ``segment``: samples of one
+        ``temperature`` [degC]; ``branch``: 1 heating, -1 cooling; ``cycle``, from 1, and ``last_cycle``, the greatest
+        of the campaign; ``segment``: samples of one
         uninterrupted sweep share a number; ``stretch``: samples between which nothing was left out share a number;
         ``order``: place in the history, from 0. Where they were recorded: ``time`` [s], ``rate``: dT/dt [K/s],
         ``typical_rate``: median of its magnitude over the campaign [K/s], ``current`` [A], ``ambient_temperature``
@@ -121,8 +122,11 @@ def histories(campaign: Campaign) -> tuple[History, ...]:
     found = tuple(_joined([r for r in campaign.records if r.condition.id == i]) for i in conditions)
     rates = [np.abs(h.inputs["rate"]) for h in found if "rate" in h.inputs]
     typical = float(np.median(np.concatenate(rates))) if rates else 0.0
+    shared = {"last_cycle": max(float(h.inputs["cycle"].max()) for h in found)}
+    if typical > 0.0:
+        shared["typical_rate"] = typical
     return tuple(
-        replace(h, inputs={**h.inputs, "typical_rate": np.full(h.n, typical)}) if typical > 0.0 else h
+        replace(h, inputs={**h.inputs, **{name: np.full(h.n, value) for name, value in shared.items()}})
         for h in found
     )
 
