@@ -15,6 +15,7 @@ steps. If the greatest allowed effort is spent first, the draws are returned and
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -128,6 +129,9 @@ MIXED_TIMES = 20.0
 Walkers that start near a mode and creep along a bent ridge agree with each other long before they have come to its
 ends, and the more walkers there are the sooner they add up to the target: of 20 runs on a narrow banana all had
 reached it, with standard deviations a fifth too small."""
+
+LOOK_AGAIN = 1.2
+"""By how much a chain must have grown to be assessed again: assessing then costs in proportion to its length."""
 
 Progress = Callable[[str], None]
 
@@ -314,6 +318,7 @@ class _Run:
         if fitted.weights.efficiency > adapted.weights.efficiency:
             adapted = fitted
         share = 0.5 if adapted.weights.efficiency > 0.05 else 0.1
+        adapted = with_wide_share(adapted)  # a walker far out in a tail is to come back
         groups = [
             _Group(
                 self, f"mixed-{g}", adapted, s[1], evolution, plan.explore_block,
@@ -321,12 +326,15 @@ class _Run:
             )
             for g, s in enumerate(explore_seeds)
         ]  # fmt: skip
-        block = 0
+        block, look = 0, 1
         while True:
             block += 1
             self.tell(f"both kinds of move, block {block}")
             for group in groups:
                 group.advance()
+            if block < look and self.evaluations < plan.evaluations:
+                continue
+            look = math.ceil(LOOK_AGAIN * block)
             burn = len(groups[0].chain) // 4
             target = Target(plan.target.rhat, max(plan.target.ess, MIXED_TIMES * chains))
             convergence = assess(np.concatenate([g.chains[:, burn:] for g in groups]), target)
