@@ -24,6 +24,7 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.batches import batches
 from sma_bayes.errors import PriorError
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.parameters.priors_file import PriorSet
@@ -122,7 +123,7 @@ class Posterior:
         total = np.zeros(len(theta))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             for record, place, steps in zip(self.records, self.layout, self.steps, strict=True):
-                for part in _chunks(len(theta), record.n):
+                for part in batches(len(theta), record.n, CHUNK):
                     for channel, e, log_scale in self._whitened(theta[part], record, place):
                         shape = theta[part][:, place.noise[channel][1:]]
                         counts = self.noise.information(shape)
@@ -141,7 +142,7 @@ class Posterior:
         out = []
         for record, place, steps in zip(self.records, self.layout, self.steps, strict=True):
             found: dict[str, Floats] = {c: np.empty((len(theta), record.n)) for c in record.channels}
-            for part in _chunks(len(theta), record.n):
+            for part in batches(len(theta), record.n, CHUNK):
                 for channel, e, _, scale in self._whitening(theta[part], record, place):
                     shape = theta[part][:, place.noise[channel][1:]]
                     density = self.noise.log_density(e, shape, steps) - np.log(scale)
@@ -320,9 +321,3 @@ def build_posterior(
             places[channel] = at
         layout.append(Place(shared, places))
     return Posterior(tuple(records), model, noise, ParameterSpace(tuple(parameters)), tuple(layout))
-
-
-def _chunks(rows: int, n: int) -> Iterator[slice]:
-    size = max(16, CHUNK // max(n, 1))
-    for start in range(0, rows, size):
-        yield slice(start, min(start + size, rows))

@@ -5,13 +5,13 @@ With Gaussians, level, slopes and the coordinates of every condition integrate o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from scipy.stats import multivariate_normal
 
+from sma_bayes.batches import batches
 from sma_bayes.quantities import Floats
 
 COMMON: Final = 1.0
@@ -121,7 +121,7 @@ class ScatterDensity:
             value = self.log_prior(log_tau)
             usable = np.isfinite(value) & (np.abs(log_tau) < 300.0).all(axis=-1)
             rows = np.flatnonzero(usable)
-            for part in self._chunks(rows.size):
+            for part in batches(rows.size, self.precision.size, CHUNK):
                 value[rows[part]] += self._given(np.exp(log_tau[rows[part]]))[2]
         return np.where(usable & ~np.isnan(value), value, -np.inf)
 
@@ -151,19 +151,13 @@ class ScatterDensity:
     def coefficients(self, rng: np.random.Generator, tau: Floats) -> Floats:
         """Draw level and slopes (W, Q, P) given scatters ``tau`` (W, P)."""
         out = np.empty((len(tau), self.matrix.shape[1] * self.width.size))
-        for part in self._chunks(len(tau)):
+        for part in batches(len(tau), self.precision.size, CHUNK):
             precision, pull, _ = self._given(tau[part])
             root = np.linalg.cholesky(precision)
             mean = np.linalg.solve(precision, pull[..., None])
             noise = np.linalg.solve(np.swapaxes(root, 1, 2), rng.standard_normal(mean.shape))
             out[part] = (mean + noise)[..., 0]
         return out.reshape(len(tau), self.matrix.shape[1], -1)
-
-    def _chunks(self, rows: int) -> Iterator[slice]:
-        """Rows that are worked out at a time, so that memory does not grow with the number of conditions."""
-        size = max(16, CHUNK // self.precision.size)
-        for start in range(0, rows, size):
-            yield slice(start, min(start + size, rows))
 
     def condition(
         self, place: int, mean: Floats, tau: Floats, rng: np.random.Generator, size: int, wider: float = 1.0

@@ -15,9 +15,6 @@ from sma_bayes.gap.fitting import Fitted
 from sma_bayes.inference.proposals import Bools
 from sma_bayes.quantities import Floats
 
-CHUNK = 1 << 17
-"""Samples times parameter vectors that are evaluated at a time."""
-
 
 @dataclass(frozen=True, eq=False)
 class FollowingCoordinates:
@@ -71,9 +68,10 @@ class FollowingCoordinates:
 
     def moved(self, effects: Floats) -> Floats:
         """How far the model's parameters go (W, count) for sampled coordinates of those of the effects."""
-        rows = max(8, CHUNK // max(self.fitted.whitened.size, 1))
-        parts = [self._moved(effects[at : at + rows]) for at in range(0, len(effects), rows)]
-        return np.concatenate(parts) if parts else np.zeros((0, self.count))
+        out = np.empty((len(effects), self.count))
+        for part in self.fitted.batches(len(effects)):
+            out[part] = self._moved(effects[part])
+        return out
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def _moved(self, effects: Floats) -> Floats:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sma_bayes.gap.coordinates import CHUNK, FollowingCoordinates
+from sma_bayes.gap.coordinates import FollowingCoordinates
 from sma_bayes.gap.fitting import Fitted
 from sma_bayes.inference.adaptation import Shape
 from sma_bayes.inference.convergence import Target
@@ -64,11 +64,9 @@ class HypothesisDensity:
         z = np.atleast_2d(z)
         space = self.fitted.hypothesis.space
         out = np.empty(len(z))
-        rows = max(8, CHUNK // max(self.fitted.whitened.size, 1))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            for at in range(0, len(z), rows):
-                part = z[at : at + rows]
-                out[at : at + rows] = space.log_prior(part) + self._log_likelihood(part)
+            for part in self.fitted.batches(len(z)):
+                out[part] = space.log_prior(z[part]) + self._log_likelihood(z[part])
         return np.where(np.isnan(out), -np.inf, out)
 
     def _log_likelihood(self, z: Floats) -> Floats:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from sma_bayes.batches import batches
+from sma_bayes.effects.types import Effect
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.noise import Block, Noise, blocks_of, noise_of, whiten
 from sma_bayes.quantities import Floats
@@ -20,6 +22,8 @@ STEP = 1e-4
 """Step of finite differences, in standard deviations of the prior."""
 ROUNDS = 8
 """Greatest number of times that noise and parameters are fitted in turn; once or twice is the rule."""
+CHUNK = 1 << 17
+"""Samples times parameter vectors that are evaluated at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +70,11 @@ class Fitted:
         return np.asarray(cho_solve(cho_factor(self.precision), np.eye(self.z.size)))
 
     @cached_property
+    def observed(self) -> Floats:
+        """What was measured (N,)."""
+        return measured(self.hypothesis, self.blocks)
+
+    @cached_property
     def left(self) -> Floats:
         """Whitened residuals (N,) less what the parameters could still absorb, were it not for their priors.
 
@@ -81,14 +90,11 @@ class Fitted:
 
     def residual_at(self, z: Floats) -> Floats:
         """Measured minus predicted (W, N) at other sampled coordinates (W, D)."""
-        theta = self.hypothesis.space.to_physical(z)
-        out = np.empty((len(z), self.whitened.size))
-        for i, history in enumerate(self.hypothesis.histories):
-            mu = self.hypothesis.predict(theta, i)
-            for block in self.blocks:
-                if block.history == i:
-                    out[:, block.at] = history.observed[block.channel] - mu[block.channel]
-        return out
+        return self.observed - stacked(self.hypothesis, self.blocks, self.hypothesis.space.to_physical(z))
+
+    def batches(self, rows: int) -> Iterator[slice]:
+        """Parts of a batch of parameter vectors of which all samples are predicted at a time."""
+        return batches(rows, self.whitened.size, CHUNK)
 
     def whiten(self, series: Floats) -> Floats:
         """Stacked series (..., N) as innovations of unit variance."""
@@ -96,19 +102,30 @@ class Fitted:
 
 
 def stacked(hypothesis: Hypothesis, blocks: Sequence[Block], theta: Floats) -> Floats:
-    """Prediction of every block, shape (N,)."""
-    out = np.empty(blocks[-1].at.stop)
-    for i in range(len(hypothesis.histories)):
-        mu = hypothesis.predict(theta, i)
-        for block in blocks:
-            if block.history == i:
-                out[block.at] = mu[block.channel]
-    return out
+    """Predictions of all blocks (..., N) for parameters (..., P)."""
+    mu = [hypothesis.predict(theta, i) for i in range(len(hypothesis.histories))]
+    return np.concatenate([mu[b.history][b.channel] for b in blocks], axis=-1)
 
 
 def measured(hypothesis: Hypothesis, blocks: Sequence[Block]) -> Floats:
-    """What was observed, stacked (N,)."""
+    """What was observed of all blocks (N,)."""
     return np.concatenate([hypothesis.histories[b.history].observed[b.channel] for b in blocks])
+
+
+def added_by(effect: Effect, hypothesis: Hypothesis, blocks: Sequence[Block], theta: Floats) -> Floats:
+    """What one of the effects adds to all blocks (..., N): predictions with it less those without, all else equal.
+
+    Parameters
+    ----------
+    effect : Effect
+    hypothesis : Hypothesis
+        With the effect.
+    blocks : sequence of Block
+    theta : ndarray, shape (..., P)
+    """
+    without = hypothesis.with_effects([e for e in hypothesis.effects if e.id != effect.id])
+    rest = theta[..., [hypothesis.space.index(p.name) for p in without.space.parameters]]
+    return stacked(hypothesis, blocks, theta) - stacked(without, blocks, rest)
 
 
 def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise) -> Fitted:

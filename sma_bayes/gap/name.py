@@ -19,9 +19,8 @@ from scipy.special import logsumexp
 
 from sma_bayes.effects.needs import untestable
 from sma_bayes.effects.types import Effect
-from sma_bayes.gap.fitting import Fitted, fit_hypothesis
+from sma_bayes.gap.fitting import Fitted, added_by, fit_hypothesis, stacked
 from sma_bayes.gap.flexible import Gain
-from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.parameters.distributions import Distribution, LogNormal
 from sma_bayes.quantities import Floats
 
@@ -155,14 +154,8 @@ def screen(fitted: Fitted, effect: Effect) -> Screened:
         [[p.quantile(np.array(q)) for p, q in zip(priors, point, strict=True)] for point in _grid(priors)]
     )
     theta = np.concatenate([np.tile(fitted.theta, (len(grid), 1)), grid], axis=1)
-    change = np.zeros((len(grid), fitted.whitened.size))
-    for i in range(len(extended.histories)):
-        with_it = extended.predict(theta, i)
-        without = fitted.hypothesis.predict(fitted.theta, i)
-        for block in fitted.blocks:
-            if block.history == i:
-                change[:, block.at] = np.nan_to_num(with_it[block.channel] - without[block.channel])
-    signature = fitted.whiten(change).T
+    change = stacked(extended, fitted.blocks, theta) - stacked(fitted.hypothesis, fitted.blocks, fitted.theta)
+    signature = fitted.whiten(np.nan_to_num(change)).T
     left = fitted.unabsorbed(signature)
     a = np.einsum("ij,ij->j", signature, left)
     b = signature.T @ fitted.left
@@ -202,17 +195,9 @@ def _grid(priors: Sequence[Distribution]) -> list[tuple[float, ...]]:
 
 
 def signature_at_mode(fitted: Fitted, extended: Fitted) -> Floats:
-    """What an effect adds at its mode, whitened as before and less what the model absorbs, shape (N,)."""
-    effects = extended.hypothesis.effects
-    change = np.zeros(fitted.whitened.size)
-    without: Hypothesis = extended.hypothesis.with_effects(effects[:-1])
-    theta = extended.theta
-    for i in range(len(without.histories)):
-        mu = extended.hypothesis.predict(theta, i)
-        base = without.predict(theta[: len(without.space.parameters)], i)
-        for block in fitted.blocks:
-            if block.history == i:
-                change[block.at] = mu[block.channel] - base[block.channel]
+    """What the last effect adds at its mode, whitened as before and less what the model absorbs, shape (N,)."""
+    effect = extended.hypothesis.effects[-1]
+    change = added_by(effect, extended.hypothesis, fitted.blocks, extended.theta)
     return fitted.unabsorbed(fitted.whiten(change)[:, None])[:, 0]
 
 

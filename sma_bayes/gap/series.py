@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sma_bayes.gap.fitting import stacked
-from sma_bayes.gap.hypothesis import Hypothesis
+from sma_bayes.gap.fitting import added_by
 from sma_bayes.gap.study import GapStudy
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch
@@ -59,38 +58,22 @@ def series_of(study: GapStudy, draws: Floats) -> Series:
     """
     first, final = study.baseline, study.final
     some = draws[:: max(1, len(draws) // DRAWS)]
-    measured = final.residual + stacked(final.hypothesis, final.blocks, final.theta)
     return Series(
-        measured,
-        measured - first.residual,
-        measured - final.residual,
+        final.observed,
+        final.observed - first.residual,
+        final.observed - final.residual,
         final.whiten(first.residual),
         final.whitened,
         {
-            e.id: _quantiles(_added(final.hypothesis, e.id, some), study)
+            e.id: _quantiles(added_by(e, final.hypothesis, final.blocks, some))
             for e in final.hypothesis.effects
         },
     )  # fmt: skip
 
 
-def _added(hypothesis: Hypothesis, name: str, theta: Floats) -> list[dict[str, Floats]]:
-    """What an effect adds to each channel (S, n), history by history: the prediction with it less that without it."""
-    without = hypothesis.with_effects([e for e in hypothesis.effects if e.id != name])
-    rest = theta[:, [hypothesis.space.index(p.name) for p in without.space.parameters]]
-    out = []
-    for i in range(len(hypothesis.histories)):
-        whole, less = hypothesis.predict(theta, i), without.predict(rest, i)
-        out.append({c: whole[c] - less[c] for c in hypothesis.channels})
-    return out
-
-
-def _quantiles(added: list[dict[str, Floats]], study: GapStudy) -> dict[str, Floats]:
-    out = {q: np.empty(study.final.whitened.size) for q in QUANTILES}
-    for block in study.final.blocks:
-        found = np.nanquantile(added[block.history][block.channel], list(QUANTILES.values()), axis=0)
-        for q, values in zip(QUANTILES, found, strict=True):
-            out[q][block.at] = values
-    return out
+def _quantiles(draws: Floats) -> dict[str, Floats]:
+    """Of each column of draws (S, N)."""
+    return dict(zip(QUANTILES, np.nanquantile(draws, list(QUANTILES.values()), axis=0), strict=True))
 
 
 def series_columns(study: GapStudy, series: Series) -> dict[str, Any]:

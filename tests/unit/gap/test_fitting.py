@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from sma_bayes.gap.fitting import fit_hypothesis, fit_with_noise, held_at
+from sma_bayes.gap.fitting import added_by, fit_hypothesis, fit_with_noise, held_at
 from sma_bayes.gap.hypothesis import baseline
-from sma_bayes.gap.noise import BlockNoise
+from sma_bayes.gap.noise import BlockNoise, blocks_of
 from sma_bayes.parameters.distributions import Normal
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.quantities import Floats
@@ -102,3 +102,29 @@ def test_of_a_history_without_samples_nothing_is_left(make_line) -> None:
     kept = np.arange(line.y.size) >= first.n
     found = fit_hypothesis(part, line.prior_mean, line.noise[1:])
     assert found.ln_evidence == pytest.approx(line.log_evidence(kept=kept), abs=CLOSE)
+
+
+def test_many_parameter_vectors_are_as_many_single_ones(rig) -> None:
+    campaign = rig(periods=(60.0, 30.0), channels=("displacement", "force"), samples=12).campaign()
+    hypothesis = baseline(campaign, histories(campaign), read_priors("modified_sigmoid"), pooled=True)
+    fitted = fit_with_noise(hypothesis, hypothesis.space.prior_centre())
+    z = fitted.z + 0.1 * np.random.default_rng(0).standard_normal((5, fitted.z.size))
+    found = fitted.residual_at(z)
+    assert found.shape == (5, sum(h.n * 2 for h in hypothesis.histories))
+    for row, one in zip(found, z, strict=True):
+        np.testing.assert_allclose(row, fitted.residual_at(one), rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(fitted.residual_at(fitted.z), fitted.residual, rtol=1e-13, atol=1e-15)
+
+
+def test_what_an_effect_adds_is_counted_beside_the_others(make_line, added) -> None:
+    """Effects that add a multiple of a column each: the multiple, for every vector of parameters."""
+    line = make_line()
+    first, second = added("wave", lambda v: np.sin(v["order"])), added("ramp", lambda v: v["order"] / 40.0)
+    both = line.hypothesis.with_effects([first, second])
+    theta = np.random.default_rng(0).standard_normal((4, len(both.space.parameters)))
+    blocks = blocks_of(both)
+    for effect, size in ((first, theta[:, -2]), (second, theta[:, -1])):
+        column = np.concatenate([effect.column(h.inputs) for h in both.histories])
+        np.testing.assert_allclose(
+            added_by(effect, both, blocks, theta), size[:, None] * column, rtol=0.0, atol=1e-12
+        )
