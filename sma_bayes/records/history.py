@@ -6,7 +6,7 @@ happened before, so the gap workflow follows each condition along its whole hist
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -194,16 +194,23 @@ def smoothed(temperature: Floats, time: Floats, segment: Floats) -> Floats:
     .. [1] Carroll, Ruppert, Stefanski and Crainiceanu, Measurement Error in Nonlinear Models (2006), regression
        calibration.
     """
-    out = temperature.copy()
-    starts = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1.0))
-    for low, high in zip(starts, [*starts[1:], segment.size], strict=True):
-        t = time[low:high]
-        if t.size >= SMOOTHED_FROM and np.all(np.diff(t) > 0.0):
-            scale = (t[-1] - t[0]) / t.size
-            out[low:high] = make_smoothing_spline((t - t[0]) / scale, temperature[low:high])(
-                (t - t[0]) / scale
-            )
-    return out
+    return _sweep_by_sweep(_spline, temperature, time, segment)
+
+
+def _spline(temperature: Floats, time: Floats) -> Floats:
+    if time.size < SMOOTHED_FROM or not np.all(np.diff(time) > 0.0):
+        return temperature
+    t = (time - time[0]) / ((time[-1] - time[0]) / time.size)
+    return np.asarray(make_smoothing_spline(t, temperature)(t))
+
+
+def _sweep_by_sweep(
+    made_of: Callable[[Floats, Floats], Floats], temperature: Floats, time: Floats, segment: Floats
+) -> Floats:
+    """What a function makes of temperature and time of each sweep, joined again, shape (n,)."""
+    ends = np.flatnonzero(np.diff(segment)) + 1
+    sweeps = zip(np.split(temperature, ends), np.split(time, ends), strict=True)
+    return np.concatenate([made_of(*sweep) for sweep in sweeps])
 
 
 def _interruptions(clock: Floats, sweep: Floats) -> Floats:
@@ -236,18 +243,17 @@ def sweep_rate(temperature: Floats, time: Floats, segment: Floats) -> Floats:
     ndarray, shape (n,)
         0 where a sweep has a single sample or a single time.
     """
-    rate = np.zeros(temperature.size)
-    half = RATE_SAMPLES // 2
-    starts = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1.0))
-    for low, high in zip(starts, [*starts[1:], segment.size], strict=True):
-        t, temp = time[low:high] - time[low], temperature[low:high]
-        sums = np.zeros((4, t.size + 1))
-        np.cumsum([t, temp, t * t, t * temp], axis=1, out=sums[:, 1:])
-        at = np.arange(t.size)
-        left, right = np.maximum(at - half, 0), np.minimum(at + half + 1, t.size)
-        count = right - left
-        st, sy, stt, sty = sums[:, right] - sums[:, left]
-        spread = count * stt - st * st
-        good = spread > 1e-12 * np.maximum(count * stt, 1e-300)
-        rate[low:high] = np.where(good, (count * sty - st * sy) / np.where(good, spread, 1.0), 0.0)
-    return rate
+    return _sweep_by_sweep(_slope, temperature, time, segment)
+
+
+def _slope(temperature: Floats, time: Floats) -> Floats:
+    t = time - time[0]
+    sums = np.zeros((4, t.size + 1))
+    np.cumsum([t, temperature, t * t, t * temperature], axis=1, out=sums[:, 1:])
+    at, half = np.arange(t.size), RATE_SAMPLES // 2
+    left, right = np.maximum(at - half, 0), np.minimum(at + half + 1, t.size)
+    count = right - left
+    st, sy, stt, sty = sums[:, right] - sums[:, left]
+    spread = count * stt - st * st
+    good = spread > 1e-12 * np.maximum(count * stt, 1e-300)
+    return np.where(good, (count * sty - st * sy) / np.where(good, spread, 1.0), 0.0)
