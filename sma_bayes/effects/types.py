@@ -88,7 +88,7 @@ class Scales:
             low=low,
             high=high,
             step={k: lattice_step(joined[k]) for k in first.channels if k in joined},
-            units=first.units,
+            units=dict(first.units),
             specimen=first.specimen,
             on_lattice={
                 k: float(np.sort(joined[k])[joined[k].size // 2]) for k in first.channels if k in joined

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from sma_bayes.effects import EFFECTS
 from sma_bayes.gap.fitting import added_by, fit_hypothesis, fit_with_noise, held_at
 from sma_bayes.gap.hypothesis import baseline
 from sma_bayes.gap.noise import BlockNoise, blocks_of
@@ -128,3 +131,15 @@ def test_what_an_effect_adds_is_counted_beside_the_others(make_line, added) -> N
         np.testing.assert_allclose(
             added_by(effect, both, blocks, theta), size[:, None] * column, rtol=0.0, atol=1e-12
         )
+
+
+def test_a_fit_pickles(rig) -> None:
+    """By the pickle of the standard library, effects and scales included, and it goes on working."""
+    campaign = rig(periods=(60.0,), loads=(1.0,), samples=16).campaign()
+    hypothesis = baseline(campaign, histories(campaign), read_priors("modified_sigmoid"), pooled=True)
+    fitted = fit_with_noise(hypothesis.extended(EFFECTS["thermocouple_lag"]), np.zeros(9))
+    again = pickle.loads(pickle.dumps(fitted))
+    np.testing.assert_array_equal(again.residual_at(again.z), fitted.residual_at(fitted.z))
+    np.testing.assert_array_equal(again.left, fitted.left)
+    more = again.hypothesis.extended(EFFECTS["training_drift"])
+    assert more.space.names == fitted.hypothesis.extended(EFFECTS["training_drift"]).space.names
