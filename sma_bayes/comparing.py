@@ -11,7 +11,6 @@ from typing import Any
 from sma_bayes.account import Account
 from sma_bayes.assess.comparison import AUTO, Comparison, compare_record
 from sma_bayes.assess.comparison_document import (
-    SCHEMA,
     curve_columns,
     overall,
     record_document,
@@ -34,6 +33,7 @@ from sma_bayes.noise.effective_samples import EffectiveSamples
 from sma_bayes.parameters.priors_file import PriorSet, read_priors
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import figures_for
+from sma_bayes.results.documents import COMPARISON
 from sma_bayes.results.store import plain, write_csv, write_text
 from sma_bayes.tasks import FitOptions, Pool
 from sma_bayes.under_way import Progress, UnderWay, silent
@@ -102,7 +102,7 @@ def compare(
     records = units_of(campaign, pool)
     check(records, options)
     drawn = figures_for(figures, len(records))
-    work = UnderWay("comparison.json", jobs, drawn, progress or silent, account or Account())
+    work = UnderWay(COMPARISON, jobs, drawn, progress or silent, account or Account())
     if out is None:
         return work.with_account(_compared(campaign, records, None, options, work))
     folder = Path(out).absolute()
@@ -182,7 +182,7 @@ def _compared(
                 write_csv(folder / "curves" / f"{stem_of(found)}.csv", curve_columns(found))
                 write_csv(folder / "samples" / f"{stem_of(found)}.csv", sample_columns(found))
     document: dict[str, Any] = plain({
-        "schema": SCHEMA,
+        "schema": COMPARISON.schema,
         "campaign": campaign.name,
         "source": campaign.source,
         "seed": options.seed,

@@ -13,7 +13,6 @@ from pydantic import ValidationError
 
 from sma_bayes.account import Account
 from sma_bayes.conditions.document import (
-    SCHEMA,
     curve_columns,
     held_out_columns,
     sample_columns,
@@ -30,6 +29,7 @@ from sma_bayes.report.choice import figures_for
 from sma_bayes.report.conditions_tables import named, quantity, setting_name, setting_text
 from sma_bayes.report.outputs import StoredRun, read_run
 from sma_bayes.report.stored_draws import stored_draws
+from sma_bayes.results.documents import CONDITIONS
 from sma_bayes.results.store import plain, write_csv
 from sma_bayes.tasks import write_band
 from sma_bayes.under_way import Progress, UnderWay, silent
@@ -107,7 +107,7 @@ def study_conditions(
     asked = tuple(condition_at(a, specimen=specimen) if isinstance(a, str) else a for a in at)
     question = _Question(run, records, asked, tuple(leave_out), seed, scatter)
     drawn = figures_for(figures, len(records))
-    work = UnderWay("conditions.json", jobs, drawn, progress or silent, spent)
+    work = UnderWay(CONDITIONS, jobs, drawn, progress or silent, spent)
     if out is None:
         return work.with_account(_studied(question, None, work))
     place = Path(out).absolute()
@@ -158,7 +158,7 @@ def _studied(question: _Question, folder: Path | None, work: UnderWay) -> dict[s
         with work.account.timed("write"):
             _write(folder, found, q.seed)
     document: dict[str, Any] = plain({
-        "schema": SCHEMA,
+        "schema": CONDITIONS.schema,
         "campaign": q.run.summary["campaign"],
         "source": str(q.run.folder),
         "seed": q.seed,

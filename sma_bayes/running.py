@@ -20,13 +20,13 @@ from sma_bayes.quantities import number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
 from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD
+from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, STUDY
 from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, write_json
 from sma_bayes.study_file import Study, read_study
 from sma_bayes.under_way import Progress, silent
 from sma_bayes.workflow import all_versions, bias_spring, claimed_folder, fit_campaign, study_gap
 
-SCHEMA: Final = "sma-bayes/study/1"
 DONE, NOT_CONVERGED, WRONG = 0, 1, 2
 """Exit statuses of a step; that of the study is the greatest of them."""
 STATUS: Final = {DONE: "done", NOT_CONVERGED: "not converged", WRONG: "failed"}
@@ -39,12 +39,7 @@ FOLDERS: Final = {
     "conditions": "conditions",
     "ask": "ask",
 }
-SUMMARIES: Final = {
-    "fit": "summary.json",
-    "compare": "comparison.json",
-    "gap": "gap.json",
-    "conditions": "conditions.json",
-}
+SUMMARIES: Final = {d.verb: d.file for d in (FIT, COMPARISON, GAP, CONDITIONS)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +117,7 @@ def run_study(
         for step in steps:
             results.append(_result(step, results, tell))
             document = _document(study, campaign, results, len(results) == len(steps), clock)
-            write_json(folder / "study.json", document)
+            write_json(folder / STUDY.file, document)
     return document
 
 
@@ -259,7 +254,7 @@ def _document(
     study: Study, campaign: Campaign, results: list[dict[str, Any]], finished: bool, clock: float
 ) -> dict[str, Any]:
     document: dict[str, Any] = plain({
-        "schema": SCHEMA,
+        "schema": STUDY.schema,
         "study": study.file,
         "campaign": campaign.name,
         "source": campaign.source,

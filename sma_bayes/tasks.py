@@ -22,14 +22,13 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parts import Part, part_path, read_part, write_part
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.response.arrangement import BiasSpring
+from sma_bayes.results.documents import MARK
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import AUTO, fit_records
 from sma_bayes.results.store import plain, write_csv, write_posterior
 
 Pool = Literal["none", "campaign"]
 
-MARK = "run.json"
-"""File that tells to which run a folder belongs."""
 WHOLE_CONDITIONS = 20
 """Number of conditions from which on a task is a condition with its branches. With fewer, a branch is a task: that
 keeps more processes busy, but sends all draws to the process that joins the branches."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from sma_bayes.account import Account
 from sma_bayes.report.choice import Drawn
+from sma_bayes.results.documents import Document
 from sma_bayes.results.store import write_json
 
 Progress = Callable[[int, int, str], None]
@@ -26,8 +27,8 @@ class UnderWay:
 
     Attributes
     ----------
-    document : str
-        Name of the JSON file of its results.
+    document : Document
+        Of its results.
     jobs : int or None
         See `sma_bayes.inference.jobs.run`.
     drawn : str
@@ -38,7 +39,7 @@ class UnderWay:
         When it began, by `time.perf_counter` [s].
     """
 
-    document: str
+    document: Document
     jobs: int | None
     drawn: Drawn
     tell: Progress = silent
@@ -57,12 +58,12 @@ class UnderWay:
     def end(self, folder: Path, found: Mapping[str, Any]) -> dict[str, Any]:
         """Write the results, draw the report, and write the results again with what that took; return them."""
         stated = self.with_account(found)
-        write_json(folder / self.document, stated)
+        write_json(folder / self.document.file, stated)
         if self.drawn == "none":
             return stated
         self._report(folder)
         stated = self.with_account(found)
-        write_json(folder / self.document, stated)
+        write_json(folder / self.document.file, stated)
         return stated
 
     def end_again(self, folder: Path, found: dict[str, Any]) -> dict[str, Any]:

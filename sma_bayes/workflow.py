@@ -30,10 +30,11 @@ from sma_bayes.posterior import build_posterior, versions
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import Drawn, figures_for
 from sma_bayes.response.arrangement import Arrangement, BiasSpring
+from sma_bayes.results.documents import FIT, GAP, MARK, read_mark
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, sweep_unfinished, write_json, write_text
-from sma_bayes.tasks import MARK, FitOptions, FitTask, Pool, fitted, sample_task
+from sma_bayes.tasks import FitOptions, FitTask, Pool, fitted, sample_task
 from sma_bayes.under_way import Progress, UnderWay, silent
 
 DEFAULT_PRIORS = "modified_sigmoid"
@@ -138,7 +139,7 @@ def fit_campaign(
         bias=bias,
     )
     drawn = figures_for(figures, len(campaign.records))
-    work = UnderWay("summary.json", jobs, drawn, progress or silent, account or Account())
+    work = UnderWay(FIT, jobs, drawn, progress or silent, account or Account())
     groups = groups_of(campaign, pool)
     check_call(groups, options)
     with claimed_folder(folder, run_identity(campaign, options), resume):
@@ -146,7 +147,7 @@ def fit_campaign(
     with work.account.timed("write"):
         write_text(folder / "priors.toml", options.priors.text)
     summary = {
-        "schema": "sma-bayes/fit/1",
+        "schema": FIT.schema,
         "campaign": campaign.name,
         "source": campaign.source,
         **({"data_dir": campaign.data_dir} if campaign.data_dir else {}),
@@ -303,11 +304,8 @@ def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> tuple[
 
 
 def _check_mark(folder: Path, identity: dict[str, Any], resume: bool) -> None:
-    try:
-        found = json.loads((folder / MARK).read_text(encoding="utf-8"))
-    except ValueError:
-        found = None
-    if not isinstance(found, dict):
+    found = read_mark(folder)
+    if found is None:
         raise OutputError(
             "does not say which run the folder holds",
             file=folder / MARK,
@@ -386,7 +384,7 @@ def study_gap(
     can = comparable(campaign)
     check_call(groups_of(can.campaign, pool), options)
     drawn: Drawn = "none" if figures_for(figures, len(campaign.records)) == "none" else "all"
-    work = UnderWay("gap.json", jobs, drawn, progress or silent, account or Account())
+    work = UnderWay(GAP, jobs, drawn, progress or silent, account or Account())
     if out is None:
         return work.with_account(_studied(can, None, options, work))
     folder = Path(out).absolute()
@@ -495,12 +493,7 @@ def pool_named(name: str) -> Pool:
 
 def is_run_of(folder: Path, campaign: Campaign) -> bool:
     """Whether a folder holds a run of this campaign by this version."""
-    try:
-        found = json.loads((folder / MARK).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    if not isinstance(found, dict):
-        return False
+    found = read_mark(folder) or {}
     return bool(found.get("data") == campaign.sha256 and found.get("versions") == versions())
 
 

@@ -16,7 +16,6 @@ from sma_bayes.assess.verdict import Standing, difference, judge
 from sma_bayes.inference.pareto import RELIABLE
 from sma_bayes.quantities import Floats
 
-SCHEMA: Final = "sma-bayes/comparison/1"
 NUMBERS: Final = (
     "elpd", "elpd_se", "p_eff", "ln_evidence", "ln_evidence_sd", "weight", "rmse_held_out", "r_held_out",
     "pareto_k_max",

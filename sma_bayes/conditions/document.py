@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from sma_bayes.conditions.prediction import Prediction, predicted_features
 from sma_bayes.conditions.study import ConditionStudy
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Condition, setting_unit
-
-SCHEMA: Final = "sma-bayes/conditions/1"
 
 
 def study_document(study: ConditionStudy, *, specimen: bool) -> dict[str, Any]:

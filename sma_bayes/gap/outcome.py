@@ -36,6 +36,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, Floats
 from sma_bayes.records.history import History
 from sma_bayes.records.types import Campaign
+from sma_bayes.results.documents import GAP
 
 METRIC = (
     "root mean square of held-out residuals, as innovations of the noise, in its standard deviations; "
@@ -173,7 +174,7 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
     effects = [_effect_json(outcome, e) for e in study.effects]
     none, named = study.verdict == "none", study.verdict == "named"
     return {
-        "schema": "sma-bayes/gap/1",
+        "schema": GAP.schema,
         "verdict": study.verdict,
         "p_value": study.p_value,
         "p_value_extrapolated": study.steps[0].look.extrapolated,

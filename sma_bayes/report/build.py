@@ -12,10 +12,10 @@ from sma_bayes.account import Account
 from sma_bayes.errors import OutputError
 from sma_bayes.inference.jobs import run
 from sma_bayes.report.choice import Drawn, figures_for
-from sma_bayes.report.comparison_outputs import StoredComparison, is_comparison, read_comparison
+from sma_bayes.report.comparison_outputs import StoredComparison, read_comparison
 from sma_bayes.report.comparison_page import write_comparison_report
 from sma_bayes.report.comparison_tables import comparison_tables, model_averages
-from sma_bayes.report.conditions_outputs import StoredConditions, is_condition_study, read_conditions
+from sma_bayes.report.conditions_outputs import StoredConditions, read_conditions
 from sma_bayes.report.conditions_page import write_conditions_report
 from sma_bayes.report.conditions_tables import conditions_tables
 from sma_bayes.report.content import Content, RecordContent
@@ -52,7 +52,7 @@ from sma_bayes.report.figures import (
     save,
     trace_figure,
 )
-from sma_bayes.report.gap_outputs import StoredStudy, is_study, read_study
+from sma_bayes.report.gap_outputs import StoredStudy, read_study
 from sma_bayes.report.gap_page import write_gap_report
 from sma_bayes.report.gap_tables import gap_tables
 from sma_bayes.report.gather import report_content
@@ -61,6 +61,7 @@ from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_
 from sma_bayes.report.residuals import median_curves, standardised_residuals
 from sma_bayes.report.tables import Table, report_tables, write_tables
 from sma_bayes.report.took import account_table
+from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, MARK
 
 Progress = Callable[[int, int, str], None]
 """Told how many tasks are done, how many there are, and what is going on."""
@@ -95,11 +96,11 @@ def build_report(
     """
     folder = Path(folder).absolute()
     tell = progress or (lambda done, total, message: None)
-    if is_study(folder):
+    if GAP.is_in(folder):
         _build_gap_report(folder, jobs, tell, account)
-    elif is_comparison(folder):
+    elif COMPARISON.is_in(folder):
         _build_comparison_report(folder, figures, jobs, tell, account)
-    elif is_condition_study(folder):
+    elif CONDITIONS.is_in(folder):
         _build_conditions_report(folder, figures, jobs, tell, account)
     else:
         _build_fit_report(folder, figures, jobs, tell, account)
@@ -108,7 +109,7 @@ def build_report(
 def _build_fit_report(
     folder: Path, figures: str | bool, jobs: int | None, tell: Progress, account: Account | None
 ) -> None:
-    if not any((folder / name).is_file() for name in ("summary.json", "run.json")):
+    if not any((folder / name).is_file() for name in (FIT.file, MARK)):
         raise OutputError(
             "holds no run of sma_bayes" if folder.is_dir() else "is not a folder",
             file=folder,

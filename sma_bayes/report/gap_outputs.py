@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,9 +15,8 @@ from numpy.typing import NDArray
 from sma_bayes.errors import OutputError
 from sma_bayes.gap.store import POSTERIOR, SERIES
 from sma_bayes.quantities import Floats
+from sma_bayes.results.documents import GAP
 
-GAP_SCHEMA: Final = "sma-bayes/gap/1"
-AGAIN: Final = "give the command that started it once more, with --resume"
 WORDS: Final = ("condition", "branch", "channel")
 """Columns of the series that hold words."""
 
@@ -92,17 +90,6 @@ class StoredStudy:
         return [*self.found["effects"], *self.found["partial"]]
 
 
-def is_study(folder: Path) -> bool:
-    """Whether a folder holds a gap study, finished or not."""
-    if (folder / "gap.json").is_file():
-        return True
-    try:
-        mark = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(mark, dict) and mark.get("kind") == "gap"
-
-
 def read_study(folder: Path) -> StoredStudy:
     """Read a gap study.
 
@@ -111,45 +98,25 @@ def read_study(folder: Path) -> StoredStudy:
     OutputError
         If the study is not finished, of another version, or a file can't be read.
     """
-    found = _found(folder)
+    found = GAP.read(folder)
+    if "thresholds" not in found:
+        raise OutputError(
+            "was written by another version",
+            file=folder / GAP.file,
+            expected=f"the schema {GAP.schema!r} as this version of sma_bayes writes it",
+            remedy="make the study anew with this version",
+        )
     needed = (POSTERIOR, SERIES) if found["effects"] or found["partial"] else (SERIES,)
     lacking = [str(p) for p in needed if not (folder / p).is_file()]
     if lacking:
         raise OutputError(
-            f"lacks {' and '.join(lacking)}", file=folder, expected="what `gap` writes", remedy=_anew(folder)
+            f"lacks {' and '.join(lacking)}",
+            file=folder,
+            expected="what `gap` writes",
+            remedy=GAP.anew(folder),
         )
     draws, prior = _draws(folder) if POSTERIOR in needed else ({}, {})
     return StoredStudy(folder, found, _samples(folder / SERIES), draws, prior)
-
-
-def _anew(folder: Path) -> str:
-    return f"remove {folder / 'gap.json'} and {AGAIN}"
-
-
-def _found(folder: Path) -> dict[str, Any]:
-    path = folder / "gap.json"
-    if not path.is_file():
-        raise OutputError(
-            "holds a gap study that is not finished",
-            file=folder,
-            expected="a folder with a gap.json",
-            remedy=AGAIN,
-        )
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise OutputError(
-            f"can't be read: {error}", file=path, expected="JSON as gap writes it", remedy=_anew(folder)
-        ) from None
-    schema = found.get("schema") if isinstance(found, dict) else None
-    if schema != GAP_SCHEMA or "thresholds" not in found:
-        raise OutputError(
-            f"has the schema {schema!r}" if schema != GAP_SCHEMA else "was written by another version",
-            file=path,
-            expected=f"the schema {GAP_SCHEMA!r} as this version of sma_bayes writes it",
-            remedy="make the study anew with this version",
-        )
-    return dict(found)
 
 
 def _samples(path: Path) -> Samples:
@@ -170,7 +137,7 @@ def _samples(path: Path) -> Samples:
             f"can't be read as series: {error}",
             file=path,
             expected="series as gap writes them",
-            remedy=_anew(path.parent),
+            remedy=GAP.anew(path.parent),
         ) from None
 
 
@@ -186,5 +153,5 @@ def _draws(folder: Path) -> tuple[dict[str, Floats], dict[str, Floats]]:
             f"can't be read as a posterior: {error}",
             file=path,
             expected="NetCDF as gap writes it",
-            remedy=_anew(folder),
+            remedy=GAP.anew(folder),
         ) from None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,17 +13,7 @@ import numpy as np
 
 from sma_bayes.errors import OutputError
 from sma_bayes.quantities import Floats
-
-FIT_SCHEMA: Final = "sma-bayes/fit/1"
-FINISH: Final = "finish it: give the command that started it once more, with --resume"
-
-OTHERS: Final = {
-    "gap.json": "a gap study",
-    "comparison.json": "a comparison of models",
-    "conditions.json": "a study of conditions",
-    "study.json": "the folders of a study",
-}
-"""What else a folder may hold, by the file that gives it away."""
+from sma_bayes.results.documents import COMPARISON, CONDITIONS, FINISH, FIT, GAP, MARK, STUDY
 
 BAND_COLUMNS: Final = ("q05", "q25", "q50", "q75", "q95", "pred_q05", "pred_q95")
 """Quantiles of a band that figures show."""
@@ -120,23 +109,30 @@ def read_run(folder: Path) -> StoredRun:
         raise OutputError(
             "is not a folder", file=folder, expected="the output folder of a fit", remedy="check the path"
         )
-    if not (folder / "summary.json").is_file():
-        other = next((what for name, what in OTHERS.items() if (folder / name).is_file()), None)
+    if not (folder / FIT.file).is_file():
+        other = next((d for d in (GAP, COMPARISON, CONDITIONS, STUDY) if (folder / d.file).is_file()), None)
         if other:
             raise OutputError(
-                f"holds {other}, no fit",
+                f"holds {other.what}, no fit",
                 file=folder,
                 expected="a folder with a summary.json",
                 remedy="name the folder that was given to fit as --out; of a study the one called fit",
             )
-        begun = (folder / "run.json").is_file()
+        begun = (folder / MARK).is_file()
         raise OutputError(
             "holds a run that is not finished" if begun else "holds no run of sma_bayes",
             file=folder,
             expected="a folder with a summary.json",
             remedy=FINISH if begun else "name the folder that was given to fit as --out",
         )
-    summary = _summary(folder / "summary.json")
+    summary = FIT.read(folder)
+    if not summary.get("records"):
+        raise OutputError(
+            "holds no records",
+            file=folder / FIT.file,
+            expected="at least one record",
+            remedy="name the output folder of a fit, made by this version of sma_bayes",
+        )
     missing = _missing(folder, summary)
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
@@ -148,15 +144,6 @@ def read_run(folder: Path) -> StoredRun:
         )
     priors = folder / "priors.toml"
     return StoredRun(folder, summary, priors.read_text(encoding="utf-8") if priors.is_file() else "")
-
-
-def kind_of(folder: Path) -> str:
-    """Command other than a fit that wrote into a folder; empty where that is not known."""
-    try:
-        mark = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return ""
-    return str(mark.get("kind", "")) if isinstance(mark, dict) else ""
 
 
 def read_columns(path: Path, again: str) -> dict[str, Floats]:
@@ -186,24 +173,6 @@ def read_columns(path: Path, again: str) -> dict[str, Floats]:
         raise OutputError(
             f"can't be read: {error}", file=path, expected="columns as they were written", remedy=again
         ) from None
-
-
-def _summary(path: Path) -> Mapping[str, Any]:
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise OutputError(
-            f"can't be read: {error}", file=path, expected="JSON as fit writes it", remedy=FINISH
-        ) from None
-    schema = summary.get("schema") if isinstance(summary, dict) else None
-    if schema != FIT_SCHEMA or not summary.get("records"):
-        raise OutputError(
-            f"holds {schema!r} with no records" if schema == FIT_SCHEMA else f"has the schema {schema!r}",
-            file=path,
-            expected=f"the schema {FIT_SCHEMA!r} and at least one record",
-            remedy="name the output folder of a fit, made by this version of sma_bayes",
-        )
-    return dict(summary)
 
 
 def _missing(folder: Path, summary: Mapping[str, Any]) -> list[str]:

@@ -17,8 +17,9 @@ from sma_bayes.parameters.space import Parameter, ParameterSpace
 from sma_bayes.posterior import Place, Posterior
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
-from sma_bayes.report.outputs import FINISH, StoredRecord, StoredRun, posterior_path, read_record, read_run
+from sma_bayes.report.outputs import StoredRecord, StoredRun, posterior_path, read_record, read_run
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.results.documents import FINISH
 from sma_bayes.results.fit import calibration_errors
 
 FIRST_NOISE: Final = "_sd"

@@ -1,0 +1,97 @@
+"""The JSON documents of an output folder: the mark of its run, and what the run found, by the verb that writes it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from sma_bayes.errors import OutputError
+
+MARK: Final = "run.json"
+"""File that tells to which run a folder belongs."""
+AGAIN: Final = "give the command that started it once more, with --resume"
+FINISH: Final = f"finish it: {AGAIN}"
+
+
+def read_mark(folder: Path) -> dict[str, Any] | None:
+    """What the mark of a folder says; None where there is none, or none that says anything."""
+    try:
+        mark = json.loads((folder / MARK).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return mark if isinstance(mark, dict) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """What a verb writes of what it found.
+
+    Attributes
+    ----------
+    verb : str
+        ``gap``; the mark of a folder names it as its kind.
+    file : str
+        ``gap.json``. It is written last, so it tells that the run came to its end.
+    schema : str
+    what : str
+        What a folder with it holds: ``a gap study``.
+    """
+
+    verb: str
+    file: str
+    schema: str
+    what: str
+
+    def is_in(self, folder: Path) -> bool:
+        """Whether a folder holds such a run, finished or not."""
+        return (folder / self.file).is_file() or (read_mark(folder) or {}).get("kind") == self.verb
+
+    def anew(self, folder: Path) -> str:
+        """What to do where something beside the document can't be used."""
+        return f"remove {folder / self.file} and {AGAIN}"
+
+    def read(self, folder: Path) -> dict[str, Any]:
+        """What a finished run found.
+
+        Raises
+        ------
+        OutputError
+            If the run is not finished, or its document can't be read or is of another version.
+        """
+        path = folder / self.file
+        if not path.is_file():
+            raise OutputError(
+                f"holds {self.what} that is not finished",
+                file=folder,
+                expected=f"a folder with a {self.file}",
+                remedy=FINISH,
+            )
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise OutputError(
+                f"can't be read: {error}",
+                file=path,
+                expected=f"JSON as {self.verb} writes it",
+                remedy=f"remove it and {AGAIN}",
+            ) from None
+        schema = found.get("schema") if isinstance(found, dict) else None
+        if schema != self.schema:
+            raise OutputError(
+                f"has the schema {schema!r}",
+                file=path,
+                expected=f"the schema {self.schema!r}",
+                remedy=f"{self.verb} again into another folder, with this version of sma_bayes",
+            )
+        return dict(found)
+
+
+FIT: Final = Document("fit", "summary.json", "sma-bayes/fit/1", "a fit")
+COMPARISON: Final = Document("compare", "comparison.json", "sma-bayes/comparison/1", "a comparison of models")
+GAP: Final = Document("gap", "gap.json", "sma-bayes/gap/1", "a gap study")
+CONDITIONS: Final = Document(
+    "conditions", "conditions.json", "sma-bayes/conditions/1", "a study of conditions"
+)
+STUDY: Final = Document("study", "study.json", "sma-bayes/study/1", "the folders of a study")
