@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,7 +25,7 @@ from sma_bayes.assess.contenders import (
     posterior_of,
     unavailable,
 )
-from sma_bayes.errors import MeasurementError, OutputError
+from sma_bayes.errors import MeasurementError
 from sma_bayes.inference.jobs import run
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.noise.effective_samples import EffectiveSamples
@@ -37,7 +36,7 @@ from sma_bayes.results.documents import COMPARISON
 from sma_bayes.results.store import plain, write_csv, write_text
 from sma_bayes.tasks import FitOptions, Pool
 from sma_bayes.under_way import Progress, UnderWay, silent
-from sma_bayes.workflow import DEFAULT_PRIORS, all_versions, claimed_folder, run_identity
+from sma_bayes.workflow import DEFAULT_PRIORS, all_versions, run_identity
 
 FEWEST_CONDITIONS = 2
 """Conditions that can be left out in turn."""
@@ -106,10 +105,10 @@ def compare(
     if out is None:
         return work.with_account(_compared(campaign, records, None, options, work))
     folder = Path(out).absolute()
-    with claimed_folder(folder, {**run_identity(campaign, options), "kind": "compare"}, resume):
-        finished = _finished(folder)
-        found = finished or _compared(campaign, records, folder, options, work)
-    return work.end_again(folder, found) if finished else work.end(folder, found)
+    identity = {**run_identity(campaign, options), "kind": COMPARISON.verb}
+    return work.carry_out(
+        folder, identity, resume, lambda: _compared(campaign, records, folder, options, work)
+    )
 
 
 def units_of(campaign: Campaign, pool: Pool) -> list[Record]:
@@ -197,20 +196,6 @@ def _compared(
     if folder is not None:
         write_text(folder / "priors.toml", options.priors.text)
     return document
-
-
-def _finished(folder: Path) -> dict[str, Any] | None:
-    """What `comparison.json` of a folder holds, if the comparison came to its end."""
-    path = folder / "comparison.json"
-    if not path.is_file():
-        return None
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise OutputError(
-            f"can't be read: {error}", file=path, expected="JSON as compare writes it", remedy="remove it"
-        ) from None
-    return found if isinstance(found, dict) else None
 
 
 def summary_text(found: Mapping[str, Any]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +21,7 @@ from sma_bayes.conditions.document import (
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.conditions.study import ConditionStudy, bands_of, study
-from sma_bayes.errors import OutputError, SmaBayesError, near_matches
+from sma_bayes.errors import SmaBayesError, near_matches
 from sma_bayes.records.declaration import ConditionTable
 from sma_bayes.records.types import Condition
 from sma_bayes.report.choice import figures_for
@@ -33,7 +32,7 @@ from sma_bayes.results.documents import CONDITIONS
 from sma_bayes.results.store import plain, write_csv
 from sma_bayes.tasks import write_band
 from sma_bayes.under_way import Progress, UnderWay, silent
-from sma_bayes.workflow import all_versions, claimed_folder
+from sma_bayes.workflow import all_versions
 
 HEADLINES: Final = (
     "least_stiffness", "greatest_stiffness", "stiffness_ratio", "hysteresis_width", "midpoint", "As", "Af", "Ms", "Mf",
@@ -111,10 +110,7 @@ def study_conditions(
     if out is None:
         return work.with_account(_studied(question, None, work))
     place = Path(out).absolute()
-    with claimed_folder(place, question.identity(), resume):
-        finished = _finished(place)
-        found = finished or _studied(question, place, work)
-    return work.end_again(place, found) if finished else work.end(place, found)
+    return work.carry_out(place, question.identity(), resume, lambda: _studied(question, place, work))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +132,7 @@ class _Question:
             digest.update(record.theta.tobytes())
         return {
             "schema": "sma-bayes/run/1",
-            "kind": "conditions",
+            "kind": CONDITIONS.verb,
             "data": self.run.summary["data_sha256"],
             "fit": digest.hexdigest(),
             "at": [repr(c) for c in self.asked],
@@ -258,20 +254,6 @@ def _write(folder: Path, found: ConditionStudy, seed: int) -> None:
         samples = sample_columns(held)
         if samples:
             write_csv(folder / "held_out" / f"{name}-samples.csv", samples)
-
-
-def _finished(folder: Path) -> dict[str, Any] | None:
-    """What `conditions.json` of a folder holds, if the study came to its end."""
-    path = folder / "conditions.json"
-    if not path.is_file():
-        return None
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise OutputError(
-            f"can't be read: {error}", file=path, expected="JSON as conditions writes it", remedy="remove it"
-        ) from None
-    return found if isinstance(found, dict) else None
 
 
 def summary_text(found: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from sma_bayes.asking import WANTED, ask
 from sma_bayes.comparing import compare
 from sma_bayes.errors import ResumeError, SmaBayesError
 from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.output_folder import claimed_folder
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.predicting import study_conditions
 from sma_bayes.quantities import number_and_unit
@@ -25,7 +26,7 @@ from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, write_json
 from sma_bayes.study_file import Study, read_study
 from sma_bayes.under_way import Progress, silent
-from sma_bayes.workflow import all_versions, bias_spring, claimed_folder, fit_campaign, study_gap
+from sma_bayes.workflow import all_versions, bias_spring, fit_campaign, study_gap
 
 DONE, NOT_CONVERGED, WRONG = 0, 1, 2
 """Exit statuses of a step; that of the study is the greatest of them."""
@@ -123,7 +124,7 @@ def run_study(
 
 def _identity(campaign: Campaign) -> dict[str, Any]:
     """What makes a folder that of this study; options may change, since each step watches over its own."""
-    return {"schema": "sma-bayes/run/1", "kind": "study", "data": campaign.sha256}
+    return {"schema": "sma-bayes/run/1", "kind": STUDY.verb, "data": campaign.sha256}
 
 
 def _check(study: Study) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_bayes.account import Account
+from sma_bayes.output_folder import claimed_folder
 from sma_bayes.report.choice import Drawn
 from sma_bayes.results.documents import Document
 from sma_bayes.results.store import write_json
@@ -55,6 +56,33 @@ class UnderWay:
             "wall_s": time.perf_counter() - self.begun,
         }
 
+    def carry_out(
+        self, folder: Path, identity: dict[str, Any], resume: bool, find: Callable[[], dict[str, Any]]
+    ) -> dict[str, Any]:
+        """Find what is to be found and write it to a folder; what an earlier call has found there is read instead.
+
+        Parameters
+        ----------
+        folder : Path
+        identity, resume
+            See `sma_bayes.output_folder.claim_folder`.
+        find : callable
+            Writes its files to the folder, except the document, which comes last, and gives what that will hold.
+
+        Raises
+        ------
+        OutputError, ResumeError
+            If the folder can't be used.
+        """
+        with claimed_folder(folder, identity, resume):
+            finished = (folder / self.document.file).is_file()
+            found = self.document.read(folder) if finished else find()
+        if not finished:
+            return self.end(folder, found)
+        if self.drawn != "none" and not (folder / "report.html").is_file():
+            self._report(folder)
+        return found
+
     def end(self, folder: Path, found: Mapping[str, Any]) -> dict[str, Any]:
         """Write the results, draw the report, and write the results again with what that took; return them."""
         stated = self.with_account(found)
@@ -65,12 +93,6 @@ class UnderWay:
         stated = self.with_account(found)
         write_json(folder / self.document.file, stated)
         return stated
-
-    def end_again(self, folder: Path, found: dict[str, Any]) -> dict[str, Any]:
-        """Draw the report of a run that was finished before, if it lacks one; return its results as they were."""
-        if self.drawn != "none" and not (folder / "report.html").is_file():
-            self._report(folder)
-        return found
 
     def _report(self, folder: Path) -> None:
         from sma_bayes.report.build import build_report

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -18,22 +16,23 @@ from sma_bayes import __version__
 from sma_bayes.account import Account
 from sma_bayes.assess.correlation_average import Averages
 from sma_bayes.effects import EFFECTS
-from sma_bayes.errors import OutputError, ResumeError, SmaBayesError, near_matches
+from sma_bayes.errors import SmaBayesError, near_matches
 from sma_bayes.gap.check import Comparable, comparable, smoothing_remarks
 from sma_bayes.inference.jobs import run
 from sma_bayes.inference.noise_choice import choose_noise
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.output_folder import claimed_folder
 from sma_bayes.parameters.priors_file import PriorSet, read_priors
 from sma_bayes.parts import remove_parts
 from sma_bayes.posterior import build_posterior, versions
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import Drawn, figures_for
 from sma_bayes.response.arrangement import Arrangement, BiasSpring
-from sma_bayes.results.documents import FIT, GAP, MARK, read_mark
+from sma_bayes.results.documents import FIT, GAP, read_mark
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import AUTO
-from sma_bayes.results.store import plain, sweep_unfinished, write_json, write_text
+from sma_bayes.results.store import plain, write_text
 from sma_bayes.tasks import FitOptions, FitTask, Pool, fitted, sample_task
 from sma_bayes.under_way import Progress, UnderWay, silent
 
@@ -230,105 +229,6 @@ def groups_of(campaign: Campaign, pool: Pool) -> list[tuple[Record, ...]]:
     return [g for g in branches if g]
 
 
-@contextmanager
-def claimed_folder(folder: Path, identity: dict[str, Any], resume: bool) -> Iterator[None]:
-    """Work in a folder that is ours, and leave none behind if nothing came of it; see `claim_folder`."""
-    made = claim_folder(folder, identity, resume)
-    try:
-        yield
-    except BaseException:
-        give_back(folder, made)
-        raise
-
-
-def give_back(folder: Path, made: Sequence[Path]) -> None:
-    """Undo a claim, unless files besides its mark have been written.
-
-    Parameters
-    ----------
-    folder : Path
-    made : sequence of Path
-        Folders that the claim made, the innermost first.
-    """
-    inside = sorted(folder.rglob("*"), reverse=True)
-    if any(p.is_file() and p != folder / MARK for p in inside):
-        return
-    with suppress(OSError):  # what can't be removed does no harm; the reason why we are here is what counts
-        (folder / MARK).unlink(missing_ok=True)
-        for place in (*(p for p in inside if p.is_dir()), *made):
-            place.rmdir()
-
-
-def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> tuple[Path, ...]:
-    """Make a folder ours, or check that it already is.
-
-    Returns
-    -------
-    tuple of Path
-        Folders that were made for it, the innermost first.
-
-    Raises
-    ------
-    OutputError
-        If it can't be made, is not empty, or holds another run and `resume` was not asked for.
-    ResumeError
-        If it holds a run of other data, priors, options or versions.
-    """
-    try:
-        if (folder / MARK).is_file():
-            _check_mark(folder, identity, resume)
-            sweep_unfinished(folder)
-            return ()
-        if folder.exists() and not folder.is_dir():
-            raise OutputError("is a file", file=folder, expected="a folder", remedy="choose another --out")
-        if folder.exists() and any(folder.iterdir()):
-            raise OutputError(
-                "is not empty and holds no run of sma_bayes",
-                file=folder,
-                expected="a new or empty folder",
-                remedy="choose another --out",
-            )
-        made = tuple(p for p in (folder, *folder.parents) if not p.exists())
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"can't be used: {error.strerror or error}", file=folder, expected="a folder that can be written",
-            remedy="choose another --out",
-        ) from None  # fmt: skip
-    try:
-        write_json(folder / MARK, identity)
-    except OutputError:
-        give_back(folder, made)
-        raise
-    return made
-
-
-def _check_mark(folder: Path, identity: dict[str, Any], resume: bool) -> None:
-    found = read_mark(folder)
-    if found is None:
-        raise OutputError(
-            "does not say which run the folder holds",
-            file=folder / MARK,
-            expected="what `fit` wrote there",
-            remedy="choose another --out",
-        )
-    different = [k for k in {**identity, **found} if k != "schema" and found.get(k) != identity.get(k)]
-    if not resume:
-        raise OutputError(
-            "holds another run" if different else "holds this run already",
-            file=folder,
-            expected="a new or empty folder",
-            remedy="choose another --out" + ("" if different else ", or add --resume to go on with that run"),
-        )
-    if different:
-        raise ResumeError(
-            f"holds a run that differs in {', '.join(different)}",
-            file=folder,
-            expected="the same data, priors, options and versions",
-            remedy="resume with what the run was started with, or choose another --out",
-        )
-
-
 def study_gap(
     campaign: Campaign,
     out: str | Path | None = None,
@@ -388,11 +288,8 @@ def study_gap(
     if out is None:
         return work.with_account(_studied(can, None, options, work))
     folder = Path(out).absolute()
-    identity = {**run_identity(campaign, options), "kind": "gap", "effects": sorted(EFFECTS)}
-    with claimed_folder(folder, identity, resume):
-        finished = _finished_study(folder)
-        found = finished or _studied(can, folder, options, work)
-    return work.end_again(folder, found) if finished else work.end(folder, found)
+    identity = {**run_identity(campaign, options), "kind": GAP.verb, "effects": sorted(EFFECTS)}
+    return work.carry_out(folder, identity, resume, lambda: _studied(can, folder, options, work))
 
 
 def _studied(
@@ -442,15 +339,6 @@ def _studied(
             write_study(folder, outcome, seed=options.seed)
             write_text(folder / "priors.toml", options.priors.text)
     return found
-
-
-def _finished_study(folder: Path) -> dict[str, Any] | None:
-    """What `gap.json` of a folder holds, if the study came to its end."""
-    try:
-        found = json.loads((folder / "gap.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, dict) else None
 
 
 def all_versions() -> dict[str, str]:

@@ -144,6 +144,15 @@ def test_resuming_a_finished_study_gives_what_it_holds(run: Run, done: Path) -> 
     assert (done / "out" / "gap.json").stat().st_mtime_ns == stamp
 
 
+def test_a_damaged_document_is_not_written_over(run: Run, done: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(done / "out", tmp_path / "out")
+    (folder / "gap.json").write_text("{ broken", encoding="utf-8")
+    outcome = gap(run, done / "data", folder, "--resume")
+    assert outcome.status == 2, outcome
+    assert "gap.json: can't be read" in outcome.err
+    assert (folder / "gap.json").read_text(encoding="utf-8") == "{ broken"
+
+
 @pytest.mark.parametrize(
     ("verb", "options", "says"),
     [
