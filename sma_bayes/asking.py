@@ -52,6 +52,8 @@ class _Question:
         How far beyond the measured temperatures to search [unit of temperature].
     temperature_sd : float
         Standard deviation of the error of the controller's temperature [unit of temperature].
+    temperature_unit : str or None
+        Unit of temperature of question and answer; None for that of the fit.
     """
 
     channel: str
@@ -60,6 +62,7 @@ class _Question:
     probability: float
     extrapolate: float
     temperature_sd: float
+    temperature_unit: str | None
 
 
 def ask(
@@ -75,6 +78,7 @@ def ask(
     branch: str | None = None,
     extrapolate: float = 0.0,
     temperature_sd: float = 0.0,
+    temperature_unit: str | None = None,
 ) -> dict[str, Any]:
     """Temperatures that give a wanted value, from the posteriors of a finished fit.
 
@@ -83,8 +87,9 @@ def ask(
     folder : str or Path
         Output folder of `fit` or `demo`.
     stiffness, force, displacement, overall_stiffness : str, optional
-        The wanted value with its unit, ``"130 N/m"``; exactly one of them. Of a specimen they mean modulus, stress and
-        strain. `overall_stiffness` is that of the spring with the bias spring which the fit was told of.
+        The wanted value with its unit, ``"130 N/m"``, in which the answer comes too; exactly one of them. Of a specimen
+        they mean modulus, stress and strain. `overall_stiffness` is that of the spring with the bias spring which the
+        fit was told of.
     tolerance : str
         How far off the value may be: a share, ``"5 %"``, or in a unit, ``"4 N/m"``.
     probability : float
@@ -96,6 +101,8 @@ def ask(
     temperature_sd : float
         Standard deviation of the difference between the temperature that a controller sets and that of the alloy
         [unit of temperature]. It makes every set of temperatures narrower; passages are those of the curves.
+    temperature_unit : str, optional
+        Unit of all temperatures and of their differences, asked and answered: ``"degF"``. By default that of the fit.
 
     Returns
     -------
@@ -130,7 +137,9 @@ def ask(
             raise SmaBayesError(f"--{name} {number}", expected="a finite number of degrees, at least 0")
     run = read_run(Path(folder))
     records = _selected(run, condition, branch)
-    question = _Question(channel, value, tolerance, probability, extrapolate, temperature_sd)
+    question = _Question(
+        channel, value, tolerance, probability, extrapolate, temperature_sd, temperature_unit
+    )
     able = [r for r in records if not _lacking(run, r, channel)]
     if not able:
         which = records[0]["key"] if len(records) == 1 else f"any of the {len(records)} records"
@@ -220,11 +229,12 @@ def _lacking(run: StoredRun, record: Mapping[str, Any], channel: str) -> str:
 def _answer(run: StoredRun, summary: Mapping[str, Any], question: _Question) -> dict[str, Any]:
     draws = draws_of(run, summary)
     channel = "stiffness" if question.channel == OVERALL else question.channel
-    unit = summary["quantities"][channel]["unit"]
-    target, bounds = _target(question, unit, _named(_name(summary, question.channel)))
-    low, high = draws.coldest, draws.hottest
+    stored = (summary["temperature"]["unit"], summary["quantities"][channel]["unit"])
+    unit, target, bounds = _target(question, stored[1], _named(_name(summary, question.channel)))
+    degrees = stored[0] if question.temperature_unit is None else question.temperature_unit
+    low, high = (_temperature(t, stored[0], degrees) for t in (draws.coldest, draws.hottest))
     ends = (low - question.extrapolate, high + question.extrapolate)
-    curve = _curve(run, draws, question.channel, unit)
+    curve = _in_units(_curve(run, draws, question.channel, stored[1]), stored, (degrees, unit))
     t = search_grid(low, high, question.extrapolate)
     found = passages(curve, t, target)
     level = question.probability
@@ -250,7 +260,7 @@ def _answer(run: StoredRun, summary: Mapping[str, Any], question: _Question) -> 
         "converged": summary["converged"],
         "quantity": _name(summary, question.channel),
         "unit": unit,
-        "temperature_unit": summary["temperature"]["unit"],
+        "temperature_unit": degrees,
         "measured": [low, high],
         "searched": list(ends),
         "target": target,
@@ -265,9 +275,20 @@ def _answer(run: StoredRun, summary: Mapping[str, Any], question: _Question) -> 
     }
 
 
-def _target(question: _Question, unit: str, what: str) -> tuple[float, tuple[float, float]]:
-    """Wanted value and the bounds within which it will do [unit]."""
-    value = _in_unit(question.value, unit, what)
+def _target(question: _Question, stored: str, what: str) -> tuple[str, float, tuple[float, float]]:
+    """Unit of the question, the wanted value, and the bounds within which it will do [that unit].
+
+    Parameters
+    ----------
+    question : _Question
+    stored : str
+        Unit of the fit, in which a number without a unit is understood where that has none itself.
+    what : str
+        Name of the quantity.
+    """
+    value, given = number_and_unit(question.value, what=what)
+    unit = given or stored
+    _in_unit(question.value, stored, stored, what)  # refuses what has no unit, or one of another kind
     text = question.tolerance.strip()
     if text.endswith("%"):
         share, rest = number_and_unit(text[:-1], what="tolerance")
@@ -275,24 +296,42 @@ def _target(question: _Question, unit: str, what: str) -> tuple[float, tuple[flo
         if rest:
             raise QuantityError(f"tolerance {question.tolerance!r}", expected="such as '5 %' or '4 N/m'")
     else:
-        margin = _in_unit(text, unit, "tolerance")
+        margin = _in_unit(text, stored, unit, "tolerance")
     if not margin > 0.0:
         raise QuantityError(
             f"tolerance {question.tolerance!r} of {question.value!r}", expected="more than nothing"
         )
-    return value, (value - margin, value + margin)
+    return unit, value, (value - margin, value + margin)
 
 
-def _in_unit(text: str, unit: str, what: str) -> float:
+def _in_unit(text: str, stored: str, unit: str, what: str) -> float:
     number, given = number_and_unit(text, what=what)
-    if not given and unit not in ("1", ARBITRARY):
+    if not given and stored not in ("1", ARBITRARY):
         raise QuantityError(
             f"{what} {text!r} has no unit", expected=f"a number with its unit, such as '{number:g} {unit}'"
         )
+    return _converted(number, given or stored, unit, what)
+
+
+def _temperature(value: float, stored: str, unit: str) -> float:
     try:
-        return float(convert(number, given or unit, unit, what=what))
+        convert(0.0, unit, stored, what="temperature")
     except QuantityError as error:
+        known = "that of the fit, which nobody knows" if stored == ARBITRARY else "degC, degF or kelvin"
+        raise QuantityError(error.found, expected=known) from None
+    return _converted(value, stored, unit, "temperature")
+
+
+def _converted(value: float, unit: str, to: str, what: str) -> float:
+    try:
+        return float(convert(value, unit, to, what=what))
+    except QuantityError as error:  # what is proposed there is meant for files
         raise QuantityError(error.found, expected=error.expected) from None
+
+
+def _in_units(curve: Curve, stored: tuple[str, str], asked: tuple[str, str]) -> Curve:
+    """The same curve in other units of temperature and of its value."""
+    return lambda temperature: convert(curve(convert(temperature, asked[0], stored[0])), stored[1], asked[1])
 
 
 def _curve(run: StoredRun, draws: RecordDraws, channel: str, unit: str) -> Curve:
@@ -365,7 +404,7 @@ def answer_text(found: Mapping[str, Any]) -> str:
     lines = [
         f"{found['campaign']}: {_named(found['quantity'])} {found['value']}, tolerance {found['tolerance']}, "
         f"probability {level:g} or more"
-        + (f", temperature set to within {found['temperature_sd']:g} (sd)" if found["temperature_sd"] else "")
+        + (f", temperature set to within {_error_text(found)} (sd)" if found["temperature_sd"] else "")
     ]
     for a in found["answers"]:
         lines += ["", *_answer_lines(a, level)]
@@ -373,6 +412,11 @@ def answer_text(found: Mapping[str, Any]) -> str:
         lines.append("")
     lines += [f"{key}: no answer, {why}" for key, why in found["without"].items()]
     return "\n".join(lines)
+
+
+def _error_text(found: Mapping[str, Any]) -> str:
+    units = dict.fromkeys(unit_text(a["temperature_unit"]) for a in found["answers"])
+    return f"{found['temperature_sd']:g} {' or '.join(units)}"
 
 
 def _answer_lines(a: Mapping[str, Any], level: float) -> list[str]:

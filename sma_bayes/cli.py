@@ -335,6 +335,10 @@ def ask(
     temperature_sd: Annotated[
         float, typer.Option(help="Standard deviation of the error of the controller's temperature.", min=0.0)
     ] = 0.0,
+    temperature_unit: Annotated[
+        str | None,
+        typer.Option(help="Unit of temperatures, asked and answered, such as degF; that of the fit."),
+    ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -354,6 +358,7 @@ def ask(
         branch=branch,
         extrapolate=extrapolate,
         temperature_sd=temperature_sd,
+        temperature_unit=temperature_unit,
     )
     _finish(found, quiet, as_json, lambda: typer.echo(answer_text(found)))
 

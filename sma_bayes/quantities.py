@@ -178,12 +178,12 @@ def unit_text(unit: str) -> str:
 
     Examples
     --------
-    >>> unit_text("1/degC"), unit_text("1"), unit_text("arbitrary")
-    ('1/°C', '', 'arbitrary unit')
+    >>> unit_text("1/degC"), unit_text("degF"), unit_text("1"), unit_text("arbitrary")
+    ('1/°C', '°F', '', 'arbitrary unit')
     """
     if unit == "1":
         return ""
-    return unit.replace("degC", "°C").replace(ARBITRARY, "arbitrary unit")
+    return unit.replace("degC", "°C").replace("degF", "°F").replace(ARBITRARY, "arbitrary unit")
 
 
 def per(unit: str) -> str:

@@ -110,6 +110,7 @@ class AskTable(StrictTable):
     branch: Literal["heating", "cooling"] | None = None
     extrapolate: float = Field(default=0.0, ge=0.0)
     temperature_sd: float = Field(default=0.0, ge=0.0)
+    temperature_unit: str | None = None
 
     @model_validator(mode="after")
     def _one_value(self) -> AskTable:

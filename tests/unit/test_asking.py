@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import sma_bayes
+from sma_bayes.asking import answer_text
 from sma_bayes.errors import (
     MeasurementError,
     OutputError,
@@ -20,6 +21,7 @@ from sma_bayes.errors import (
     SmaBayesError,
     UnknownNameError,
 )
+from sma_bayes.quantities import convert
 from sma_bayes.records.types import Branch, Calibration, Campaign, Record
 from sma_bayes.response.arrangement import Arrangement, BiasSpring
 from sma_bayes.workflow import fit_campaign
@@ -40,6 +42,10 @@ def folder(make_record: Callable[..., Record], tmp_path_factory: pytest.TempPath
     bias = BiasSpring(Arrangement.PARALLEL)
     fit_campaign(campaign, out, noise="independent", bias=bias, jobs=1, figures=False)
     return out
+
+
+STORED = {"stiffness": "N/m", "overall_stiffness": "N/m", "force": "N", "displacement": "m"}
+"""Units of the bands of a spring."""
 
 
 def band_of(folder: Path, key: str, channel: str) -> dict[str, Any]:
@@ -71,8 +77,9 @@ def test_where_the_bands_pass_the_value_the_stretches_end(
     (answer,) = found["answers"]
     band = band_of(folder, key, channel)
     t = band["temperature_degC"]
+    unit = "1" if condition == "wire" else STORED[channel]
     for kind, quantile, sign in (("at_least", "q05", 1.0), ("at_most", "q95", -1.0)):
-        apart = sign * (band[quantile] - answer["target"])
+        apart = sign * (convert(band[quantile], unit, answer["unit"]) - answer["target"])
         edges = np.flatnonzero(np.diff(np.sign(apart)))
         crossings = [t[i] - apart[i] * (t[i + 1] - t[i]) / (apart[i + 1] - apart[i]) for i in edges]
         assert crossings
@@ -124,6 +131,55 @@ def test_an_uncertain_temperature_narrows_what_is_sure(folder: Path) -> None:
     assert wide["low"] < narrow["low"] < narrow["high"] < wide["high"]
 
 
+def test_the_answer_is_in_the_units_of_the_question(folder: Path) -> None:
+    """A pound-force is 4.4482216152605 N; a difference of 1 degC is one of 1.8 degF and of 1 K."""
+    asked: dict[str, Any] = {"condition": "c", "branch": "heating", "probability": 0.8}
+    pound = 4.4482216152605
+    (own,) = sma_bayes.ask(
+        folder,
+        force=f"{0.35 * pound} N",
+        tolerance=f"{0.2 * pound} N",
+        temperature_sd=1.0,
+        extrapolate=5.0,
+        **asked,
+    )["answers"]
+    found = sma_bayes.ask(
+        folder, force="0.35 lbf", tolerance=f"{0.2 * pound} N", temperature_sd=1.8, extrapolate=9.0,
+        temperature_unit="degF", **asked,
+    )  # fmt: skip
+    (other,) = found["answers"]
+    assert (own["unit"], own["temperature_unit"]) == ("N", "degC")
+    assert (other["unit"], other["temperature_unit"]) == ("lbf", "degF")
+    assert other["target"] == 0.35
+    assert other["bounds"] == pytest.approx([0.15, 0.55])
+    assert other["least"] == pytest.approx({k: v / pound for k, v in own["least"].items()})
+
+    def fahrenheit(celsius: Any) -> Any:
+        return pytest.approx(32.0 + 1.8 * np.array(celsius), abs=1e-6)
+
+    assert other["searched"] == fahrenheit(own["searched"])
+    assert own["passages"]
+    for name in ("low", "median", "high"):
+        assert [p[name] for p in other["passages"]] == fahrenheit([p[name] for p in own["passages"]])
+    for kind in ("within", "at_least", "at_most"):
+        assert own[kind]["intervals"]
+        for end in ("low", "high"):
+            places = [[s[end] for s in a[kind]["intervals"]] for a in (other, own)]
+            assert places[0] == fahrenheit(places[1])
+    text = answer_text(found)
+    assert "temperature set to within 1.8 °F (sd)" in text
+    assert "F = 0.35 lbf" in text
+    assert "°C" not in text
+
+
+def test_a_number_without_a_unit_is_in_that_of_the_fit(folder: Path) -> None:
+    """A tolerance of 0.004 on a strain of -1.8 percent is 0.4 percent."""
+    (answer,) = sma_bayes.ask(folder, displacement="-1.8 percent", tolerance="0.004", condition="wire")[
+        "answers"
+    ]
+    assert answer["bounds"] == pytest.approx([-2.2, -1.4])
+
+
 def test_what_is_not_reached_is_said_so_and_extrapolation_is_marked(folder: Path) -> None:
     (answer,) = sma_bayes.ask(folder, force="9 N", condition="c", branch="heating")["answers"]
     assert (answer["reachable"], answer["stays_below"], answer["stays_above"]) == (0.0, 1.0, 0.0)
@@ -171,6 +227,18 @@ def test_records_that_cannot_tell_are_named(folder: Path) -> None:
         ({"stiffness": "150 N/m", "probability": 0.0}, SmaBayesError, "probability 0"),
         ({"stiffness": "150 N/m", "extrapolate": float("inf")}, SmaBayesError, "extrapolate"),
         ({"stiffness": "150 N/m", "temperature_sd": -1.0}, SmaBayesError, "temperature-sd"),
+        (
+            {"stiffness": "150 N/m", "temperature_unit": "N"},
+            QuantityError,
+            "'N' of temperature is of the wrong",
+        ),
+        ({"stiffness": "150 N/m", "temperature_unit": "degG"}, QuantityError, "'degG' of temperature is not"),
+        (
+            {"stiffness": "150 N/m", "temperature_unit": ""},
+            QuantityError,
+            "'' of temperature is of the wrong",
+        ),
+        ({"stiffness": "150 N/m", "temperature_unit": "F"}, QuantityError, "degC, degF or kelvin"),
         ({"stiffness": "150 N/m", "condition": "d"}, UnknownNameError, "unknown condition 'd'"),
         ({"stiffness": "150 N/m", "branch": "heatin"}, UnknownNameError, "unknown branch"),
         (
