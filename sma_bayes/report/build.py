@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from sma_bayes.account import Account
 from sma_bayes.errors import OutputError
@@ -52,11 +52,11 @@ from sma_bayes.report.figures import (
     save,
     trace_figure,
 )
+from sma_bayes.report.fit_page import write_record_page, write_report
 from sma_bayes.report.gap_outputs import StoredStudy, read_study
 from sma_bayes.report.gap_page import write_gap_report
 from sma_bayes.report.gap_tables import gap_tables
 from sma_bayes.report.gather import report_content
-from sma_bayes.report.html import write_record_page, write_report
 from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
 from sma_bayes.report.residuals import median_curves, standardised_residuals
 from sma_bayes.report.tables import Table, report_tables, write_tables
@@ -97,11 +97,16 @@ def build_report(
     folder = Path(folder).absolute()
     tell = progress or (lambda done, total, message: None)
     if GAP.is_in(folder):
-        _build_gap_report(folder, jobs, tell, account)
+        study = read_study(folder)
+        _build_report(study, _gap_drawings(study), gap_tables, write_gap_report, jobs, tell, account)
     elif COMPARISON.is_in(folder):
-        _build_comparison_report(folder, figures, jobs, tell, account)
+        compared = read_comparison(folder)
+        drawings = _comparison_drawings(compared, figures)
+        _build_report(compared, drawings, comparison_tables, write_comparison_report, jobs, tell, account)
     elif CONDITIONS.is_in(folder):
-        _build_conditions_report(folder, figures, jobs, tell, account)
+        conditions = read_conditions(folder)
+        drawn = _conditions_drawings(conditions, figures)
+        _build_report(conditions, drawn, conditions_tables, write_conditions_report, jobs, tell, account)
     else:
         _build_fit_report(folder, figures, jobs, tell, account)
 
@@ -121,14 +126,8 @@ def _build_fit_report(
     with spent.timed("report"):
         stored = read_run(folder)
         content = report_content(stored)
-    drawn = figures_for(figures, len(content.records))
-    tasks = _tasks(folder, content, drawn)
-    total = len(tasks) + 1
-    tell(0, total, "drawing figures")
-    pictures: dict[str, FigureFiles] = {}
-    for done, files in enumerate(run(_draw, tasks, jobs, account=spent, stage="figures"), 1):
-        pictures |= {f.stem: f for f in files}
-        tell(done, total, f"drew {tasks[done - 1].title}")
+    tasks = _tasks(folder, content, figures_for(figures, len(content.records)))
+    pictures = _drawn(tasks, jobs, tell, spent)
     with spent.timed("report"):
         tables = report_tables(content) | _took(stored.summary, account)
         write_tables(tables, folder / "tables")
@@ -137,7 +136,20 @@ def _build_fit_report(
         pages = _page_tasks(folder, content, pictures)
         for done, _ in enumerate(run(_write_page, pages, jobs, account=spent, stage="report"), 1):
             tell(done, len(pages), "writing pages of records")
-    tell(total, total, "wrote report.html")
+    tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
+
+
+def _drawn(
+    tasks: Sequence[_Task], jobs: int | None, tell: Progress, account: Account
+) -> dict[str, FigureFiles]:
+    """Draw the figures of all tasks; by stem."""
+    total = len(tasks) + 1  # the report itself comes last
+    tell(0, total, "drawing figures")
+    figures: dict[str, FigureFiles] = {}
+    for done, files in enumerate(run(_draw, tasks, jobs, account=account, stage="figures"), 1):
+        figures |= {f.stem: f for f in files}
+        tell(done, total, f"drew {tasks[done - 1].title or files[0].stem}")
+    return figures
 
 
 def _took(found: Mapping[str, Any], account: Account | None) -> dict[str, Table]:
@@ -145,71 +157,51 @@ def _took(found: Mapping[str, Any], account: Account | None) -> dict[str, Table]
     return {"account": account_table(found, account or Account())}
 
 
-def _build_gap_report(folder: Path, jobs: int | None, tell: Progress, account: Account | None) -> None:
-    spent = account or Account()
-    study = read_study(folder)
-    tasks = [_GapTask(study, draw) for draw in _gap_drawings(study)]
-    total = len(tasks) + 1
-    tell(0, total, "drawing figures")
-    figures: dict[str, FigureFiles] = {}
-    for done, drawn in enumerate(run(_draw_gap, tasks, jobs, account=spent, stage="figures"), 1):
-        figures[drawn.stem] = drawn
-        tell(done, total, f"drew {drawn.stem}")
-    with spent.timed("report"):
-        tables = gap_tables(study) | _took(study.found, account)
-        write_tables(tables, folder / "tables")
-        write_gap_report(study, tables, figures)
-    tell(total, total, "wrote report.html")
+class _Stored(Protocol):
+    """A finished run of another kind than a fit."""
+
+    @property
+    def folder(self) -> Path: ...
+    @property
+    def found(self) -> Mapping[str, Any]: ...
 
 
-def _build_comparison_report(
-    folder: Path, choice: str | bool, jobs: int | None, tell: Progress, account: Account | None
+S = TypeVar("S", bound=_Stored)
+
+
+def _build_report(
+    stored: S,
+    drawings: Sequence[Callable[[S], Drawing]],
+    tabled: Callable[[S], dict[str, Table]],
+    write: Callable[[S, Mapping[str, Table], Mapping[str, FigureFiles]], None],
+    jobs: int | None,
+    tell: Progress,
+    account: Account | None,
 ) -> None:
     spent = account or Account()
-    stored = read_comparison(folder)
+    tasks = [_FigureTask(stored.folder, partial(draw, stored)) for draw in drawings]
+    figures = _drawn(tasks, jobs, tell, spent)
+    with spent.timed("report"):
+        tables = tabled(stored) | _took(stored.found, account)
+        write_tables(tables, stored.folder / "tables")
+        write(stored, tables, figures)
+    tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
+
+
+def _gap_drawings(study: StoredStudy) -> list[Callable[[StoredStudy], Drawing]]:
+    drawings: list[Callable[[StoredStudy], Drawing]] = [disagreement_loops, residual_maps, ladder_figure]
+    drawings += [partial(effect_figure, effect=e) for e in study.effects]
+    return [*drawings, effect_parameter_figure] if study.effects else drawings
+
+
+def _comparison_drawings(
+    stored: StoredComparison, choice: str | bool
+) -> list[Callable[[StoredComparison], Drawing]]:
     drawings: list[Callable[[StoredComparison], Drawing]] = []
     if figures_for(choice, len(stored.found["records"])) == "all":
         drawings += [partial(curves_figure, record=record) for record in stored.found["records"]]
     drawings += [partial(differences_figure, number=n + 1) for n in range(pages(stored))]
-    if model_averages(stored):
-        drawings.append(model_average_figure)
-    tasks = [_ComparisonTask(stored, draw) for draw in drawings]
-    tell(0, len(tasks) + 1, "drawing figures")
-    figures: dict[str, FigureFiles] = {}
-    for done, drawn in enumerate(run(_draw_comparison, tasks, jobs, account=spent, stage="figures"), 1):
-        figures[drawn.stem] = drawn
-        tell(done, len(tasks) + 1, f"drew {drawn.stem}")
-    with spent.timed("report"):
-        tables = comparison_tables(stored) | _took(stored.found, account)
-        write_tables(tables, folder / "tables")
-        write_comparison_report(stored, tables, figures)
-    tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
-
-
-def _build_conditions_report(
-    folder: Path, choice: str | bool, jobs: int | None, tell: Progress, account: Account | None
-) -> None:
-    spent = account or Account()
-    stored = read_conditions(folder)
-    tasks = [_ConditionsTask(stored, draw) for draw in _conditions_drawings(stored, choice)]
-    tell(0, len(tasks) + 1, "drawing figures")
-    figures: dict[str, FigureFiles] = {}
-    for done, drawn in enumerate(run(_draw_conditions, tasks, jobs, account=spent, stage="figures"), 1):
-        figures[drawn.stem] = drawn
-        tell(done, len(tasks) + 1, f"drew {drawn.stem}")
-    with spent.timed("report"):
-        tables = conditions_tables(stored) | _took(stored.found, account)
-        write_tables(tables, folder / "tables")
-        write_conditions_report(stored, tables, figures)
-    tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
-
-
-@dataclass(frozen=True, slots=True)
-class _ConditionsTask:
-    """A figure of a study of conditions."""
-
-    stored: StoredConditions
-    draw: Callable[[StoredConditions], Drawing]
+    return [*drawings, model_average_figure] if model_averages(stored) else drawings
 
 
 def _conditions_drawings(
@@ -229,40 +221,6 @@ def _conditions_drawings(
         left_out = dict.fromkeys(h["condition"] for h in found["held_out"])
         drawings += [partial(held_out_figure, condition=c) for c in left_out]
     return drawings
-
-
-def _draw_conditions(task: _ConditionsTask) -> FigureFiles:
-    return save(partial(task.draw, task.stored), task.stored.folder / "figures")
-
-
-@dataclass(frozen=True, slots=True)
-class _ComparisonTask:
-    """A figure of a comparison."""
-
-    stored: StoredComparison
-    draw: Callable[[StoredComparison], Drawing]
-
-
-def _draw_comparison(task: _ComparisonTask) -> FigureFiles:
-    return save(partial(task.draw, task.stored), task.stored.folder / "figures")
-
-
-@dataclass(frozen=True, slots=True)
-class _GapTask:
-    """A figure of a gap study."""
-
-    study: StoredStudy
-    draw: Callable[[StoredStudy], Drawing]
-
-
-def _gap_drawings(study: StoredStudy) -> list[Callable[[StoredStudy], Drawing]]:
-    drawings: list[Callable[[StoredStudy], Drawing]] = [disagreement_loops, residual_maps, ladder_figure]
-    drawings += [partial(effect_figure, effect=e) for e in study.effects]
-    return [*drawings, effect_parameter_figure] if study.effects else drawings
-
-
-def _draw_gap(task: _GapTask) -> FigureFiles:
-    return save(partial(task.draw, task.study), task.study.folder / "figures")
 
 
 @dataclass(frozen=True, slots=True)
@@ -349,7 +307,19 @@ class _CampaignTask:
                 yield partial(overview_figure, channel.channel, branches, number)
 
 
-_Task = _RecordTask | _ConditionTask | _CampaignTask
+@dataclass(frozen=True, slots=True)
+class _FigureTask:
+    """One figure of a run of another kind than a fit."""
+
+    folder: Path
+    draw: Callable[[], Drawing]
+    title: str = ""
+
+    def drawings(self) -> Iterator[Callable[[], Drawing]]:
+        yield self.draw
+
+
+_Task = _RecordTask | _ConditionTask | _CampaignTask | _FigureTask
 
 
 def _tasks(folder: Path, content: Content, drawn: Drawn) -> list[_Task]:

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from markupsafe import Markup
-
 from sma_bayes.assess.verdict import CANNOT_TELL
 from sma_bayes.report.comparison_outputs import StoredComparison
 from sma_bayes.report.comparison_tables import SHORT
 from sma_bayes.report.content import PAPER_CORRELATION
 from sma_bayes.report.figures import FigureFiles
-from sma_bayes.report.html import anchor, embedded, page_environment, style_sheet
+from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
-from sma_bayes.results.store import write_text
 
 TEMPLATE: Final = "comparison.html.j2"
 
@@ -36,20 +33,17 @@ def write_comparison_report(
     OutputError
         If it can't be written, or a figure can't be read.
     """
-    folder = stored.folder
-    environment = page_environment()
-    page = environment.get_template(TEMPLATE).render(
+    write_page(
+        stored.folder,
+        TEMPLATE,
+        figures,
         found=stored.found,
         headlines=[headline(group) for group in stored.found["overall"]],
         command=command(stored.found),
         tables=tables,
-        pictures={s: embedded(folder / "figures" / f"{s}.png", f) for s, f in figures.items()},
         held_out=[s for s in figures if s.startswith("held-out")],
         paper_correlation=PAPER_CORRELATION,
-        style=Markup(style_sheet(environment)),  # ours, not the user's
-        anchor=anchor,
     )
-    write_text(folder / "report.html", page)
 
 
 def headline(group: Mapping[str, Any]) -> str:

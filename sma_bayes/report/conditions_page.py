@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from markupsafe import Markup
-
 from sma_bayes.report.conditions_outputs import StoredConditions
 from sma_bayes.report.figures import FigureFiles
-from sma_bayes.report.html import anchor, embedded, page_environment, style_sheet
+from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
-from sma_bayes.results.store import write_text
 
 TEMPLATE: Final = "conditions.html.j2"
 
@@ -33,21 +30,19 @@ def write_conditions_report(
     OutputError
         If it can't be written, or a figure can't be read.
     """
-    environment = page_environment()
-    page = environment.get_template(TEMPLATE).render(
+    write_page(
+        stored.folder,
+        TEMPLATE,
+        figures,
         found=stored.found,
         coverage=coverage(stored.found),
         command=command(stored.found),
         tables=tables,
-        pictures={s: embedded(stored.folder / "figures" / f"{s}.png", f) for s, f in figures.items()},
         stems={
             part: [s for s in figures if s.startswith(part)]
             for part in ("measured", "effects", "predicted", "held-out")
         },
-        style=Markup(style_sheet(environment)),  # ours, not the user's
-        anchor=anchor,
     )
-    write_text(stored.folder / "report.html", page)
 
 
 def coverage(found: Mapping[str, Any]) -> list[dict[str, Any]]:

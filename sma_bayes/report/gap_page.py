@@ -7,15 +7,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from markupsafe import Markup
-
 from sma_bayes.gap.words import channel_text, covariate_text, p_text
-from sma_bayes.report.content import INTERVAL, TARGET
 from sma_bayes.report.figures import FigureFiles
 from sma_bayes.report.gap_outputs import StoredStudy
-from sma_bayes.report.html import anchor, embedded, page_environment, select, style_sheet
+from sma_bayes.report.html import select, write_page
 from sma_bayes.report.tables import Table
-from sma_bayes.results.store import write_text
 
 TEMPLATE: Final = "gap.html.j2"
 
@@ -37,11 +33,11 @@ def write_gap_report(
     OutputError
         If it can't be written, or a figure can't be read.
     """
-    folder = study.folder
-    pictures = {stem: embedded(folder / "figures" / f"{stem}.png", f) for stem, f in figures.items()}
-    environment = page_environment()
     found = study.found
-    page = environment.get_template(TEMPLATE).render(
+    write_page(
+        study.folder,
+        TEMPLATE,
+        figures,
         found=found,
         effects=study.effects,
         p_text=p_text,
@@ -51,18 +47,11 @@ def write_gap_report(
         rivals=rivals,
         parameters=lambda name: _parameters(tables["effects"], name),
         tested=_tested(tables["candidates"]),
-        select=select,
         needs=by_single_need(tables["untestable"]),
         command=command(found),
         tables=tables,
-        pictures=pictures,
-        style=Markup(style_sheet(environment)),  # ours, not the user's
-        interval=INTERVAL,
-        target=TARGET,
-        anchor=anchor,
         priors=_priors(study),
     )
-    write_text(folder / "report.html", page)
 
 
 def _tested(candidates: Table) -> Table:

@@ -10,15 +10,8 @@ from html.parser import HTMLParser
 import pytest
 
 from sma_bayes.report.content import Content, Finding
-from sma_bayes.report.html import (
-    Picture,
-    anchor,
-    noise_groups,
-    parameter_overview,
-    render,
-    select,
-    without_empty,
-)
+from sma_bayes.report.fit_page import noise_groups, parameter_overview, render, without_empty
+from sma_bayes.report.html import Picture, anchor, select
 from sma_bayes.report.tables import Column, Table, report_tables
 
 Page = Callable[[Content], "Reader"]

@@ -12,7 +12,7 @@ from sma_bayes.report import content as content_module
 from sma_bayes.report.build import build_report
 from sma_bayes.report.choice import figures_for
 from sma_bayes.report.content import Content
-from sma_bayes.report.html import SHOWN, render, render_index
+from sma_bayes.report.fit_page import SHOWN, render, render_index
 from sma_bayes.report.tables import report_tables
 
 LINK = re.compile(r'(?:href|src)="([^"#:]+)"')
