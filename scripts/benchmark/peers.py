@@ -7,6 +7,7 @@ a case. Each target is compared with the package's own log-posterior before it i
 from __future__ import annotations
 
 import tempfile
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
 from functools import cache
 from typing import Any
@@ -318,7 +319,7 @@ class Zeus:
             steps = max(10, round(chains.shape[1] * (growth - 1.0)))
 
 
-class _Nested:
+class _Nested(ABC):
     """Nested sampling: runs that share nothing, with more live points until the target is reached."""
 
     def check(self, problem: Problem) -> None:
@@ -326,9 +327,9 @@ class _Nested:
         _, log_likelihood = _cube(problem)
         check(problem, lambda z: float(log_likelihood(z)[0] + problem.posterior.log_prior(z)))
 
+    @abstractmethod
     def one(self, problem: Problem, live: int, seed: int) -> tuple[Floats, Floats, int]:
         """Points (S, D), log weights and evaluations of a run."""
-        raise NotImplementedError
 
     def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
         live, evaluations = LIVE_POINTS, 0
