@@ -11,14 +11,17 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 
 from sma_bayes import __version__
 from sma_bayes.account import Account
 from sma_bayes.errors import SmaBayesError
+
+T = TypeVar("T")
 
 MISTAKE, INTERRUPTED = 70, 130
 """Exit statuses besides 0, 1 and 2: as sysexits.h has it, and as shells do."""
@@ -120,21 +123,16 @@ def demo(
     from sma_bayes.paper.twin import twin_campaign
     from sma_bayes.workflow import fit_campaign, is_run_of
 
-    account = Account()
-    with account.timed("read"):
-        campaign = twin_campaign(seed)
-    again = resume or is_run_of(out, campaign)
-    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
+    read = partial(twin_campaign, seed)
+    with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
         summary = fit_campaign(
             campaign,
             out,
             seed=seed,
             noise=noise,
-            jobs=jobs,
-            resume=again,
+            resume=resume or is_run_of(out, campaign),
             figures="none" if no_figures else figures,
-            progress=progress,
-            account=account,
+            **shared,
         )
     _finish(summary, quiet, as_json, lambda: _show_fit(summary, out))
 
@@ -197,10 +195,8 @@ def fit(
     from sma_bayes.records.campaign import read_campaign
     from sma_bayes.workflow import bias_spring, fit_campaign, pool_named
 
-    account = Account()
-    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
-        with account.timed("read"):
-            campaign = read_campaign(path, data_dir=data)
+    read = partial(read_campaign, path, data_dir=data)
+    with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
         summary = fit_campaign(
             campaign,
             out,
@@ -208,13 +204,11 @@ def fit(
             noise=noise,
             priors=priors,
             pool=pool_named(pool),
-            jobs=jobs,
             extrapolate=extrapolate,
             bias=bias_spring(arrangement, bias, bias_sd),
             resume=resume,
             figures="none" if no_figures else figures,
-            progress=progress,
-            account=account,
+            **shared,
         )
     _finish(summary, quiet, as_json, lambda: _show_fit(summary, out))
 
@@ -242,10 +236,8 @@ def gap(
     from sma_bayes.records.campaign import read_campaign
     from sma_bayes.workflow import pool_named, study_gap
 
-    account = Account()
-    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
-        with account.timed("read"):
-            campaign = read_campaign(path, data_dir=data)
+    read = partial(read_campaign, path, data_dir=data)
+    with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
         found = study_gap(
             campaign,
             out,
@@ -253,11 +245,9 @@ def gap(
             noise=noise,
             priors=priors,
             pool=pool_named(pool),
-            jobs=jobs,
             resume=resume,
             figures="none" if no_figures else figures,
-            progress=progress,
-            account=account,
+            **shared,
         )
     _finish(found, quiet, as_json, lambda: _show_gap(found, out))
 
@@ -288,10 +278,8 @@ def compare(
     from sma_bayes.records.campaign import read_campaign
     from sma_bayes.workflow import pool_named
 
-    account = Account()
-    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
-        with account.timed("read"):
-            campaign = read_campaign(path, data_dir=data)
+    read = partial(read_campaign, path, data_dir=data)
+    with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
         found = compare_campaign(
             campaign,
             out,
@@ -299,11 +287,9 @@ def compare(
             noise=noise,
             priors=priors,
             pool=pool_named(pool),
-            jobs=jobs,
             resume=resume,
             figures="none" if no_figures else figures,
-            progress=progress,
-            account=account,
+            **shared,
         )
     told = f"{summary_text(found)}\n{found['wall_s']:.1f} s; results in {out}"
     _finish(found, quiet, as_json, lambda: typer.echo(told))
@@ -517,6 +503,18 @@ def main() -> None:
         traceback.print_exc()
         print("error: this is a mistake in sma_bayes, please report the lines above", file=sys.stderr)
         sys.exit(MISTAKE)
+
+
+@contextmanager
+def _working_on(
+    read: Callable[[], T], scheduler: str | None, jobs: int | None, silent: bool
+) -> Iterator[tuple[T, dict[str, Any]]]:
+    """What `read` gives, and what says to all that is done with it where, to whom to tell and on which account."""
+    account = Account()
+    with _workers(scheduler, jobs), _progress(silent) as progress:
+        with account.timed("read"):
+            campaign = read()
+        yield campaign, {"jobs": jobs, "progress": progress, "account": account}
 
 
 @contextmanager
