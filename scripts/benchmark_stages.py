@@ -84,8 +84,8 @@ def main(out: Path) -> None:
         "sma-bayes --help": fresh(
             "import sys; sys.argv[1:] = ['--help']; from sma_bayes.cli import main; main()"
         ),
-        "imports of fit": fresh("import sma_bayes.workflow, sma_bayes.results.store"),
-        "imports of figures": fresh("import sma_bayes.workflow, sma_bayes.report.figures"),
+        "imports of fit": fresh("import sma_bayes.workflow.campaign_fit, sma_bayes.results.store"),
+        "imports of figures": fresh("import sma_bayes.workflow.campaign_fit, sma_bayes.report.figures"),
         **{f"demo: {stage}": spent for stage, spent in demo().items()},
         **{f"limit of sampling, {kernel}": spent for kernel, spent in limits().items()},
     }

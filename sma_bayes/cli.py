@@ -121,7 +121,8 @@ def demo(
 ) -> None:
     """Run the main job on a twin of the published campaign: 18 records, no other file, no network."""
     from sma_bayes.paper.twin import twin_campaign
-    from sma_bayes.workflow import fit_campaign, is_run_of
+    from sma_bayes.workflow.campaign_fit import fit_campaign
+    from sma_bayes.workflow.identity import is_run_of
 
     read = partial(twin_campaign, seed)
     with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
@@ -146,7 +147,7 @@ def inspect(
 ) -> None:
     """Show what was read: channels, units, conditions, cycles, branches, noise, findings."""
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.workflow import inspect_campaign
+    from sma_bayes.workflow.inspection import inspect_campaign
 
     report = inspect_campaign(read_campaign(path, data_dir=data))
     if as_json:
@@ -193,7 +194,8 @@ def fit(
 ) -> None:
     """Warm start, ensembles, diagnostics, bands, correlation factors, report."""
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.workflow import bias_spring, fit_campaign, pool_named
+    from sma_bayes.workflow.campaign_fit import fit_campaign
+    from sma_bayes.workflow.options import bias_spring, pool_named
 
     read = partial(read_campaign, path, data_dir=data)
     with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
@@ -234,7 +236,8 @@ def gap(
 ) -> None:
     """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink."""
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.workflow import pool_named, study_gap
+    from sma_bayes.workflow.gap_study import study_gap
+    from sma_bayes.workflow.options import pool_named
 
     read = partial(read_campaign, path, data_dir=data)
     with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
@@ -273,10 +276,10 @@ def compare(
     as_json: Json = False,
 ) -> None:
     """Compare the modified sigmoid with the logistic and polynomial baselines, on what was held out too."""
-    from sma_bayes.comparing import compare as compare_campaign
-    from sma_bayes.comparing import summary_text
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.workflow import pool_named
+    from sma_bayes.workflow.comparison import compare as compare_campaign
+    from sma_bayes.workflow.comparison import summary_text
+    from sma_bayes.workflow.options import pool_named
 
     read = partial(read_campaign, path, data_dir=data)
     with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
@@ -329,8 +332,8 @@ def ask(
     as_json: Json = False,
 ) -> None:
     """Tell which temperatures give a wanted stiffness, force or displacement, and how surely."""
-    from sma_bayes.asking import answer_text
-    from sma_bayes.asking import ask as ask_folder
+    from sma_bayes.workflow.question import answer_text
+    from sma_bayes.workflow.question import ask as ask_folder
 
     found = ask_folder(
         folder,
@@ -379,7 +382,7 @@ def conditions(
     as_json: Json = False,
 ) -> None:
     """Tell what current, load, frequency and duty cycle do, and predict conditions that were not measured."""
-    from sma_bayes.predicting import study_conditions, summary_text
+    from sma_bayes.workflow.condition_study import study_conditions, summary_text
 
     with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
         found = study_conditions(
@@ -413,7 +416,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run all that a study file declares: fit, compare, gap, conditions, questions, each in a folder of its own."""
-    from sma_bayes.running import run_study, study_text
+    from sma_bayes.workflow.study import run_study, study_text
 
     with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
         found = run_study(study, out=out, jobs=jobs, resume=resume, progress=progress)

@@ -18,7 +18,7 @@ from sma_bayes.reproduction.printed import printed_effects
 from sma_bayes.reproduction.study import TwinStudy
 from sma_bayes.reproduction.tables import table_rows
 from sma_bayes.results.store import plain
-from sma_bayes.workflow import all_versions
+from sma_bayes.workflow.identity import all_versions
 
 SCHEMA: Final = "sma-bayes/reproduction/1"
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from sma_bayes.assess.bands import Band, credible_band
 from sma_bayes.assess.correlation import Agreement, agreement
-from sma_bayes.comparing import compare
 from sma_bayes.conditions.draws import record_draws
 from sma_bayes.conditions.features import Feature, condition_features
 from sma_bayes.errors import MeasurementError
@@ -17,7 +16,8 @@ from sma_bayes.paper.twin import twin_campaign
 from sma_bayes.records.types import Campaign
 from sma_bayes.report.comparison_outputs import StoredComparison, read_comparison
 from sma_bayes.results.fit import Fit
-from sma_bayes.workflow import fit
+from sma_bayes.workflow.campaign_fit import fit
+from sma_bayes.workflow.comparison import compare
 
 Progress = Callable[[int, int, str], None]
 STIFFNESS = ("stiffness",)

@@ -14,9 +14,10 @@ from typing import Any
 
 import pytest
 
-from sma_bayes import cli, tasks, workflow
+from sma_bayes import cli
 from sma_bayes.inference.convergence import Target
 from sma_bayes.inference.ensembles import Plan
+from sma_bayes.workflow import campaign_fit, fit_tasks
 
 Run = Callable[..., Any]
 
@@ -58,7 +59,7 @@ def test_a_run_that_does_not_converge_ends_with_1_and_says_so(
     run: Run, measured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hopeless = Plan(target=Target(1.0 + 1e-9, 1e9), evaluations=1, explore_block=20)
-    monkeypatch.setattr(workflow, "FitOptions", functools.partial(workflow.FitOptions, plan=hopeless))
+    monkeypatch.setattr(campaign_fit, "FitOptions", functools.partial(campaign_fit.FitOptions, plan=hopeless))
     out = tmp_path / "out"
     outcome = run("fit", measured, "--out", out, "--no-figures", "--jobs", 1)
     assert outcome.status == 1
@@ -113,8 +114,8 @@ def test_priors_go_through_a_pipe_and_back(measured: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("verb", "work", "advice"),
     [
-        ("fit", "sma_bayes.tasks.fit_records", "with --resume goes on from here"),
-        ("gap", "sma_bayes.gap.outcome.gap_outcome", "with --resume begins the study anew, or draws"),
+        ("fit", "sma_bayes.workflow.fit_tasks.fit_records", "with --resume goes on from here"),
+        ("gap", "sma_bayes.workflow.gap_study.gap_outcome", "with --resume begins the study anew, or draws"),
     ],
 )
 def test_an_interruption_ends_with_130_and_says_how_to_go_on(
@@ -143,7 +144,7 @@ def test_a_mistake_of_the_package_is_not_taken_for_a_run_that_did_not_converge(
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError("planted")
 
-    monkeypatch.setattr(tasks, "fit_records", fail)
+    monkeypatch.setattr(fit_tasks, "fit_records", fail)
     outcome = run("fit", measured, "--out", tmp_path / "out", "--jobs", 1)
     assert outcome.status == cli.MISTAKE == 70
     assert "ZeroDivisionError: planted" in outcome.err

@@ -14,10 +14,9 @@ from typing import Any
 import pytest
 
 import sma_bayes
-from sma_bayes import tasks
 from sma_bayes.errors import WorkerError
 from sma_bayes.records.campaign import read_campaign
-from sma_bayes.workflow import fit_campaign
+from sma_bayes.workflow import fit_campaign, fit_tasks
 
 Same = Callable[[Path, Path], None]
 CONDITIONS = 3
@@ -43,7 +42,7 @@ def whole(house: Path) -> Path:
 @pytest.fixture
 def by_condition(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make a task of each condition, as for a campaign of many."""
-    monkeypatch.setattr(tasks, "WHOLE_CONDITIONS", 1)
+    monkeypatch.setattr(fit_tasks, "WHOLE_CONDITIONS", 1)
 
 
 @pytest.mark.usefixtures("by_condition")
@@ -73,17 +72,17 @@ def test_conditions_that_were_finished_are_not_done_again(
         if done == 4:
             raise KeyboardInterrupt
 
-    def count(task: tasks.FitTask) -> Any:
+    def count(task: fit_tasks.FitTask) -> Any:
         sampled.append(task.records[0].key)
         return sample(task)
 
-    sample = tasks.sample_task
+    sample = fit_tasks.sample_task
     with pytest.raises(KeyboardInterrupt):
         fit_campaign(read_campaign(house), out, jobs=1, figures=False, progress=interrupt)
     parts = sorted((out / "parts").iterdir())
     assert [p.stem for p in parts] == ["spring001-01", "spring001-02"]
     (out / "bands" / "spring001-02-heating-force.csv").unlink()  # so this one has to be done again
-    monkeypatch.setattr(tasks, "sample_task", count)
+    monkeypatch.setattr(fit_tasks, "sample_task", count)
     fit_campaign(read_campaign(house), out, jobs=1, figures=False, resume=True)
     assert {key.rpartition("-")[0] for key in sampled} == {"spring001-02", "spring001-03"}
     assert_same_run(whole, out)

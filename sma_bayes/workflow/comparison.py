@@ -34,9 +34,9 @@ from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import figures_for
 from sma_bayes.results.documents import COMPARISON
 from sma_bayes.results.store import plain, write_csv, write_text
-from sma_bayes.tasks import FitOptions, Pool
-from sma_bayes.under_way import Progress, UnderWay, silent
-from sma_bayes.workflow import DEFAULT_PRIORS, all_versions, run_identity
+from sma_bayes.workflow.identity import all_versions, run_identity
+from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool
+from sma_bayes.workflow.under_way import Progress, UnderWay, silent
 
 FEWEST_CONDITIONS = 2
 """Conditions that can be left out in turn."""

@@ -11,7 +11,7 @@ import pytest
 from sma_bayes.assess.correlation import Agreement, agreement
 from sma_bayes.assess.correlation_average import Averages, Scored
 from sma_bayes.errors import OutputError
-from sma_bayes.parts import Part, part_path, read_part, remove_parts, write_part
+from sma_bayes.workflow.parts import Part, part_path, read_part, remove_parts, write_part
 
 
 def scored(seed: int) -> Scored:

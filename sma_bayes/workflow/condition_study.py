@@ -30,9 +30,9 @@ from sma_bayes.report.outputs import StoredRun, read_run
 from sma_bayes.report.stored_draws import stored_draws
 from sma_bayes.results.documents import CONDITIONS
 from sma_bayes.results.store import plain, write_csv
-from sma_bayes.tasks import write_band
-from sma_bayes.under_way import Progress, UnderWay, silent
-from sma_bayes.workflow import all_versions
+from sma_bayes.workflow.fit_tasks import write_band
+from sma_bayes.workflow.identity import all_versions
+from sma_bayes.workflow.under_way import Progress, UnderWay, silent
 
 HEADLINES: Final = (
     "least_stiffness", "greatest_stiffness", "stiffness_ratio", "hysteresis_width", "midpoint", "As", "Af", "Ms", "Mf",

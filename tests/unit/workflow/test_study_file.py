@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sma_bayes.errors import StudyError
-from sma_bayes.study_file import read_study
+from sma_bayes.workflow.study_file import read_study
 
 WHOLE = """\
 [study]

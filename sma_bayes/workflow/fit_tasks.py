@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -16,50 +16,18 @@ from sma_bayes.assess.correlation_average import Scored
 from sma_bayes.assess.loops import loop_quantities
 from sma_bayes.assess.summary import record_summary
 from sma_bayes.errors import OutputError, SmaBayesError
-from sma_bayes.inference.ensembles import Plan
 from sma_bayes.inference.jobs import run
-from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.parts import Part, part_path, read_part, write_part
 from sma_bayes.records.types import Branch, Record
-from sma_bayes.response.arrangement import BiasSpring
 from sma_bayes.results.documents import MARK
 from sma_bayes.results.fit import Fit
-from sma_bayes.results.fitting import AUTO, fit_records
+from sma_bayes.results.fitting import fit_records
 from sma_bayes.results.store import plain, write_csv, write_posterior
-
-Pool = Literal["none", "campaign"]
+from sma_bayes.workflow.options import FitOptions
+from sma_bayes.workflow.parts import Part, part_path, read_part, write_part
 
 WHOLE_CONDITIONS = 20
 """Number of conditions from which on a task is a condition with its branches. With fewer, a branch is a task: that
 keeps more processes busy, but sends all draws to the process that joins the branches."""
-
-
-@dataclass(frozen=True, slots=True)
-class FitOptions:
-    """What decides the numbers of a run.
-
-    Attributes
-    ----------
-    seed : int
-    noise : str
-        Name of a noise model, or ``auto``.
-    priors : PriorSet
-    pool : str
-        ``none``: each condition and branch has its own A and B; ``campaign``: one set a branch for all.
-    extrapolate : float
-        How far bands go beyond the observed temperatures [unit of temperature].
-    plan : Plan
-    bias : BiasSpring, optional
-        Bias spring whose arrangement with the alloy spring gets bands of its own, Eq. (8).
-    """
-
-    priors: PriorSet
-    seed: int = 0
-    noise: str = AUTO
-    pool: Pool = "none"
-    extrapolate: float = 0.0
-    plan: Plan = field(default_factory=Plan)
-    bias: BiasSpring | None = None
 
 
 @dataclass(frozen=True, eq=False)

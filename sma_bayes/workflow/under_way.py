@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from sma_bayes.account import Account
-from sma_bayes.output_folder import claimed_folder
 from sma_bayes.report.choice import Drawn
 from sma_bayes.results.documents import Document
 from sma_bayes.results.store import write_json
+from sma_bayes.workflow.output_folder import claimed_folder
 
 Progress = Callable[[int, int, str], None]
 """Told how many tasks are done, how many there are, and what is going on."""
@@ -65,7 +65,7 @@ class UnderWay:
         ----------
         folder : Path
         identity, resume
-            See `sma_bayes.output_folder.claim_folder`.
+            See `sma_bayes.workflow.output_folder.claim_folder`.
         find : callable
             Writes its files to the folder, except the document, which comes last, and gives what that will hold.
 

@@ -9,10 +9,10 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
-from sma_bayes.asking import PROBABILITY, TOLERANCE, WANTED
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.errors import StudyError, near_matches
 from sma_bayes.records.toml_table import StrictTable, as_toml, checked, parsed_toml
+from sma_bayes.workflow.question import PROBABILITY, TOLERANCE, WANTED
 
 Figures = Literal["auto", "all", "campaign", "none"]
 

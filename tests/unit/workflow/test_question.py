@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import sma_bayes
-from sma_bayes.asking import answer_text
 from sma_bayes.errors import (
     MeasurementError,
     OutputError,
@@ -25,6 +24,7 @@ from sma_bayes.quantities import convert
 from sma_bayes.records.types import Branch, Calibration, Campaign, Record
 from sma_bayes.response.arrangement import Arrangement, BiasSpring
 from sma_bayes.workflow import fit_campaign
+from sma_bayes.workflow.question import answer_text
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from sma_bayes.asking import WANTED, ask
-from sma_bayes.comparing import compare
 from sma_bayes.errors import ResumeError, SmaBayesError
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.output_folder import claimed_folder
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.predicting import study_conditions
 from sma_bayes.quantities import number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
@@ -24,9 +20,16 @@ from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD
 from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, STUDY
 from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, write_json
-from sma_bayes.study_file import Study, read_study
-from sma_bayes.under_way import Progress, silent
-from sma_bayes.workflow import all_versions, bias_spring, fit_campaign, study_gap
+from sma_bayes.workflow.campaign_fit import fit_campaign
+from sma_bayes.workflow.comparison import compare
+from sma_bayes.workflow.condition_study import study_conditions
+from sma_bayes.workflow.gap_study import study_gap
+from sma_bayes.workflow.identity import all_versions
+from sma_bayes.workflow.options import bias_spring
+from sma_bayes.workflow.output_folder import claimed_folder
+from sma_bayes.workflow.question import WANTED, ask
+from sma_bayes.workflow.study_file import Study, read_study
+from sma_bayes.workflow.under_way import Progress, silent
 
 DONE, NOT_CONVERGED, WRONG = 0, 1, 2
 """Exit statuses of a step; that of the study is the greatest of them."""

@@ -1,0 +1,181 @@
+"""Fitting a campaign, in memory or into a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from sma_bayes.account import Account
+from sma_bayes.assess.correlation_average import Averages
+from sma_bayes.inference.jobs import run
+from sma_bayes.parameters.priors_file import PriorSet, read_priors
+from sma_bayes.records.types import Campaign, Record
+from sma_bayes.report.choice import figures_for
+from sma_bayes.response.arrangement import BiasSpring
+from sma_bayes.results.documents import FIT
+from sma_bayes.results.fit import Fit
+from sma_bayes.results.fitting import AUTO
+from sma_bayes.results.store import write_text
+from sma_bayes.workflow.fit_tasks import FitTask, fitted, sample_task
+from sma_bayes.workflow.identity import all_versions, run_identity
+from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of
+from sma_bayes.workflow.output_folder import claimed_folder
+from sma_bayes.workflow.parts import remove_parts
+from sma_bayes.workflow.under_way import Progress, UnderWay, silent
+
+
+def fit(
+    campaign: Campaign,
+    *,
+    seed: int = 0,
+    noise: str = AUTO,
+    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    pool: Pool = "none",
+    jobs: int | None = None,
+) -> dict[str, Fit]:
+    """Fit every record of a campaign, in memory.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        As `read_campaign` gives it.
+    seed : int
+        Decides every draw.
+    noise : str
+        Name of a noise model, or ``auto``: chosen from the residuals of the warm start.
+    priors : str, Path or PriorSet
+        Name of a shipped set or path of a priors file.
+    pool : {'none', 'campaign'}
+        With ``campaign`` one set of A and B a branch serves all conditions.
+    jobs : int, optional
+        Processes; by default one for each core.
+
+    Returns
+    -------
+    dict of str to Fit
+        By the key of the record, ``<condition>-<branch>``. Pooled records share one `Fit`.
+    """
+    options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, noise, pool)
+    groups = groups_of(campaign, pool)
+    tasks = [FitTask(g, options, None) for g in groups]
+    out: dict[str, Fit] = {}
+    for group, found in zip(groups, run(sample_task, tasks, jobs), strict=True):
+        out |= {record.key: found for record in group}
+    return out
+
+
+def fit_campaign(
+    campaign: Campaign,
+    out: str | Path,
+    *,
+    seed: int = 0,
+    noise: str = AUTO,
+    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    pool: Pool = "none",
+    jobs: int | None = None,
+    extrapolate: float = 0.0,
+    bias: BiasSpring | None = None,
+    resume: bool = False,
+    figures: str | bool = "auto",
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Fit every record of a campaign and write posteriors, bands, tables, figures and the report.
+
+    Parameters
+    ----------
+    campaign, seed, noise, priors, pool, jobs
+        See `fit`.
+    out : str or Path
+        Folder for the results. It must be new or empty, unless `resume` is set and it holds the same run.
+    extrapolate : float
+        How far bands go beyond the observed temperatures [unit of temperature]; what lies there is marked.
+    bias : BiasSpring, optional
+        Bias spring; the stiffness of both springs together gets bands of its own, Eq. (8).
+    resume : bool
+        Go on with a run that was interrupted. The result is the same to the bit.
+    figures : str or bool
+        ``all``, ``campaign`` (none of single conditions and records), ``none`` (no report either), or ``auto``: see
+        `figures_for`.
+    progress : callable, optional
+    account : Account, optional
+        Account to go on with, such as one in which the reading was timed.
+
+    Returns
+    -------
+    dict
+        What `summary.json` holds.
+
+    Raises
+    ------
+    OutputError
+        If `out` can't be written or holds something else.
+    ResumeError
+        If `out` holds a run with other data, priors, options or versions.
+    """
+    folder = Path(out).absolute()  # workers of a cluster stand elsewhere
+    options = FitOptions(
+        priors if isinstance(priors, PriorSet) else read_priors(priors),
+        seed,
+        noise,
+        pool,
+        extrapolate,
+        bias=bias,
+    )
+    drawn = figures_for(figures, len(campaign.records))
+    work = UnderWay(FIT, jobs, drawn, progress or silent, account or Account())
+    groups = groups_of(campaign, pool)
+    check_call(groups, options)
+    with claimed_folder(folder, run_identity(campaign, options), resume):
+        records, averages, loops = _fitted(groups, options, folder, work)
+    with work.account.timed("write"):
+        write_text(folder / "priors.toml", options.priors.text)
+    summary = {
+        "schema": FIT.schema,
+        "campaign": campaign.name,
+        "source": campaign.source,
+        **({"data_dir": campaign.data_dir} if campaign.data_dir else {}),
+        "seed": seed,
+        "options": {
+            "noise": noise,
+            "pool": pool,
+            "extrapolate": extrapolate,
+            "priors": options.priors.title,
+            "bias_spring": None if bias is None else asdict(bias),
+        },
+        "versions": all_versions(),
+        "data_sha256": campaign.sha256,
+        "converged": all(r["converged"] for r in records),
+        "records": records,
+        "correlation_average": averages,
+        "loops": loops,
+        "findings": [asdict(f) for f in campaign.findings],
+    }
+    summary = work.end(folder, summary)
+    remove_parts(folder)
+    return summary
+
+
+def _fitted(
+    groups: Sequence[tuple[Record, ...]],
+    options: FitOptions,
+    folder: Path,
+    work: UnderWay,
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
+    """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
+    total = sum(len(group) for group in groups)
+    work.tell(0, total, "sampling")
+    records: list[dict[str, Any]] = []
+    loops: list[dict[str, Any]] = []
+    averages = {"measured": Averages(), "replicated": Averages()}
+    for part in fitted(groups, options, folder, work.jobs, work.account):
+        records += part.records
+        loops += part.loops
+        for scored in part.scored:
+            averages[scored.data].add(scored)
+        work.account.take(part.account.document())
+        lost = f" ({len(work.account.lost)} workers lost)" if work.account.lost else ""
+        work.tell(len(records), total, f"sampled {', '.join(s['key'] for s in part.records)}{lost}")
+    return records, [{"data": d, **e} for d, found in averages.items() for e in found.entries()], loops

@@ -1,0 +1,134 @@
+"""A gap study, from a campaign to files."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from sma_bayes.account import Account
+from sma_bayes.effects import EFFECTS
+from sma_bayes.errors import SmaBayesError
+from sma_bayes.gap.cautions import cautions
+from sma_bayes.gap.check import Comparable, comparable, smoothing_remarks
+from sma_bayes.gap.outcome import STAGES, gap_outcome, outcome_json
+from sma_bayes.gap.store import write_study
+from sma_bayes.parameters.priors_file import PriorSet, read_priors
+from sma_bayes.records.types import Campaign
+from sma_bayes.report.choice import Drawn, figures_for
+from sma_bayes.results.documents import GAP
+from sma_bayes.results.fitting import AUTO
+from sma_bayes.results.store import plain, write_text
+from sma_bayes.workflow.identity import all_versions, run_identity
+from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of
+from sma_bayes.workflow.under_way import Progress, UnderWay, silent
+
+
+def study_gap(
+    campaign: Campaign,
+    out: str | Path | None = None,
+    *,
+    seed: int = 0,
+    noise: str = AUTO,
+    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    pool: Pool = "none",
+    jobs: int | None = None,
+    resume: bool = False,
+    figures: str | bool = "auto",
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    out : str or Path, optional
+        Folder for `gap.json`, the posterior, series, tables, figures and the report; nothing is written without it.
+    noise : str
+        Only ``auto``: the study estimates the noise of each channel by itself.
+    resume : bool
+        Go on with this very study: sampling where it stopped, or, where `gap.json` is there already, only what is
+        missing of the report. The search is repeated, to the same end; it takes seconds.
+    seed, priors, pool, jobs, figures, progress, account
+        See `fit_campaign`. With ``pool="campaign"`` one set of A and B a branch serves all conditions: what differs
+        between conditions (stress, rate, lag) then shows instead of being swallowed.
+
+    Returns
+    -------
+    dict
+        What `gap.json` holds.
+
+    Raises
+    ------
+    SmaBayesError
+        If another noise is asked for.
+    MeasurementError
+        If the histories can't be compared.
+    OutputError, ResumeError
+        If `out` can't be used.
+    """
+    if noise != AUTO:
+        raise SmaBayesError(
+            f"--noise {noise}",
+            expected=f"{AUTO!r}: a gap study estimates AR(1) noise of each channel beside smooth functions, since "
+            "noise that is told from residuals would swallow the very disagreement that is looked for",
+            remedy="leave --noise out; gap.json states the noise that was found",
+        )
+    options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, pool=pool)
+    can = comparable(campaign)
+    check_call(groups_of(can.campaign, pool), options)
+    drawn: Drawn = "none" if figures_for(figures, len(campaign.records)) == "none" else "all"
+    work = UnderWay(GAP, jobs, drawn, progress or silent, account or Account())
+    if out is None:
+        return work.with_account(_studied(can, None, options, work))
+    folder = Path(out).absolute()
+    identity = {**run_identity(campaign, options), "kind": GAP.verb, "effects": sorted(EFFECTS)}
+    return work.carry_out(folder, identity, resume, lambda: _studied(can, folder, options, work))
+
+
+def _studied(
+    can: Comparable,
+    folder: Path | None,
+    options: FitOptions,
+    work: UnderWay,
+) -> dict[str, Any]:
+    """Study a campaign, and write what was found except `gap.json`, which comes last."""
+    campaign = can.campaign
+    with threadpool_limits(limits=1):
+        outcome = gap_outcome(
+            campaign,
+            options.priors,
+            pooled=options.pool == "campaign",
+            seed=options.seed,
+            jobs=work.jobs,
+            progress=lambda done, message: work.tell(done, STAGES, message),
+            account=work.account,
+            checkpoint=folder and folder / "checkpoints" / "gap.h5",
+        )
+    stated = outcome_json(outcome)
+    found: dict[str, Any] = plain(
+        {
+            **stated,
+            "campaign": campaign.name,
+            "source": campaign.source,
+            "seed": options.seed,
+            "pool": options.pool,
+            "priors": options.priors.title,
+            "versions": all_versions(),
+            "data_sha256": campaign.sha256,
+            "cautions": cautions(stated),
+            "remarks": [
+                *can.remarks,
+                *smoothing_remarks(outcome.study.baseline.hypothesis.histories),
+            ],
+            "findings": [asdict(f) for f in campaign.findings],
+        }
+    )
+    if folder is not None:
+        with work.account.timed("write"):
+            write_study(folder, outcome, seed=options.seed)
+            write_text(folder / "priors.toml", options.priors.text)
+    return found

@@ -1,0 +1,115 @@
+"""What decides the numbers of a run, by the names that users give, and refused before anything is sampled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+
+from sma_bayes.errors import SmaBayesError, near_matches
+from sma_bayes.inference.ensembles import Plan
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.posterior import build_posterior
+from sma_bayes.records.types import Branch, Campaign, Record
+from sma_bayes.response.arrangement import Arrangement, BiasSpring
+from sma_bayes.results.fitting import AUTO
+
+DEFAULT_PRIORS: Final = "modified_sigmoid"
+Pool = Literal["none", "campaign"]
+
+
+@dataclass(frozen=True, slots=True)
+class FitOptions:
+    """What decides the numbers of a run.
+
+    Attributes
+    ----------
+    seed : int
+    noise : str
+        Name of a noise model, or ``auto``.
+    priors : PriorSet
+    pool : str
+        ``none``: each condition and branch has its own A and B; ``campaign``: one set a branch for all.
+    extrapolate : float
+        How far bands go beyond the observed temperatures [unit of temperature].
+    plan : Plan
+    bias : BiasSpring, optional
+        Bias spring whose arrangement with the alloy spring gets bands of its own, Eq. (8).
+    """
+
+    priors: PriorSet
+    seed: int = 0
+    noise: str = AUTO
+    pool: Pool = "none"
+    extrapolate: float = 0.0
+    plan: Plan = field(default_factory=Plan)
+    bias: BiasSpring | None = None
+
+
+def pool_named(name: str) -> Pool:
+    """Check the name of a way to pool.
+
+    Raises
+    ------
+    SmaBayesError
+        If it is none of them.
+    """
+    if name == "none":
+        return "none"
+    if name == "campaign":
+        return "campaign"
+    raise SmaBayesError(f"--pool {name!r}", expected="'none' or 'campaign'")
+
+
+def bias_spring(arrangement: str | None, stiffness: float, sd: float) -> BiasSpring | None:
+    """Bias spring by the name of its arrangement; None for none.
+
+    Raises
+    ------
+    SmaBayesError
+        If there is no such arrangement.
+    """
+    if arrangement is None:
+        return None
+    known = [a.value for a in Arrangement]
+    if arrangement not in known:
+        raise SmaBayesError(f"--arrangement {arrangement!r}", expected=near_matches(arrangement, known))
+    return BiasSpring(Arrangement(arrangement), stiffness, sd)
+
+
+def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
+    """Refuse, before anything is written or sampled, what no record could be fitted with.
+
+    Parameters
+    ----------
+    groups : sequence of sequence of Record
+        Records that share a posterior.
+    options : FitOptions
+
+    Raises
+    ------
+    UnknownNameError
+        If no noise model has that name.
+    PriorError
+        If a prior is missing, has no parameter, or is wrong, or records can't share parameters.
+    SmaBayesError
+        If bands are to go on for ever.
+    """
+    if not np.isfinite(options.extrapolate):
+        raise SmaBayesError(f"--extrapolate {options.extrapolate}", expected="a finite number of degrees")
+    noise = NOISE_MODELS["independent" if options.noise == AUTO else options.noise]
+    for group in groups:
+        one = [dict.fromkeys(record.channels, 1.0) for record in group]  # stands for residual and memory
+        build_posterior(group, NOISE_MODELS["independent"], options.priors)
+        build_posterior(group, noise, options.priors, residual=one, memory=one)
+
+
+def groups_of(campaign: Campaign, pool: Pool) -> list[tuple[Record, ...]]:
+    """Records that share a posterior: one each, or all of a branch."""
+    if pool == "none":
+        return [(r,) for r in campaign.records]
+    branches = (tuple(r for r in campaign.records if r.branch is b) for b in Branch)
+    return [g for g in branches if g]
