@@ -24,13 +24,13 @@ from sma_bayes.report.figures.sheet import (
     INK,
     WARNING,
     Drawing,
-    abridged,
     as_columns,
     dot_handle,
     empty_sheet,
     few_ticks,
     in_units_of,
     label_width,
+    name_rows,
     numbered,
     panels,
     take_power,
@@ -292,11 +292,7 @@ def _list_sheet(
 
 
 def _condition_axis(ax: Axes, names: Sequence[str], *, labelled: bool) -> None:
-    ax.set_ylim(len(names) - 0.4, -0.6)
-    ax.set_yticks(range(len(names)), [abridged(n) for n in names] if labelled else [""] * len(names))
-    ax.yaxis.set_tick_params(length=0)
-    for place in range(1, len(names), 2):
-        ax.axhspan(place - 0.5, place + 0.5, color="#f4f5f6", lw=0, zorder=-1)
+    name_rows(ax, names, labelled=labelled)
     ax.xaxis.set_major_locator(few_ticks(3))
 
 

@@ -23,13 +23,13 @@ from sma_bayes.report.figures.sheet import (
     MANY,
     WARNING,
     Drawing,
-    abridged,
     as_columns,
     empty_sheet,
     few_ticks,
     heading,
     in_units_of,
     label_width,
+    name_rows,
     numbered,
     panels,
     take_power,
@@ -68,7 +68,7 @@ def measured_figure(stored: StoredConditions, number: int) -> Drawing:
     axes = panels(figure, 1, columns, left=left, right=0.15, bottom=0.75, top=0.45, gap_x=0.3)[0]
     rows: list[tuple[Any, ...]] = []
     for ax in axes:
-        _rows_of(ax, ids, labelled=ax is axes[0])
+        name_rows(ax, ids, labelled=ax is axes[0])
     if stiff:
         rows += _stiffness(axes[0], ids, features)
     rows += _temperatures(axes[-1], ids, features)
@@ -95,14 +95,6 @@ def measured_figure(stored: StoredConditions, number: int) -> Drawing:
 def _title(group: Mapping[str, Any], specimen: bool) -> str:
     names = [setting_name(n, specimen) for n in group["varied"]]
     return f"{len(group['conditions'])} conditions that differ in {' and '.join(names) or 'nothing'}"
-
-
-def _rows_of(ax: Axes, names: Sequence[str], *, labelled: bool) -> None:
-    ax.set_ylim(len(names) - 0.45, -0.55)
-    ax.set_yticks(range(len(names)), [abridged(n) for n in names] if labelled else [""] * len(names))
-    ax.yaxis.set_tick_params(length=0)
-    for place in range(1, len(names), 2):
-        ax.axhspan(place - 0.5, place + 0.5, color="#f4f5f6", lw=0, zorder=-1)
 
 
 def _legend(figure: Any, handles: list[Any]) -> None:
@@ -253,7 +245,7 @@ def _effects(ax: Axes, part: Sequence[Mapping[str, Any]], specimen: bool) -> lis
                 *(b or none).values(),
             )
         )
-    _rows_of(ax, [_label(e, specimen) for e in part], labelled=True)
+    name_rows(ax, [_label(e, specimen) for e in part], labelled=True)
     units = sorted({unit_label(e["unit"]) for e in part if e["unit"] != "1"})
     ax.set_xlabel("factor [1]" if factor else f"difference [{' or '.join(units) or '1'}]")
     if factor:

@@ -316,6 +316,15 @@ def label_width(names: Iterable[str]) -> float:
     return 0.25 + 0.062 * max((len(abridged(n)) for n in names), default=0)
 
 
+def name_rows(ax: Axes, names: Sequence[str], *, labelled: bool) -> None:
+    """Give each name a row of an axis, the first on top, every other one shaded."""
+    ax.set_ylim(len(names) - 0.4, -0.6)
+    ax.set_yticks(range(len(names)), [abridged(n) for n in names] if labelled else [""] * len(names))
+    ax.yaxis.set_tick_params(length=0)
+    for place in range(1, len(names), 2):
+        ax.axhspan(place - 0.5, place + 0.5, color="#f4f5f6", lw=0, zorder=-1)
+
+
 def as_columns(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, Any]:
     """Columns of rows; None becomes an empty cell."""
     if not rows:
