@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from sma_bayes.errors import OutputError
 from sma_bayes.gap.store import POSTERIOR, SERIES
 from sma_bayes.quantities import Floats
+from sma_bayes.report.outputs import floats, read_cells
 from sma_bayes.results.documents import GAP
 
 WORDS: Final = ("condition", "branch", "channel")
@@ -121,16 +121,10 @@ def read_study(folder: Path) -> StoredStudy:
 
 def _samples(path: Path) -> Samples:
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            header, *rows = csv.reader(file)
-        columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+        columns = read_cells(path)
         return Samples(
             {name: np.array(columns[name], dtype=np.str_) for name in WORDS},
-            {
-                name: np.array([float(c) if c else np.nan for c in cells])
-                for name, cells in columns.items()
-                if name not in WORDS
-            },
+            {name: floats(cells) for name, cells in columns.items() if name not in WORDS},
         )
     except (OSError, ValueError, KeyError) as error:
         raise OutputError(

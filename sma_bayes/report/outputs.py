@@ -160,14 +160,11 @@ def read_columns(path: Path, again: str) -> dict[str, Floats]:
     OutputError
         If it can't.
     """
+    truth = {"true": "1", "false": "0"}
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            header, *rows = csv.reader(file)
-        cells = zip(*rows, strict=True)
-        truth = {"true": "1", "false": "0"}
         return {
-            name: _floats(tuple(truth.get(cell, cell) for cell in column))
-            for name, column in zip(header, cells, strict=True)
+            name: floats(tuple(truth.get(cell, cell) for cell in column))
+            for name, column in read_cells(path).items()
         }
     except (OSError, ValueError) as error:
         raise OutputError(
@@ -196,13 +193,11 @@ def read_band(path: Path) -> StoredBand:
         If the file is not one that `fit` wrote.
     """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            header, *rows = csv.reader(file)
-        columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+        columns = read_cells(path)
         temperature = next(values for name, values in columns.items() if name.startswith("temperature_"))
         return StoredBand(
-            _floats(temperature),
-            {name: _floats(columns[name]) for name in BAND_COLUMNS},
+            floats(temperature),
+            {name: floats(columns[name]) for name in BAND_COLUMNS},
             np.array([value == "true" for value in columns["extrapolated"]], dtype=np.bool_),
         )
     except (OSError, ValueError, KeyError, StopIteration) as error:
@@ -211,7 +206,21 @@ def read_band(path: Path) -> StoredBand:
         ) from None
 
 
-def _floats(cells: tuple[str, ...]) -> Floats:
+def read_cells(path: Path) -> dict[str, tuple[str, ...]]:
+    """Read a CSV as text, column by column.
+
+    Raises
+    ------
+    OSError, ValueError
+        If it can't be read, or its rows are of different lengths.
+    """
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    return dict(zip(header, zip(*rows, strict=True), strict=True))
+
+
+def floats(cells: tuple[str, ...]) -> Floats:
+    """Numbers of a column; NaN where a cell is empty."""
     return np.array([float(cell) if cell else np.nan for cell in cells])
 
 
