@@ -38,7 +38,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Row:
+class Row(Trial):
     """What came of a trial.
 
     Attributes
@@ -53,12 +53,6 @@ class Row:
         longer than the study.
     """
 
-    suite: str
-    effects: str
-    sigma: float
-    noise: str
-    design: str
-    seed: int
     sigma_reached: float
     in_range: bool
     verdict: str
