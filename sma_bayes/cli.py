@@ -570,8 +570,14 @@ def _finish(summary: dict[str, Any], quiet: bool, as_json: bool, show: Callable[
         raise typer.Exit(status)
 
 
-def _show_fit(summary: dict[str, Any], out: Path) -> None:
+def _console() -> Any:
+    """What people read on; as wide as the widest table where it is no terminal."""
     from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
+
+
+def _show_fit(summary: dict[str, Any], out: Path) -> None:
     from rich.table import Table
 
     table = Table(title=f"{summary['campaign']}, seed {summary['seed']}", title_justify="left")
@@ -595,7 +601,7 @@ def _show_fit(summary: dict[str, Any], out: Path) -> None:
             factors,
             ", ".join(prior_driven) or "-",
         )
-    console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
+    console = _console()
     console.print(table)
     if len(summary["records"]) > table.row_count:
         converged = sum(r["converged"] for r in summary["records"])
@@ -653,12 +659,11 @@ VERDICTS = {
 
 
 def _show_gap(found: dict[str, Any], out: Path) -> None:
-    from rich.console import Console
 
     from sma_bayes.gap.words import channel_text, covariate_text, p_text
     from sma_bayes.quantities import unit_text
 
-    console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
+    console = _console()
     chance = p_text(found["p_value"])
     console.print(f"{found['campaign']}: {VERDICTS[found['verdict']]} ({chance})", soft_wrap=True)
     for d in found["disagreement"][:3]:
@@ -738,12 +743,11 @@ def _gap_text(gap: dict[str, Any], *, added: bool) -> str:
 
 
 def _show_inspection(report: dict[str, Any]) -> None:
-    from rich.console import Console
     from rich.table import Table
 
     from sma_bayes.quantities import unit_text
 
-    console = Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
+    console = _console()
     table = Table(title=report["campaign"], title_justify="left")
     for name in ("record", "file", "samples", "cycles", "temperature", "channels", "held constant", "noise"):
         table.add_column(name)
