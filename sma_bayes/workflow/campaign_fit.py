@@ -10,7 +10,7 @@ from typing import Any
 from sma_bayes.account import Account
 from sma_bayes.assess.correlation_average import Averages
 from sma_bayes.inference.jobs import run
-from sma_bayes.parameters.priors_file import PriorSet, read_priors
+from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import figures_for
 from sma_bayes.response.arrangement import BiasSpring
@@ -20,7 +20,7 @@ from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import write_text
 from sma_bayes.workflow.fit_tasks import FitTask, fitted, sample_task
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of
+from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of, prior_set
 from sma_bayes.workflow.output_folder import claimed_folder
 from sma_bayes.workflow.parts import remove_parts
 from sma_bayes.workflow.under_way import Progress, UnderWay, silent
@@ -57,7 +57,7 @@ def fit(
     dict of str to Fit
         By the key of the record, ``<condition>-<branch>``. Pooled records share one `Fit`.
     """
-    options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, noise, pool)
+    options = FitOptions(prior_set(priors), seed, noise, pool)
     groups = groups_of(campaign, pool)
     tasks = [FitTask(g, options, None) for g in groups]
     out: dict[str, Fit] = {}
@@ -117,7 +117,7 @@ def fit_campaign(
     """
     folder = Path(out).absolute()  # workers of a cluster stand elsewhere
     options = FitOptions(
-        priors if isinstance(priors, PriorSet) else read_priors(priors),
+        prior_set(priors),
         seed,
         noise,
         pool,

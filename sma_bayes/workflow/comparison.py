@@ -29,13 +29,13 @@ from sma_bayes.errors import MeasurementError
 from sma_bayes.inference.jobs import run
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.noise.effective_samples import EffectiveSamples
-from sma_bayes.parameters.priors_file import PriorSet, read_priors
+from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import figures_for
 from sma_bayes.results.documents import COMPARISON
 from sma_bayes.results.store import plain, write_csv, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool
+from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, prior_set
 from sma_bayes.workflow.under_way import Progress, UnderWay, silent
 
 FEWEST_CONDITIONS = 2
@@ -97,17 +97,14 @@ def compare(
     OutputError, ResumeError
         If `out` can't be used.
     """
-    options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, noise, pool)
+    options = FitOptions(prior_set(priors), seed, noise, pool)
     records = units_of(campaign, pool)
     check(records, options)
     drawn = figures_for(figures, len(records))
     work = UnderWay(COMPARISON, jobs, drawn, progress or silent, account or Account())
-    if out is None:
-        return work.with_account(_compared(campaign, records, None, options, work))
-    folder = Path(out).absolute()
     identity = {**run_identity(campaign, options), "kind": COMPARISON.verb}
     return work.carry_out(
-        folder, identity, resume, lambda: _compared(campaign, records, folder, options, work)
+        out, identity, resume, lambda folder: _compared(campaign, records, folder, options, work)
     )
 
 

@@ -107,10 +107,7 @@ def study_conditions(
     question = _Question(run, records, asked, tuple(leave_out), seed, scatter)
     drawn = figures_for(figures, len(records))
     work = UnderWay(CONDITIONS, jobs, drawn, progress or silent, spent)
-    if out is None:
-        return work.with_account(_studied(question, None, work))
-    place = Path(out).absolute()
-    return work.carry_out(place, question.identity(), resume, lambda: _studied(question, place, work))
+    return work.carry_out(out, question.identity(), resume, lambda place: _studied(question, place, work))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

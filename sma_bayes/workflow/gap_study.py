@@ -15,14 +15,14 @@ from sma_bayes.gap.cautions import cautions
 from sma_bayes.gap.check import Comparable, comparable, smoothing_remarks
 from sma_bayes.gap.outcome import STAGES, gap_outcome, outcome_json
 from sma_bayes.gap.store import write_study
-from sma_bayes.parameters.priors_file import PriorSet, read_priors
+from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.records.types import Campaign
 from sma_bayes.report.choice import Drawn, figures_for
 from sma_bayes.results.documents import GAP
 from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of
+from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of, prior_set
 from sma_bayes.workflow.under_way import Progress, UnderWay, silent
 
 
@@ -77,16 +77,13 @@ def study_gap(
             "noise that is told from residuals would swallow the very disagreement that is looked for",
             remedy="leave --noise out; gap.json states the noise that was found",
         )
-    options = FitOptions(priors if isinstance(priors, PriorSet) else read_priors(priors), seed, pool=pool)
+    options = FitOptions(prior_set(priors), seed, pool=pool)
     can = comparable(campaign)
     check_call(groups_of(can.campaign, pool), options)
     drawn: Drawn = "none" if figures_for(figures, len(campaign.records)) == "none" else "all"
     work = UnderWay(GAP, jobs, drawn, progress or silent, account or Account())
-    if out is None:
-        return work.with_account(_studied(can, None, options, work))
-    folder = Path(out).absolute()
     identity = {**run_identity(campaign, options), "kind": GAP.verb, "effects": sorted(EFFECTS)}
-    return work.carry_out(folder, identity, resume, lambda: _studied(can, folder, options, work))
+    return work.carry_out(out, identity, resume, lambda folder: _studied(can, folder, options, work))
 
 
 def _studied(

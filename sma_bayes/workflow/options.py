@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from sma_bayes.errors import SmaBayesError, near_matches
 from sma_bayes.inference.ensembles import Plan
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.parameters.priors_file import PriorSet, read_priors
 from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.response.arrangement import Arrangement, BiasSpring
@@ -47,6 +48,11 @@ class FitOptions:
     extrapolate: float = 0.0
     plan: Plan = field(default_factory=Plan)
     bias: BiasSpring | None = None
+
+
+def prior_set(priors: str | Path | PriorSet) -> PriorSet:
+    """Priors by the name of a shipped set, by their file, or as they are; see `read_priors`."""
+    return priors if isinstance(priors, PriorSet) else read_priors(priors)
 
 
 def pool_named(name: str) -> Pool:

@@ -57,26 +57,35 @@ class UnderWay:
         }
 
     def carry_out(
-        self, folder: Path, identity: dict[str, Any], resume: bool, find: Callable[[], dict[str, Any]]
+        self,
+        out: str | Path | None,
+        identity: dict[str, Any],
+        resume: bool,
+        find: Callable[[Path | None], dict[str, Any]],
     ) -> dict[str, Any]:
         """Find what is to be found and write it to a folder; what an earlier call has found there is read instead.
 
         Parameters
         ----------
-        folder : Path
+        out : str or Path, optional
+            Nothing is written without it.
         identity, resume
             See `sma_bayes.workflow.output_folder.claim_folder`.
         find : callable
-            Writes its files to the folder, except the document, which comes last, and gives what that will hold.
+            Writes its files to the folder, if there is one, except the document, which comes last; gives what that
+            will hold.
 
         Raises
         ------
         OutputError, ResumeError
             If the folder can't be used.
         """
+        if out is None:
+            return self.with_account(find(None))
+        folder = Path(out).absolute()  # workers of a cluster stand elsewhere
         with claimed_folder(folder, identity, resume):
             finished = (folder / self.document.file).is_file()
-            found = self.document.read(folder) if finished else find()
+            found = self.document.read(folder) if finished else find(folder)
         if not finished:
             return self.end(folder, found)
         if self.drawn != "none" and not (folder / "report.html").is_file():
