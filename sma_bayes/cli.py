@@ -121,6 +121,7 @@ def demo(
 ) -> None:
     """Run the main job on a twin of the published campaign: 18 records, no other file, no network."""
     from sma_bayes.paper.twin import twin_campaign
+    from sma_bayes.terminal.fit import show_fit
     from sma_bayes.workflow.campaign_fit import fit_campaign
     from sma_bayes.workflow.identity import is_run_of
 
@@ -135,7 +136,7 @@ def demo(
             figures="none" if no_figures else figures,
             **shared,
         )
-    _finish(summary, quiet, as_json, lambda: _show_fit(summary, out))
+    _finish(summary, quiet, as_json, lambda: show_fit(summary, out))
 
 
 @app.command()
@@ -147,13 +148,14 @@ def inspect(
 ) -> None:
     """Show what was read: channels, units, conditions, cycles, branches, noise, findings."""
     from sma_bayes.records.campaign import read_campaign
+    from sma_bayes.terminal.inspection import show_inspection
     from sma_bayes.workflow.inspection import inspect_campaign
 
     report = inspect_campaign(read_campaign(path, data_dir=data))
     if as_json:
         typer.echo(json.dumps(report, indent=1))
     elif not quiet:
-        _show_inspection(report)
+        show_inspection(report)
 
 
 @app.command()
@@ -194,6 +196,7 @@ def fit(
 ) -> None:
     """Warm start, ensembles, diagnostics, bands, correlation factors, report."""
     from sma_bayes.records.campaign import read_campaign
+    from sma_bayes.terminal.fit import show_fit
     from sma_bayes.workflow.campaign_fit import fit_campaign
     from sma_bayes.workflow.options import bias_spring, pool_named
 
@@ -212,7 +215,7 @@ def fit(
             figures="none" if no_figures else figures,
             **shared,
         )
-    _finish(summary, quiet, as_json, lambda: _show_fit(summary, out))
+    _finish(summary, quiet, as_json, lambda: show_fit(summary, out))
 
 
 @app.command()
@@ -236,6 +239,7 @@ def gap(
 ) -> None:
     """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink."""
     from sma_bayes.records.campaign import read_campaign
+    from sma_bayes.terminal.gap import show_gap
     from sma_bayes.workflow.gap_study import study_gap
     from sma_bayes.workflow.options import pool_named
 
@@ -252,7 +256,7 @@ def gap(
             figures="none" if no_figures else figures,
             **shared,
         )
-    _finish(found, quiet, as_json, lambda: _show_gap(found, out))
+    _finish(found, quiet, as_json, lambda: show_gap(found, out))
 
 
 @app.command()
@@ -277,8 +281,9 @@ def compare(
 ) -> None:
     """Compare the modified sigmoid with the logistic and polynomial baselines, on what was held out too."""
     from sma_bayes.records.campaign import read_campaign
+    from sma_bayes.terminal.comparison import comparison_text
+    from sma_bayes.terminal.screen import show_text
     from sma_bayes.workflow.comparison import compare as compare_campaign
-    from sma_bayes.workflow.comparison import summary_text
     from sma_bayes.workflow.options import pool_named
 
     read = partial(read_campaign, path, data_dir=data)
@@ -294,8 +299,7 @@ def compare(
             figures="none" if no_figures else figures,
             **shared,
         )
-    told = f"{summary_text(found)}\n{found['wall_s']:.1f} s; results in {out}"
-    _finish(found, quiet, as_json, lambda: typer.echo(told))
+    _finish(found, quiet, as_json, lambda: show_text(comparison_text(found), found, out))
 
 
 @app.command()
@@ -332,7 +336,7 @@ def ask(
     as_json: Json = False,
 ) -> None:
     """Tell which temperatures give a wanted stiffness, force or displacement, and how surely."""
-    from sma_bayes.workflow.question import answer_text
+    from sma_bayes.terminal.answer import answer_text
     from sma_bayes.workflow.question import ask as ask_folder
 
     found = ask_folder(
@@ -382,7 +386,9 @@ def conditions(
     as_json: Json = False,
 ) -> None:
     """Tell what current, load, frequency and duty cycle do, and predict conditions that were not measured."""
-    from sma_bayes.workflow.condition_study import study_conditions, summary_text
+    from sma_bayes.terminal.conditions import conditions_text
+    from sma_bayes.terminal.screen import show_text
+    from sma_bayes.workflow.condition_study import study_conditions
 
     with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
         found = study_conditions(
@@ -397,8 +403,7 @@ def conditions(
             figures="none" if no_figures else figures,
             progress=progress,
         )
-    told = f"{summary_text(found)}\n{found['wall_s']:.1f} s; results in {out}"
-    _finish(found, quiet, as_json, lambda: typer.echo(told))
+    _finish(found, quiet, as_json, lambda: show_text(conditions_text(found), found, out))
 
 
 @app.command()
@@ -416,7 +421,8 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run all that a study file declares: fit, compare, gap, conditions, questions, each in a folder of its own."""
-    from sma_bayes.workflow.study import run_study, study_text
+    from sma_bayes.terminal.study import study_text
+    from sma_bayes.workflow.study import run_study
 
     with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
         found = run_study(study, out=out, jobs=jobs, resume=resume, progress=progress)
@@ -568,215 +574,6 @@ def _finish(summary: dict[str, Any], quiet: bool, as_json: bool, show: Callable[
     status = summary.get("exit_status", 0 if summary["converged"] else 1)
     if status:
         raise typer.Exit(status)
-
-
-def _console() -> Any:
-    """What people read on; as wide as the widest table where it is no terminal."""
-    from rich.console import Console
-
-    return Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
-
-
-def _show_fit(summary: dict[str, Any], out: Path) -> None:
-    from rich.table import Table
-
-    table = Table(title=f"{summary['campaign']}, seed {summary['seed']}", title_justify="left")
-    for name in ("record", "n", "noise", "converged", "worst R-hat", "least ESS", "r", "not identified"):
-        table.add_column(
-            name, justify="left" if name in ("record", "noise", "not identified", "r") else "right"
-        )
-    for r in _worth_a_row(summary["records"]):
-        sampled = [p for p in r["parameters"].values() if p["rhat"] is not None]
-        prior_driven = [n for n, p in r["parameters"].items() if not p["identified"] and not p["fixed"]]
-        factors = ", ".join(
-            f"{r['quantities'][c]['name']} {f['r']['median']:.4f}" for c, f in r["correlation"].items()
-        )
-        table.add_row(
-            r["key"],
-            str(r["n"]),
-            r["noise"]["name"],
-            "yes" if r["converged"] else "NO",
-            f"{max((p['rhat'] for p in sampled), default=float('nan')):.4f}",
-            f"{min((min(p['ess_bulk'], p['ess_tail']) for p in sampled), default=float('nan')):.0f}",
-            factors,
-            ", ".join(prior_driven) or "-",
-        )
-    console = _console()
-    console.print(table)
-    if len(summary["records"]) > table.row_count:
-        converged = sum(r["converged"] for r in summary["records"])
-        console.print(
-            f"{len(summary['records'])} records, {converged} converged; above are the worst by R-hat"
-        )
-    alone = [f for f in summary["findings"] if f["kind"] == "one-branch"]
-    for finding in alone[:SHOWN]:
-        console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
-    dropped = sum(f["dropped"] for f in summary["findings"])
-    if summary["findings"]:
-        console.print(
-            f"{len(summary['findings'])} findings about the data, {dropped} rows kept out: "
-            "see the report or `sma-bayes inspect`"
-        )
-    if not summary["converged"]:
-        names = [r["key"] for r in summary["records"] if not r["converged"]]
-        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-        console.print(
-            f"NOT CONVERGED: {', '.join(names[:SHOWN])}{more}. Their numbers must not be relied on."
-        )
-    _show_end(console, summary, out)
-
-
-def _worth_a_row(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """All records, or of very many those that converged worst."""
-    from sma_bayes.report.choice import MANY
-
-    def worst_rhat(r: dict[str, Any]) -> float:
-        return max((p["rhat"] or 0.0 for p in r["parameters"].values()), default=0.0)
-
-    if len(records) <= MANY:
-        return records
-    return sorted(records, key=lambda r: (r["converged"], -worst_rhat(r)))[:SHOWN]
-
-
-def _show_end(console: Any, found: dict[str, Any], out: Path) -> None:
-    if found.get("figures") == "campaign":
-        console.print(
-            f"figures of the campaign only; `sma-bayes report {out} --figures all` draws the others"
-        )
-    for text in found.get("workers", {}).get("lost", ()):
-        console.print(f"a worker came to an end ({text}); what it did was done again", soft_wrap=True)
-    console.print(f"{found['wall_s']:.1f} s; results in {out}", soft_wrap=True)
-
-
-SHOWN = 20
-"""Entries of a list on the screen, where there are very many."""
-
-VERDICTS = {
-    "named": "NAMED: the model misses something, and the catalogue has a name for it",
-    "unnamed": "UNNAMED: the model misses something, and nothing in the catalogue accounts for it",
-    "none": "NONE: no disagreement beyond what chance explains",
-}
-
-
-def _show_gap(found: dict[str, Any], out: Path) -> None:
-
-    from sma_bayes.gap.words import channel_text, covariate_text, p_text
-    from sma_bayes.quantities import unit_text
-
-    console = _console()
-    chance = p_text(found["p_value"])
-    console.print(f"{found['campaign']}: {VERDICTS[found['verdict']]} ({chance})", soft_wrap=True)
-    for d in found["disagreement"][:3]:
-        console.print(
-            f"  {d['condition']} {d['branch']}: {channel_text(found, d['channel'])} "
-            f"{'above' if d['mean_residual'] > 0.0 else 'below'} the model, {covariate_text(found, d['covariate'])} "
-            f"{d['from']:.4g} to {d['to']:.4g} {unit_text(d['unit'])} ({abs(d['size_sigma']):.1f} sigma)",
-            soft_wrap=True,
-        )
-    for e in (*found["effects"], *found["partial"]):
-        console.print(_effect_text(e, partial=found["verdict"] != "named"), soft_wrap=True)
-    if found["verdict"] == "none":
-        factors = [c["ln_bayes_factor"] for c in found["candidates"] if c["ln_bayes_factor"] is not None]
-        if factors:
-            console.print(f"no candidate stands out; the greatest ln Bayes factor is {max(factors):.1f}")
-    else:
-        console.print(_candidate_rows(found["candidates"]))
-    untested = [c["id"] for c in found["candidates"] if c["status"] == "untestable"]
-    if untested:
-        console.print(f"these data cannot test {', '.join(untested)}; the report says why", soft_wrap=True)
-    added = bool(found["effects"] or found["partial"])
-    console.print(_gap_text(found["gap"], added=added), soft_wrap=True)
-    for text in found["cautions"]:
-        console.print(f"caution: {text}", soft_wrap=True)
-    for text in found["remarks"]:
-        console.print(f"note: {text}", soft_wrap=True)
-    if not found["converged"]:
-        console.print(
-            "NOT CONVERGED: draws and intervals must not be relied on; the verdict does not come from them.",
-            soft_wrap=True,
-        )
-    _show_end(console, found, out)
-
-
-def _effect_text(e: dict[str, Any], *, partial: bool) -> str:
-    from sma_bayes.quantities import unit_text
-
-    numbers = ", ".join(
-        f"{name} {p['median']:.4g} ({p['q05']:.4g} to {p['q95']:.4g}) {unit_text(p['unit'])}".rstrip()
-        for name, p in e["parameters"].items()
-    )
-    lines = [f"{'helps: ' if partial else ''}{e['id']} ({e['title']}): {numbers}"]
-    others = [name for name in e["class"] if name != e["id"]]
-    if others:
-        lines.append(f"  these data cannot tell it from {', '.join(others)}")
-    if e["next_experiment"]:
-        lines.append(f"  what would: {e['next_experiment']}")
-    return "\n".join(lines)
-
-
-def _candidate_rows(candidates: list[dict[str, Any]]) -> Any:
-    from rich.table import Table
-
-    tested = [c for c in candidates if c["status"] != "untestable"]
-    scored = any(c["delta_elpd_held_out"] is not None for c in tested)
-    table = Table(title="candidates that could be tested", title_justify="left")
-    table.add_column("effect", no_wrap=True)
-    table.add_column("ln BF", justify="right", no_wrap=True)
-    if scored:
-        table.add_column("held-out score", justify="right")
-    table.add_column("status", no_wrap=True)
-    table.add_column("why")
-    for c in tested:
-        factor, score = c["ln_bayes_factor"], c["delta_elpd_held_out"]
-        told = "-" if score is None else f"{score:.1f} +- {c['delta_elpd_se']:.1f}"
-        cells = [c["id"], "-" if factor is None else f"{factor:.1f}", told, c["status"], c["why"]]
-        table.add_row(*(cells if scored else cells[:2] + cells[3:]))
-    return table
-
-
-def _gap_text(gap: dict[str, Any], *, added: bool) -> str:
-    start = f"held-out gap ({gap['held_out']}; 1 is noise alone): {gap['before']:.3f}"
-    if not added:
-        return f"{start}; nothing was added"
-    closed = f"{100.0 * gap['shrink']:.0f} % closed" if gap["before"] > gap["floor"] else "no gap to close"
-    return f"{start} before, {gap['after']:.3f} after, floor {gap['floor']:.3f}; {closed}"
-
-
-def _show_inspection(report: dict[str, Any]) -> None:
-    from rich.table import Table
-
-    from sma_bayes.quantities import unit_text
-
-    console = _console()
-    table = Table(title=report["campaign"], title_justify="left")
-    for name in ("record", "file", "samples", "cycles", "temperature", "channels", "held constant", "noise"):
-        table.add_column(name)
-    for r in report["records"]:
-        t = r["temperature"]
-        table.add_row(
-            r["key"],
-            r["source"],
-            str(r["n"]) + (f" (means of up to {r['rows_averaged']} rows)" if r["rows_averaged"] > 1 else ""),
-            str(r["segments"]),
-            f"{t['lowest']:.4g} to {t['highest']:.4g} {unit_text(t['unit'])}",
-            ", ".join(f"{c['name']} [{unit_text(c['unit']) or '1'}]" for c in r["channels"].values()),
-            ", ".join(f"{h['name']} {h['mean']:.4g} {unit_text(h['unit'])}" for h in r["held"].values())
-            or "-",
-            r["noise"]["name"]
-            + " (lag 1: "
-            + ", ".join(f"{v:.2f}" for v in r["noise"]["lag1"].values())
-            + ")",
-        )
-    console.print(table)
-    if report["findings"]:
-        findings = Table(title="findings", title_justify="left")
-        for name in ("kind", "where", "rows", "kept out", "what"):
-            findings.add_column(name)
-        for f in report["findings"]:
-            rows = ", ".join(str(r) for r in f["rows"][:5]) + (" ..." if f["count"] > 5 else "")
-            where = " ".join(x for x in (f["condition"], f["branch"], f["column"]) if x)
-            findings.add_row(f["kind"], where, rows, str(f["dropped"]), f["message"])
-        console.print(findings)
 
 
 if __name__ == "__main__":

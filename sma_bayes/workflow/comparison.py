@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -193,19 +193,3 @@ def _compared(
     if folder is not None:
         write_text(folder / "priors.toml", options.priors.text)
     return document
-
-
-def summary_text(found: Mapping[str, Any]) -> str:
-    """What `comparison.json` says, in a few lines for a terminal."""
-    lines = [f"{found['campaign']}, seed {found['seed']}"]
-    width = max(len(r["key"]) for r in found["records"])
-    for r in found["records"]:
-        rival = f", ln Bayes factor {r['ln_bayes_factor']:.1f} over {r['rival']}" if r["rival"] else ""
-        lines.append(f"  {r['key']:<{width}}  {r['verdict']:<16}  {r['preferred']}{rival}")
-    for group in found["overall"]:
-        together = f"{group['channel']}, {len(group['records'])} records together"
-        lines.append(f"{together}: {group['verdict'].upper()}. {group['why']}")
-    if not found["converged"]:
-        names = ", ".join(r["key"] for r in found["records"] if not r["converged"])
-        lines.append(f"NOT CONVERGED: {names}. The report says which models.")
-    return "\n".join(lines)

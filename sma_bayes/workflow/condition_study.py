@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -25,7 +25,6 @@ from sma_bayes.errors import SmaBayesError, near_matches
 from sma_bayes.records.declaration import ConditionTable
 from sma_bayes.records.types import Condition
 from sma_bayes.report.choice import figures_for
-from sma_bayes.report.conditions_tables import named, quantity, setting_name, setting_text
 from sma_bayes.report.outputs import StoredRun, read_run
 from sma_bayes.report.stored_draws import stored_draws
 from sma_bayes.results.documents import CONDITIONS
@@ -34,11 +33,6 @@ from sma_bayes.workflow.fit_tasks import write_band
 from sma_bayes.workflow.identity import all_versions
 from sma_bayes.workflow.under_way import Progress, UnderWay, silent
 
-HEADLINES: Final = (
-    "least_stiffness", "greatest_stiffness", "stiffness_ratio", "hysteresis_width", "midpoint", "As", "Af", "Ms", "Mf",
-    "peak_temperature",
-)  # fmt: skip
-"""Features whose effects are told on a terminal."""
 UNITS: Final = ("A", "g", "N", "MPa", "mHz", "Hz", "pct")
 KEYS: Final = tuple(n for n in ConditionTable.model_fields if n.rpartition("_")[2] in UNITS)
 """Settings as campaign.toml names them: ``current_A``, ``load_g`` and so on."""
@@ -251,75 +245,3 @@ def _write(folder: Path, found: ConditionStudy, seed: int) -> None:
         samples = sample_columns(held)
         if samples:
             write_csv(folder / "held_out" / f"{name}-samples.csv", samples)
-
-
-def summary_text(found: Mapping[str, Any]) -> str:
-    """What `conditions.json` says, in a few lines for a terminal."""
-    lines, specimen = [f"{found['campaign']}, seed {found['seed']}"], found["specimen"]
-    for group in found["groups"]:
-        ranges = [
-            _range_text(n, min(v["values"]), max(v["values"]), v["unit"]) for n, v in group["varied"].items()
-        ]
-        lines.append(f"{', '.join(group['conditions'])}: {', '.join(ranges) or 'nothing varied'}")
-    told = [e for e in found["effects"] if e["beyond"] and e["feature"] in HEADLINES]
-    sure = [e for e in told if _sure(e)]
-    lines += [_effect_text(e, specimen) for e in sure]
-    if told:
-        lines.append(
-            f"  {len(sure)} of {len(told)} effects have a 95 % sure direction; the report has all of them"
-        )
-    for p in found["predictions"]:
-        note = (
-            f"; EXTRAPOLATES in {', '.join(setting_name(s, specimen) for s in p['extrapolates'])}"
-            if p["extrapolates"]
-            else ""
-        )
-        lines.append(f"predicted {p['condition']}, {p['branch']}, from {len(p['from'])} conditions{note}")
-        lines += [f"  {_estimate_text(f, specimen)}" for f in p["features"]]
-    for h in found["held_out"]:
-        ways = "; ".join(_score_text(n, s, h) for n, s in h["ways"].items())
-        lines.append(f"left out {h['condition']}, {h['branch']}, {h['quantity']}: {ways}")
-    lines += [f"caution: {c}" for c in found["cautions"]]
-    lines += [f"remark: {r}" for r in found["remarks"]]
-    if not found["converged"]:
-        lines.append("NOT CONVERGED: the numbers must not be relied on.")
-    return "\n".join(lines)
-
-
-def _sure(effect: Mapping[str, Any]) -> bool:
-    p = effect["probability_rises"]
-    return p is not None and (p < 0.05 or p > 0.95)
-
-
-def _effect_text(e: Mapping[str, Any], specimen: bool) -> str:
-    b = e["beyond"]
-    sign = "×" if e["kind"] == "factor" else ""
-    unit = "" if e["kind"] == "factor" else f" {e['unit']}"
-    along = ", ".join(named(c["name"]) for c in e["confounded_with"] if c["strong"])
-    reach = _range_text(e["setting"], e["from"], e["to"], e["setting_unit"])
-    return (
-        f"  {reach}: {_feature_text(e, specimen)} {sign}{b['median']:.3g} [{b['q05']:.3g}, {b['q95']:.3g}]{unit}"
-        + (f"; or {along}" if along else "")
-    )
-
-
-def _range_text(setting: str, low: float, high: float, unit: str) -> str:
-    name = setting_name(setting, unit == "Pa")
-    return f"{name} {setting_text(setting, low, unit)} to {setting_text(setting, high, unit)}"
-
-
-def _feature_text(e: Mapping[str, Any], specimen: bool) -> str:
-    name = e.get("feature") or e["name"]
-    of = f" of {quantity(e['channel'], specimen)}" if e["channel"] and e["channel"] not in name else ""
-    branch = f", {e['branch']}" if e.get("branch") and e["branch"] != "both" else ""
-    return f"{named(name)}{of}{branch}"
-
-
-def _estimate_text(f: Mapping[str, Any], specimen: bool) -> str:
-    return f"{_feature_text(f, specimen)}: {f['median']:.4g} [{f['q05']:.4g}, {f['q95']:.4g}] {f['unit']}"
-
-
-def _score_text(name: str, score: Mapping[str, Any], held: Mapping[str, Any]) -> str:
-    size = 1.0 if held["on_log"] else held["span"]
-    width, error = score["width"] / size, score["error"] / size
-    return f"{name} covers {score['covers_curve']:.0%}, width {width:.2g}, error {error:.2g}"

@@ -16,7 +16,6 @@ from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.quantities import (
     ARBITRARY,
-    QUANTITIES,
     SPECIMEN_QUANTITY,
     Floats,
     convert,
@@ -396,79 +395,3 @@ def _passage(p: Passage, level: float, low: float, high: float) -> dict[str, Any
 
 def _stretch(s: Stretch, low: float, high: float) -> dict[str, Any]:
     return {"low": s.low, "high": s.high, "extrapolated": bool(s.low < low or s.high > high)}
-
-
-def answer_text(found: Mapping[str, Any]) -> str:
-    """The answers in a few lines each, for a terminal."""
-    level = found["probability"]
-    lines = [
-        f"{found['campaign']}: {_named(found['quantity'])} {found['value']}, tolerance {found['tolerance']}, "
-        f"probability {level:g} or more"
-        + (f", temperature set to within {_error_text(found)} (sd)" if found["temperature_sd"] else "")
-    ]
-    for a in found["answers"]:
-        lines += ["", *_answer_lines(a, level)]
-    if found["without"]:
-        lines.append("")
-    lines += [f"{key}: no answer, {why}" for key, why in found["without"].items()]
-    return "\n".join(lines)
-
-
-def _error_text(found: Mapping[str, Any]) -> str:
-    units = dict.fromkeys(unit_text(a["temperature_unit"]) for a in found["answers"])
-    return f"{found['temperature_sd']:g} {' or '.join(units)}"
-
-
-def _answer_lines(a: Mapping[str, Any], level: float) -> list[str]:
-    unit, degrees = unit_text(a["unit"]), unit_text(a["temperature_unit"])
-    symbol = QUANTITIES["stiffness" if a["quantity"] == OVERALL else a["quantity"]].symbol
-    low, high = a["measured"]
-    lines = [f"{a['key']}, measured from {low:.4g} to {high:.4g} {degrees}"]
-    if not a["converged"]:
-        lines.append("  NOT CONVERGED: these numbers must not be relied on")
-    wanted = f"{symbol} = {a['target']:.5g} {unit}".rstrip()
-    lines.append(f"  {wanted} is reached there with probability {a['reachable']:.3f}{_unreached(a)}")
-    lines += [
-        f"    {p['direction']} at {p['median']:.5g} {degrees} ({p['low']:.5g} to {p['high']:.5g}), "
-        f"with probability {p['probability']:.3f}{_mark(p)}"
-        for p in a["passages"]
-    ]
-    least, most = a["bounds"]
-    lines += [
-        f"  {least:.4g} to {most:.4g} {unit}".rstrip() + f": {_stretches(a['within'], level, degrees)}",
-        f"    {_most_surely(a['within']['best'], degrees)}",
-        f"  at least {a['target']:.5g} {unit}".rstrip() + f": {_stretches(a['at_least'], level, degrees)}",
-        f"  at most {a['target']:.5g} {unit}".rstrip() + f": {_stretches(a['at_most'], level, degrees)}",
-        f"  the whole range is {a['least']['median']:.4g} to {a['greatest']['median']:.4g} {unit}".rstrip(),
-    ]
-    if a["caution"]:
-        lines.append(f"  caution: {a['caution']}")
-    return lines
-
-
-def _unreached(a: Mapping[str, Any]) -> str:
-    told = [
-        f"stays {where} with probability {a[f'stays_{where}']:.3f}"
-        for where in ("below", "above")
-        if a[f"stays_{where}"] >= 0.005
-    ]
-    return f"; it {' and '.join(told)}" if told else ""
-
-
-def _most_surely(best: Mapping[str, Any] | None, degrees: str) -> str:
-    if best is None:
-        return "at no temperature in any draw"
-    place = f"most surely at {best['temperature']:.5g} {degrees}"
-    return f"{place}, with probability {best['probability']:.3f}{_mark(best)}"
-
-
-def _stretches(found: Mapping[str, Any], level: float, degrees: str) -> str:
-    if not found["intervals"]:
-        return f"nowhere with probability {level:g}"
-    return " and ".join(
-        f"{s['low']:.5g} to {s['high']:.5g} {degrees}{_mark(s)}" for s in found["intervals"]
-    )  # fmt: skip
-
-
-def _mark(part: Mapping[str, Any]) -> str:
-    return " [extrapolated]" if part["extrapolated"] else ""

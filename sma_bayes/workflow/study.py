@@ -272,13 +272,3 @@ def _document(
         "wall_s": time.perf_counter() - clock,
     })  # fmt: skip
     return document
-
-
-def study_text(found: Mapping[str, Any]) -> str:
-    """The steps of a study, a line each."""
-    lines = [f"{found['campaign']}, seed {found['seed']}"]
-    width = max(len(r["step"]) for r in found["steps"])
-    for r in found["steps"]:
-        told = r["told"] or r["error"].replace("\n", "\n" + " " * (width + 19))
-        lines.append(f"  {r['step']:<{width}}  {r['status']:<13}  {told}")
-    return "\n".join(lines)

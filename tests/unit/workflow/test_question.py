@@ -23,8 +23,8 @@ from sma_bayes.errors import (
 from sma_bayes.quantities import convert
 from sma_bayes.records.types import Branch, Calibration, Campaign, Record
 from sma_bayes.response.arrangement import Arrangement, BiasSpring
+from sma_bayes.terminal.answer import answer_text
 from sma_bayes.workflow import fit_campaign
-from sma_bayes.workflow.question import answer_text
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,22 @@
+"""A comparison of models on the screen: who wins where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def comparison_text(found: Mapping[str, Any]) -> str:
+    """What `comparison.json` says, in a few lines for a terminal."""
+    lines = [f"{found['campaign']}, seed {found['seed']}"]
+    width = max(len(r["key"]) for r in found["records"])
+    for r in found["records"]:
+        rival = f", ln Bayes factor {r['ln_bayes_factor']:.1f} over {r['rival']}" if r["rival"] else ""
+        lines.append(f"  {r['key']:<{width}}  {r['verdict']:<16}  {r['preferred']}{rival}")
+    for group in found["overall"]:
+        together = f"{group['channel']}, {len(group['records'])} records together"
+        lines.append(f"{together}: {group['verdict'].upper()}. {group['why']}")
+    if not found["converged"]:
+        names = ", ".join(r["key"] for r in found["records"] if not r["converged"])
+        lines.append(f"NOT CONVERGED: {names}. The report says which models.")
+    return "\n".join(lines)
