@@ -151,7 +151,7 @@ def _stiffness(record: RecordDraws) -> Iterator[Feature]:
                   _at_edge(curve.argmin(axis=1), grid.size))  # fmt: skip
     yield Feature("greatest_stiffness", condition, branch, "stiffness", unit, high, f"greatest {what} {where}",
                   True, _at_edge(curve.argmax(axis=1), grid.size))  # fmt: skip
-    yield Feature("stiffness_ratio", condition, branch, "stiffness", "1", _ratio(high, low),
+    yield Feature("stiffness_ratio", condition, branch, "stiffness", "1", ratio(high, low),
                   f"greatest over least {what} {where}", True)  # fmt: skip
     yield Feature("steepest_stiffness", condition, branch, "stiffness", slope_unit(unit, degrees), slope,
                   f"greatest magnitude of the slope of {what} against temperature {where}", True)  # fmt: skip
@@ -173,8 +173,9 @@ def _at_edge(place: np.ndarray[tuple[int], np.dtype[np.intp]], size: int) -> flo
     return float(np.mean((place <= margin) | (place >= size - 1 - margin)))
 
 
-def _ratio(high: Floats, low: Floats) -> Floats:
-    with np.errstate(divide="ignore"):
+def ratio(high: Floats, low: Floats) -> Floats:
+    """Greatest over least [1]; infinite where the least is nothing, or next to it."""
+    with np.errstate(divide="ignore", over="ignore"):
         return np.asarray(high / low)
 
 
@@ -217,5 +218,5 @@ def _stiffness_of_loop(
     yield Feature(
         "greatest_stiffness", condition, BOTH, "stiffness", unit, high, f"greatest {what} {where}", True
     )
-    yield Feature("stiffness_ratio", condition, BOTH, "stiffness", "1", _ratio(high, low),
+    yield Feature("stiffness_ratio", condition, BOTH, "stiffness", "1", ratio(high, low),
                   f"greatest over least {what} {where}", True)  # fmt: skip

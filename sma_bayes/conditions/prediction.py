@@ -10,7 +10,7 @@ import numpy as np
 from sma_bayes.assess.bands import PREDICTIVE, QUANTILES, Band, simultaneous_band
 from sma_bayes.conditions.design import Design
 from sma_bayes.conditions.draws import GRID, RecordDraws, curve_of
-from sma_bayes.conditions.features import MIDPOINT, Feature
+from sma_bayes.conditions.features import MIDPOINT, Feature, ratio
 from sma_bayes.conditions.population import Population
 from sma_bayes.noise import Steps
 from sma_bayes.quantities import Floats
@@ -181,14 +181,12 @@ def predicted_features(prediction: Prediction) -> tuple[Feature, ...]:
     what, unit = reference.quantities["stiffness"], reference.units["stiffness"]
     where = f"from {low:.4g} to {high:.4g}, where every condition was measured"
     least, greatest = curve.min(axis=1), curve.max(axis=1)
-    with np.errstate(divide="ignore"):
-        ratio = greatest / least
     out += [
         Feature(name, condition, branch, "stiffness", its_unit, draws, f"{words} {what} {where}", True)
         for name, its_unit, draws, words in (
             ("least_stiffness", unit, least, "least"),
             ("greatest_stiffness", unit, greatest, "greatest"),
-            ("stiffness_ratio", "1", ratio, "greatest over least"),
+            ("stiffness_ratio", "1", ratio(greatest, least), "greatest over least"),
         )
     ]
     return tuple(out)

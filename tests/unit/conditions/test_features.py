@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from sma_bayes.conditions.draws import RecordDraws
-from sma_bayes.conditions.features import Feature, condition_features
+from sma_bayes.conditions.features import Feature, condition_features, ratio
 from sma_bayes.records.types import Branch, Condition
 
 C = Condition("c", current=1.0)
@@ -44,6 +44,14 @@ def test_extremes_of_stiffness_agree_with_a_search_along_the_curve(
         abs(stiffness(t + 1e-4) - stiffness(t - 1e-4)) / 2e-4 for t in np.linspace(30.1, 69.9, 400)
     )
     assert named(features, "steepest_stiffness", "heating").draws[0] == pytest.approx(steepest, rel=2e-2)
+
+
+def test_a_ratio_to_next_to_nothing_is_infinite_without_a_warning() -> None:
+    assert ratio(np.array([130.0, 130.0, 130.0]), np.array([65.0, 0.0, 1e-308])).tolist() == [
+        2.0,
+        np.inf,
+        np.inf,
+    ]
 
 
 def test_both_branches_together_give_the_extremes_and_the_width(
