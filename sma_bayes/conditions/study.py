@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -19,13 +19,13 @@ from sma_bayes.conditions.population import SCATTER, Population, population_of
 from sma_bayes.conditions.prediction import Prediction, predict
 from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.inference.jobs import run
+from sma_bayes.progress import Progress
 from sma_bayes.records.types import Branch, Condition
 
 EACH: Final = "each"
 """Leave every condition out in turn."""
 FEWEST: Final = 2
 """Conditions from which something in common can be learnt."""
-Told = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +88,7 @@ def study(
     seed: int = 0,
     scatter: float = SCATTER,
     jobs: int | None = None,
-    tell: Told | None = None,
+    tell: Progress | None = None,
     account: Account | None = None,
 ) -> ConditionStudy:
     """Study conditions.

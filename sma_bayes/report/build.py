@@ -11,6 +11,7 @@ from typing import Any, Protocol, TypeVar
 from sma_bayes.account import Account
 from sma_bayes.errors import OutputError
 from sma_bayes.inference.jobs import run
+from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import Drawn, figures_for
 from sma_bayes.report.comparison_outputs import StoredComparison, read_comparison
 from sma_bayes.report.comparison_page import write_comparison_report
@@ -63,9 +64,6 @@ from sma_bayes.report.tables import Table, report_tables, write_tables
 from sma_bayes.report.took import account_table
 from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, MARK
 
-Progress = Callable[[int, int, str], None]
-"""Told how many tasks are done, how many there are, and what is going on."""
-
 
 def build_report(
     folder: Path,
@@ -95,7 +93,7 @@ def build_report(
         If the folder holds no run, an unfinished one, or can't be written.
     """
     folder = Path(folder).absolute()
-    tell = progress or (lambda done, total, message: None)
+    tell = progress or silent
     if GAP.is_in(folder):
         study = read_study(folder)
         _build_report(study, _gap_drawings(study), gap_tables, write_gap_report, jobs, tell, account)

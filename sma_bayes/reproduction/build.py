@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from sma_bayes.errors import OutputError
+from sma_bayes.progress import Progress
 from sma_bayes.reproduction.document import reproduction_document
 from sma_bayes.reproduction.page import PICTURES, page
 from sma_bayes.reproduction.pictures import write_pictures
-from sma_bayes.reproduction.study import Progress, study_twin
+from sma_bayes.reproduction.study import study_twin
 from sma_bayes.results.store import write_json, write_text
 
 PAGE: Final = "paper.md"

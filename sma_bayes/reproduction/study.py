@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,13 +13,13 @@ from sma_bayes.conditions.draws import record_draws
 from sma_bayes.conditions.features import Feature, condition_features
 from sma_bayes.errors import MeasurementError
 from sma_bayes.paper.twin import twin_campaign
+from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Campaign
 from sma_bayes.report.comparison_outputs import StoredComparison, read_comparison
 from sma_bayes.results.fit import Fit
 from sma_bayes.workflow.campaign_fit import fit
 from sma_bayes.workflow.comparison import compare
 
-Progress = Callable[[int, int, str], None]
 STIFFNESS = ("stiffness",)
 PARTS = ("force", "displacement")
 
@@ -85,7 +85,7 @@ def study_twin(
     MeasurementError
         If no condition is left.
     """
-    tell = progress or (lambda done, total, message: None)
+    tell = progress or silent
     tell(0, 3, "fitting the twin")
     campaign = _chosen(twin_campaign(seed, STIFFNESS), only)
     stiffness = fit(campaign, seed=seed, jobs=jobs)

@@ -11,6 +11,7 @@ from sma_bayes.account import Account
 from sma_bayes.assess.correlation_average import Averages
 from sma_bayes.inference.jobs import run
 from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import figures_for
 from sma_bayes.response.arrangement import BiasSpring
@@ -23,7 +24,7 @@ from sma_bayes.workflow.identity import all_versions, run_identity
 from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of, prior_set
 from sma_bayes.workflow.output_folder import claimed_folder
 from sma_bayes.workflow.parts import remove_parts
-from sma_bayes.workflow.under_way import Progress, UnderWay, silent
+from sma_bayes.workflow.under_way import UnderWay
 
 
 def fit(

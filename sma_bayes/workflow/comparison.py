@@ -30,13 +30,14 @@ from sma_bayes.inference.jobs import run
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.noise.effective_samples import EffectiveSamples
 from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import figures_for
 from sma_bayes.results.documents import COMPARISON
 from sma_bayes.results.store import plain, write_csv, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
 from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, prior_set
-from sma_bayes.workflow.under_way import Progress, UnderWay, silent
+from sma_bayes.workflow.under_way import UnderWay
 
 FEWEST_CONDITIONS = 2
 """Conditions that can be left out in turn."""

@@ -22,6 +22,7 @@ from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.conditions.study import ConditionStudy, bands_of, study
 from sma_bayes.errors import SmaBayesError, near_matches
+from sma_bayes.progress import Progress, silent
 from sma_bayes.records.declaration import ConditionTable
 from sma_bayes.records.types import Condition
 from sma_bayes.report.choice import figures_for
@@ -31,7 +32,7 @@ from sma_bayes.results.documents import CONDITIONS
 from sma_bayes.results.store import plain, write_csv
 from sma_bayes.workflow.fit_tasks import write_band
 from sma_bayes.workflow.identity import all_versions
-from sma_bayes.workflow.under_way import Progress, UnderWay, silent
+from sma_bayes.workflow.under_way import UnderWay
 
 UNITS: Final = ("A", "g", "N", "MPa", "mHz", "Hz", "pct")
 KEYS: Final = tuple(n for n in ConditionTable.model_fields if n.rpartition("_")[2] in UNITS)

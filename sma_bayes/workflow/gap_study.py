@@ -16,6 +16,7 @@ from sma_bayes.gap.check import Comparable, comparable, smoothing_remarks
 from sma_bayes.gap.outcome import STAGES, gap_outcome, outcome_json
 from sma_bayes.gap.store import write_study
 from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Campaign
 from sma_bayes.report.choice import Drawn, figures_for
 from sma_bayes.results.documents import GAP
@@ -23,7 +24,7 @@ from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
 from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of, prior_set
-from sma_bayes.workflow.under_way import Progress, UnderWay, silent
+from sma_bayes.workflow.under_way import UnderWay
 
 
 def study_gap(

@@ -13,6 +13,7 @@ from typing import Any, Final
 from sma_bayes.errors import ResumeError, SmaBayesError
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
@@ -29,7 +30,6 @@ from sma_bayes.workflow.options import bias_spring
 from sma_bayes.workflow.output_folder import claimed_folder
 from sma_bayes.workflow.question import WANTED, ask
 from sma_bayes.workflow.study_file import Study, read_study
-from sma_bayes.workflow.under_way import Progress, silent
 
 DONE, NOT_CONVERGED, WRONG = 0, 1, 2
 """Exit statuses of a step; that of the study is the greatest of them."""

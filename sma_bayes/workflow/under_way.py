@@ -9,17 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from sma_bayes.account import Account
+from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import Drawn
 from sma_bayes.results.documents import Document
 from sma_bayes.results.store import write_json
 from sma_bayes.workflow.output_folder import claimed_folder
-
-Progress = Callable[[int, int, str], None]
-"""Told how many tasks are done, how many there are, and what is going on."""
-
-
-def silent(done: int, total: int, message: str) -> None:
-    """Progress that nobody wants to know."""
 
 
 @dataclass(frozen=True, slots=True)
