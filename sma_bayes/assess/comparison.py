@@ -29,7 +29,7 @@ from sma_bayes.assess.contenders import (
     with_constants,
 )
 from sma_bayes.assess.correlation import Agreement, agreement
-from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, folds_of, resampled
+from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, folds_of, resampled, weighted_quantiles
 from sma_bayes.assess.held_out import on as on_samples
 from sma_bayes.assess.verdict import Standing, Verdict, judge, stacking_weights
 from sma_bayes.inference.bridge import Evidence, bridge_evidence
@@ -95,8 +95,9 @@ class Fitted:
 
     @property
     def converged(self) -> bool:
-        """Whether the draws reached the target and both evidences agree."""
-        return self.draws.converged and self.evidences_agree
+        """Whether the draws reached the target, also those of fits made anew, and both evidences agree."""
+        anew = self.loo.not_converged + self.folds.not_converged
+        return self.draws.converged and self.evidences_agree and not anew
 
     @property
     def importance(self) -> Evidence:
@@ -361,27 +362,6 @@ def _estimated(posterior: Posterior, contender: Contender) -> int:
     """Parameters of the curve that were estimated from the data, levels that were read off them included."""
     curve = posterior.space.parameters[: len(posterior.model.parameter_names)]
     return sum(p.fixed is None for p in curve) + (len(LEVELS_READ) if contender.name in PLUGGED_IN else 0)
-
-
-def weighted_quantiles(values: Floats, log_weight: Floats, levels: Sequence[float]) -> Floats:
-    """Quantiles of weighted draws.
-
-    Parameters
-    ----------
-    values : ndarray, shape (S, m)
-    log_weight : ndarray, shape (S,)
-        Logarithms of weights that sum to one.
-    levels : sequence of float
-
-    Returns
-    -------
-    ndarray, shape (len(levels), m)
-    """
-    order = np.argsort(values, axis=0)
-    passed = np.cumsum(np.exp(log_weight)[order], axis=0)
-    at = [np.minimum((passed < level * passed[-1]).sum(axis=0), len(values) - 1) for level in levels]
-    ordered = np.take_along_axis(values, order, axis=0)
-    return np.stack([ordered[i, np.arange(values.shape[1])] for i in at])
 
 
 def _plugged_in(record: Record) -> dict[str, float]:

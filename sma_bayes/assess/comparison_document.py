@@ -8,10 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from sma_bayes.assess.comparison import Comparison, Fitted, weighted_quantiles
+from sma_bayes.assess.comparison import Comparison, Fitted
 from sma_bayes.assess.contenders import CONTENDERS, Contender, curve_of
 from sma_bayes.assess.correlation import Agreement, factors, joined
 from sma_bayes.assess.correlation_average import Scored, averages
+from sma_bayes.assess.held_out import weighted_quantiles
 from sma_bayes.assess.verdict import Standing, difference, judge
 from sma_bayes.inference.pareto import RELIABLE
 from sma_bayes.quantities import Floats
@@ -90,7 +91,7 @@ def _model(comparison: Comparison, contender: Contender) -> dict[str, Any]:
 
 def _numbers(comparison: Comparison, found: Fitted) -> dict[str, Any]:
     (y,) = comparison.record.observed.values()
-    mean = found.folds.mean
+    predicted = found.folds.median
     name, n, memory = found.contender.name, y.size, comparison.memory
     loo = found.loo.log_density
     folds = comparison.fold_density(name)
@@ -102,12 +103,14 @@ def _numbers(comparison: Comparison, found: Fitted) -> dict[str, Any]:
         "ln_evidence": found.evidence.value,
         "ln_evidence_sd": found.evidence.sd,
         "weight": 0.0,
-        "rmse_held_out": float(np.sqrt(np.mean((y - mean) ** 2))),
-        "r_held_out": correlation(y, mean),
+        "rmse_held_out": float(np.sqrt(np.mean((y - predicted) ** 2))),
+        "r_held_out": correlation(y, predicted),
         "correlation": _correlation(found),
         "pareto_k_max": float(found.loo.k.max()),
         "pareto_k_above": int(np.sum(found.loo.k > RELIABLE)),
+        "pareto_k_anew_max": float(np.max([*found.loo.k_anew, *found.folds.k_anew])),
         "refits": {"samples": found.loo.refits, "folds": found.folds.refits},
+        "refits_not_converged": {"samples": found.loo.not_converged, "folds": found.folds.not_converged},
         "evidence_by": {"importance": asdict(found.importance), "bridge": asdict(found.bridge)},
         "evidences_agree": found.evidences_agree,
         "elpd_held_out": float(folds.sum()),
@@ -254,7 +257,7 @@ def sample_columns(comparison: Comparison) -> Mapping[str, Any]:
         "fold": comparison.folds.number,
     }
     for name, found in comparison.fitted.items():
-        columns[f"{name}_held_out"] = found.folds.mean
+        columns[f"{name}_held_out"] = found.folds.median
         columns[f"{name}_ln_density"] = found.folds.log_density
         columns[f"{name}_loo"] = found.loo.log_density
         columns[f"{name}_k"] = found.loo.k

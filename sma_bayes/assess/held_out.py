@@ -100,21 +100,30 @@ class HeldOut:
     ----------
     log_density : ndarray, shape (n,)
         Of each sample.
-    mean : ndarray, shape (n,)
-        Predicted value [unit of the channel].
+    median : ndarray, shape (n,)
+        Predicted value [unit of the channel]: median of the curve. A mean it may not have: Eq. (7) is a ratio, and
+        beyond the samples at hand a draw in ten thousand may be larger than all others together.
     k : ndarray, shape (targets,)
         Pareto exponent of each sample or fold before fits were made anew.
-    refits : int
-        How many fits were made anew.
+    k_anew : ndarray, shape (refits,)
+        Pareto exponent of the draws of each fit that was made anew.
+    not_converged : int
+        How many of those did not reach the target.
     agreements : tuple of Agreement
         Of each target with draws of the curve; empty unless asked for.
     """
 
     log_density: Floats
-    mean: Floats
+    median: Floats
     k: Floats
-    refits: int
+    k_anew: Floats
+    not_converged: int
     agreements: tuple[Agreement, ...] = ()
+
+    @property
+    def refits(self) -> int:
+        """How many fits were made anew."""
+        return self.k_anew.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,32 +194,35 @@ class Predictor:
         left = np.stack([(full[:, t] * share[:, None]).sum(axis=1) for t in targets], axis=1)
         log_weight, k = smoothed_weights(self.draws.log_weight[:, None] - left)
         curve = self.mean_curve(theta, record)
-        density, mean = np.full(record.n, np.nan), np.full(record.n, np.nan)
+        density, median = np.full(record.n, np.nan), np.full(record.n, np.nan)
         anew = self._anew(targets, k, trust)
-        agreements = []
+        fits, agreements = [], []
         for i, (target, own_seed) in enumerate(zip(targets, seed.spawn(len(targets)), strict=True)):
             if anew[i]:
-                w, at_target, of_target = self._predicted(target, own_seed)
+                draws, at_target, of_target = self._predicted(target, own_seed)
+                w = draws.log_weight
+                fits.append(draws)
             else:
                 w, at_target, of_target = log_weight[:, i], full[:, target], curve[:, target]
             density[target] = logsumexp(w[:, None] + at_target, axis=0)
-            mean[target] = np.exp(w) @ of_target
+            median[target] = weighted_quantiles(of_target, w, (0.5,))[0]
             if curves:
                 rng = np.random.default_rng(own_seed.spawn(1)[0])
                 data = record.observed[record.channels[0]][target]
                 agreements.append(agreement(data, of_target[resampled(w, curves, rng)]))
-        return HeldOut(density, mean, k, int(anew.sum()), tuple(agreements))
+        k_anew = np.array([f.k for f in fits])
+        return HeldOut(density, median, k, k_anew, sum(not f.converged for f in fits), tuple(agreements))
 
     def _anew(self, targets: Sequence[Mask], k: Floats, trust: float) -> Mask:
-        anew = np.asarray(k > trust)
+        anew = ~np.asarray(k <= trust)
         if self.plugged_in:  # the constants are the extremes: only leaving one of them out changes anything
             (values,) = self.record.observed.values()
             extreme = (values == values.min()) | (values == values.max())
             anew |= np.array([bool(np.any(extreme[t])) for t in targets])
         return anew
 
-    def _predicted(self, target: Mask, seed: np.random.SeedSequence) -> tuple[Floats, Floats, Floats]:
-        """Log weights (S,) of draws of a fit without a part, their log densities and curves (S, part)."""
+    def _predicted(self, target: Mask, seed: np.random.SeedSequence) -> tuple[WeightedDraws, Floats, Floats]:
+        """Draws of a fit without a part, and their log densities and curves (S, part) there."""
         posterior = self.without(part(self.record, ~target))
         starts = [m.z for m in self.draws.modes]
         draws = importance_draws(
@@ -219,7 +231,29 @@ class Predictor:
         theta = posterior.space.to_physical(draws.z)
         test = part(self.record, target)
         full, _ = self.density(theta, test)
-        return draws.log_weight, full, self.mean_curve(theta, test)
+        return draws, full, self.mean_curve(theta, test)
+
+
+def weighted_quantiles(values: Floats, log_weight: Floats, levels: Sequence[float]) -> Floats:
+    """Quantiles of weighted draws.
+
+    Parameters
+    ----------
+    values : ndarray, shape (S, m)
+    log_weight : ndarray, shape (S,)
+        Logarithms of weights that sum to one.
+    levels : sequence of float
+
+    Returns
+    -------
+    ndarray, shape (len(levels), m)
+        Undefined values count as greater than all others.
+    """
+    order = np.argsort(values, axis=0)
+    passed = np.cumsum(np.exp(log_weight)[order], axis=0)
+    at = [np.minimum((passed < level * passed[-1]).sum(axis=0), len(values) - 1) for level in levels]
+    ordered = np.take_along_axis(values, order, axis=0)
+    return np.stack([ordered[i, np.arange(values.shape[1])] for i in at])
 
 
 def resampled(log_weight: Floats, size: int, rng: np.random.Generator) -> NDArray[np.int64]:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal
 
-from sma_bayes.assess.comparison import Comparison, Fitted, compare_record, weighted_quantiles
+from sma_bayes.assess import held_out
+from sma_bayes.assess.comparison import Comparison, Fitted, compare_record
+from sma_bayes.assess.comparison_document import record_document
 from sma_bayes.assess.contenders import CONTENDERS, observables, of_channel, posterior_of
 from sma_bayes.assess.contenders import joined as joined_records
 from sma_bayes.assess.correlation import joined
-from sma_bayes.assess.held_out import folds_of, part
+from sma_bayes.assess.held_out import folds_of, part, weighted_quantiles
 from sma_bayes.errors import MeasurementError
+from sma_bayes.inference.importance import WeightedDraws
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
@@ -98,6 +102,66 @@ def test_leaving_out_is_what_a_fit_without_gives(record: Record, line: Compariso
         expected = np.log(weight @ np.exp(pointwise[:, target]) / weight.sum())
         got = (found.folds if target.sum() > 1 else found.loo).log_density[target]
         np.testing.assert_allclose(got, expected, atol=0.06)
+
+
+def test_the_predicted_value_is_the_median_of_a_fit_without(record: Record, line: Comparison) -> None:
+    """Of a line under Gaussian noise, without a fold: the least-squares line, as priors are wide.
+
+    The error of the median of 3000 draws is about 2 % of the standard deviation of the line, 0.5 to 2 N/m here.
+    """
+    found = line.fitted["polynomial_corrected"].folds
+    y, t = record.observed["stiffness"], record.temperature
+    assert found.refits == line.folds.count
+    assert found.not_converged == 0
+    assert np.all(found.k_anew <= 0.7)
+    for fold in range(line.folds.count):
+        out = line.folds.number == fold
+        expected = np.polyval(np.polyfit(t[~out], y[~out], 1), t[out])
+        np.testing.assert_allclose(found.median[out], expected, atol=0.2)
+
+
+def bump(n: int, seed: int) -> Record:
+    """A dozen noisy samples of a hump, which leave the tails of Eq. (7) open."""
+    t = np.linspace(30.0, 70.0, n)
+    share = [1.0 / (1.0 + np.exp(-rate * (t - middle))) for rate, middle in ((0.3, 50.0), (0.25, 48.0))]
+    force, displacement = 0.6 * share[0] * (1.0 - share[0]), 0.003 * share[1] * (1.0 - share[1])
+    k = force / displacement
+    k = k + 0.02 * np.ptp(k) * np.random.default_rng(seed).standard_normal(n)
+    units = {"temperature": "degC", "stiffness": "N/m"}
+    inputs, observed = {"temperature": t}, {"stiffness": k}
+    return of_channel(
+        Record(Condition("c"), Branch.HEATING, inputs, observed, np.arange(n) + 1, units), "stiffness"
+    )
+
+
+def test_no_single_draw_carries_a_prediction() -> None:
+    """Beyond the samples at hand the mean of Eq. (7) does not exist: the largest of these draws is 1e90 and more."""
+    few = bump(12, 0)
+    found = compare_record(few, PRIORS, only=["modified_sigmoid_tied", "polynomial_corrected"])
+    y = few.observed["stiffness"]
+    numbers = record_document(found)["models"]
+    for name in found.fitted:
+        assert numbers[name]["rmse_held_out"] < 3.0 * np.ptp(y)
+
+
+def test_a_fit_without_a_fold_that_fails_is_told(
+    record: Record, line: Comparison, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert line.converged
+    whole = held_out.importance_draws
+    failing = iter([True, False])
+
+    def seldom(*arguments: Any, **named: Any) -> WeightedDraws:
+        draws = whole(*arguments, **named)
+        return replace(draws, k=1.5, converged=False) if next(failing, False) else draws
+
+    monkeypatch.setattr(held_out, "importance_draws", seldom)
+    found = compare_record(record, PRIORS, noise="independent", only=["polynomial_corrected"])
+    assert not found.converged
+    model = record_document(found)["models"]["polynomial_corrected"]
+    assert model["converged"] is False
+    assert sum(model["refits_not_converged"].values()) == 1
+    assert model["pareto_k_anew_max"] == 1.5
 
 
 def test_correlation_factors_of_a_fold_are_those_of_a_fit_without_it(
