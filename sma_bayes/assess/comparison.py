@@ -29,13 +29,14 @@ from sma_bayes.assess.contenders import (
     with_constants,
 )
 from sma_bayes.assess.correlation import Agreement, agreement
-from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, folds_of, resampled, weighted_quantiles
+from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, folds_of
 from sma_bayes.assess.held_out import on as on_samples
 from sma_bayes.assess.verdict import Standing, Verdict, judge, stacking_weights
 from sma_bayes.inference.bridge import Evidence, bridge_evidence
 from sma_bayes.inference.importance import WeightedDraws, importance_draws
 from sma_bayes.inference.laplace import Mode, climb
 from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.inference.weighted import resampled, weighted_quantiles
 from sma_bayes.noise import NOISE_MODELS, NoiseModel
 from sma_bayes.noise.effective_samples import EffectiveSamples, memory_of
 from sma_bayes.noise.types import lag1

@@ -12,9 +12,9 @@ from sma_bayes.assess.comparison import Comparison, Fitted
 from sma_bayes.assess.contenders import CONTENDERS, Contender, curve_of
 from sma_bayes.assess.correlation import Agreement, factors, joined
 from sma_bayes.assess.correlation_average import Scored, averages
-from sma_bayes.assess.held_out import weighted_quantiles
 from sma_bayes.assess.verdict import Standing, difference, judge
 from sma_bayes.inference.pareto import RELIABLE
+from sma_bayes.inference.weighted import weighted_quantiles
 from sma_bayes.quantities import Floats
 
 NUMBERS: Final = (

@@ -24,6 +24,7 @@ from sma_bayes.assess.contenders import CONDITION
 from sma_bayes.assess.correlation import Agreement, agreement
 from sma_bayes.inference.importance import WeightedDraws, importance_draws
 from sma_bayes.inference.pareto import RELIABLE, smoothed_weights
+from sma_bayes.inference.weighted import resampled, weighted_quantiles
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
@@ -232,45 +233,3 @@ class Predictor:
         test = part(self.record, target)
         full, _ = self.density(theta, test)
         return draws, full, self.mean_curve(theta, test)
-
-
-def weighted_quantiles(values: Floats, log_weight: Floats, levels: Sequence[float]) -> Floats:
-    """Quantiles of weighted draws.
-
-    Parameters
-    ----------
-    values : ndarray, shape (S, m)
-    log_weight : ndarray, shape (S,)
-        Logarithms of weights that sum to one.
-    levels : sequence of float
-
-    Returns
-    -------
-    ndarray, shape (len(levels), m)
-        Undefined values count as greater than all others.
-    """
-    order = np.argsort(values, axis=0)
-    passed = np.cumsum(np.exp(log_weight)[order], axis=0)
-    at = [np.minimum((passed < level * passed[-1]).sum(axis=0), len(values) - 1) for level in levels]
-    ordered = np.take_along_axis(values, order, axis=0)
-    return np.stack([ordered[i, np.arange(values.shape[1])] for i in at])
-
-
-def resampled(log_weight: Floats, size: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Numbers of draws of equal weight, by systematic resampling, in random order.
-
-    Parameters
-    ----------
-    log_weight : ndarray, shape (S,)
-        Logarithms of weights that sum to one.
-    size : int
-        How many are taken.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray of int, shape (size,)
-    """
-    passed = np.cumsum(np.exp(log_weight))
-    at = (np.arange(size) + rng.random()) / size * passed[-1]
-    return rng.permutation(np.searchsorted(passed, at, side="right").clip(max=log_weight.size - 1))

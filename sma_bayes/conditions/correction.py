@@ -18,6 +18,7 @@ from sma_bayes.conditions.coordinates import Coordinates
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.conditions.scatter import ScatterDensity, Summary
 from sma_bayes.inference.pareto import RELIABLE, smoothed_weights
+from sma_bayes.inference.weighted import resampled
 from sma_bayes.quantities import Floats
 
 Places = NDArray[np.intp]
@@ -107,7 +108,7 @@ def corrected(
         )
         return gaussian, everything, Correction(False, float(k[0]), k_of, count, why)
     effective = float(np.exp(-logsumexp(2.0 * smooth[:, 0])))
-    kept = resample(rng, smooth[:, 0], len(tau))
+    kept = resampled(smooth[:, 0], len(tau), rng)
     return np.stack(phi), kept, Correction(True, float(k[0]), k_of, effective, "")
 
 
@@ -180,11 +181,3 @@ def _given_curve(phi: Floats, nu: Floats, at: Floats, rng: np.random.Generator) 
     e = rng.standard_normal((len(at), count))
     log_q = -0.5 * np.sum(e**2, axis=1) - float(np.sum(np.log(np.diag(root))))
     return mean + e @ root.T, log_q
-
-
-def resample(rng: np.random.Generator, log_weight: Floats, size: int) -> Places:
-    """Positions of draws by their weights, in the fewest copies (systematic resampling), in random order."""
-    edges = np.cumsum(np.exp(log_weight - logsumexp(log_weight)))
-    points = (np.arange(size) + rng.random()) / size
-    found = np.minimum(np.searchsorted(edges, points), len(log_weight) - 1)
-    return np.asarray(rng.permutation(found), dtype=np.intp)

@@ -43,11 +43,12 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.conditions.coordinates import Coordinates, coordinates_for
-from sma_bayes.conditions.correction import Correction, corrected, resample
+from sma_bayes.conditions.correction import Correction, corrected
 from sma_bayes.conditions.design import Design
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.conditions.scatter import ScatterDensity, summary_of
 from sma_bayes.inference.importance import WeightedDraws, importance_draws
+from sma_bayes.inference.weighted import resampled
 from sma_bayes.quantities import Floats
 
 SCATTER: Final = 0.1
@@ -130,7 +131,7 @@ def population_of(
     starts = [np.log(density.scale), np.log(0.1 * density.scale), np.log(3.0 * density.scale)]
     sampling = importance_draws(density, starts, np.full(density.scale.size, 2.0), sample_seed)
     rng = np.random.default_rng(draw_seed)
-    tau = np.exp(sampling.z[resample(rng, sampling.log_weight, DRAWS)])
+    tau = np.exp(sampling.z[resampled(sampling.log_weight, DRAWS, rng)])
     coefficients = density.coefficients(rng, tau)
     phi, kept, correction = corrected(density, coordinates, records, coefficients, tau, rng)
     return Population(

@@ -17,7 +17,7 @@ from sma_bayes.assess.comparison_document import record_document
 from sma_bayes.assess.contenders import CONTENDERS, observables, of_channel, posterior_of
 from sma_bayes.assess.contenders import joined as joined_records
 from sma_bayes.assess.correlation import joined
-from sma_bayes.assess.held_out import folds_of, part, weighted_quantiles
+from sma_bayes.assess.held_out import folds_of, part
 from sma_bayes.errors import MeasurementError
 from sma_bayes.inference.importance import WeightedDraws
 from sma_bayes.noise import NOISE_MODELS
@@ -263,11 +263,3 @@ def test_stiffness_is_what_models_are_compared_on_where_there_is_any(
 ) -> None:
     assert observables(make_record(("force", "displacement", "stiffness"), n=20)) == ("stiffness",)
     assert observables(make_record(("force", "displacement"), n=20)) == ("force", "displacement")
-
-
-def test_weighted_quantiles_are_those_of_repeated_draws() -> None:
-    rng = np.random.default_rng(0)
-    values, count = rng.normal(size=(500, 3)), rng.integers(1, 9, 500)
-    found = weighted_quantiles(values, np.log(count / count.sum()), (0.05, 0.5, 0.95))
-    expected = np.quantile(np.repeat(values, count, axis=0), (0.05, 0.5, 0.95), axis=0, method="inverted_cdf")
-    np.testing.assert_array_equal(found, expected)

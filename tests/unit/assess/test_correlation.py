@@ -12,7 +12,6 @@ from sma_bayes.assess.correlation_average import (
     averages,
     probability_above,
 )
-from sma_bayes.assess.held_out import resampled
 from sma_bayes.errors import MeasurementError
 from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.quantities import Floats
@@ -153,12 +152,3 @@ def test_shared_parameters_are_counted_once() -> None:
     (found,) = averages([scored("x", "heating", a, posterior="p"), scored("y", "heating", b, posterior="p")])
     expected = 1.0 - (1.0 - joined([a, b]).r2) * 23 / 21
     assert found["adj_r2"]["pooled"]["median"] == pytest.approx(np.median(expected))
-
-
-def test_resampling_gives_every_draw_its_share() -> None:
-    """Systematic resampling takes each draw its expected number of times, rounded up or down."""
-    rng = np.random.default_rng(8)
-    weight = rng.dirichlet(np.ones(30))
-    taken = np.bincount(resampled(np.log(weight), 1000, rng), minlength=30)
-    assert taken.sum() == 1000
-    assert np.all(np.abs(taken - 1000 * weight) < 1.0)
