@@ -25,7 +25,8 @@ from sma_bayes.effects.temperature_gradient import TemperatureGradient
 from sma_bayes.effects.thermal_expansion import ThermalExpansion
 from sma_bayes.effects.thermocouple_lag import ThermocoupleLag
 from sma_bayes.effects.training_drift import TrainingDrift
-from sma_bayes.effects.types import Effect, EffectParameter, Scales, with_effects
+from sma_bayes.effects.types import Effect, Scales, with_effects
+from sma_bayes.parameters.space import Parameter
 
 _SHIPPED: tuple[Effect, ...] = (
     ThermocoupleLag(),
@@ -57,4 +58,4 @@ EFFECTS: Catalogue[Effect] = Catalogue(
     "effect", {effect.id: effect for effect in _SHIPPED}, entry_point_group="sma_bayes.effects"
 )
 
-__all__ = ["EFFECTS", "Effect", "EffectParameter", "Scales", "with_effects"]
+__all__ = ["EFFECTS", "Effect", "Parameter", "Scales", "with_effects"]

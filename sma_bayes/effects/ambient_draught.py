@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 LEAST: Final = 0.2
@@ -32,11 +33,11 @@ class AmbientDraught:
     )
     needs = ("temperature_response", "ambient_varies")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         swing = 0.5 * max(scales.span["ambient_temperature"], LEAST)
         size = either_sign(0.3 / swing)
         source = "h between 20 and 100 W/(m2 K) at most, 0.8 in ln h, over half the swing of the room"
-        return (EffectParameter("e", "1/K", "growth of ln h for each kelvin below", size, source),)
+        return (Parameter("e", "1/K", "growth of ln h for each kelvin below", size, source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         ambient = inputs["ambient_temperature"]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sma_bayes.effects.transformation import curves
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -29,9 +30,9 @@ class AmplitudeFatigue:
     )
     needs = ("curve", "cycles")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior, source = LogNormal(1e-3, 1.4), "0.01-1 % a cycle, 90 %"
-        return (EffectParameter("k", "1", "loss of stroke a cycle", prior, source),)
+        return (Parameter("k", "1", "loss of stroke a cycle", prior, source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         lost = theta[..., :1] * (inputs["cycle"] - 1.0)

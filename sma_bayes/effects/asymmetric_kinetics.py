@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.effects.transformation import curves
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import Normal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -27,13 +28,11 @@ class AsymmetricKinetics:
     reference = "Richards, A flexible growth function for empirical use, J. Exp. Bot. 10 (1959) 290-301"
     needs = ("curve",)
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         size, ratio = either_sign(0.7), Normal(0.0, 1.0)
         return (
-            EffectParameter(
-                "a", "1", "logarithm of the exponent", size, "nu 0.5-2; 90 % between 0.52 and 1.9"
-            ),
-            EffectParameter("r", "1", "the same on cooling over heating", ratio, "either sense is as likely"),
+            Parameter("a", "1", "logarithm of the exponent", size, "nu 0.5-2; 90 % between 0.52 and 1.9"),
+            Parameter("r", "1", "the same on cooling over heating", ratio, "either sense is as likely"),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -26,13 +27,13 @@ class BiasSpring:
     )
     needs = ("force", "displacement")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         force, displacement = scales.units["force"], scales.units["displacement"]
         unit = force if displacement == "1" else f"{force}/{displacement}"
         newtons = (force, displacement) == ("N", "m")
         size = 130.0 if newtons else scales.span["force"] / scales.span["displacement"]
         source = "130 N/m, of either sign" if newtons else "span of force over stroke, of either sign"
-        return (EffectParameter("K2", unit, "stiffness of the bias spring", either_sign(size), source),)
+        return (Parameter("K2", unit, "stiffness of the bias spring", either_sign(size), source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out = response(inputs)

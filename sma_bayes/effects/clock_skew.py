@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sma_bayes.effects.transformation import moved
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -26,9 +27,9 @@ class ClockSkew:
     )
     needs = ("force", "displacement", "time")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = either_sign(0.05)
-        return (EffectParameter("d", "s", "delay of the force", prior, "1-100 ms of either sign"),)
+        return (Parameter("d", "s", "delay of the force", prior, "1-100 ms of either sign"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out = response(inputs)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sma_bayes.effects.transformation import at
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -28,10 +29,10 @@ class ContactError:
     )
     needs = ("channel", "ambient_varies")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = LogNormal(0.07, 0.9)
         source = "1-30 % of the excess over ambient is lost; 90 % between 1.6 and 31 %"
-        return (EffectParameter("b", "1", "error over the excess of the reading", prior, source),)
+        return (Parameter("b", "1", "error over the excess of the reading", prior, source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         b, ambient = theta[..., :1], inputs["ambient_temperature"]

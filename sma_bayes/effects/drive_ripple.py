@@ -7,8 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import Uniform
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 HARMONICS: Final = 8
@@ -34,14 +35,14 @@ class DriveRipple:
     )
     needs = ("curve", "time", "frequency")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         channel = "force" if "force" in scales.step else "displacement"
         half = 0.5 * np.pi
         size = either_sign(0.02 * scales.span[channel])
         return (
-            EffectParameter("a", scales.units[channel], "amplitude", size, "a few per cent of the span"),
-            EffectParameter("phi", "rad", "phase", Uniform(-half, half), "any, as the amplitude has a sign"),
-            EffectParameter("k", "1", "harmonic", Uniform(0.5, HARMONICS + 0.5), "first to eighth"),
+            Parameter("a", scales.units[channel], "amplitude", size, "a few per cent of the span"),
+            Parameter("phi", "rad", "phase", Uniform(-half, half), "any, as the amplitude has a sign"),
+            Parameter("k", "1", "harmonic", Uniform(0.5, HARMONICS + 0.5), "first to eighth"),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -30,7 +31,7 @@ class FixtureCompliance:
     )
     needs = ("force", "displacement")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         force, displacement = scales.units["force"], scales.units["displacement"]
         unit = f"{displacement}/{force}"
         if (force, displacement) == ("N", "m"):
@@ -41,7 +42,7 @@ class FixtureCompliance:
         else:
             some = 0.03 * scales.span["displacement"] / scales.span["force"]
             prior, source = LogNormal(some, 1.2), "some 3 % of the stroke"
-        return (EffectParameter("q", unit, "compliance of the rig, 1/Kf", prior, source),)
+        return (Parameter("q", unit, "compliance of the rig, 1/Kf", prior, source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out = response(inputs)

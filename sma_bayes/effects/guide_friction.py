@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.effects.memory import lagged, starts
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -30,14 +31,14 @@ class GuideFriction:
     )
     needs = ("force", "displacement", "reversals")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         newtons = scales.units["force"] == "N"
         size = either_sign(0.05 if newtons else 0.02 * scales.span["force"])
         whole = "5-50 mN, of either sign" if newtons else "1 % of the span of force, of either sign"
         way = LogNormal(0.03 * scales.span["displacement"], 1.0)
         return (
-            EffectParameter("Fc", scales.units["force"], "force of friction", size, whole),
-            EffectParameter(
+            Parameter("Fc", scales.units["force"], "force of friction", size, whole),
+            Parameter(
                 "x0", scales.units["displacement"], "way over which it turns round", way,
                 "some per cent of the stroke, within a factor of 5",
             ),

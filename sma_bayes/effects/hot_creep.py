@@ -10,8 +10,9 @@ import numpy as np
 
 from sma_bayes.effects.memory import elapsed
 from sma_bayes.effects.transformation import measured
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 REFERENCE: Final = 100.0
@@ -40,15 +41,15 @@ class HotCreep:
     )
     needs = ("displacement", "time")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         cooler = math.exp(-(scales.high["temperature"] - REFERENCE) / WIDTH)
         whole = 0.5 * scales.span["displacement"] / scales.span["time"]
         return (
-            EffectParameter(
+            Parameter(
                 "c", f"{scales.units['displacement']}/s", "rate of creep at 100 degC", either_sign(whole * cooler),
                 "of either sign; a tenth of the stroke if a fifth of the record is hot",
             ),
-            EffectParameter(
+            Parameter(
                 "w", "K", "kelvins in which the rate grows e-fold", LogNormal(WIDTH, 0.2),
                 "10-20 K; 90 % between 10 and 19 K, an activation energy of 60-120 kJ/mol at 100 degC",
             ),

@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.effects.transformation import STEP, at, curves
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 SPECIFIC_HEAT: Final = 500.0
@@ -34,9 +35,9 @@ class LatentHeat:
     )
     needs = ("temperature_response", "curve")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = LogNormal(1e4, 0.55)
-        return (EffectParameter("L", "J/kg", "latent heat", prior, "4-25 kJ/kg, 90 %"),)
+        return (Parameter("L", "J/kg", "latent heat", prior, "4-25 kJ/kg, 90 %"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         up, down = (

@@ -9,8 +9,9 @@ import numpy as np
 
 from sma_bayes.effects.memory import elapsed, lagged
 from sma_bayes.effects.transformation import measured
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 CAPACITY: Final = 5.0
@@ -38,14 +39,14 @@ class LoadCellThermalDrift:
     )
     needs = ("force", "time", "warming_cell")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         size = either_sign(5e-4 * CAPACITY * scales.level["force"])
         time, soak = LogNormal(300.0, 1.0), LogNormal(0.1, 1.0)
         whole = "0.05 % of a capacity of 5 times the greatest force"
         return (
-            EffectParameter("k", f"{scales.units['force']}/K", "zero over temperature", size, whole),
-            EffectParameter("tau", "s", "time constant of the cell", time, "minutes: 90 % from 1 to 26 min"),
-            EffectParameter("soak", "1", "share of the heat that arrives", soak, "90 % from 2 to 52 %"),
+            Parameter("k", f"{scales.units['force']}/K", "zero over temperature", size, whole),
+            Parameter("tau", "s", "time constant of the cell", time, "minutes: 90 % from 1 to 26 min"),
+            Parameter("soak", "1", "share of the heat that arrives", soak, "90 % from 2 to 52 %"),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

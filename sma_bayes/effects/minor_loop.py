@@ -11,8 +11,9 @@ import numpy as np
 
 from sma_bayes.effects.memory import starts
 from sma_bayes.effects.transformation import curves
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import Normal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 LEAST: Final = 1e-6
@@ -38,9 +39,9 @@ class MinorLoop:
     )
     needs = ("curve", "several_peaks", "both_branches")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = Normal(0.7, 0.4)
-        return (EffectParameter("w", "1", "share of the correction", prior, "0 to 1: none to the full rule"),)
+        return (Parameter("w", "1", "share of the correction", prior, "0 to 1: none to the full rule"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out, branch = response(inputs), inputs["branch"]

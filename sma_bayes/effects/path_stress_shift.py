@@ -8,7 +8,8 @@ import numpy as np
 
 from sma_bayes.effects.stress import REFERENCE, coefficient
 from sma_bayes.effects.transformation import moved
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 STEEPEST, FLATTEST = -50.0, -0.2
@@ -32,7 +33,7 @@ class PathStressShift:
     reference = REFERENCE
     needs = ("force",)
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         return (coefficient(scales, "force"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

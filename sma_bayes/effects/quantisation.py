@@ -7,8 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Normal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 HARMONICS: Final = 12
@@ -55,22 +56,22 @@ class Quantisation:
     )
     needs = ("lattice",)
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         channel = "force" if "force" in scales.step else "displacement"
         unit, step, place = scales.units[channel], scales.step[channel], scales.on_lattice[channel]
         many = max(scales.span[channel] / step, 1.0)
         seen = "the lattice of the readings"
         return (
-            EffectParameter("q", "1", "share of the rounding", LogNormal(1.0, 0.2), "all of it, within 20 %"),
-            EffectParameter(
+            Parameter("q", "1", "share of the rounding", LogNormal(1.0, 0.2), "all of it, within 20 %"),
+            Parameter(
                 "s",
                 "1",
                 "noise before the converter over a step",
                 LogNormal(0.2, 0.5),
                 "90 % from 0.09 to 0.46",
             ),
-            EffectParameter("lsb", unit, "step", Normal(step, 0.02 * step / many), seen),
-            EffectParameter("F0", unit, "a value on the lattice", Normal(place, 0.01 * step), seen),
+            Parameter("lsb", unit, "step", Normal(step, 0.02 * step / many), seen),
+            Parameter("F0", unit, "a value on the lattice", Normal(place, 0.01 * step), seen),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

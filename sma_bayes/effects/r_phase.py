@@ -8,8 +8,9 @@ from typing import Final
 from scipy.special import expit
 
 from sma_bayes.effects.transformation import curves
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Uniform
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 HYSTERESIS: Final = 3.0
@@ -34,15 +35,13 @@ class RPhase:
     )
     needs = ("curve", "both_branches")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         place = Uniform(scales.low["temperature"], scales.high["temperature"])
         width = LogNormal(1.5, 0.5)
         return (
-            EffectParameter(
-                "p", "1", "share of the span", LogNormal(0.08, 0.6), "3-20 %; 90 % between 3 and 21 %"
-            ),
-            EffectParameter("TR", "degC", "temperature of the step", place, "anywhere that was measured"),
-            EffectParameter(
+            Parameter("p", "1", "share of the span", LogNormal(0.08, 0.6), "3-20 %; 90 % between 3 and 21 %"),
+            Parameter("TR", "degC", "temperature of the step", place, "anywhere that was measured"),
+            Parameter(
                 "w",
                 "K",
                 "width of the step",

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.effects.transformation import moved
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Uniform
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 EXPONENTS: Final = (0.3, 1.0)
@@ -37,13 +38,13 @@ class RateDependence:
     )
     needs = ("channel", "several_rates")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         return (
-            EffectParameter(
+            Parameter(
                 "k", "K", f"shift at {scales.level['typical_rate']:.3g} K/s", shift(scales),
                 "0.1-3 K at 1 K/s: 90 % between 0.12 and 3.1 K, carried over to this rate",
             ),
-            EffectParameter("m", "1", "exponent of the rate", Uniform(*EXPONENTS), "0.3-1"),
+            Parameter("m", "1", "exponent of the rate", Uniform(*EXPONENTS), "0.3-1"),
         )  # fmt: skip
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Normal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -27,12 +28,12 @@ class Saturation:
     )
     needs = ("force", "flat_tops")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         top = Normal(scales.high["force"], 0.01 * scales.span["force"])
         share = LogNormal(1.0, 0.2)
         return (
-            EffectParameter("w", "1", "share of the excess that is lost", share, "all of it, within 20 %"),
-            EffectParameter(
+            Parameter("w", "1", "share of the excess that is lost", share, "all of it, within 20 %"),
+            Parameter(
                 "Fmax",
                 scales.units["force"],
                 "end of the range",

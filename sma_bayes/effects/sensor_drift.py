@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -21,14 +22,10 @@ class SensorDrift:
     )
     needs = ("force", "time")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = either_sign(0.05 * scales.span["force"] / scales.span["time"])
         unit = f"{scales.units['force']}/s"
-        return (
-            EffectParameter(
-                "r", unit, "rate of the drift", prior, "5 % of the span of force over the record"
-            ),
-        )
+        return (Parameter("r", unit, "rate of the drift", prior, "5 % of the span of force over the record"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out = response(inputs)

@@ -10,15 +10,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from sma_bayes.effects.types import EffectParameter, Scales
+from sma_bayes.effects.types import Scales
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 
 REFERENCE: Final = (
     "Clausius-Clapeyron coefficient of NiTi, 5-10 MPa/K: Otsuka and Ren, Prog. Mater. Sci. 50 (2005) 511-678"
 )
 
 
-def coefficient(scales: Scales, of: str) -> EffectParameter:
+def coefficient(scales: Scales, of: str) -> Parameter:
     """Shift of the transformation by a load or force.
 
     Parameters
@@ -36,4 +37,4 @@ def coefficient(scales: Scales, of: str) -> EffectParameter:
         )
     else:
         prior, source = LogNormal(5.0 / scales.level[of], 1.2), "some 5 K at the greatest force"
-    return EffectParameter("c", f"K/{unit}", f"rise of the transformation temperatures a {of}", prior, source)
+    return Parameter("c", f"K/{unit}", f"rise of the transformation temperatures a {of}", prior, source)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from sma_bayes.effects.stress import REFERENCE, coefficient
 from sma_bayes.effects.transformation import moved
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -24,7 +25,7 @@ class StressShift:
     reference = REFERENCE
     needs = ("channel", "several_loads")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         return (coefficient(scales, "load"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

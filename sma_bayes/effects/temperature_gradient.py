@@ -9,8 +9,9 @@ import numpy as np
 
 from sma_bayes.effects.memory import elapsed, lagged
 from sma_bayes.effects.transformation import at
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 ROOM: Final = 22.0
@@ -42,16 +43,14 @@ class TemperatureGradient:
     )
     needs = ("channel", "several_peaks")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         excess = max(abs(scales.high["temperature"] - ROOM), abs(scales.low["temperature"] - ROOM), ENDS)
         prior = LogNormal(ENDS / excess, 0.7)
         source = "2-20 K at the temperature farthest from ambient; 90 % between 2.5 and 25 K"
         wire = LogNormal(8.0, 0.8)
         return (
-            EffectParameter("g", "1", "cooling of the ends over the excess", prior, source),
-            EffectParameter(
-                "tau", "s", "thermal time constant of the wire", wire, "90 % from 2 to 30 s, in air"
-            ),
+            Parameter("g", "1", "cooling of the ends over the excess", prior, source),
+            Parameter("tau", "s", "thermal time constant of the wire", wire, "90 % from 2 to 30 s, in air"),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

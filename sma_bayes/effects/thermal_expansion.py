@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from sma_bayes.effects.transformation import curves, measured
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 MARTENSITE: Final = 6.6e-6
@@ -36,14 +37,14 @@ class ThermalExpansion:
     )
     needs = ("displacement", "plateaus")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         unit = scales.units["displacement"]
         length = {"1": 1.0, "m": LENGTH}.get(unit, 3.0 * scales.span["displacement"])
         source = {"1": "11e-6 1/K, and as much from the grips", "m": "11e-6 1/K over some 0.1 m"}.get(
             unit, "11e-6 1/K over some three strokes"
         )
         prior = either_sign(AUSTENITE * length)
-        return (EffectParameter("e", f"{unit}/K", "growth of austenite a kelvin", prior, source),)
+        return (Parameter("e", f"{unit}/K", "growth of austenite a kelvin", prior, source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out, found = curves(response, inputs)

@@ -8,8 +8,9 @@ import numpy as np
 
 from sma_bayes.effects.memory import FORGOTTEN, elapsed, lagged, starts
 from sma_bayes.effects.transformation import at
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 
@@ -32,11 +33,9 @@ class ThermocoupleLag:
     )
     needs = ("channel", "several_rates")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = LogNormal(0.5, 1.2)
-        return (
-            EffectParameter("tau", "s", "time constant of the sensor", prior, "90 % between 0.07 and 3.6 s"),
-        )
+        return (Parameter("tau", "s", "time constant of the sensor", prior, "90 % between 0.07 and 3.6 s"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         tau = theta[..., :1]

@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.effects.types import EffectParameter, Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
 CYCLES: Final = 12.0
@@ -37,16 +38,16 @@ class TrainingDrift:
     )
     needs = ("displacement", "cycles")
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         last = scales.level["last_cycle"]
         shown = -math.expm1(-(last - 1.0) / CYCLES)
         size = either_sign(0.1 * scales.span["displacement"] * max(shown, 1e-3))
         return (
-            EffectParameter(
+            Parameter(
                 "d", scales.units["displacement"], f"drift of the displacement until cycle {last:.0f}", size,
                 "of either sign, some 10 % of the stroke for a trained spring",
             ),
-            EffectParameter(
+            Parameter(
                 "N0", "1", "cycles to train", LogNormal(CYCLES, 0.85), "3-50; 90 % between 3 and 49"
             ),
         )  # fmt: skip

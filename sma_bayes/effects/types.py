@@ -13,32 +13,13 @@ from typing import Protocol
 
 import numpy as np
 
-from sma_bayes.parameters.distributions import Distribution, StudentT
+from sma_bayes.parameters.distributions import StudentT
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 
 Inputs = Mapping[str, Floats]
 Response = Callable[[Inputs], dict[str, Floats]]
-
-
-@dataclass(frozen=True, slots=True)
-class EffectParameter:
-    """A parameter of an effect, with what is believed about it before the data.
-
-    Attributes
-    ----------
-    name, unit, meaning : str
-    prior : Distribution
-        In `unit`.
-    source : str
-        Where the range comes from.
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    prior: Distribution
-    source: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +102,7 @@ class Effect(Protocol):
         """What must have been recorded or varied: names in `sma_bayes.effects.needs.NEEDS`."""
         ...
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         """Parameters, the size first: where it is 0 there is no effect."""
         ...
 

@@ -102,7 +102,7 @@ class Hypothesis:
         parameters = list(self.space.parameters[: self._base])
         for effect in effects:
             for p in effect.parameters(self.scales):
-                parameters.append(Parameter(f"{effect.id}.{p.name}", p.unit, p.meaning, p.prior, p.source))
+                parameters.append(replace(p, name=f"{effect.id}.{p.name}"))
         return replace(self, effects=tuple(effects), space=ParameterSpace(tuple(parameters)))
 
     def on(self, kept: Sequence[NDArray[np.bool_]]) -> Hypothesis:

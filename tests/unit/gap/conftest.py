@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
-from sma_bayes.effects.types import EffectParameter, Response, Scales
+from sma_bayes.effects.types import Response, Scales
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.noise import BlockNoise
 from sma_bayes.parameters.distributions import Normal
@@ -150,8 +150,8 @@ class Added:
     reference = "made up"
     needs = ("channel",)
 
-    def parameters(self, scales: Scales) -> tuple[EffectParameter, ...]:
-        return (EffectParameter("a", "m", "size", Normal(0.0, self.sd), "made up"),)
+    def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
+        return (Parameter("a", "m", "size", Normal(0.0, self.sd), "made up"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         out = response(inputs)
