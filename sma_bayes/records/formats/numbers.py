@@ -73,13 +73,14 @@ def numbers(
     >>> values.tolist(), [f.kind for f in seen]
     ([1.5, nan, nan], ['empty', 'missing-code'])
     """
-    values, empty = _parse(cells, row, file, column, missing, decimal, expected)
+    values, empty, unread = _parse(cells, missing, decimal)
     coded = _coded(cells, values, empty, missing)
     if isinstance(cells, np.ndarray):
         empty = np.isnan(values)
-    odd = np.flatnonzero(~np.isfinite(values) & ~empty & ~coded)
-    if odd.size:
-        raise _not_a_number(str(cells[odd[0]]).strip(), row[odd], file, column, decimal, expected)
+    odd = ~np.isfinite(values) & ~empty & ~coded
+    wrong = np.flatnonzero(unread if unread.any() else odd)
+    if wrong.size:
+        raise _not_a_number(str(cells[wrong[0]]).strip(), row[wrong], file, column, decimal, expected)
     told = (
         ("empty", empty & ~coded, "empty" if not isinstance(cells, np.ndarray) else "without a number (NaN)"),
         ("missing-code", coded, f"with a missing-value code ({', '.join(map(str, missing))})"),
@@ -129,24 +130,19 @@ def is_blank(cell: object) -> bool:
 
 
 def _parse(
-    cells: Cells,
-    row: Ints,
-    file: Path,
-    column: str,
-    missing: Sequence[float | str],
-    decimal: str,
-    expected: str,
-) -> tuple[Floats, NDArray[np.bool_]]:
-    """Values of the cells, and which of them are empty; codes that are texts become NaN."""
+    cells: Cells, missing: Sequence[float | str], decimal: str
+) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Values of the cells, which of them are empty, and which can't be read; codes that are texts become NaN."""
+    nowhere = np.zeros(len(cells), dtype=bool)
     if isinstance(cells, np.ndarray):
-        return np.array(cells, dtype=float), np.zeros(len(cells), dtype=bool)
+        return np.array(cells, dtype=float), nowhere, nowhere
     plain = decimal == "." and not any("_" in c for c in cells if isinstance(c, str))
     strict = cells if plain else [_strict(c, decimal) for c in cells]
     try:
         values = np.fromiter(map(float, strict), np.float64, len(cells))  # type: ignore[arg-type]
     except (ValueError, TypeError):
-        return _parse_each(cells, row, file, column, missing, decimal, expected)
-    return values, np.zeros(len(cells), dtype=bool)
+        return _parse_each(cells, missing, decimal)
+    return values, nowhere, nowhere
 
 
 def _strict(cell: object, decimal: str) -> object:
@@ -154,18 +150,11 @@ def _strict(cell: object, decimal: str) -> object:
 
 
 def _parse_each(
-    cells: Sequence[object],
-    row: Ints,
-    file: Path,
-    column: str,
-    missing: Sequence[float | str],
-    decimal: str,
-    expected: str,
-) -> tuple[Floats, NDArray[np.bool_]]:
+    cells: Sequence[object], missing: Sequence[float | str], decimal: str
+) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
     values = np.full(len(cells), np.nan)
-    empty = np.zeros(len(cells), dtype=bool)
+    empty, unread = np.zeros((2, len(cells)), dtype=bool)
     codes = {code for code in missing if isinstance(code, str)}
-    wrong: list[int] = []
     for i, cell in enumerate(cells):
         try:
             values[i] = float(_strict(cell, decimal))  # type: ignore[arg-type]
@@ -173,10 +162,8 @@ def _parse_each(
             if is_blank(cell):
                 empty[i] = True
             elif str(cell).strip() not in codes:
-                wrong.append(i)
-    if wrong:
-        raise _not_a_number(str(cells[wrong[0]]).strip(), row[wrong], file, column, decimal, expected)
-    return values, empty
+                unread[i] = True
+    return values, empty, unread
 
 
 def _coded(
