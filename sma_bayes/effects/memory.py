@@ -5,10 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sma_bayes.effects.types import Inputs
 from sma_bayes.quantities import Floats
+from sma_bayes.records.history import starts
 
 LONGEST = 200.0
 """Time constants in one block of the recursion: its weights stay far from overflow."""
@@ -20,11 +20,6 @@ def elapsed(inputs: Inputs) -> Floats:
     """Time since the sample before [s], shape (n,); 0 for the first sample of each stretch, whose past is unknown."""
     steps = np.diff(inputs["time"], prepend=inputs["time"][:1])
     return np.where(starts(inputs), 0.0, np.maximum(steps, 0.0))
-
-
-def starts(inputs: Inputs) -> NDArray[np.bool_]:
-    """Mask of the first sample of each stretch."""
-    return np.asarray(np.diff(inputs["stretch"], prepend=-1.0) != 0)
 
 
 def lagged(source: Floats, steps: Floats) -> Floats:

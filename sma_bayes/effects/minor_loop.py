@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.effects.memory import starts
 from sma_bayes.effects.transformation import curves
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import Normal
 from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
+from sma_bayes.records.history import starts
 
 LEAST: Final = 1e-6
 """Share transformed below which there is nothing left to scale."""

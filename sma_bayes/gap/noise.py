@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.splines import bumps, grouped, one_of_each, times
 from sma_bayes.quantities import Floats
-from sma_bayes.records.history import History
+from sma_bayes.records.history import History, starts
 
 MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
 """Correlations of neighbouring samples that are tried."""
@@ -101,7 +101,7 @@ def blocks_of(hypothesis: Hypothesis) -> tuple[Block, ...]:
     """Every channel of every history, stacked."""
     out, at = [], 0
     for i, history in enumerate(hypothesis.histories):
-        first = np.diff(history.inputs["stretch"], prepend=-1.0) != 0
+        first = starts(history.inputs)
         dt = np.ones(history.n)
         if "time" in history.inputs:
             dt[1:] = np.maximum(np.diff(history.inputs["time"]), 0.0)

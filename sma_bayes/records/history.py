@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import make_smoothing_spline
 
 from sma_bayes.quantities import Floats
@@ -102,6 +103,11 @@ class History:
             self.averaged,
             self.held,
         )
+
+
+def starts(inputs: Mapping[str, Floats]) -> NDArray[np.bool_]:
+    """Mask (n,) of the first sample of each stretch, whose past is unknown."""
+    return np.asarray(np.diff(inputs["stretch"], prepend=-1.0) != 0)
 
 
 def histories(campaign: Campaign) -> tuple[History, ...]:

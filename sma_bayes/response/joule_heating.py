@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
+from sma_bayes.records.history import starts
 
 Bools = NDArray[np.bool_]
 
@@ -70,7 +71,7 @@ class JouleHeating:
         goal = surroundings + heating / np.maximum(rate, 1e-300)
         kept = np.exp(-rate[..., :-1] * dt[..., 1:])  # what is held over a step is what its start says
         step = (1.0 - kept) * goal[..., :-1]
-        first = np.diff(inputs["stretch"], prepend=-1.0) != 0
+        first = starts(inputs)
         ahead = [*[(0, 0)] * (len(shape) - 1), (1, 0)]
         carried = np.where(first, 0.0, np.pad(kept, ahead))
         from_zero = recursion(carried, np.where(first, 0.0, np.pad(step, ahead)))
