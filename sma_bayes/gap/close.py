@@ -19,7 +19,7 @@ from sma_bayes.gap.fitting import Fitted, fit_hypothesis, fit_with_noise, measur
 from sma_bayes.gap.flexible import SIZES, Gain, Term, gains, terms_of
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.name import Candidate
-from sma_bayes.gap.noise import BlockNoise, Noise, blocks_of
+from sma_bayes.gap.noise import BlockNoise, Noise, blocks_of, whiten
 from sma_bayes.gap.study import SIGNIFICANT, GapStudy, study_from
 from sma_bayes.inference.jobs import run
 from sma_bayes.quantities import Floats
@@ -166,7 +166,7 @@ def predict_fold(fold: Fold) -> Predicted:
         _residual(extended, final.theta),
         _with_flexible(final, extended, fold.study.final, _rows(first, kept), _rows(first, out)),
     )
-    before, after, helped = (float(np.sum(_whitened(test, noise, r) ** 2)) for r in left)
+    before, after, helped = (float(np.sum(whiten(blocks_of(test), noise, r) ** 2)) for r in left)
     chosen = tuple(e.id for e in final.hypothesis.effects)
     return Predicted((before, after, helped), left[0].size, chosen)
 
@@ -189,8 +189,8 @@ def held_out_scores(
         kept = tuple(~m for m in out)
         plain = fit_hypothesis(fitted.hypothesis.on(kept), fitted.z, _noise_on(fitted, kept))
         test = fitted.hypothesis.on(out)
-        noise = _noise_on(fitted, out)
-        before = _whitened(test, noise, _residual(test, plain.theta))
+        blocks, noise = blocks_of(test), _noise_on(fitted, out)
+        before = whiten(blocks, noise, _residual(test, plain.theta))
         for candidate in candidates:
             if candidate.fitted is None:
                 continue
@@ -198,7 +198,7 @@ def held_out_scores(
                 candidate.fitted.hypothesis.on(kept), candidate.fitted.z, _noise_on(fitted, kept)
             )
             extended = candidate.fitted.hypothesis.on(out)
-            after = _whitened(test, noise, _residual(extended, own.theta))
+            after = whiten(blocks, noise, _residual(extended, own.theta))
             gained.setdefault(candidate.effect.id, []).append(0.5 * (before**2 - after**2))
     return {
         name: HeldOutScore(float(np.sum(g)), float(np.std(g) * np.sqrt(g.size)))
@@ -228,13 +228,6 @@ def _memory_on(memory: Floats, kept: NDArray[np.bool_]) -> Floats:
 def _residual(hypothesis: Hypothesis, theta: Floats) -> Floats:
     blocks = blocks_of(hypothesis)
     return np.asarray(measured(hypothesis, blocks) - stacked(hypothesis, blocks, theta))
-
-
-def _whitened(hypothesis: Hypothesis, noise: Noise, residual: Floats) -> Floats:
-    out = np.empty_like(residual)
-    for block, own in zip(blocks_of(hypothesis), noise, strict=True):
-        out[block.at] = own.whiten(residual[block.at])
-    return out
 
 
 def _with_flexible(
