@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.noise import Steps
+from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import ARBITRARY, Floats, convert
 from sma_bayes.records.types import Ints, Record
 from sma_bayes.response.arrangement import BiasSpring, overall_stiffness
@@ -190,14 +191,50 @@ def _predictive(fit: Fit, channel: str, t: Floats, curve: Floats, record: int) -
     if channel not in r.channels:
         return _no_measurement(t)
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 1, *f"{r.key} {channel}".encode()]))
-    at = place.noise[channel]
-    alone = Steps(np.ones(t.size, dtype=bool), np.ones(t.size), False)
-    noise = fit.flat[:, at[0], None] * fit.posterior.noise.draw(rng, fit.flat[:, at[1:]], alone)
-    if r.temperature_sd > 0:
-        steep = fit.posterior.model.slope(fit.flat[:, place.model], {"temperature": t})[channel]
-        noise = noise + steep * r.temperature_sd * rng.standard_normal(noise.shape)
+    own, theta = fit.flat[:, place.noise[channel]], fit.flat[:, place.model]
+    noise = noise_of_samples(fit.posterior, channel, own, theta, t, rng, record=record)
     values = np.quantile(curve + noise, list(PREDICTIVE.values()), axis=0)
     return dict(zip(PREDICTIVE, values, strict=True))
+
+
+def noise_of_samples(
+    posterior: Posterior,
+    channel: str,
+    own: Floats,
+    theta: Floats,
+    temperature: Floats,
+    rng: np.random.Generator,
+    *,
+    record: int = 0,
+) -> Floats:
+    """Noise of new samples that follow no other, that of the readings of temperature included.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    channel : str
+    own : ndarray, shape (S, k)
+        Parameters of the noise of the channel, the standard deviation first.
+    theta : ndarray, shape (S, P)
+        Parameters of the curve, whose slope turns errors of temperature into errors of the channel.
+    temperature : ndarray, shape (m,)
+    rng : numpy.random.Generator
+    record : int
+        Which of the records that share the posterior.
+
+    Returns
+    -------
+    ndarray, shape (S, m)
+        [unit of the channel].
+    """
+    n, temperature_sd = temperature.size, posterior.records[record].temperature_sd
+    noise = own[:, :1] * posterior.noise.draw(
+        rng, own[:, 1:], Steps(np.ones(n, dtype=bool), np.ones(n), False)
+    )
+    if temperature_sd > 0.0:
+        steep = posterior.model.slope(theta, {"temperature": temperature})[channel]
+        noise = noise + steep * temperature_sd * rng.standard_normal(noise.shape)
+    return noise
 
 
 def _no_measurement(t: Floats) -> dict[str, Floats]:

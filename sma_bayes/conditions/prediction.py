@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.assess.bands import PREDICTIVE, QUANTILES, Band, simultaneous_band
+from sma_bayes.assess.bands import PREDICTIVE, QUANTILES, Band, noise_of_samples, simultaneous_band
 from sma_bayes.conditions.design import Design
 from sma_bayes.conditions.draws import GRID, RecordDraws, curve_of
 from sma_bayes.conditions.features import MIDPOINT, Feature, ratio
 from sma_bayes.conditions.population import Population
-from sma_bayes.noise import Steps
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Condition
 
@@ -97,18 +96,14 @@ def _noise(prediction: Prediction, channel: str, temperature: Floats, rng: np.ra
     """Noise of single samples (S, m), each draw with the noise parameters of some measured condition."""
     records, size = prediction.population.records, len(prediction.theta)
     whose = rng.integers(len(records), size=size)
-    alone = Steps(np.ones(temperature.size, dtype=bool), np.ones(temperature.size), False)
     noise = np.empty((size, temperature.size))
     for i, record in enumerate(records):
         rows = np.flatnonzero(whose == i)
-        own = record.theta[rng.integers(record.size, size=rows.size)][
-            :, record.posterior.layout[0].noise[channel]
-        ]
-        noise[rows] = own[:, :1] * record.posterior.noise.draw(rng, own[:, 1:], alone)
-        if record.record.temperature_sd > 0.0:
-            theta = prediction.theta[rows]
-            steep = record.posterior.model.slope(theta, {"temperature": temperature})[channel]
-            noise[rows] += steep * record.record.temperature_sd * rng.standard_normal(steep.shape)
+        at = record.posterior.layout[0].noise[channel]
+        own = record.theta[rng.integers(record.size, size=rows.size)][:, at]
+        noise[rows] = noise_of_samples(
+            record.posterior, channel, own, prediction.theta[rows], temperature, rng
+        )
     return noise
 
 
