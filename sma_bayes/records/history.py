@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_smoothing_spline
 
 from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Branch, Campaign, Condition, Ints, Record
+from sma_bayes.records.types import Branch, Campaign, Condition, Ints, Record, plain_fields
 
 GAP = 5.0
 """Steps of time, in medians of the steps of the sweeps beside it, from which on samples no longer follow each other."""
@@ -70,11 +70,8 @@ class History:
         for name in ("inputs", "observed", "units", "held"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
-    def __reduce__(self) -> tuple[object, ...]:  # mapping proxies do not pickle
-        return History, (
-            self.condition, dict(self.inputs), dict(self.observed), self.row, dict(self.units), self.specimen,
-            self.averaged, dict(self.held),
-        )  # fmt: skip
+    def __reduce__(self) -> tuple[object, ...]:
+        return History, plain_fields(self)
 
     @property
     def n(self) -> int:

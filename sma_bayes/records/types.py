@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.errors import MeasurementError
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, Floats
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 Ints = NDArray[np.int64]
 
@@ -168,12 +172,8 @@ class Record:
         for name in ("units", "calibration", "held"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
-    def __reduce__(self) -> tuple[object, ...]:  # mapping proxies do not pickle
-        return Record, (
-            self.condition, self.branch, dict(self.inputs), dict(self.observed), self.row, dict(self.units),
-            self.specimen, self.temperature_sd, dict(self.calibration), dict(self.held), self.rows_averaged,
-            self.source,
-        )  # fmt: skip
+    def __reduce__(self) -> tuple[object, ...]:
+        return Record, plain_fields(self)
 
     @property
     def n(self) -> int:
@@ -273,6 +273,12 @@ class Campaign:
             if record.key == key:
                 return record
         raise MeasurementError(f"no record {key!r}", expected=", ".join(r.key for r in self.records))
+
+
+def plain_fields(of: DataclassInstance) -> tuple[object, ...]:
+    """Values of the fields of a dataclass to make it anew from; read-only mappings, which do not pickle, as dicts."""
+    values = (getattr(of, f.name) for f in fields(of))
+    return tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in values)
 
 
 def _read_only(values: Floats) -> Floats:

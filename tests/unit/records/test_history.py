@@ -203,8 +203,10 @@ def test_the_rate_of_a_ramp_is_exact_and_of_nothing_0() -> None:
 
 def test_it_pickles_and_can_not_be_changed() -> None:
     (h,) = joined(*(record(b) for b in Branch))
+    h = replace(h, specimen=True, averaged=3, held={"force": 1.5})
     again = pickle.loads(pickle.dumps(h))
     assert again.condition == h.condition
+    assert (again.specimen, again.averaged, again.held, again.units) == (True, 3, {"force": 1.5}, h.units)
     for name, values in h.inputs.items():
         np.testing.assert_array_equal(again.inputs[name], values)
     with pytest.raises(TypeError):
