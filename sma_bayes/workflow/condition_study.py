@@ -6,9 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
-
-from pydantic import ValidationError
+from typing import Any
 
 from sma_bayes.account import Account
 from sma_bayes.conditions.document import (
@@ -21,22 +19,17 @@ from sma_bayes.conditions.document import (
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.conditions.study import ConditionStudy, bands_of, study
-from sma_bayes.errors import SmaBayesError, near_matches
 from sma_bayes.progress import Progress, silent
-from sma_bayes.records.declaration import ConditionTable
 from sma_bayes.records.types import Condition
 from sma_bayes.report.choice import figures_for
 from sma_bayes.report.outputs import StoredRun, read_run
 from sma_bayes.report.stored_draws import stored_draws
 from sma_bayes.results.documents import CONDITIONS
 from sma_bayes.results.store import plain, write_csv
+from sma_bayes.workflow.condition_text import condition_at, text_of
 from sma_bayes.workflow.fit_tasks import write_band
 from sma_bayes.workflow.identity import all_versions
 from sma_bayes.workflow.under_way import UnderWay
-
-UNITS: Final = ("A", "g", "N", "MPa", "mHz", "Hz", "pct")
-KEYS: Final = tuple(n for n in ConditionTable.model_fields if n.rpartition("_")[2] in UNITS)
-"""Settings as campaign.toml names them: ``current_A``, ``load_g`` and so on."""
 
 
 def study_conditions(
@@ -161,71 +154,6 @@ def _studied(question: _Question, folder: Path | None, work: UnderWay) -> dict[s
         **study_document(found, specimen=specimen),
     })  # fmt: skip
     return document
-
-
-def condition_at(text: str, *, specimen: bool) -> Condition:
-    """Condition from text such as ``current_A=2.2,load_g=150``.
-
-    Parameters
-    ----------
-    text : str
-        Settings with the names of campaign.toml.
-    specimen : bool
-        Whether a specimen was tested, whose load is a stress.
-
-    Raises
-    ------
-    SmaBayesError
-        If a setting is not known, given twice, no number, or of the wrong kind.
-
-    Examples
-    --------
-    >>> condition_at("current_A=2.2,frequency_mHz=10", specimen=False)
-    Condition(id='2.2A-10mHz', current=2.2, load=None, frequency=0.01, duty_cycle=None)
-    """
-    values: dict[str, Any] = {}
-    for part in text.split(","):
-        name, equals, number = (p.strip() for p in part.partition("="))
-        if name not in KEYS or not equals:
-            raise SmaBayesError(
-                f"--at {text}: {part.strip()!r} is no setting",
-                expected=f"settings such as current_A=2.2,load_g=150; {near_matches(name, KEYS)}",
-            )
-        if name in values:
-            raise SmaBayesError(f"--at {text}: {name} is given twice", expected="each setting once")
-        try:
-            values[name] = float(number)
-        except ValueError:
-            raise SmaBayesError(f"--at {text}: {number!r} is no number", expected=f"{name}=NUMBER") from None
-    label = "-".join(f"{v:g}{n.rpartition('_')[2]}" for n, v in values.items())
-    try:
-        return ConditionTable(id=label, file="none", **values).condition(specimen=specimen)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise SmaBayesError(
-            f"--at {text}: {first['msg']}", column=str(next(iter(first["loc"]), ""))
-        ) from None
-    except ValueError as error:
-        raise SmaBayesError(f"--at {text}", expected=str(error)) from None
-
-
-def text_of(condition: Condition, *, specimen: bool) -> str:
-    """Condition as `condition_at` takes it.
-
-    Examples
-    --------
-    >>> text_of(Condition("x", current=2.2, frequency=0.01), specimen=False)
-    'current_A=2.2,frequency_Hz=0.01'
-    """
-    load = None if condition.load is None else condition.load * (1e-6 if specimen else 1.0)
-    duty = None if condition.duty_cycle is None else condition.duty_cycle * 100.0
-    values = {
-        "current_A": condition.current,
-        "stress_MPa" if specimen else "load_N": load,
-        "frequency_Hz": condition.frequency,
-        "duty_cycle_pct": duty,
-    }
-    return ",".join(f"{name}={value:.12g}" for name, value in values.items() if value is not None)
 
 
 def _write(folder: Path, found: ConditionStudy, seed: int) -> None:
