@@ -13,6 +13,11 @@ import numpy as np
 
 from sma_bayes.quantities import Floats
 
+NEAR = 0.1
+"""Steps of differences, in standard deviations along the axes of the covariance found so far."""
+LEAST, MOST = 1e-5, 3.0
+"""Least and greatest standard deviation along any direction, in widths."""
+
 
 class Density(Protocol):
     """An unnormalised density that ensembles can sample."""
@@ -67,53 +72,59 @@ def climb(density: Density, start: Floats, width: Floats, *, steps: int = 40) ->
     Mode or None
         None if the density is zero at the start.
     """
-    d = start.size
     z = start.astype(float).copy()
-    h = 1e-2 * width
+    axes = np.diag(width)
     evaluations = 0
     value = float(density.log_prob(z[None])[0])
     if not np.isfinite(value):
         return None
     covariance = np.diag(width**2)
+    before = np.full(z.size, np.inf)
     for _ in range(steps):
-        gradient, hessian, count = _differences(density, z, h, value)
+        gradient, curvature, count = _differences(density, z, NEAR * axes, value)
         evaluations += count
-        scaled = -hessian * np.outer(width, width)
-        eigenvalue, vector = np.linalg.eigh(scaled)
-        curvature = np.maximum(np.abs(eigenvalue), 1.0 / 9.0)
-        root = (vector / np.sqrt(curvature)) * 1.0
-        covariance = (root @ root.T) * np.outer(width, width)
-        h_new = np.clip(0.1 * np.sqrt(np.diag(covariance)), 1e-6 * width, 0.1 * width)
-        slope = root.T @ (gradient * width)
+        gradient, curvature = gradient / NEAR, curvature / NEAR**2
+        root = axes @ _inverse_root(curvature)
+        scaled, vector = np.linalg.eigh((root @ root.T) / np.outer(width, width))
+        spread = np.sqrt(np.clip(scaled, LEAST**2, MOST**2))
+        root = width[:, None] * vector * spread
+        covariance = root @ root.T
+        slope = np.linalg.solve(axes, root).T @ gradient
         decrement = float(slope @ slope)
-        step = width * (root @ slope)
         lengths = 0.5 ** np.arange(10)
-        trial = density.log_prob(z + lengths[:, None] * step)
+        trial = density.log_prob(z + lengths[:, None] * (root @ slope))
         evaluations += lengths.size
         best = int(np.argmax(trial))
-        settled = np.allclose(h, h_new, rtol=0.5)
-        h = h_new
         if trial[best] > value:
-            z = z + lengths[best] * step
+            z = z + lengths[best] * (root @ slope)
             value = float(trial[best])
+        settled = np.allclose(before, spread, rtol=0.5)
         if decrement < 1e-2 and settled:
             break
-    return Mode(z, value, 0.5 * (covariance + covariance.T), evaluations + d)
+        before = spread
+        axes = width[:, None] * vector * np.minimum(spread, 1.0)
+    return Mode(z, value, 0.5 * (covariance + covariance.T), evaluations + z.size)
 
 
-def _differences(density: Density, z: Floats, h: Floats, value: float) -> tuple[Floats, Floats, int]:
-    """Gradient and Hessian by central differences; where a neighbour has density zero, as if flat."""
+def _inverse_root(curvature: Floats) -> Floats:
+    """Root ``R`` with ``R R' = |C|**-1`` of a symmetric matrix, its eigenvalues taken as positive."""
+    eigenvalue, vector = np.linalg.eigh(curvature)
+    return np.asarray(vector / np.sqrt(np.maximum(np.abs(eigenvalue), 1e-12)))
+
+
+def _differences(density: Density, z: Floats, axes: Floats, value: float) -> tuple[Floats, Floats, int]:
+    """Gradient and negative Hessian by central differences along axes (columns); flat where the density is zero."""
     d = z.size
     i, j = np.triu_indices(d, 1)
-    single = np.diag(h)
+    single = axes.T
     pair = single[i] + single[j]
     f = density.log_prob(np.concatenate([z + single, z - single, z + pair, z - pair]))
     f = np.where(np.isfinite(f), f, value)
     up, down = f[:d], f[d : 2 * d]
     both_up, both_down = f[2 * d : 2 * d + i.size], f[2 * d + i.size :]
-    gradient = (up - down) / (2.0 * h)
-    hessian = np.diag((up - 2.0 * value + down) / h**2)
-    mixed = (both_up - up[i] - up[j] + 2.0 * value - down[i] - down[j] + both_down) / (2.0 * h[i] * h[j])
+    gradient = 0.5 * (up - down)
+    hessian = np.diag(up - 2.0 * value + down)
+    mixed = 0.5 * (both_up - up[i] - up[j] + 2.0 * value - down[i] - down[j] + both_down)
     hessian[i, j] = mixed
     hessian[j, i] = mixed
-    return gradient, hessian, f.size
+    return gradient, -hessian, f.size

@@ -109,11 +109,11 @@ def test_a_proposal_in_these_coordinates_integrates_to_one(
 ) -> None:
     """Both ways: the reference over the proposal, and the proposal over the reference; five standard errors.
 
-    20,000 draws of a t about the mode. What the map can't reach is missing from both.
+    40,000 draws of a t about the mode. What the map can't reach is missing from both.
     """
     posterior, mode = fitted(make_record(channels), noise)
     proposal = adapt(posterior, [mode], np.random.default_rng(4)).proposal
-    z, log_q = proposal.draw(np.random.default_rng(5), 20_000)
+    z, log_q = proposal.draw(np.random.default_rng(5), 40_000)
     reachable = np.isfinite(log_q)
     np.testing.assert_allclose(proposal.log_density(z[reachable]), log_q[reachable], rtol=1e-6, atol=1e-6)
     reference = StudentMixture.from_covariances(np.ones(1), mode.z[None], 0.5 * mode.covariance[None], 10.0)

@@ -7,8 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from sma_bayes.inference.laplace import climb
+from sma_bayes.inference.noise_choice import noise_start
+from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.posterior import build_posterior
+from sma_bayes.records.types import Record
 
 
 @dataclass
@@ -41,6 +48,41 @@ def test_a_gaussian_is_its_own_laplace_approximation(d: int, anisotropy: float) 
     relative = np.linalg.solve(root, np.linalg.solve(root, mode.covariance).T)
     np.testing.assert_allclose(relative, np.eye(d), atol=0.05)
     assert mode.evaluations > 0
+
+
+@pytest.mark.parametrize("noise", ["independent", "ar1"])
+def test_the_ridge_of_stiffness_alone_is_climbed_in_a_few_steps(
+    make_record: Callable[..., Record], noise: str
+) -> None:
+    """Against scipy's BFGS in the principal axes of the Hessian that is found.
+
+    Widths differ by thousands in directions that no axis has: differences along the axes saw only the narrow ones.
+    """
+    posterior = build_posterior(
+        [make_record(("stiffness",))], NOISE_MODELS[noise], read_priors("modified_sigmoid")
+    )
+    start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
+    mode = climb(posterior, start, posterior.space.prior_sd())
+    assert mode is not None
+    assert mode.evaluations < 600
+    root = np.linalg.cholesky(mode.covariance)
+
+    def deviance(u: np.ndarray) -> float:
+        return -float(posterior.log_prob((mode.z + root @ u)[None])[0])
+
+    best = minimize(deviance, np.zeros(start.size), method="BFGS", options={"gtol": 1e-4})
+    assert mode.log_prob > -best.fun - 0.01
+    d = start.size
+    h = 0.05
+    steps = h * np.eye(d)
+    hessian = [
+        [
+            (deviance(a + b) - deviance(a - b) - deviance(b - a) + deviance(-a - b)) / (4.0 * h * h)
+            for b in steps
+        ]
+        for a in steps
+    ]
+    np.testing.assert_allclose(hessian, np.eye(d), atol=0.1)
 
 
 def test_a_flat_direction_is_no_wider_than_three_priors() -> None:
