@@ -73,15 +73,13 @@ def assess(draws: Floats, target: Target) -> Convergence:
         are also estimated from the means over walkers, which sees walkers that move together; the lesser counts.
     """
     # ranks do not depend on the order of the draws, and sorting is most of the work: once serves all orders
-    scores = _normal_scores(draws)
-    folded = _normal_scores(np.abs(draws - np.median(draws, axis=(0, 1, 2))))
+    scores, folded, tails = _ranked(draws)
     rhat = np.zeros(draws.shape[-1])
     for order in (_by_walker, _by_step):
         rhat = np.maximum(rhat, np.maximum(_rhat(_split(order(scores))), _rhat(_split(order(folded)))))
-    bulk, tail = _ess(_split(_by_walker(scores))), np.full(draws.shape[-1], np.inf)
-    below = [(draws <= q).astype(float) for q in np.quantile(draws, (0.05, 0.95), axis=(0, 1, 2))]
-    for share in below:
-        tail = np.minimum(tail, _ess(_split(_by_walker(share))))
+    below = [(draws <= q).astype(float) for q in tails]
+    bulk = _ess(_split(_by_walker(scores)))
+    tail = np.minimum(*(_ess(_split(_by_walker(share))) for share in below))
     if draws.shape[1] >= LONG:
         bulk = np.minimum(bulk, _ess_of_ensembles(scores))
         tail = np.minimum(tail, np.minimum(*(_ess_of_ensembles(share) for share in below)))
@@ -135,28 +133,63 @@ def _split(chains: Floats) -> Floats:
     return np.concatenate([chains[:, :half], chains[:, -half:]])
 
 
-def _normal_scores(values: Floats) -> Floats:
-    """Normal quantiles of the ranks over all draws (Blom's formula), parameters last; ties share their mean rank."""
+def _ranked(values: Floats) -> tuple[Floats, Floats, Floats]:
+    """Normal scores, those of the distances from the median, and the 5 % and 95 % quantiles, by one sort.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., D)
+
+    Returns
+    -------
+    scores, folded : ndarray, shape (..., D)
+    tails : ndarray, shape (2, D)
+    """
     flat = values.reshape(-1, values.shape[-1])
-    out = np.empty_like(flat)
-    size = len(flat)
-    quantile = ndtri(
-        (0.5 * np.arange(2.0, 2.0 * size + 1.0) - 0.375) / (size + 0.25)
-    )  # of whole and half ranks
+    scores, folded = np.empty_like(flat), np.empty_like(flat)
+    tails = np.empty((2, flat.shape[1]))
+    quantile = _quantiles_of_ranks(len(flat))
+    middle, place = len(flat) // 2, np.arange(len(flat))
     for k in range(flat.shape[1]):
         column = np.ascontiguousarray(flat[:, k])
         order = np.argsort(column)
         in_order = column[order]
-        new = np.empty(size, dtype=bool)
-        new[0] = True
-        np.not_equal(in_order[1:], in_order[:-1], out=new[1:])
-        if new.all():
-            out[order, k] = quantile[::2]
-            continue
-        starts = np.flatnonzero(new)
-        ends = np.append(starts[1:], size)
-        out[order, k] = quantile[starts + ends - 1][np.cumsum(new) - 1]
+        scores[order, k] = _scores_in_order(in_order, quantile)
+        median = in_order[middle] if len(flat) % 2 else 0.5 * (in_order[middle - 1] + in_order[middle])
+        distance = np.abs(in_order - median)
+        outwards = np.argsort(distance, kind="stable")  # two runs, one falling and one rising: soon sorted
+        folded[order[outwards], k] = _scores_in_order(distance[outwards], quantile)
+        tails[:, k] = np.interp(np.multiply((0.05, 0.95), len(flat) - 1), place, in_order)
+    return scores.reshape(values.shape), folded.reshape(values.shape), tails
+
+
+def _normal_scores(values: Floats) -> Floats:
+    """Normal quantiles of the ranks over all draws (Blom's formula), parameters last; ties share their mean rank."""
+    flat = values.reshape(-1, values.shape[-1])
+    out = np.empty_like(flat)
+    quantile = _quantiles_of_ranks(len(flat))
+    for k in range(flat.shape[1]):
+        column = np.ascontiguousarray(flat[:, k])
+        order = np.argsort(column)
+        out[order, k] = _scores_in_order(column[order], quantile)
     return out.reshape(values.shape)
+
+
+def _quantiles_of_ranks(size: int) -> Floats:
+    """Normal quantiles of the ranks 1, 1.5, 2 ... `size`."""
+    return np.asarray(ndtri((0.5 * np.arange(2.0, 2.0 * size + 1.0) - 0.375) / (size + 0.25)))
+
+
+def _scores_in_order(in_order: Floats, quantile: Floats) -> Floats:
+    """Normal scores of sorted values."""
+    new = np.empty(in_order.size, dtype=bool)
+    new[0] = True
+    np.not_equal(in_order[1:], in_order[:-1], out=new[1:])
+    if new.all():
+        return quantile[::2]
+    starts = np.flatnonzero(new)
+    ends = np.append(starts[1:], in_order.size)
+    return np.asarray(quantile[starts + ends - 1][np.cumsum(new) - 1])
 
 
 def _rhat(chains: Floats) -> Floats:
@@ -181,20 +214,19 @@ def _ess(chains: Floats) -> Floats:
     total = mean_variance * (n - 1.0) / n
     if c > 1:
         total = total + means.var(axis=0, ddof=1)
-    out = np.empty(d)
-    for k in range(d):
-        if not total[k] > 0:
-            out[k] = np.nan
-            continue
-        rho = 1.0 - (mean_variance[k] - autocovariance[k]) / total[k]
-        rho[0] = 1.0
-        pairs = rho[: 2 * (n // 2)].reshape(-1, 2).sum(axis=1)
-        negative = np.flatnonzero(pairs < 0)
-        last = max((n - 3) // 2, 0)  # the end of the series is too noisy to use
-        stop = min(int(negative[0]), last) if negative.size else last
-        monotone = np.minimum.accumulate(pairs[:stop])
-        tau = -1.0 + 2.0 * float(monotone.sum())
-        if stop < pairs.size and (rho[2 * stop] > 0 or pairs[stop] >= 0):
-            tau += rho[2 * stop]  # the first half of the pair that ended the sequence
-        out[k] = c * n / max(tau, 1.0 / np.log10(c * n))
-    return out
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rho = 1.0 - (mean_variance[:, None] - autocovariance) / total[:, None]
+    rho[:, 0] = 1.0
+    count = n // 2
+    pairs = rho[:, : 2 * count].reshape(d, count, 2).sum(axis=2)
+    last = max((n - 3) // 2, 0)  # the end of the series is too noisy to use
+    ends = pairs < 0
+    stop = np.where(ends.any(axis=1), np.minimum(ends.argmax(axis=1), last), last)
+    longest = int(stop.max(initial=0))
+    monotone = np.minimum.accumulate(pairs[:, :longest], axis=1)
+    tau = -1.0 + 2.0 * np.where(np.arange(longest) < stop[:, None], monotone, 0.0).sum(axis=1)
+    at = np.minimum(stop, count - 1)[:, None]
+    first = np.take_along_axis(rho, 2 * at, axis=1)[:, 0]  # half of the pair that ended the sequence
+    counted = (stop < count) & ((first > 0) | (np.take_along_axis(pairs, at, axis=1)[:, 0] >= 0))
+    tau = np.where(counted, tau + first, tau)
+    return np.where(total > 0, c * n / np.maximum(tau, 1.0 / np.log10(c * n)), np.nan)

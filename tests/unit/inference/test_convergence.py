@@ -7,7 +7,15 @@ import warnings
 import numpy as np
 import pytest
 
-from sma_bayes.inference.convergence import Target, assess, ess_bulk, ess_tail, rank_rhat
+from sma_bayes.inference.convergence import (
+    Target,
+    _normal_scores,
+    _ranked,
+    assess,
+    ess_bulk,
+    ess_tail,
+    rank_rhat,
+)
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -150,3 +158,14 @@ def test_effective_sample_sizes_are_what_replicates_say() -> None:
     actual = 1.0 / np.var(means)
     assert np.median(claimed) == pytest.approx(actual, rel=0.2)
     assert actual == pytest.approx(4 * n * (1 - memory) / (1 + memory), rel=0.2)
+
+
+@pytest.mark.parametrize("steps", [7, 8])
+@pytest.mark.parametrize("digits", [12, 0])
+def test_one_sort_gives_what_sorting_each_would(steps: int, digits: int) -> None:
+    """With ties, too, and for even and odd numbers of draws."""
+    draws = np.round(np.random.default_rng(6).standard_normal((3, steps, 5, 2)), digits)
+    scores, folded, tails = _ranked(draws)
+    np.testing.assert_array_equal(scores, _normal_scores(draws))
+    np.testing.assert_array_equal(folded, _normal_scores(np.abs(draws - np.median(draws, axis=(0, 1, 2)))))
+    np.testing.assert_allclose(tails, np.quantile(draws, (0.05, 0.95), axis=(0, 1, 2)), rtol=1e-12)
