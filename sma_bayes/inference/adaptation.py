@@ -29,12 +29,16 @@ from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints
 
-DRAWS = 1000
+DRAWS = 500
 """Importance draws of one round."""
+HELD = 100.0
+"""Draws for which the covariance that linearising gave counts beside those of a round."""
 ROUNDS = 6
 """Greatest number of rounds for one set of coordinates."""
 GOOD = 0.7
 """Efficiency at which refining stops. At 0.6 a mild banana still passes, whose tail has weights that end a run."""
+LEAST = 0.1
+"""Least efficiency of weights that a fit takes as they are; below, they are tempered."""
 USABLE = 0.3
 """Efficiency below which a proposal does not carry a run alone."""
 GREATEST_SHARE = 30.0
@@ -109,7 +113,9 @@ class Adapted:
         return self.weights.efficiency >= USABLE and greatest <= GREATEST_SHARE
 
 
-def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator) -> Adapted:
+def adapt(
+    density: Density, modes: Sequence[Mode], rng: np.random.Generator, *, thorough: bool = False
+) -> Adapted:
     """Fit a proposal to a density whose modes are known.
 
     Parameters
@@ -119,17 +125,22 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator) -> 
     modes : sequence of Mode
         Best first.
     rng : numpy.random.Generator
+    thorough : bool
+        Whether to fit to four times as many draws, and to try all coordinates even if the first do.
     """
-    fitted = [_adapt_mode(density, mode, rng) for mode in modes]
-    if len(fitted) == 1:
-        return fitted[0]
+    fitted = [_adapt_mode(density, mode, rng, thorough) for mode in modes]
+    return fitted[0] if len(fitted) == 1 else _mixed(density, fitted, rng)
+
+
+def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator) -> Adapted:
+    """One proposal of several, each with the share of its evidence."""
     evidence = np.array([f.weights.log_evidence()[0] for f in fitted])
     share = np.exp(evidence - evidence.max())
     share = np.maximum(share / share.sum(), 0.02)
     parts = tuple(f.proposal for f in fitted if isinstance(f.proposal, Proposal))
     proposal = MixedProposal(share / share.sum(), parts)
-    _, weights = _weigh(density, proposal, rng, 2 * DRAWS)
-    return Adapted(proposal, weights, sum(f.evaluations for f in fitted) + 2 * DRAWS)
+    _, weights = _weigh(density, proposal, rng, 4 * DRAWS)
+    return Adapted(proposal, weights, sum(f.evaluations for f in fitted) + 4 * DRAWS)
 
 
 def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
@@ -140,12 +151,13 @@ def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
     return replace(adapted, proposal=replace(adapted.proposal, share=share))
 
 
-def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapted:
+def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, thorough: bool) -> Adapted:
     wide = StudentMixture.from_covariances(np.ones(1), mode.z[None], 4.0 * mode.covariance[None], 4.0)
     if not isinstance(density, Posterior):
         return _adapt_plain(density, mode, wide, rng)
     count = int(np.sum(density.space.free_index < len(density.model.parameter_names)))
     best: Adapted | None = None
+    draws = (4 if thorough else 1) * DRAWS
     for inner in (PlainCoordinates(), PredictiveCoordinates.at(density, mode.z)):
         if inner is None or count == 0:
             continue
@@ -154,12 +166,12 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapt
             narrow = _start(coordinates, mode, density, rng)
         except np.linalg.LinAlgError:
             continue
-        found = _refine(density, Proposal(coordinates, narrow, wide), rng)
+        found = _refine(density, Proposal(coordinates, narrow, wide), rng, draws, HELD)
         if best is None or found.weights.efficiency > best.weights.efficiency:
             best = Adapted(
                 found.proposal, found.weights, found.evaluations + (best.evaluations if best else 0)
             )
-        if best.weights.efficiency >= GOOD and best.carries:
+        if best.weights.efficiency >= GOOD and best.carries and not thorough:
             break
     return best or _adapt_plain(density, mode, wide, rng)
 
@@ -219,11 +231,13 @@ def _adapt_plain(density: Density, mode: Mode, wide: StudentMixture, rng: np.ran
     centre = shape.coordinates.forward(mode.z[None])[0][0]
     bent = shape.blocks()[-1]
     bend = _one(centre[bent], shape.covariance[np.ix_(bent, bent)])
-    found = _refine(density, Proposal(shape.coordinates, shape.mixture(centre, [bend]), wide), rng)
+    found = _refine(
+        density, Proposal(shape.coordinates, shape.mixture(centre, [bend]), wide), rng, draws=2 * DRAWS
+    )
     if found.weights.efficiency >= GOOD:
         return found
     several = shape.mixture(centre, [_spread(bend, rng, 6)])
-    more = _refine(density, Proposal(shape.coordinates, several, wide), rng, draws=4 * DRAWS)
+    more = _refine(density, Proposal(shape.coordinates, several, wide), rng, draws=8 * DRAWS)
     better = more if more.weights.efficiency > found.weights.efficiency else found
     return replace(better, evaluations=found.evaluations + more.evaluations)
 
@@ -258,7 +272,7 @@ def _fit_noise_block(
 ) -> StudentMixture:
     """Fit the noise parameters of one channel to the linearised marginal, the others held at the mode."""
     for attempt in range(ROUNDS):
-        x = mixture.draw(rng, DRAWS // 2)
+        x = mixture.draw(rng, block.size * DRAWS // 2)
         noise_z = np.tile(centre, (len(x), 1))
         noise_z[:, block] = x
         weights = Weights(coordinates.log_noise_marginal(noise_z) - mixture.log_density(x))
@@ -270,30 +284,67 @@ def _fit_noise_block(
     return mixture
 
 
-def _refine(density: Density, proposal: Proposal, rng: np.random.Generator, draws: int = DRAWS) -> Adapted:
-    """Rounds of importance draws, each refitting the narrow part, until the efficiency is good or stays."""
+def _refine(
+    density: Density, proposal: Proposal, rng: np.random.Generator, draws: int, held: float = 0.0
+) -> Adapted:
+    """Rounds of importance draws until the efficiency is good or stays, each fitting the proposal anew.
+
+    A single component that is good is fitted once more, to all draws so far, which costs no evaluation. Several
+    are not: fitted to draws of their own they would lose what they hardly reach of a bent density.
+    """
     best = Adapted(proposal, Weights(np.full(1, -np.inf)), 0)
     evaluations = worse = 0
-    for _ in range(ROUNDS):
+    rounds = _Rounds()
+    several = proposal.narrow.components > 1
+    for number in range(ROUNDS):
         z, weights = _weigh(density, proposal, rng, draws)
         evaluations += draws
         worse = 0 if weights.efficiency > 1.1 * best.weights.efficiency else worse + 1
+        good = weights.efficiency >= GOOD and (number > 0 or several)
         if weights.efficiency > best.weights.efficiency:
             best = Adapted(proposal, weights, evaluations)
-        if weights.efficiency >= GOOD or worse >= 2:
+        if (worse >= 2 and not good) or (good and several):
             break
-        usable = np.isfinite(weights.log_weight)
-        if usable.sum() < 2 * z.shape[1]:
+        rounds.add(z, weights, alone=several)
+        fitted = rounds.fit(proposal, held)
+        if fitted is None:
             break
-        u, _, back = proposal.coordinates.forward(z[usable])
-        softened = tempered(Weights(weights.log_weight[usable])) * back
-        if softened.sum() <= 0:
-            break
-        softened = softened / softened.sum()
-        narrow = proposal.narrow.refitted(u, softened, rounds=6)
-        wide = _widened(proposal.wide, z[usable], softened)
-        proposal = Proposal(proposal.coordinates, narrow, wide, proposal.share)
+        if good:
+            return Adapted(fitted, weights, evaluations)
+        proposal = fitted
     return Adapted(best.proposal, best.weights, evaluations)
+
+
+class _Rounds:
+    """Weighted draws of several proposals for one density."""
+
+    def __init__(self) -> None:
+        self.z: list[Floats] = []
+        self.weight: list[Floats] = []
+
+    def add(self, z: Floats, weights: Weights, alone: bool) -> None:
+        """Add a round; if it is to stand alone, or needs to be tempered, those before are forgotten."""
+        usable = np.isfinite(weights.log_weight)
+        if not usable.any():
+            return
+        weight = tempered(Weights(weights.log_weight[usable]))
+        if alone or weights.efficiency < LEAST:
+            self.z, self.weight = [], []
+        self.z.append(z[usable])
+        self.weight.append(weight / np.sum(weight**2))  # draws of a good proposal count for more
+
+    def fit(self, proposal: Proposal, held: float) -> Proposal | None:
+        """The proposal fitted to all draws; None where they are too few."""
+        if sum(map(len, self.z)) < 2 * proposal.wide.dimension:
+            return None
+        z, weight = np.concatenate(self.z), np.concatenate(self.weight)
+        u, _, back = proposal.coordinates.forward(z)
+        weight = weight * back
+        if weight.sum() <= 0:
+            return None
+        weight = weight / weight.sum()
+        narrow = proposal.narrow.refitted(u, weight, rounds=4, held=held)
+        return replace(proposal, narrow=narrow, wide=_widened(proposal.wide, z, weight))
 
 
 def _widened(wide: StudentMixture, z: Floats, weight: Floats) -> StudentMixture:
@@ -308,13 +359,13 @@ def _widened(wide: StudentMixture, z: Floats, weight: Floats) -> StudentMixture:
 
 
 def tempered(weights: Weights) -> Floats:
-    """Weights raised to the greatest power that leaves a tenth of the draws in effect."""
+    """Weights raised to the greatest power that leaves the least share of the draws in effect."""
     low, high = 0.0, 1.0
-    if weights.efficiency >= 0.1:
+    if weights.efficiency >= LEAST:
         return weights.normalised
     for _ in range(20):
         middle = 0.5 * (low + high)
-        if Weights(middle * weights.log_weight).efficiency >= 0.1:
+        if Weights(middle * weights.log_weight).efficiency >= LEAST:
             low = middle
         else:
             high = middle
@@ -374,8 +425,8 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
         )
         narrow = shape.mixture(fit.mean(axis=0), [start]).refitted(fit, weight, rounds=40)
         proposal = Proposal(shape.coordinates, narrow, wide)
-        _, weights = _weigh(density, proposal, rng, 2 * DRAWS)
-        evaluations += 2 * DRAWS
+        _, weights = _weigh(density, proposal, rng, 4 * DRAWS)
+        evaluations += 4 * DRAWS
         if best is None or weights.efficiency > best.weights.efficiency:
             seen = float(np.max(log_prob - proposal.log_density(rest))) - weights.log_evidence()[0]
             with np.errstate(over="ignore"):  # a proposal may miss a draw by any factor

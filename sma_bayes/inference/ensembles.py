@@ -66,8 +66,8 @@ class Plan:
     target: Target = field(default_factory=Target)
     groups: int = 4
     walkers: int = 64
-    block: int = 18
-    burn: int = 4
+    block: int = 12
+    burn: int = 2
     explore_block: int = 250
     evaluations: int = 6_000_000
     greatest_weight: float = GREATEST_SHARE
@@ -113,6 +113,9 @@ class Draws:
     ln_evidence: float
     ln_evidence_sd: float
 
+
+BATCH = 1024
+"""Proposals drawn and evaluated at once: more do not stay in the processor's cache."""
 
 METHODS = {
     "independence": "independence",
@@ -223,7 +226,7 @@ class _Run:
         return self.density.log_prob(z)
 
     def go(self, starts: Sequence[Floats] | Sequence[Mode]) -> Draws:
-        adapt_seed, explore_seed, first, second, third = self.seed.spawn(5)
+        adapt_seed, explore_seed, first, second, third, again_seed = self.seed.spawn(6)
         groups = self.plan.groups
         self.tell("climbing to the modes")
         modes = self._modes(starts)
@@ -232,6 +235,8 @@ class _Run:
         if adapted.carries:
             draws = self._independence("independence", adapted, modes, first)
             if draws is None:  # a single draw in the tail may have weighed too much
+                adapted = adapt(self.density, modes, np.random.default_rng(again_seed), thorough=True)
+                self.evaluations += adapted.evaluations
                 draws = self._independence("wider", with_wide_share(adapted), modes, second)
             if draws is not None:
                 return draws
@@ -409,7 +414,8 @@ class _Group:
         self.walkers = copies * run.walkers
         self.name = name
         self.steps = steps
-        self.move = IndependenceMove(adapted.proposal, steps if moves is None else 16)
+        ahead = max(1, BATCH // self.walkers)
+        self.move = IndependenceMove(adapted.proposal, min(ahead, steps) if moves is None else 16)
         chosen: list[tuple[Move, float]] = [(self.move, 1.0)]
         if moves is not None:
             chosen = [(move, share * (1.0 - independence)) for move, share in moves]

@@ -21,6 +21,11 @@ from sma_bayes.records.types import Ints
 
 Bools = NDArray[np.bool_]
 
+DEGREES_OF_FREEDOM = (5.0, 10.0, 20.0, 50.0)
+"""What a fit of a single component chooses from: never so many that a tail is drawn no more."""
+TELLING = 0.6
+"""Effective share of weighted draws from which they tell the degrees of freedom: below, they know little of tails."""
+
 
 class RandomStream(Protocol):
     """What `numpy.random.Generator` and `numpy.random.RandomState` have in common."""
@@ -80,10 +85,9 @@ class StudentMixture:
         d, df = self.dimension, self.df
         eye = np.eye(d)
         whiten = np.stack([solve_triangular(r, eye, lower=True, check_finite=False).T for r in self.root])
-        norm = gammaln(0.5 * (df + d)) - gammaln(0.5 * df) - 0.5 * d * math.log(df * math.pi)
         volume = np.log(np.einsum("kii->ki", self.root)).sum(axis=1)
         object.__setattr__(self, "_whiten", whiten)
-        object.__setattr__(self, "_log_scale", np.log(self.weight) + norm - volume)
+        object.__setattr__(self, "_log_scale", np.log(self.weight) + _log_norm(df, d) - volume)
 
     @staticmethod
     def from_covariances(weight: Floats, mean: Floats, covariance: Floats, df: float) -> StudentMixture:
@@ -95,6 +99,11 @@ class StudentMixture:
     def dimension(self) -> int:
         """D."""
         return int(self.mean.shape[1])
+
+    @property
+    def components(self) -> int:
+        """K."""
+        return int(self.weight.size)
 
     def draw(self, rng: RandomStream, size: int) -> Floats:
         """Draws, shape (size, D)."""
@@ -134,7 +143,7 @@ class StudentMixture:
         parts = self.log_components(x)
         return np.asarray(np.exp(parts - _log_sum(parts)[:, None]))
 
-    def refitted(self, x: Floats, weight: Floats, *, rounds: int) -> StudentMixture:
+    def refitted(self, x: Floats, weight: Floats, *, rounds: int, held: float = 0.0) -> StudentMixture:
         """Fit to weighted points by expectation-maximisation; components that lose their points are dropped.
 
         Parameters
@@ -143,32 +152,56 @@ class StudentMixture:
         weight : ndarray, shape (W,)
             Importance weights that sum to one.
         rounds : int
-            Iterations; one suffices for a single component.
+            Iterations.
+        held : float
+            Number of draws for which the scale matrix before counts, where there is a single component.
         """
+        if len(self.weight) == 1:
+            return self._refitted_alone(x, weight, rounds, held)
         mixture = self
-        d, df = self.dimension, self.df
         for _ in range(rounds):
             share = mixture._shares(x) * weight[:, None]
-            weights, means, roots = [], [], []
-            for k in range(share.shape[1]):
-                total = float(share[:, k].sum())
-                effective = total**2 / max(float((share[:, k] ** 2).sum()), 1e-300)
-                if effective < 2.0 * d or total < 1e-3:
-                    if share.shape[1] > 1:
-                        continue
-                    return mixture
-                mean = share[:, k] @ x / total
-                tail = (df + d) / (df + mixture._distance(x, k)) * share[:, k]
-                centred = x - mean
-                scale = (centred * tail[:, None]).T @ centred / total
-                weights.append(total)
-                means.append(mean)
-                roots.append(_root(scale))
-            if not weights:
+            found = [mixture._moments(x, share[:, k], k) for k in range(share.shape[1])]
+            kept = [moments for moments in found if moments is not None]
+            if not kept:
                 return mixture
-            w = np.array(weights)
-            mixture = StudentMixture(w / w.sum(), np.stack(means), np.stack(roots), df)
+            totals, means, scales = zip(*kept, strict=True)
+            w = np.array(totals)
+            roots = np.stack([_root(scale) for scale in scales])
+            mixture = StudentMixture(w / w.sum(), np.stack(means), roots, self.df)
         return mixture
+
+    def _refitted_alone(self, x: Floats, weight: Floats, rounds: int, held: float) -> StudentMixture:
+        """Fit of a single component, its degrees of freedom too (ECME; Liu and Rubin 1995, Statistica Sinica 5, 19)."""
+        d, df = self.dimension, self.df
+        effective = 1.0 / float(weight @ weight)
+        if effective < 2.0 * d:
+            return self
+        before = self.root[0] @ self.root[0].T
+        mean = weight @ x
+        centred = x - mean
+        root, distance = self.root[0], self._distance(x, 0)
+        for _ in range(rounds):
+            if effective >= TELLING * len(x):
+                df = _likeliest_df(distance, weight, d)
+            tail = (df + d) / (df + distance) * weight
+            scale = (centred * tail[:, None]).T @ centred
+            root = _root((effective * scale + held * before) / (effective + held))
+            y = centred @ np.linalg.inv(root).T
+            distance = np.einsum("ij,ij->i", y, y)
+        return StudentMixture(self.weight, mean[None], root[None], df)
+
+    def _moments(self, x: Floats, share: Floats, component: int) -> tuple[float, Floats, Floats] | None:
+        """Weight, mean and scale matrix of a component from its shares (W,) of the points; None if it has too few."""
+        d, df = self.dimension, self.df
+        total = float(share.sum())
+        effective = total**2 / max(float(share @ share), 1e-300)
+        if effective < 2.0 * d or total < 1e-3:
+            return None
+        mean = share @ x / total
+        tail = (df + d) / (df + self._distance(x, component)) * share
+        centred = x - mean
+        return total, mean, (centred * tail[:, None]).T @ centred / total
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,6 +219,11 @@ class FactorisedMixture:
     blocks: tuple[Ints, ...]
     parts: tuple[StudentMixture, ...]
 
+    @property
+    def components(self) -> int:
+        """Greatest number of components of a part."""
+        return max(part.components for part in self.parts)
+
     def draw(self, rng: RandomStream, size: int) -> Floats:
         """Draws, shape (size, D)."""
         x = np.empty((size, sum(b.size for b in self.blocks)))
@@ -200,10 +238,10 @@ class FactorisedMixture:
             total += part.log_density(x[:, block])
         return total
 
-    def refitted(self, x: Floats, weight: Floats, *, rounds: int) -> FactorisedMixture:
+    def refitted(self, x: Floats, weight: Floats, *, rounds: int, held: float = 0.0) -> FactorisedMixture:
         """Fit each block to weighted points, shape (W, D)."""
         parts = tuple(
-            part.refitted(x[:, block], weight, rounds=rounds)
+            part.refitted(x[:, block], weight, rounds=rounds, held=held)
             for block, part in zip(self.blocks, self.parts, strict=True)
         )
         return FactorisedMixture(self.blocks, parts)
@@ -295,6 +333,23 @@ class MixedProposal:
 
 
 AnyProposal = Proposal | MixedProposal
+
+
+def _log_norm(df: float, dimension: int) -> float:
+    """Log of the density of a Student t at its centre, with a unit scale matrix."""
+    return float(
+        gammaln(0.5 * (df + dimension)) - gammaln(0.5 * df) - 0.5 * dimension * math.log(df * math.pi)
+    )
+
+
+def _likeliest_df(distance: Floats, weight: Floats, dimension: int) -> float:
+    """Degrees of freedom under which weighted points at squared distances (W,) from the centre are the likeliest."""
+
+    def mean_log_density(df: float) -> float:
+        power = 0.5 * (df + dimension)
+        return _log_norm(df, dimension) - power * float(weight @ np.log1p(distance / df))
+
+    return max(DEGREES_OF_FREEDOM, key=mean_log_density)
 
 
 def _log_sum(parts: Floats) -> Floats:

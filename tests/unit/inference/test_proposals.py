@@ -132,6 +132,34 @@ def test_weights_count_in_a_fit() -> None:
     assert found.root[0, 0, 0] == pytest.approx(0.5, rel=0.2)
 
 
+@pytest.mark.parametrize(("drawn", "found"), [(5.0, {5.0}), (10.0, {10.0}), (1e6, {50.0})])
+def test_degrees_of_freedom_are_those_of_the_points(drawn: float, found: set[float]) -> None:
+    x = one(3, drawn).draw(np.random.default_rng(7), 8000)
+    fitted = one(3, 20.0).refitted(x, np.full(len(x), 1.0 / len(x)), rounds=10)
+    assert fitted.df in found
+    np.testing.assert_allclose(
+        fitted.root[0], one(3, drawn).root[0], rtol=0.1, atol=0.05 * fitted.root[0].max()
+    )
+
+
+def test_uneven_weights_do_not_tell_degrees_of_freedom() -> None:
+    x = np.random.default_rng(8).standard_normal((2000, 3))
+    weight = np.exp(np.random.default_rng(9).normal(0.0, 1.2, 2000))
+    weight = weight / weight.sum()
+    assert 0.1 < 1.0 / (2000 * np.sum(weight**2)) < 0.6
+    assert one(3, 15.0).refitted(x, weight, rounds=5).df == 15.0
+
+
+def test_a_scale_that_is_held_counts_for_so_many_draws() -> None:
+    """The mean of the two scale matrices, by numbers of draws: 100 that are fitted, 300 for what was before."""
+    x = 4.0 * np.random.default_rng(10).standard_normal((100, 2))
+    weight = np.full(100, 0.01)
+    before = one(2)
+    fitted, held = before.refitted(x, weight, rounds=1), before.refitted(x, weight, rounds=1, held=300.0)
+    squares = [m.root[0] @ m.root[0].T for m in (fitted, before, held)]
+    np.testing.assert_allclose(squares[2], (100.0 * squares[0] + 300.0 * squares[1]) / 400.0)
+
+
 def test_a_component_without_points_is_dropped() -> None:
     x = np.random.default_rng(6).standard_normal((500, 2))
     start = StudentMixture(
