@@ -10,11 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
+import emcee
 import numpy as np
+from emcee.state import State
 from scipy.special import logsumexp
 
 from sma_bayes.inference.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
 from sma_bayes.inference.laplace import Density, Mode
+from sma_bayes.inference.moves import differential_evolution
 from sma_bayes.inference.proposals import (
     AnyProposal,
     Coordinates,
@@ -37,6 +40,8 @@ ROUNDS = 6
 """Greatest number of rounds for one set of coordinates."""
 GOOD = 0.7
 """Efficiency at which refining stops. At 0.6 a mild banana still passes, whose tail has weights that end a run."""
+AROUND = (64, 60)
+"""Walkers and steps that look for what a proposal does not reach."""
 LEAST = 0.1
 """Least efficiency of weights that a fit takes as they are; below, they are tempered."""
 USABLE = 0.3
@@ -129,7 +134,9 @@ def adapt(
         Whether to fit to four times as many draws, and to try all coordinates even if the first do.
     """
     fitted = [_adapt_mode(density, mode, rng, thorough) for mode in modes]
-    return fitted[0] if len(fitted) == 1 else _mixed(density, fitted, rng)
+    found = fitted[0] if len(fitted) == 1 else _mixed(density, fitted, rng)
+    # in its own coordinates a posterior is not bent
+    return found if isinstance(density, Posterior) else _looked_around(density, found, rng)
 
 
 def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator) -> Adapted:
@@ -240,6 +247,29 @@ def _adapt_plain(density: Density, mode: Mode, wide: StudentMixture, rng: np.ran
     more = _refine(density, Proposal(shape.coordinates, several, wide), rng, draws=8 * DRAWS)
     better = more if more.weights.efficiency > found.weights.efficiency else found
     return replace(better, evaluations=found.evaluations + more.evaluations)
+
+
+def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator) -> Adapted:
+    """The same with the greatest weight that walkers meet who set out from its draws by differential evolution.
+
+    A proposal fitted to its own draws can be blind to the end of a bend: no draw gets there, and weights look even.
+    """
+    z, weights = _weigh(density, adapted.proposal, rng, DRAWS)
+    walkers = max(AROUND[0], 2 * z.shape[1] + 2)
+    usable = np.count_nonzero(weights.normalised)
+    if usable < walkers:
+        return adapted
+    start = z[rng.choice(len(z), size=walkers, replace=False, p=weights.normalised)]
+    moves = differential_evolution(z.shape[1])
+    sampler = emcee.EnsembleSampler(walkers, z.shape[1], density.log_prob, moves=moves, vectorize=True)
+    stream = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
+    state = State(start, random_state=stream.get_state())
+    sampler.run_mcmc(state, AROUND[1], skip_initial_state_check=True)
+    met = sampler.get_log_prob(flat=True) - adapted.proposal.log_density(sampler.get_chain(flat=True))
+    with np.errstate(over="ignore"):  # a proposal may miss a draw by any factor
+        greatest = float(np.exp(met.max() - weights.log_evidence()[0]))
+    evaluations = adapted.evaluations + DRAWS + walkers * (AROUND[1] + 1)
+    return replace(adapted, evaluations=evaluations, greatest_seen=greatest)
 
 
 def _start(

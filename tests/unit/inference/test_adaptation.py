@@ -110,6 +110,23 @@ def test_a_proposal_carries_a_run_only_if_no_weight_is_too_great(
 # --- fits ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_no_proposal_that_is_blind_to_the_end_of_a_bend_carries(seed: int) -> None:
+    """Of a bend as sharp as this up to 40 % of the mass went unseen, at efficiencies of 0.35 to 0.8.
+
+    What carries has nine tenths of the integral.
+    """
+
+    def sharp(z: np.ndarray) -> np.ndarray:
+        bend = (z[:, 1] - z[:, 0] ** 2) / 0.2
+        return -0.5 * z[:, 0] ** 2 - 0.5 * bend**2 - np.log(2.0 * np.pi * 0.2)
+
+    density = Density(sharp)
+    adapted = adapt(density, [mode_at(density, [0.3, 0.3])], np.random.default_rng(seed))
+    assert not adapted.carries or adapted.weights.log_evidence()[0] > np.log(0.9)
+    assert adapted.greatest_seen > 0.0
+
+
 def test_every_mode_gets_a_proposal_with_its_share() -> None:
     density = Density(lumps)
     modes = [mode_at(density, [-4.0, -4.5]), mode_at(density, [4.0, 4.5])]

@@ -145,7 +145,7 @@ def test_two_lumps_are_two_modes_with_their_shares() -> None:
 
 def test_what_is_not_covered_is_explored() -> None:
     draws = run(
-        banana(), seed=2, plan=QUICK
+        banana(), seed=3, plan=QUICK
     )  # of another seed the weights may pass: the bend is at the limit
     assert draws.method != "independence"
     assert draws.convergence.converged
@@ -302,7 +302,7 @@ def test_the_verdict_is_no_better_than_the_draws(make: Callable[[], Density]) ->
 
 def test_walkers_that_interact_move_for_many_autocorrelation_times() -> None:
     """Before they are called converged; else they would agree before they have come to the ends of a ridge."""
-    draws = run(banana(), seed=2, plan=QUICK)
+    draws = run(banana(), seed=3, plan=QUICK)
     if draws.method == "independence and differential evolution":
         groups, _, walkers, _ = draws.z.shape
         assert draws.convergence.ess_bulk.min() >= 20 * groups * walkers
@@ -321,7 +321,7 @@ def test_nothing_to_start_from_is_an_error() -> None:
 
 def test_progress_is_told() -> None:
     said: list[str] = []
-    run(banana(), seed=2, plan=QUICK, progress=said.append)
+    run(banana(), seed=3, plan=QUICK, progress=said.append)
     assert said[0] == "climbing to the modes"
     assert any("exploring" in s for s in said)
 
