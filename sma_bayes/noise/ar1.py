@@ -113,12 +113,15 @@ class AR1:
         return memory_innovations(e, self._phi(shape, steps))
 
     def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
-        phi = shape[:, 0, None, None]
+        phi = shape[:, 0]
+        variance = np.maximum(1.0 - phi * phi, 1e-300)
         first, after = rows[:, steps.first], np.flatnonzero(~steps.first)
         now, before = rows[:, after], rows[:, after - 1]
         cross = now @ before.T
-        follow = now @ now.T - phi * (cross + cross.T) + phi * phi * (before @ before.T)
-        return np.asarray(first @ first.T + follow / np.maximum(1.0 - phi * phi, 1e-300))
+        products = np.stack([first @ first.T, now @ now.T, cross + cross.T, before @ before.T])
+        weights = np.stack([np.ones(len(phi)), 1.0 / variance, -phi / variance, phi * phi / variance])
+        # who asks wants one entry of all matrices together
+        return np.moveaxis(np.tensordot(products, weights, axes=(0, 0)), -1, 0)
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
         return best_memory(self, residual, np.tanh(np.linspace(-1.0, 4.0, 201)), steps)
