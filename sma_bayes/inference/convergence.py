@@ -72,12 +72,13 @@ def assess(draws: Floats, target: Target) -> Convergence:
         a stuck walker nor a drift of the whole ensemble goes unseen. From `LONG` steps on, effective sample sizes
         are also estimated from the means over walkers, which sees walkers that move together; the lesser counts.
     """
+    values = _parameters_first(draws)
     # ranks do not depend on the order of the draws, and sorting is most of the work: once serves all orders
-    scores, folded, tails = _ranked(draws)
-    rhat = np.zeros(draws.shape[-1])
+    scores, folded, tails = _ranked(values)
+    rhat = np.zeros(len(values))
     for order in (_by_walker, _by_step):
         rhat = np.maximum(rhat, np.maximum(_rhat(_split(order(scores))), _rhat(_split(order(folded)))))
-    below = [(draws <= q).astype(float) for q in tails]
+    below = [(values <= q[:, None, None, None]).astype(float) for q in tails]
     bulk = _ess(_split(_by_walker(scores)))
     tail = np.minimum(*(_ess(_split(_by_walker(share))) for share in below))
     if draws.shape[1] >= LONG:
@@ -89,48 +90,52 @@ def assess(draws: Floats, target: Target) -> Convergence:
     return Convergence(rhat, bulk, tail, finite and bool(reached))
 
 
-def _by_walker(values: Floats) -> Floats:
-    """Walkers of each ensemble end to end: (G, S, W, D) to (G, W S, D)."""
-    groups, steps, walkers, d = values.shape
-    return np.swapaxes(values, 1, 2).reshape(groups, walkers * steps, d)
-
-
-def _by_step(values: Floats) -> Floats:
-    """Steps of each ensemble one after the other: (G, S, W, D) to (G, S W, D)."""
-    groups, steps, walkers, d = values.shape
-    return values.reshape(groups, steps * walkers, d)
-
-
-def _ess_of_ensembles(values: Floats) -> Floats:
-    """Effective sample size of `values` (G, S, W, D) from the means over the walkers of each ensemble."""
-    means = values.mean(axis=2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        gain = values.var(axis=(0, 1, 2)) / means.var(axis=(0, 1))
-    return np.asarray(_ess(_split(means)) * gain)
-
-
 def rank_rhat(chains: Floats) -> Floats:
     """Rank-normalised split R-hat, the greater of bulk and folded; `chains` (C, N, D) gives (D,)."""
-    halves = _split(chains)
-    folded = np.abs(halves - np.median(halves, axis=(0, 1)))
-    return np.maximum(_rhat(_normal_scores(halves)), _rhat(_normal_scores(folded)))
+    halves = _split(_parameters_first(chains))
+    scores, folded, _ = _ranked(halves)
+    return np.maximum(_rhat(scores), _rhat(folded))
 
 
 def ess_bulk(chains: Floats) -> Floats:
     """Effective sample size of the rank-normalised draws; `chains` (C, N, D) gives (D,)."""
-    return _ess(_normal_scores(_split(chains)))
+    return _ess(_ranked(_split(_parameters_first(chains)))[0])
 
 
 def ess_tail(chains: Floats) -> Floats:
     """Lesser of the effective sample sizes of the 5 % and 95 % quantiles; `chains` (C, N, D) gives (D,)."""
-    halves = _split(chains)
-    low, high = np.quantile(chains, (0.05, 0.95), axis=(0, 1))
-    return np.minimum(_ess((halves <= low).astype(float)), _ess((halves <= high).astype(float)))
+    values = _parameters_first(chains)
+    halves, tails = _split(values), _ranked(values)[2]
+    return np.minimum(*(_ess((halves <= q[:, None, None]).astype(float)) for q in tails))
+
+
+# What follows has the parameters first, so that the draws of each lie together in memory.
+def _parameters_first(draws: Floats) -> Floats:
+    return np.ascontiguousarray(np.moveaxis(draws, -1, 0))
+
+
+def _by_walker(values: Floats) -> Floats:
+    """Walkers of each ensemble end to end: (D, G, S, W) to (D, G, W S)."""
+    return np.swapaxes(values, 2, 3).reshape(*values.shape[:2], -1)
+
+
+def _by_step(values: Floats) -> Floats:
+    """Steps of each ensemble one after the other: (D, G, S, W) to (D, G, S W)."""
+    return values.reshape(*values.shape[:2], -1)
 
 
 def _split(chains: Floats) -> Floats:
-    half = chains.shape[1] // 2
-    return np.concatenate([chains[:, :half], chains[:, -half:]])
+    """Halves of chains (D, C, N) as chains of their own: (D, 2 C, N // 2), without the middle of an odd number."""
+    half = chains.shape[2] // 2
+    return np.concatenate([chains[:, :, :half], chains[:, :, chains.shape[2] - half :]], axis=1)
+
+
+def _ess_of_ensembles(values: Floats) -> Floats:
+    """Effective sample size of `values` (D, G, S, W) from the means over the walkers of each ensemble."""
+    means = values.mean(axis=3)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        gain = values.var(axis=(1, 2, 3)) / means.var(axis=(1, 2))
+    return np.asarray(_ess(_split(means)) * gain)
 
 
 def _ranked(values: Floats) -> tuple[Floats, Floats, Floats]:
@@ -138,41 +143,30 @@ def _ranked(values: Floats) -> tuple[Floats, Floats, Floats]:
 
     Parameters
     ----------
-    values : ndarray, shape (..., D)
+    values : ndarray, shape (D, ...)
 
     Returns
     -------
-    scores, folded : ndarray, shape (..., D)
+    scores, folded : ndarray, shape (D, ...)
+        Normal quantiles of the ranks over all draws (Blom's formula); ties share their mean rank.
     tails : ndarray, shape (2, D)
     """
-    flat = values.reshape(-1, values.shape[-1])
+    flat = values.reshape(len(values), -1)
     scores, folded = np.empty_like(flat), np.empty_like(flat)
-    tails = np.empty((2, flat.shape[1]))
-    quantile = _quantiles_of_ranks(len(flat))
-    middle, place = len(flat) // 2, np.arange(len(flat))
-    for k in range(flat.shape[1]):
-        column = np.ascontiguousarray(flat[:, k])
+    size = flat.shape[1]
+    quantile = _quantiles_of_ranks(size)
+    middle, place = size // 2, np.arange(size)
+    tails = np.empty((2, len(flat)))
+    for k, column in enumerate(flat):
         order = np.argsort(column)
         in_order = column[order]
-        scores[order, k] = _scores_in_order(in_order, quantile)
-        median = in_order[middle] if len(flat) % 2 else 0.5 * (in_order[middle - 1] + in_order[middle])
+        scores[k, order] = _scores_in_order(in_order, quantile)
+        median = in_order[middle] if size % 2 else 0.5 * (in_order[middle - 1] + in_order[middle])
         distance = np.abs(in_order - median)
         outwards = np.argsort(distance, kind="stable")  # two runs, one falling and one rising: soon sorted
-        folded[order[outwards], k] = _scores_in_order(distance[outwards], quantile)
-        tails[:, k] = np.interp(np.multiply((0.05, 0.95), len(flat) - 1), place, in_order)
+        folded[k, order[outwards]] = _scores_in_order(distance[outwards], quantile)
+        tails[:, k] = np.interp(np.multiply((0.05, 0.95), size - 1), place, in_order)
     return scores.reshape(values.shape), folded.reshape(values.shape), tails
-
-
-def _normal_scores(values: Floats) -> Floats:
-    """Normal quantiles of the ranks over all draws (Blom's formula), parameters last; ties share their mean rank."""
-    flat = values.reshape(-1, values.shape[-1])
-    out = np.empty_like(flat)
-    quantile = _quantiles_of_ranks(len(flat))
-    for k in range(flat.shape[1]):
-        column = np.ascontiguousarray(flat[:, k])
-        order = np.argsort(column)
-        out[order, k] = _scores_in_order(column[order], quantile)
-    return out.reshape(values.shape)
 
 
 def _quantiles_of_ranks(size: int) -> Floats:
@@ -193,27 +187,26 @@ def _scores_in_order(in_order: Floats, quantile: Floats) -> Floats:
 
 
 def _rhat(chains: Floats) -> Floats:
-    n = chains.shape[1]
-    within = chains.var(axis=1, ddof=1).mean(axis=0)
-    between = chains.mean(axis=1).var(axis=0, ddof=1)
+    n = chains.shape[2]
+    within = chains.var(axis=2, ddof=1).mean(axis=1)
+    between = chains.mean(axis=2).var(axis=1, ddof=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.sqrt((n - 1) / n + between / within))
 
 
 def _ess(chains: Floats) -> Floats:
-    """Effective sample size by Geyer's initial monotone sequence."""
-    c, n, d = chains.shape
-    means = chains.mean(axis=1)
+    """Effective sample size of chains (D, C, N) by Geyer's initial monotone sequence."""
+    d, c, n = chains.shape
+    means = chains.mean(axis=2)
     length = next_fast_len(2 * n, real=True)
-    series = np.ascontiguousarray((chains - means[:, None]).transpose(2, 0, 1))
-    spectrum = rfft(series, n=length)
+    spectrum = rfft(chains - means[:, :, None], n=length)
     # only the mean over chains is used, and it may as well be taken before the transform back
     power = (spectrum.real**2 + spectrum.imag**2).mean(axis=1)
     autocovariance = irfft(power, n=length)[:, :n] / n
     mean_variance = autocovariance[:, 0] * n / (n - 1.0)
     total = mean_variance * (n - 1.0) / n
     if c > 1:
-        total = total + means.var(axis=0, ddof=1)
+        total = total + means.var(axis=1, ddof=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         rho = 1.0 - (mean_variance[:, None] - autocovariance) / total[:, None]
     rho[:, 0] = 1.0

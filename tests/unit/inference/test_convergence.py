@@ -6,10 +6,11 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
+from scipy.stats import rankdata
 
 from sma_bayes.inference.convergence import (
     Target,
-    _normal_scores,
     _ranked,
     assess,
     ess_bulk,
@@ -163,9 +164,12 @@ def test_effective_sample_sizes_are_what_replicates_say() -> None:
 @pytest.mark.parametrize("steps", [7, 8])
 @pytest.mark.parametrize("digits", [12, 0])
 def test_one_sort_gives_what_sorting_each_would(steps: int, digits: int) -> None:
-    """With ties, too, and for even and odd numbers of draws."""
-    draws = np.round(np.random.default_rng(6).standard_normal((3, steps, 5, 2)), digits)
+    """With ties, too, and for even and odd numbers of draws; scores by Blom's formula from scipy's ranks."""
+    draws = np.round(np.random.default_rng(6).standard_normal((2, 3, steps, 5)), digits)
     scores, folded, tails = _ranked(draws)
-    np.testing.assert_array_equal(scores, _normal_scores(draws))
-    np.testing.assert_array_equal(folded, _normal_scores(np.abs(draws - np.median(draws, axis=(0, 1, 2)))))
-    np.testing.assert_allclose(tails, np.quantile(draws, (0.05, 0.95), axis=(0, 1, 2)), rtol=1e-12)
+    flat = draws.reshape(2, -1)
+    distance = np.abs(flat - np.median(flat, axis=1, keepdims=True))
+    for found, values in ((scores, flat), (folded, distance)):
+        expected = ndtri((rankdata(values, axis=1) - 0.375) / (flat.shape[1] + 0.25))
+        np.testing.assert_allclose(found.reshape(2, -1), expected, rtol=1e-12)
+    np.testing.assert_allclose(tails, np.quantile(flat, (0.05, 0.95), axis=1), rtol=1e-12)
