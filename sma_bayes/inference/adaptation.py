@@ -324,7 +324,7 @@ def _refine(
     """
     best = Adapted(proposal, Weights(np.full(1, -np.inf)), 0)
     evaluations = worse = 0
-    rounds = _Rounds()
+    rounds = _Rounds(proposal.coordinates)
     several = proposal.narrow.components > 1
     for number in range(ROUNDS):
         z, weights = _weigh(density, proposal, rng, draws)
@@ -346,30 +346,32 @@ def _refine(
 
 
 class _Rounds:
-    """Weighted draws of several proposals for one density."""
+    """Weighted draws of several proposals in the same coordinates, for one density."""
 
-    def __init__(self) -> None:
+    def __init__(self, coordinates: Coordinates) -> None:
+        self.coordinates = coordinates
         self.z: list[Floats] = []
+        self.u: list[Floats] = []
         self.weight: list[Floats] = []
 
     def add(self, z: Floats, weights: Weights, alone: bool) -> None:
         """Add a round; if it is to stand alone, or needs to be tempered, those before are forgotten."""
+        if alone or weights.efficiency < LEAST:
+            self.z, self.u, self.weight = [], [], []
         usable = np.isfinite(weights.log_weight)
         if not usable.any():
             return
+        u, _, back = self.coordinates.forward(z[usable])
         weight = tempered(Weights(weights.log_weight[usable]))
-        if alone or weights.efficiency < LEAST:
-            self.z, self.weight = [], []
         self.z.append(z[usable])
-        self.weight.append(weight / np.sum(weight**2))  # draws of a good proposal count for more
+        self.u.append(u)
+        self.weight.append(back * weight / np.sum(weight**2))  # draws of a good proposal count for more
 
     def fit(self, proposal: Proposal, held: float) -> Proposal | None:
         """The proposal fitted to all draws; None where they are too few."""
         if sum(map(len, self.z)) < 2 * proposal.wide.dimension:
             return None
-        z, weight = np.concatenate(self.z), np.concatenate(self.weight)
-        u, _, back = proposal.coordinates.forward(z)
-        weight = weight * back
+        z, u, weight = np.concatenate(self.z), np.concatenate(self.u), np.concatenate(self.weight)
         if weight.sum() <= 0:
             return None
         weight = weight / weight.sum()
