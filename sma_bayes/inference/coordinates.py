@@ -247,8 +247,8 @@ class NoiseScaledCoordinates:
         Returns
         -------
         ndarray, shape (m + 1, m + 1, W)
-            Precision bordered by the pull; the sum of squares in the corner. The rows of `noise_z` come last, so
-            that what is done to one entry is done to all of them at once.
+            Lower triangle of the precision bordered by the pull; the sum of squares in the corner. The rows of
+            `noise_z` come last, so that what is done to one entry is done to all of them at once.
         """
         m = self.count
         z = np.concatenate([np.zeros((len(noise_z), m)), noise_z], axis=1)
@@ -261,8 +261,10 @@ class NoiseScaledCoordinates:
         ):
             for channel, rows in blocks.items():
                 at = place.noise[channel]
-                gram = noise.weighted_gram(rows, theta[:, at[1:]], steps)
-                total += np.moveaxis(gram, 0, -1) * (1.0 / theta[:, at[0]] ** 2)
+                gram = np.moveaxis(noise.weighted_gram(rows, theta[:, at[1:]], steps), 0, -1)
+                per_variance = 1.0 / theta[:, at[0]] ** 2
+                for i in range(m + 1):  # by rows, which stay in the processor's cache
+                    total[i, : i + 1] += gram[i, : i + 1] * per_variance
         return total
 
     def log_noise_marginal(self, noise_z: Floats) -> Floats:
@@ -323,7 +325,7 @@ def _factor(total: Floats) -> tuple[Floats, Bools]:
     Parameters
     ----------
     total : ndarray, shape (m + 1, m + 1, W)
-        For each of W systems, ``H`` (m, m), with the vector ``b`` as its last row.
+        For each of W systems, the lower triangle of ``H`` (m, m), with the vector ``b`` as its last row.
 
     Returns
     -------
@@ -333,15 +335,13 @@ def _factor(total: Floats) -> tuple[Floats, Bools]:
         Whether all is finite and H positive definite, by more than rounding.
     """
     m = len(total) - 1
-    factor = total[:, :m].copy()
+    factor = np.zeros((m + 1, m, total.shape[2]))
     usable = np.ones(total.shape[2], dtype=bool)
     with np.errstate(all="ignore"):
         for k in range(m):
-            usable &= factor[k, k] > 1e-12 * total[k, k]
-            factor[k:, k] /= np.sqrt(factor[k, k])
-            factor[k, k + 1 :] = 0.0
-            column = factor[k + 1 :, k]
-            factor[k + 1 :, k + 1 :] -= column[:, None] * column[: m - k - 1]
+            column = total[k:, k] - np.einsum("ijw,jw->iw", factor[k:, :k], factor[k, :k])
+            usable &= column[0] > 1e-12 * total[k, k]
+            np.divide(column, np.sqrt(column[0]), out=factor[k:, k])
     usable &= np.isfinite(factor[m]).all(axis=0) & np.isfinite(np.einsum("iiw->iw", factor[:m])).all(axis=0)
     if not usable.all():
         factor[:, :, ~usable] = np.eye(m + 1, m)[..., None]
