@@ -6,7 +6,8 @@ of draws that count, and the greatest weight tells whether there is mass that th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
@@ -48,6 +49,10 @@ USABLE = 0.3
 """Efficiency below which a proposal does not carry a run alone."""
 GREATEST_SHARE = 30.0
 """Greatest importance weight, as a multiple of the mean weight, of a proposal that carries a run alone."""
+LED_BACK = 0.99
+"""Least share of draws to which predictive coordinates must lead back."""
+REACHES = 3
+"""Rounds in which a proposal is fitted to its own draws and those of another move together."""
 DF = 10.0
 """Degrees of freedom of the narrow components."""
 
@@ -104,18 +109,31 @@ class Adapted:
     greatest_seen : float
         Greatest weight, as a multiple of the mean weight, at draws of another move that were not used in the fit:
         what the proposal would hardly ever draw shows there, not in its own draws. Zero where there are none.
+    acceptance : float
+        Share of independence moves from such draws that would be accepted; not a number where there are none.
     """
 
     proposal: AnyProposal
     weights: Weights
     evaluations: int
     greatest_seen: float = 0.0
+    acceptance: float = math.nan
 
     @property
     def carries(self) -> bool:
         """Whether an independence move with this proposal is enough by itself."""
         greatest = max(self.weights.greatest, self.greatest_seen)
         return self.weights.efficiency >= USABLE and greatest <= GREATEST_SHARE
+
+    def judged(self, z: Floats, log_prob: Floats) -> Adapted:
+        """The same, as draws (n, D) of another move see it; `log_prob` (n,) is what the density is there."""
+        log_seen = log_prob - self.proposal.log_density(z) - self.weights.log_evidence()[0]
+        seen = np.exp(np.clip(log_seen, -700.0, 700.0))  # a proposal may miss a draw by any factor
+        own = np.sort(self.weights.normalised) * self.weights.log_weight.size
+        below = np.searchsorted(own, seen)
+        total = np.concatenate([np.zeros(1), np.cumsum(own)])[below]
+        accepted = (total / seen + (own.size - below)) / own.size  # mean of min(1, own/seen) over own
+        return replace(self, greatest_seen=float(seen.max()), acceptance=float(accepted.mean()))
 
 
 def adapt(
@@ -435,34 +453,80 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
     z : ndarray, shape (N, D)
         Draws, roughly from the density.
     modes : sequence of Mode
-        The first supplies the wide component.
+        What the density knows of its shape is asked at the first.
     rng : numpy.random.Generator
     """
     chosen = z[rng.choice(len(z), size=min(len(z), 8000), replace=False)]
     covariance = np.cov(chosen.T).reshape(z.shape[1], z.shape[1])
     wide = StudentMixture.from_covariances(np.ones(1), chosen.mean(axis=0)[None], 4.0 * covariance[None], 4.0)
-    shape = _shape(density, modes[0])
     fit, rest = np.array_split(chosen, 2)
-    fit, _, _ = shape.coordinates.forward(fit)
-    bent = shape.blocks()[-1]
-    bend = np.cov(fit[:, bent].T).reshape(bent.size, bent.size)
-    weight = np.full(len(fit), 1.0 / len(fit))
     log_prob = density.log_prob(rest)
-    best: Adapted | None = None
-    evaluations = len(rest)
-    for components in (1, 4, 12, 32):
-        means = fit[rng.choice(len(fit), size=components, replace=False)][:, bent]
-        start = StudentMixture.from_covariances(
-            np.ones(components), means, np.repeat(bend[None] / components, components, axis=0), DF
-        )
-        narrow = shape.mixture(fit.mean(axis=0), [start]).refitted(fit, weight, rounds=40)
-        proposal = Proposal(shape.coordinates, narrow, wide)
-        _, weights = _weigh(density, proposal, rng, 4 * DRAWS)
-        evaluations += 4 * DRAWS
-        if best is None or weights.efficiency > best.weights.efficiency:
-            seen = float(np.max(log_prob - proposal.log_density(rest))) - weights.log_evidence()[0]
-            with np.errstate(over="ignore"):  # a proposal may miss a draw by any factor
-                best = Adapted(proposal, weights, evaluations, float(np.exp(seen)))
-    if best is None:
-        return adapt(density, modes, rng)
-    return replace(best, evaluations=evaluations)
+
+    def mixtures(shape: Shape) -> Iterator[Adapted]:
+        u, _, back = shape.coordinates.forward(fit)
+        for components in (1, 4, 12, 32):
+            proposal = Proposal(shape.coordinates, _fitted_mixture(shape, u[back], components, rng), wide)
+            _, weights = _weigh(density, proposal, rng, 4 * DRAWS)
+            yield Adapted(proposal, weights, 4 * DRAWS).judged(rest, log_prob)
+
+    found = list(mixtures(_shape(density, modes[0])))
+    shape = None if any(f.carries for f in found) else _predictive_shape(density, fit)
+    if shape is not None:
+        more = list(mixtures(shape))
+        best = max(more, key=lambda f: f.acceptance)
+        found += [*more, _reaching_out(density, best, fit, rng).judged(rest, log_prob)]
+    best = max(found, key=lambda f: (f.carries, f.acceptance))
+    return replace(best, evaluations=len(rest) + sum(f.evaluations for f in found))
+
+
+def _predictive_shape(density: Density, z: Floats) -> Shape | None:
+    """What the model predicts as coordinates, in as many samples as lead back to nearly all draws (N, D).
+
+    Where a transition fell between two samples, the curve at the mode may bend at one of them, which then seems to tell
+    as much as any, while over the draws little but the two levels is told.
+    """
+    if not isinstance(density, Posterior):
+        return None
+    most = z.shape[1]
+    while most > 0:
+        coordinates = PredictiveCoordinates.at(density, np.median(z, axis=0), most)
+        if coordinates is None:
+            return None
+        u, _, back = coordinates.forward(z)
+        if back.mean() > LED_BACK:
+            return Shape(coordinates, np.cov(u[back].T), z.shape[1])
+        most = coordinates.scale.size - 1
+    return None
+
+
+def _reaching_out(density: Density, first: Adapted, z: Floats, rng: np.random.Generator) -> Adapted:
+    """Fit a proposal again, to draws (N, D) of another move and to weighted draws of its own.
+
+    Walkers come to the end of a long tail too rarely for their draws to tell how far it goes. Draws of the proposal do,
+    but lack what it has missed; each kind counts half.
+    """
+    if not isinstance(first.proposal, Proposal):
+        return first
+    proposal = first.proposal
+    for _ in range(REACHES):
+        own, weights = _weigh(density, proposal, rng, 32 * DRAWS)
+        usable = np.isfinite(weights.log_weight)
+        weight = 0.5 * tempered(Weights(weights.log_weight[usable]))
+        u, _, back = proposal.coordinates.forward(np.concatenate([z, own[usable]]))
+        both = np.concatenate([np.full(len(z), 0.5 / len(z)), weight])[back]
+        narrow = proposal.narrow.refitted(u[back], both / both.sum(), rounds=6)
+        proposal = replace(proposal, narrow=narrow)
+    _, weights = _weigh(density, proposal, rng, 4 * DRAWS)
+    return Adapted(proposal, weights, REACHES * 32 * DRAWS + 4 * DRAWS)
+
+
+def _fitted_mixture(shape: Shape, u: Floats, components: int, rng: np.random.Generator) -> Mixture:
+    """Mixture fitted to draws (N, D) in the coordinates of a shape, of several components for what is bent."""
+    bent = shape.blocks()[-1]
+    bend = np.cov(u[:, bent].T).reshape(bent.size, bent.size)
+    means = u[rng.choice(len(u), size=components, replace=False)][:, bent]
+    start = StudentMixture.from_covariances(
+        np.ones(components), means, np.repeat(bend[None] / components, components, axis=0), DF
+    )
+    weight = np.full(len(u), 1.0 / len(u))
+    return shape.mixture(u.mean(axis=0), [start]).refitted(u, weight, rounds=40)

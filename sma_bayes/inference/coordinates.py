@@ -66,8 +66,11 @@ class PredictiveCoordinates:
         return int(self.rest.shape[1])
 
     @staticmethod
-    def at(posterior: Posterior, centre: Floats) -> PredictiveCoordinates | None:
-        """Choose coordinates about a mode; None where the model has no sampled parameter."""
+    def at(posterior: Posterior, centre: Floats, most: int | None = None) -> PredictiveCoordinates | None:
+        """Choose coordinates about a point, such as a mode, with so many predictions at most.
+
+        None where the model has no sampled parameter.
+        """
         space, model = posterior.space, posterior.model
         count = int(np.sum(space.free_index < len(model.parameter_names)))
         if count == 0:
@@ -86,6 +89,7 @@ class PredictiveCoordinates:
         whitened = np.nan_to_num(np.concatenate(rows))
         _, singular, vt = np.linalg.svd(whitened, full_matrices=False)
         rank = int(np.sum(singular > 1.0))  # directions that the data determine better than the prior
+        rank = rank if most is None else min(rank, most)
         _, _, pivot = qr(whitened.T, mode="economic", pivoting=True, check_finite=False)
         chosen = sorted(pivot[:rank].tolist())
         points: list[dict[str, Ints]] = [{} for _ in posterior.records]

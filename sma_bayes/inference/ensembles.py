@@ -320,9 +320,10 @@ class _Run:
             draws = self._independence("refitted", fitted, modes, explore_seeds[0][2])
             if draws is not None:
                 return draws
-        if fitted.weights.efficiency > adapted.weights.efficiency:
-            adapted = fitted
-        share = 0.5 if adapted.weights.efficiency > 0.05 else 0.1
+        thin = math.ceil(len(z) / 4000)
+        log_prob = np.concatenate([g.log_probs[0, half:].ravel() for g in groups])
+        adapted = max(fitted, adapted.judged(z[::thin], log_prob[::thin]), key=lambda a: a.acceptance)
+        share = 0.5 if adapted.acceptance > 0.1 else 0.1
         adapted = with_wide_share(adapted)  # a walker far out in a tail is to come back
         groups = [
             _Group(

@@ -175,6 +175,31 @@ def test_a_proposal_that_misses_a_lump_of_the_draws_does_not_carry() -> None:
     assert not replace(fitted, greatest_seen=100.0).carries
 
 
+def test_acceptance_is_the_mean_over_pairs_of_draws() -> None:
+    """Of every draw of the other move with every draw of the proposal, here by brute force."""
+    rng = np.random.default_rng(9)
+    density = Density(banana)
+    own = adapt(density, [mode_at(density, [0.5, 0.0])], rng)
+    x = rng.standard_normal(500)
+    z = np.stack([x, x**2 - 1.0 + 0.5 * rng.standard_normal(500)], axis=1)
+    judged = own.judged(z, density.log_prob(z))
+    log_seen = density.log_prob(z) - own.proposal.log_density(z)
+    gain = own.weights.log_weight[:, None] - log_seen
+    assert judged.acceptance == pytest.approx(np.mean(np.exp(np.minimum(gain, 0.0))))
+    assert judged.greatest_seen == pytest.approx(np.exp(log_seen.max() - own.weights.log_evidence()[0]))
+
+
+def test_a_proposal_that_the_draws_never_leave_is_not_accepted() -> None:
+    """Whatever its own draws say of it."""
+    rng = np.random.default_rng(10)
+    density = Density(lumps)
+    own = adapt(density, [mode_at(density, [-4.0, -4.5])], rng)
+    far = 5.0 + rng.standard_normal((200, 2))
+    near = -5.0 + rng.standard_normal((200, 2))
+    assert own.judged(far, density.log_prob(far)).acceptance < 0.01
+    assert own.judged(near, density.log_prob(near)).acceptance > 0.7
+
+
 def test_a_wider_proposal_differs_only_in_the_share_of_its_wide_part() -> None:
     density = Density(lumps)
     modes = [mode_at(density, [-4.0, -4.5]), mode_at(density, [4.0, 4.5])]

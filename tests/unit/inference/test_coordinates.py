@@ -67,6 +67,20 @@ def test_there_and_back(make_record: Callable[..., Record], channels: tuple[str,
         np.testing.assert_allclose(log_again, log_jacobian[back], rtol=1e-5, atol=1e-5, err_msg=name)
 
 
+def test_there_and_back_with_fewer_predictions_than_could_be_made(make_record: Callable[..., Record]) -> None:
+    posterior, mode = fitted(make_record(("displacement",)), "student_t")
+    every = PredictiveCoordinates.at(posterior, mode.z)
+    fewer = PredictiveCoordinates.at(posterior, mode.z, 2)
+    assert every is not None
+    assert fewer is not None
+    assert (every.scale.size, fewer.scale.size) == (4, 2)
+    u, _, back = fewer.forward(around(mode, 200))
+    assert back.all()
+    again, _, found = fewer.inverse(u)
+    assert found.all()
+    np.testing.assert_allclose(again, around(mode, 200), atol=1e-6)
+
+
 @EACH
 def test_the_jacobian_is_that_of_finite_differences(
     make_record: Callable[..., Record], channels: tuple[str, ...], noise: str

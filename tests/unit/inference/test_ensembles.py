@@ -15,12 +15,12 @@ from threadpoolctl import threadpool_limits
 from sma_bayes.errors import ResumeError
 from sma_bayes.inference.convergence import Target, assess
 from sma_bayes.inference.ensembles import Draws, Plan, dispersed_starts, sample
-from sma_bayes.inference.noise_choice import noise_start
+from sma_bayes.inference.noise_choice import noise_start, posterior_with
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.posterior import build_posterior
-from sma_bayes.records.types import Record
+from sma_bayes.records.types import Branch, Condition, Record
 
 
 class Interrupted(Exception):
@@ -273,6 +273,29 @@ def test_two_modes_of_a_record_with_memory(make_record: Callable[..., Record]) -
     assert len(draws.modes) == 2
     positive = draws.z[..., posterior.names.index("A2")] > 0
     assert np.mean(positive) == pytest.approx(0.5, abs=0.06)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_transition_that_fell_between_two_samples(seed: int) -> None:
+    """Two levels are known, and of the transition that it was in between; the slower, the farther apart the levels end.
+
+    A1 and A4 have a long tail on one side, with A2 and A3 as wide as the gap. Ten seconds, a quarter of the effort.
+    """
+    rng = np.random.default_rng(4)
+    t = np.concatenate([rng.normal(26.6, 0.07, 11), [53.6], rng.normal(57.3, 0.4, 6)])
+    x = 0.0144 / (1.0 + np.exp(-0.6 * (t - 42.0))) + 1.5e-4 * rng.standard_t(3.0, t.size)
+    units = {"temperature": "degC", "displacement": "m"}
+    record = Record(
+        Condition("c"), Branch.HEATING, {"temperature": t}, {"displacement": x}, np.arange(18) + 1, units
+    )
+    first = build_posterior([record], NOISE_MODELS["independent"], read_priors("modified_sigmoid"))
+    start = warm_start(first, np.random.default_rng(seed))
+    posterior = posterior_with("student_t", first, start, read_priors("modified_sigmoid"))
+    z = noise_start(posterior, start)
+    plan = Plan(evaluations=1_500_000)
+    draws = sample(posterior, [z], posterior.space.prior_sd(), np.random.SeedSequence(seed), plan)
+    assert draws.convergence.converged
 
 
 # --- honesty ------------------------------------------------------------------------------------------
