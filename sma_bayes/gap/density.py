@@ -17,10 +17,10 @@ import numpy as np
 
 from sma_bayes.gap.coordinates import FollowingCoordinates
 from sma_bayes.gap.fitting import Fitted
-from sma_bayes.inference.adaptation import Shape
 from sma_bayes.inference.convergence import Target
 from sma_bayes.inference.ensembles import Draws, Plan, sample
 from sma_bayes.inference.laplace import Mode
+from sma_bayes.inference.shape import Shape
 from sma_bayes.quantities import Floats
 
 EXPLORE = 50

@@ -1,20 +1,14 @@
-"""Fit a proposal to a density: Laplace approximation, then importance draws that refine it.
-
-How good a proposal is shows in its importance weights: the efficiency ``(sum w)**2 / (n sum w**2)`` is the share
-of draws that count, and the greatest weight tells whether there is mass that the proposal hardly visits.
-"""
+"""Fit a proposal to a density: Laplace approximation, then importance draws that refine it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
 
 import emcee
 import numpy as np
 from emcee.state import State
-from scipy.special import logsumexp
 
 from sma_bayes.inference.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
 from sma_bayes.inference.laplace import Density, Mode
@@ -29,6 +23,8 @@ from sma_bayes.inference.proposals import (
     Proposal,
     StudentMixture,
 )
+from sma_bayes.inference.shape import DF, one_component, shape_of
+from sma_bayes.inference.weighted import LEAST, Weights, tempered
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints
@@ -43,57 +39,10 @@ GOOD = 0.7
 """Efficiency at which refining stops. At 0.6 a mild banana still passes, whose tail has weights that end a run."""
 AROUND = (64, 60)
 """Walkers and steps that look for what a proposal does not reach."""
-LEAST = 0.1
-"""Least efficiency of weights that a fit takes as they are; below, they are tempered."""
 USABLE = 0.3
 """Efficiency below which a proposal does not carry a run alone."""
 GREATEST_SHARE = 30.0
 """Greatest importance weight, as a multiple of the mean weight, of a proposal that carries a run alone."""
-LED_BACK = 0.99
-"""Least share of draws to which predictive coordinates must lead back."""
-REACHES = 3
-"""Rounds in which a proposal is fitted to its own draws and those of another move together."""
-DF = 10.0
-"""Degrees of freedom of the narrow components."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Weights:
-    """Importance weights of draws from a proposal.
-
-    Attributes
-    ----------
-    log_weight : ndarray, shape (n,)
-        Log of density over proposal; minus infinity for draws of no weight.
-    """
-
-    log_weight: Floats
-
-    @property
-    def normalised(self) -> Floats:
-        """Weights that sum to one."""
-        if not np.isfinite(self.log_weight).any():
-            return np.full(self.log_weight.size, 1.0 / self.log_weight.size)
-        w = np.exp(self.log_weight - self.log_weight.max())
-        return np.asarray(w / w.sum())
-
-    @property
-    def efficiency(self) -> float:
-        """Effective share of the draws, between 0 and 1."""
-        if not np.isfinite(self.log_weight).any():
-            return 0.0
-        return float(1.0 / (self.log_weight.size * np.sum(self.normalised**2)))
-
-    @property
-    def greatest(self) -> float:
-        """Greatest weight as a multiple of the mean weight."""
-        return float(self.normalised.max() * self.log_weight.size)
-
-    def log_evidence(self) -> tuple[float, float]:
-        """Log of the integral of the density, and its standard error."""
-        n = self.log_weight.size
-        value = float(logsumexp(self.log_weight)) - float(np.log(n))
-        return value, float(np.sqrt(max(1.0 / max(self.efficiency, 1e-12) - 1.0, 0.0) / n))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,7 +113,7 @@ def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator
     share = np.maximum(share / share.sum(), 0.02)
     parts = tuple(f.proposal for f in fitted if isinstance(f.proposal, Proposal))
     proposal = MixedProposal(share / share.sum(), parts)
-    _, weights = _weigh(density, proposal, rng, 4 * DRAWS)
+    _, weights = weigh(density, proposal, rng, 4 * DRAWS)
     return Adapted(proposal, weights, sum(f.evaluations for f in fitted) + 4 * DRAWS)
 
 
@@ -201,61 +150,12 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, thorough
     return best or _adapt_plain(density, mode, wide, rng)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """Where and how a density is nearly normal.
-
-    Attributes
-    ----------
-    coordinates : Coordinates
-    covariance : ndarray, shape (D, D)
-        In these coordinates, at the mode.
-    bent : int
-        How many coordinates, the last ones, may be far from normal; they are independent of the others.
-    """
-
-    coordinates: Coordinates
-    covariance: Floats
-    bent: int
-
-    def blocks(self) -> tuple[Ints, ...]:
-        """Coordinates that belong together: those that are nearly normal, if any, and the bent ones."""
-        d = len(self.covariance)
-        both = (np.arange(d - self.bent), np.arange(d - self.bent, d))
-        return tuple(block for block in both if block.size)
-
-    def mixture(self, centre: Floats, bends: Sequence[StudentMixture]) -> FactorisedMixture:
-        """One component about a centre (D,) where the density is nearly normal, then what is given for the bends."""
-        blocks = self.blocks()
-        normal = [_one(centre[b], self.covariance[np.ix_(b, b)]) for b in blocks[: -len(bends) or None]]
-        return FactorisedMixture(blocks, (*normal, *bends))
-
-
-@runtime_checkable
-class Shaped(Density, Protocol):
-    """A density that knows its shape."""
-
-    def shape(self) -> Shape:
-        """Coordinates for proposals, and what is known of the density in them."""
-        ...
-
-
-def _shape(density: Density, mode: Mode) -> Shape:
-    if isinstance(density, Shaped):
-        return density.shape()
-    return Shape(PlainCoordinates(), mode.covariance, mode.z.size)
-
-
-def _one(centre: Floats, covariance: Floats) -> StudentMixture:
-    return StudentMixture.from_covariances(np.ones(1), centre[None], covariance[None], DF)
-
-
 def _adapt_plain(density: Density, mode: Mode, wide: StudentMixture, rng: np.random.Generator) -> Adapted:
     """One component in the coordinates of the density, and several for what is bent where one does not fit."""
-    shape = _shape(density, mode)
+    shape = shape_of(density, mode)
     centre = shape.coordinates.forward(mode.z[None])[0][0]
     bent = shape.blocks()[-1]
-    bend = _one(centre[bent], shape.covariance[np.ix_(bent, bent)])
+    bend = one_component(centre[bent], shape.covariance[np.ix_(bent, bent)])
     found = _refine(
         density, Proposal(shape.coordinates, shape.mixture(centre, [bend]), wide), rng, draws=2 * DRAWS
     )
@@ -272,7 +172,7 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
 
     A proposal fitted to its own draws can be blind to the end of a bend: no draw gets there, and weights look even.
     """
-    z, weights = _weigh(density, adapted.proposal, rng, DRAWS)
+    z, weights = weigh(density, adapted.proposal, rng, DRAWS)
     walkers = max(AROUND[0], 2 * z.shape[1] + 2)
     usable = np.count_nonzero(weights.normalised)
     if usable < walkers:
@@ -345,7 +245,7 @@ def _refine(
     rounds = _Rounds(proposal.coordinates)
     several = proposal.narrow.components > 1
     for number in range(ROUNDS):
-        z, weights = _weigh(density, proposal, rng, draws)
+        z, weights = weigh(density, proposal, rng, draws)
         evaluations += draws
         worse = 0 if weights.efficiency > 1.1 * best.weights.efficiency else worse + 1
         good = weights.efficiency >= GOOD and (number > 0 or several)
@@ -408,26 +308,10 @@ def _widened(wide: StudentMixture, z: Floats, weight: Floats) -> StudentMixture:
     return StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], wide.df)
 
 
-def tempered(weights: Weights) -> Floats:
-    """Weights raised to the greatest power that leaves the least share of the draws in effect."""
-    low, high = 0.0, 1.0
-    if weights.efficiency >= LEAST:
-        return weights.normalised
-    for _ in range(20):
-        middle = 0.5 * (low + high)
-        if Weights(middle * weights.log_weight).efficiency >= LEAST:
-            low = middle
-        else:
-            high = middle
-    powers = np.full_like(weights.log_weight, -np.inf)
-    usable = np.isfinite(weights.log_weight)  # a draw of no weight stays so, also where the power is zero
-    powers[usable] = low * weights.log_weight[usable]
-    return Weights(powers).normalised
-
-
-def _weigh(
+def weigh(
     density: Density, proposal: AnyProposal, rng: np.random.Generator, size: int
 ) -> tuple[Floats, Weights]:
+    """Draws (size, D) from a proposal, and their importance weights."""
     z, log_q = proposal.draw(rng, size)
     usable = np.isfinite(log_q)
     log_weight = np.full(size, -np.inf)
@@ -442,91 +326,3 @@ def _spread(mixture: StudentMixture, rng: np.random.Generator, count: int) -> St
     return StudentMixture(
         np.full(count, 1.0 / count), means, np.repeat(mixture.root[:1], count, axis=0), mixture.df
     )
-
-
-def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.random.Generator) -> Adapted:
-    """Fit a proposal to draws that another move made, with as many components as they support.
-
-    Parameters
-    ----------
-    density : Density
-    z : ndarray, shape (N, D)
-        Draws, roughly from the density.
-    modes : sequence of Mode
-        What the density knows of its shape is asked at the first.
-    rng : numpy.random.Generator
-    """
-    chosen = z[rng.choice(len(z), size=min(len(z), 8000), replace=False)]
-    covariance = np.cov(chosen.T).reshape(z.shape[1], z.shape[1])
-    wide = StudentMixture.from_covariances(np.ones(1), chosen.mean(axis=0)[None], 4.0 * covariance[None], 4.0)
-    fit, rest = np.array_split(chosen, 2)
-    log_prob = density.log_prob(rest)
-
-    def mixtures(shape: Shape) -> Iterator[Adapted]:
-        u, _, back = shape.coordinates.forward(fit)
-        for components in (1, 4, 12, 32):
-            proposal = Proposal(shape.coordinates, _fitted_mixture(shape, u[back], components, rng), wide)
-            _, weights = _weigh(density, proposal, rng, 4 * DRAWS)
-            yield Adapted(proposal, weights, 4 * DRAWS).judged(rest, log_prob)
-
-    found = list(mixtures(_shape(density, modes[0])))
-    shape = None if any(f.carries for f in found) else _predictive_shape(density, fit)
-    if shape is not None:
-        more = list(mixtures(shape))
-        best = max(more, key=lambda f: f.acceptance)
-        found += [*more, _reaching_out(density, best, fit, rng).judged(rest, log_prob)]
-    best = max(found, key=lambda f: (f.carries, f.acceptance))
-    return replace(best, evaluations=len(rest) + sum(f.evaluations for f in found))
-
-
-def _predictive_shape(density: Density, z: Floats) -> Shape | None:
-    """What the model predicts as coordinates, in as many samples as lead back to nearly all draws (N, D).
-
-    Where a transition fell between two samples, the curve at the mode may bend at one of them, which then seems to tell
-    as much as any, while over the draws little but the two levels is told.
-    """
-    if not isinstance(density, Posterior):
-        return None
-    most = z.shape[1]
-    while most > 0:
-        coordinates = PredictiveCoordinates.at(density, np.median(z, axis=0), most)
-        if coordinates is None:
-            return None
-        u, _, back = coordinates.forward(z)
-        if back.mean() > LED_BACK:
-            return Shape(coordinates, np.cov(u[back].T), z.shape[1])
-        most = coordinates.scale.size - 1
-    return None
-
-
-def _reaching_out(density: Density, first: Adapted, z: Floats, rng: np.random.Generator) -> Adapted:
-    """Fit a proposal again, to draws (N, D) of another move and to weighted draws of its own.
-
-    Walkers come to the end of a long tail too rarely for their draws to tell how far it goes. Draws of the proposal do,
-    but lack what it has missed; each kind counts half.
-    """
-    if not isinstance(first.proposal, Proposal):
-        return first
-    proposal = first.proposal
-    for _ in range(REACHES):
-        own, weights = _weigh(density, proposal, rng, 32 * DRAWS)
-        usable = np.isfinite(weights.log_weight)
-        weight = 0.5 * tempered(Weights(weights.log_weight[usable]))
-        u, _, back = proposal.coordinates.forward(np.concatenate([z, own[usable]]))
-        both = np.concatenate([np.full(len(z), 0.5 / len(z)), weight])[back]
-        narrow = proposal.narrow.refitted(u[back], both / both.sum(), rounds=6)
-        proposal = replace(proposal, narrow=narrow)
-    _, weights = _weigh(density, proposal, rng, 4 * DRAWS)
-    return Adapted(proposal, weights, REACHES * 32 * DRAWS + 4 * DRAWS)
-
-
-def _fitted_mixture(shape: Shape, u: Floats, components: int, rng: np.random.Generator) -> Mixture:
-    """Mixture fitted to draws (N, D) in the coordinates of a shape, of several components for what is bent."""
-    bent = shape.blocks()[-1]
-    bend = np.cov(u[:, bent].T).reshape(bent.size, bent.size)
-    means = u[rng.choice(len(u), size=components, replace=False)][:, bent]
-    start = StudentMixture.from_covariances(
-        np.ones(components), means, np.repeat(bend[None] / components, components, axis=0), DF
-    )
-    weight = np.full(len(u), 1.0 / len(u))
-    return shape.mixture(u.mean(axis=0), [start]).refitted(u, weight, rounds=40)

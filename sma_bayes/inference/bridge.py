@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from sma_bayes.inference.adaptation import DF
 from sma_bayes.inference.laplace import Density
 from sma_bayes.inference.proposals import AnyProposal, PlainCoordinates, Proposal, StudentMixture
+from sma_bayes.inference.shape import DF
 from sma_bayes.quantities import Floats
 
 GOOD_ERROR = 0.03

@@ -26,19 +26,13 @@ import numpy as np
 from emcee.moves import Move
 from emcee.state import State
 
-from sma_bayes.inference.adaptation import (
-    GREATEST_SHARE,
-    USABLE,
-    Adapted,
-    Weights,
-    adapt,
-    adapt_to_draws,
-    with_wide_share,
-)
+from sma_bayes.inference.adaptation import GREATEST_SHARE, USABLE, Adapted, adapt, with_wide_share
 from sma_bayes.inference.checkpoint import Block, Checkpoint
 from sma_bayes.inference.convergence import Convergence, Target, assess
 from sma_bayes.inference.laplace import Density, Mode, climb
 from sma_bayes.inference.moves import IndependenceMove, differential_evolution
+from sma_bayes.inference.refitting import adapt_to_draws
+from sma_bayes.inference.weighted import Weights
 from sma_bayes.quantities import Floats
 
 

@@ -20,11 +20,12 @@ from typing import Final, Protocol
 import numpy as np
 from scipy.special import logsumexp
 
-from sma_bayes.inference.adaptation import Weights, adapt, tempered
+from sma_bayes.inference.adaptation import adapt
 from sma_bayes.inference.bridge import Evidence, fitted_proposal
 from sma_bayes.inference.laplace import Density, Mode, climb
 from sma_bayes.inference.pareto import RELIABLE, smoothed_weights
 from sma_bayes.inference.proposals import StudentMixture
+from sma_bayes.inference.weighted import Weights, tempered
 from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats

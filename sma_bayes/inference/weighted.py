@@ -1,14 +1,78 @@
-"""What weighted draws say: copies of equal weight, and quantiles."""
+"""What weighted draws say: evidence, copies of equal weight, and quantiles.
+
+How good a proposal is shows in its importance weights: the efficiency ``(sum w)**2 / (n sum w**2)`` is the share
+of draws that count, and the greatest weight tells whether there is mass that the proposal hardly visits.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from sma_bayes.quantities import Floats
+
+LEAST = 0.1
+"""Least efficiency of weights that a fit takes as they are; below, they are tempered."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weights:
+    """Importance weights of draws from a proposal.
+
+    Attributes
+    ----------
+    log_weight : ndarray, shape (n,)
+        Log of density over proposal; minus infinity for draws of no weight.
+    """
+
+    log_weight: Floats
+
+    @property
+    def normalised(self) -> Floats:
+        """Weights that sum to one."""
+        if not np.isfinite(self.log_weight).any():
+            return np.full(self.log_weight.size, 1.0 / self.log_weight.size)
+        w = np.exp(self.log_weight - self.log_weight.max())
+        return np.asarray(w / w.sum())
+
+    @property
+    def efficiency(self) -> float:
+        """Effective share of the draws, between 0 and 1."""
+        if not np.isfinite(self.log_weight).any():
+            return 0.0
+        return float(1.0 / (self.log_weight.size * np.sum(self.normalised**2)))
+
+    @property
+    def greatest(self) -> float:
+        """Greatest weight as a multiple of the mean weight."""
+        return float(self.normalised.max() * self.log_weight.size)
+
+    def log_evidence(self) -> tuple[float, float]:
+        """Log of the integral of the density, and its standard error."""
+        n = self.log_weight.size
+        value = float(logsumexp(self.log_weight)) - float(np.log(n))
+        return value, float(np.sqrt(max(1.0 / max(self.efficiency, 1e-12) - 1.0, 0.0) / n))
+
+
+def tempered(weights: Weights) -> Floats:
+    """Weights raised to the greatest power that leaves the least share of the draws in effect."""
+    low, high = 0.0, 1.0
+    if weights.efficiency >= LEAST:
+        return weights.normalised
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        if Weights(middle * weights.log_weight).efficiency >= LEAST:
+            low = middle
+        else:
+            high = middle
+    powers = np.full_like(weights.log_weight, -np.inf)
+    usable = np.isfinite(weights.log_weight)  # a draw of no weight stays so, also where the power is zero
+    powers[usable] = low * weights.log_weight[usable]
+    return Weights(powers).normalised
 
 
 def resampled(log_weight: Floats, size: int, rng: np.random.Generator) -> NDArray[np.int64]:

@@ -8,18 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from sma_bayes.inference.adaptation import (
-    DRAWS,
-    GREATEST_SHARE,
-    USABLE,
-    Adapted,
-    Weights,
-    adapt,
-    adapt_to_draws,
-    with_wide_share,
-)
+from sma_bayes.inference.adaptation import DRAWS, GREATEST_SHARE, USABLE, Adapted, adapt, with_wide_share
 from sma_bayes.inference.laplace import Mode, climb
 from sma_bayes.inference.proposals import MixedProposal, Proposal
+from sma_bayes.inference.refitting import adapt_to_draws
+from sma_bayes.inference.weighted import Weights
 
 
 @dataclass
