@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import emcee
@@ -131,23 +131,31 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, thorough
         return _adapt_plain(density, mode, wide, rng)
     count = int(np.sum(density.space.free_index < len(density.model.parameter_names)))
     best: Adapted | None = None
+    evaluations = 0
     draws = (4 if thorough else 1) * DRAWS
-    for inner in (PlainCoordinates(), PredictiveCoordinates.at(density, mode.z)):
-        if inner is None or count == 0:
-            continue
+    for inner in _inner_coordinates(density, mode, count):
         try:
             coordinates = NoiseScaledCoordinates.about(density, mode.z, inner, count)
             narrow = _start(coordinates, mode, density, rng)
         except np.linalg.LinAlgError:
             continue
         found = _refine(density, Proposal(coordinates, narrow, wide), rng, draws, HELD)
+        evaluations += found.evaluations
         if best is None or found.weights.efficiency > best.weights.efficiency:
-            best = Adapted(
-                found.proposal, found.weights, found.evaluations + (best.evaluations if best else 0)
-            )
+            best = found
         if best.weights.efficiency >= GOOD and best.carries and not thorough:
             break
-    return best or _adapt_plain(density, mode, wide, rng)
+    return replace(best, evaluations=evaluations) if best else _adapt_plain(density, mode, wide, rng)
+
+
+def _inner_coordinates(posterior: Posterior, mode: Mode, count: int) -> Iterator[Coordinates]:
+    """Coordinates to try for the model's parameters, each built when those before did not do."""
+    if count == 0:
+        return
+    yield PlainCoordinates()
+    predictive = PredictiveCoordinates.at(posterior, mode.z)
+    if predictive is not None:
+        yield predictive
 
 
 def _adapt_plain(density: Density, mode: Mode, wide: StudentMixture, rng: np.random.Generator) -> Adapted:
