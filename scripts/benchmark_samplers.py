@@ -3,7 +3,7 @@ r"""Time this package and other samplers to the same target on the same posterio
     taskset -c 1 python scripts/benchmark_samplers.py run --records all --channels FX --limit 200 \
         --samplers sma_bayes,emcee,lmfit --walkers 32 --start ball --log-prob package --out benchmark
     python scripts/benchmark_samplers.py run --records all --channels FX --limit 20 \
-        --samplers sma_bayes,blackjax,emcee-de,nutpie,emcee-vectorised --out peers
+        --samplers sma_bayes,blackjax,emcee-de,nutpie,emcee-vectorised --repeats 3 --out peers
     python scripts/benchmark_samplers.py table benchmark
 
 The first is how the first table in docs/performance.md was measured, the second how that of other samplers was, with
