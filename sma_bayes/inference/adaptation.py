@@ -98,7 +98,8 @@ def adapt(
         Best first.
     rng : numpy.random.Generator
     thorough : bool
-        Whether to fit to four times as many draws, and to try all coordinates even if the first do.
+        Whether a `Posterior` is fitted to four times as many draws, in all coordinates even if the first do. For
+        another density it is one more try, with other draws.
     """
     fitted = [_adapt_mode(density, mode, rng, thorough) for mode in modes]
     found = fitted[0] if len(fitted) == 1 else _mixed(density, fitted, rng)
@@ -182,8 +183,7 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
     """
     z, weights = weigh(density, adapted.proposal, rng, DRAWS)
     walkers = max(AROUND[0], 2 * z.shape[1] + 2)
-    usable = np.count_nonzero(weights.normalised)
-    if usable < walkers:
+    if np.count_nonzero(weights.normalised) < walkers:
         return adapted
     start = z[rng.choice(len(z), size=walkers, replace=False, p=weights.normalised)]
     moves = differential_evolution(z.shape[1])
@@ -191,11 +191,11 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
     stream = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
     state = State(start, random_state=stream.get_state())
     sampler.run_mcmc(state, AROUND[1], skip_initial_state_check=True)
-    met = sampler.get_log_prob(flat=True) - adapted.proposal.log_density(sampler.get_chain(flat=True))
-    with np.errstate(over="ignore"):  # a proposal may miss a draw by any factor
-        greatest = float(np.exp(met.max() - weights.log_evidence()[0]))
     evaluations = adapted.evaluations + DRAWS + walkers * (AROUND[1] + 1)
-    return replace(adapted, evaluations=evaluations, greatest_seen=greatest)
+    met = Adapted(adapted.proposal, weights, 0).judged(
+        sampler.get_chain(flat=True), sampler.get_log_prob(flat=True)
+    )
+    return replace(adapted, evaluations=evaluations, greatest_seen=met.greatest_seen)
 
 
 def _start(
@@ -246,7 +246,8 @@ def _refine(
     """Rounds of importance draws until the efficiency is good or stays, each fitting the proposal anew.
 
     A single component that is good is fitted once more, to all draws so far, which costs no evaluation. Several
-    are not: fitted to draws of their own they would lose what they hardly reach of a bent density.
+    are not, and stand on their last round alone: the better they fit draws of their own, the more they lose of a
+    bent density that they hardly reach.
     """
     best = Adapted(proposal, Weights(np.full(1, -np.inf)), 0)
     evaluations = worse = 0
