@@ -1,30 +1,43 @@
 r"""Time this package and other samplers to the same target on the same posteriors.
 
-    taskset -c 1 python scripts/benchmark_samplers.py run --records all --channels FX --limit 200 \
-        --samplers sma_bayes,emcee,lmfit --walkers 32 --start ball --log-prob package --out benchmark
-    python scripts/benchmark_samplers.py run --records all --channels FX --limit 20 \
-        --samplers sma_bayes,blackjax,emcee-de,nutpie,emcee-vectorised --repeats 3 --out peers
-    python scripts/benchmark_samplers.py table benchmark
+    run="taskset -c 1 python scripts/benchmark_samplers.py run"
+    $run --records all --limit 200 --samplers sma_bayes,emcee,lmfit --walkers 32 --start ball --log-prob package \
+        --out docs/data/samplers.csv
+    $run --records all --limit 20 --samplers sma_bayes,blackjax,emcee-de,nutpie,emcee-vectorised,numpyro --repeats 3 \
+        --out docs/data/peers.csv
+    for channels in FX S; do for noise in independent ar1; do for points in 100 1000; do
+        case="--records 1A-10mHz-heating --channels $channels --noise $noise --points $points --out docs/data/peers.csv"
+        $run $case --limit 30 --samplers sma_bayes,blackjax,emcee-de,emcee-vectorised,zeus --repeats 3
+        $run $case --limit 30 --samplers numpyro,nutpie,pymc,dynesty,ultranest
+        $run $case --limit 30 --samplers emcee,lmfit --walkers 32 --start ball --log-prob package
+    done; done; done
+    python scripts/benchmark_tables.py docs/data
 
-The first is how the first table in docs/performance.md was measured, the second how that of other samplers was, with
-`--records 1A-10mHz-heating --points 100` for one record; the third prints medians, ranges and ratios.
+are the tables in docs/performance.md, from the first to the last. Rows are added to the file; with `--replace` they
+take the place of earlier rows of the same sampler on the same record, so that this package alone is measured again by
+
+    $run --records all --samplers sma_bayes --repeats 3 --replace --out docs/data/peers.csv
+    $run $case --samplers sma_bayes --repeats 3 --replace
+
+`table FILE` prints medians, ranges and ratios of any file of rows, by sessions.
 
 The target: R-hat at most 1.01 across four independent ensembles, bulk and tail effective sample size at least 1000
-in every parameter, by the package's own functions. Needs the extra `bench`. What is timed and what is not stands
-in docs/performance.md.
+in every parameter, by the package's own functions, from draws of the right posterior (see `benchmark.judgement`).
+Every sampler runs in a process of its own, which is ended if it does not stop at the limit. Needs the extra `bench`.
+What is timed and what is not stands in docs/performance.md.
 """
 
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import platform
-import subprocess
-import sys
 import time
 from collections.abc import Iterable
-from dataclasses import asdict, fields, replace
+from contextlib import ExitStack
+from dataclasses import asdict, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated
@@ -35,14 +48,15 @@ os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_paralleli
 
 import numpy as np  # noqa: E402
 import typer  # noqa: E402
-from benchmark.measure import TARGET, Row, Task, measure, prepare  # noqa: E402
+from benchmark.judgement import TARGET  # noqa: E402
+from benchmark.measure import Row, Task, measure_in, measure_in_fresh  # noqa: E402
 from benchmark.problems import Case, Problem  # noqa: E402
 from benchmark.progress import Settings  # noqa: E402
 from benchmark.samplers import SAMPLERS  # noqa: E402
 from benchmark.summary import Line, as_json, case_of, summarise  # noqa: E402
+from benchmark.workers import Worker  # noqa: E402
 from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
-from threadpoolctl import threadpool_limits  # noqa: E402
 
 SCHEMA = "sma-bayes/benchmark/1"
 
@@ -53,7 +67,7 @@ console = Console()
 @app.command()
 def run(
     out: Annotated[
-        Path, typer.Option(help="Folder for raw timings (samplers.csv, machine.json); rows are added.")
+        Path, typer.Option(help="CSV file for rows; machine and versions go beside it, to NAME-machine.json.")
     ],
     records: Annotated[
         str, typer.Option(help="all, a number of records spread evenly over the 18, or keys of records.")
@@ -78,40 +92,42 @@ def run(
         str, typer.Option(help="written or package: what samplers that ask for one point at a time call.")
     ] = "written",
     cold: Annotated[bool, typer.Option(help="Fresh processes, timed from their start.")] = False,
+    replace: Annotated[
+        bool, typer.Option(help="Drop earlier rows of the same sampler on the same record.")
+    ] = False,
 ) -> None:
     """Measure."""
     case = Case(channels, noise, points or None)
     settings = Settings(walkers, start, log_prob)
     session = time.strftime("%Y-%m-%dT%H:%M:%S")
-    names = samplers.split(",")
+    names = _installed_of(samplers.split(","))
     _describe(out)
     measured = case.records()
-    with threadpool_limits(limits=1):
-        chosen = _chosen(records, [record.key for record in measured])
-        names = _ready(names, Problem.of(measured[chosen[0]], noise), settings, cold)
-        for index in chosen:
+    with ExitStack() as open_workers:
+        workers = {name: open_workers.enter_context(Worker()) for name in names}
+        for index in _chosen(records, [record.key for record in measured]):
             problem = Problem.of(measured[index], noise)
             for repeat in range(repeats):
                 order = names if repeat % 2 == 0 else names[::-1]
                 for place, name in enumerate(order):
                     task = Task(session, case, index, name, settings, repeat, place, limit)
-                    row = _fresh(task) if cold else measure(task, problem)
-                    _append(out / "samplers.csv", row)
+                    row = (
+                        measure_in_fresh(task, problem) if cold else measure_in(workers[name], task, problem)
+                    )
+                    _write(out, row, replace)
                     _tell(row)
 
 
-def _ready(names: list[str], problem: Problem, settings: Settings, cold: bool) -> list[str]:
-    """Samplers that are installed; what they can share is compiled, unless they are measured cold."""
-    ready = []
-    for name in names:
-        missing = [p for p in SAMPLERS[name].packages if not _installed(p)]
-        if missing:
-            console.print(f"{name}: not measured, not installed: {', '.join(missing)}", highlight=False)
-            continue
-        if not cold:
-            prepare(name, problem, settings)
-        ready.append(name)
-    return ready
+def _installed_of(names: list[str]) -> list[str]:
+    """Samplers that are installed; the others are named."""
+    unknown = set(names) - SAMPLERS.keys()
+    if unknown:
+        raise typer.BadParameter(f"no sampler {', '.join(sorted(unknown))}; there are {', '.join(SAMPLERS)}")
+    missing = {name: [p for p in SAMPLERS[name].packages if not _installed(p)] for name in names}
+    for name, packages in missing.items():
+        if packages:
+            console.print(f"{name}: not measured, not installed: {', '.join(packages)}", highlight=False)
+    return [name for name, packages in missing.items() if not packages]
 
 
 def _installed(package: str) -> bool:
@@ -132,73 +148,67 @@ def _chosen(records: str, keys: list[str]) -> list[int]:
     return [keys.index(key) for key in records.split(",")]
 
 
-@app.command(hidden=True)
-def one(task: str, began: float) -> None:
-    """One run in a fresh process, started at `began`; prints its row."""
-    asked = Task.read(task)
-    with threadpool_limits(limits=1):
-        problem = asked.problem()
-        ready, ready_cpu = time.time() - began, time.process_time()
-        row = measure(asked, problem)
-    row = replace(
-        row,
-        kind="cold",
-        claimed_s=ready + row.claimed_s,
-        wall_s=ready + row.wall_s,
-        cpu_s=ready_cpu + row.cpu_s,
-    )
-    print(json.dumps(asdict(row)))
-
-
-def _fresh(task: Task) -> Row:
-    command = [sys.executable, str(Path(__file__).resolve()), "one", task.write(), str(time.time())]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    return Row(**json.loads(done.stdout.splitlines()[-1]))
-
-
 def _tell(row: Row) -> None:
-    doubt = "" if row.reached else " TARGET NOT REACHED"
+    doubt = "" if row.reached else f" TARGET NOT REACHED ({row.ended})"
     if row.claimed_s < row.wall_s:
         doubt += f" seemed converged at {row.claimed_s:.3f} s, on another posterior"
     console.print(
         f"{row.record} {row.sampler} {row.kind} repeat {row.repeat}: {row.wall_s:.3f} s, CPU {row.cpu_s:.3f} s"
-        f"{doubt} (R-hat {row.rhat:.4f}, ESS {row.ess_bulk:.0f} {row.ess_tail:.0f})",
+        f"{doubt} (R-hat {row.rhat:.4f}, ESS {row.ess_bulk:.0f} {row.ess_tail:.0f}, off {row.share_errors:.1f} se)",
         highlight=False,
         soft_wrap=True,
     )
 
 
+def _machine_file(out: Path) -> Path:
+    return out.with_name(f"{out.stem}-machine.json")
+
+
 def _describe(out: Path) -> None:
     """Write down the machine, or see that it is still the same."""
-    path = out / "machine.json"
+    path = _machine_file(out)
     now = {"machine": machine(), "versions": versions()}
-    out.mkdir(parents=True, exist_ok=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
     if not path.exists():
         path.write_text(json.dumps(now, indent=1) + "\n", encoding="utf-8")
     elif json.loads(path.read_text(encoding="utf-8")) != now:
         raise typer.BadParameter(f"{path} tells of another machine or other versions; choose another --out")
 
 
-def _append(path: Path, row: Row) -> None:
-    new = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [f.name for f in fields(Row)])
-        if new:
-            writer.writeheader()
-        writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in asdict(row).items()})
+def _read(path: Path) -> list[Row]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return [Row.parse(row) for row in csv.DictReader(file)]
+
+
+def _write(path: Path, row: Row, replace: bool) -> None:
+    """Add a row; with `replace`, earlier sessions' rows of the same sampler on the same record go."""
+    rows = _read(path) if path.exists() else []
+    if replace:
+        rows = [old for old in rows if old.session == row.session or _place(old) != _place(row)]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [f.name for f in fields(Row)], lineterminator="\n")
+    writer.writeheader()
+    for each in [*rows, row]:
+        writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in asdict(each).items()})
+    fresh = path.with_suffix(".part")
+    fresh.write_text(text.getvalue(), encoding="utf-8")
+    fresh.replace(path)
+
+
+def _place(row: Row) -> tuple[str, ...]:
+    return (*case_of(row), row.record, row.sampler)
 
 
 @app.command()
 def table(
-    folder: Annotated[Path, typer.Argument(help="Folder that `run` wrote to.")],
+    file: Annotated[Path, typer.Argument(help="CSV file that `run` wrote.")],
     write_json: Annotated[
         Path | None, typer.Option("--json", help="Where to write rows, summary, machine and versions.")
     ] = None,
     markdown: Annotated[bool, typer.Option(help="Print tables for a Markdown document.")] = False,
 ) -> None:
     """Print medians, ranges and ratios."""
-    with (folder / "samplers.csv").open(newline="", encoding="utf-8") as file:
-        rows = [Row.parse(row) for row in csv.DictReader(file)]
+    rows = _read(file)
     lines = summarise(rows)
     for case in dict.fromkeys(map(case_of, lines)):
         kind, channels, noise, length = case
@@ -208,7 +218,7 @@ def table(
         document = {
             "schema": SCHEMA,
             "target": {"rhat": TARGET.rhat, "ess": TARGET.ess},
-            **json.loads((folder / "machine.json").read_text(encoding="utf-8")),
+            **json.loads(_machine_file(file).read_text(encoding="utf-8")),
             "summary": [as_json(line) for line in lines],
             "rows": [as_json(row) for row in rows],
         }

@@ -21,8 +21,8 @@ from pathlib import Path
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
 
 import numpy as np
+from benchmark.judgement import TARGET
 from benchmark.kernels import KERNELS
-from benchmark.measure import TARGET
 from benchmark.problems import Case, Problem
 
 REPEATS = 7

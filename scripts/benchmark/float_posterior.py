@@ -70,17 +70,31 @@ class FloatPosterior:
     def __call__(self, z: Floats) -> float:
         """Log density at one point; minus infinity where it can't be evaluated."""
         try:
-            return self._value(z.tolist())
+            theta, log_prior = self._parameters(z.tolist())
+            total = log_prior + self._log_likelihood(theta)
         except (OverflowError, ValueError, ZeroDivisionError):
             return -math.inf
+        return total if total == total else -math.inf
 
-    def _value(self, z: list[float]) -> float:
-        total = 0.0
-        theta = []
+    def log_likelihood(self, z: Floats) -> float:
+        """Its part without the priors, for nested sampling."""
+        try:
+            total = self._log_likelihood(self._parameters(z.tolist())[0])
+        except (OverflowError, ValueError, ZeroDivisionError):
+            return -math.inf
+        return total if total == total else -math.inf
+
+    def _parameters(self, z: list[float]) -> tuple[list[float], float]:
+        """Parameters, and the log density of their priors in sampled coordinates."""
+        theta, log_prior = [], 0.0
         for coordinate, scale in zip(z, self.scales, strict=True):
-            value, log_prior = scale(coordinate)
+            value, density = scale(coordinate)
             theta.append(value)
-            total += log_prior
+            log_prior += density
+        return theta, log_prior
+
+    def _log_likelihood(self, theta: list[float]) -> float:
+        total = 0.0
         for channel in self.observed:
             e = self.residual[channel](theta)
             sd = theta[self.position[f"{channel}_sd"]]
@@ -89,7 +103,7 @@ class FloatPosterior:
                 total += _remembering(e, sd, theta[self.position[f"{channel}_phi"]])
             else:
                 total -= 0.5 * float(e.dot(e)) / (sd * sd)
-        return total if total == total else -math.inf
+        return total
 
     def _sigmoid(self, channel: str, theta: list[float], letter: str) -> Floats:
         size, rate, middle, offset = (theta[self.position[f"{letter}{i}"]] for i in (1, 2, 3, 4))

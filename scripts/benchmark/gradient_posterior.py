@@ -61,6 +61,11 @@ class Form:
         )
 
 
+def length_for(posterior: Posterior) -> int:
+    """Samples that arrays are filled up to: the same for all records of the twin campaign."""
+    return max(128, posterior.n)
+
+
 def numbers(posterior: Posterior, length: int) -> dict[str, Floats]:
     """Arrays of a record, filled up to `length` samples of weight zero: what `log_prob` takes besides ``z``."""
     (record,) = posterior.records

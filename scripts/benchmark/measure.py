@@ -1,36 +1,30 @@
-"""Time a sampler to a target that only draws of the right posterior can meet.
-
-R-hat and effective sample size alone are met too early by ensembles that start from a Laplace approximation: all
-start alike, agree with each other, and have not yet forgotten their start. So a run also has to agree with a
-longer run of this package; and where a run of this package does not, it has not reached the target either.
-"""
+"""Time a sampler to a target that only draws of the right posterior can meet."""
 
 from __future__ import annotations
 
-import json
-import signal
 import time
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Generator
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from benchmark.judgement import TARGET, Reference, Verdict, judge
 from benchmark.problems import Case, Problem
 from benchmark.progress import GROUPS, Progress, Settings
-from benchmark.samplers import COMPILED, ONE_BY_ONE, SAMPLERS
+from benchmark.samplers import ONE_BY_ONE, SAMPLERS
+from benchmark.workers import Ended, TimeUp, Worker, at_most
 
-from sma_bayes.inference.convergence import Convergence, Target, ess_bulk, ess_tail, rank_rhat
-from sma_bayes.quantities import Floats
-
-TARGET = Target(rhat=1.01, ess=1000.0)
-MEAN_SHIFT = 0.1
-"""Greatest difference of means, in standard deviations of the posterior, of 'the same posterior'."""
-SD_RATIO = 0.1
-"""Greatest relative difference of standard deviations of 'the same posterior'."""
-ERRORS = 4.0
-"""Standard errors of the draws that are allowed for where they are more than that."""
+OWN = "sma_bayes"
 PATIENCE = 1.2
 """Multiple of the limit of time at which a sampler that has not handed over its draws is broken off."""
+GRACE_S = 5.0
+"""Processor seconds beyond that, after which its process is ended if it can't be broken off."""
+PREPARATION_S = 300.0
+"""Processor seconds in which a sampler must have compiled what it shares."""
+CHECKS = 10.0
+"""Multiple of the limit that a run may take with its checks."""
+WARM_UP_S = 5.0
+"""Processor seconds of a run that is not measured, before those that are: all that is imported late is then there."""
 LATE = 0.02
 """By what share of the steps the moment at which the target was reached may be found too late."""
 
@@ -63,16 +57,6 @@ class Task:
     place: int
     limit_s: float
 
-    def write(self) -> str:
-        """The task as JSON."""
-        return json.dumps(asdict(self))
-
-    @staticmethod
-    def read(text: str) -> Task:
-        """A task from its JSON."""
-        found = json.loads(text)
-        return Task(**{**found, "case": Case(**found["case"]), "settings": Settings(**found["settings"])})
-
     def problem(self) -> Problem:
         """The posterior to sample."""
         return Problem.of(self.case.records()[self.index], self.case.noise)
@@ -99,10 +83,16 @@ class Row:
         not in it, for nobody, but for ``cold``, for everybody.
     discard : float
         Share of the steps dropped as burn-in.
+    share_errors : float
+        Greatest difference of a share of the draws from that of a longer run of this package [standard errors]; see
+        `judgement`. NaN in rows that were measured when means and standard deviations were compared.
     mean_shift : float
         Greatest difference of a mean from that of a longer run of this package [sd of the posterior].
     sd_low, sd_high : float
         Least and greatest ratio of a standard deviation to that of the longer run.
+    ended : str
+        ``target``: reached; ``time``: broken off at the limit; ``killed``: its process was ended after the limit,
+        since it did not let itself be broken off; ``itself``: the sampler stopped of its own accord.
     """
 
     session: str
@@ -131,79 +121,17 @@ class Row:
     rhat: float
     ess_bulk: float
     ess_tail: float
+    share_errors: float
     mean_shift: float
     sd_low: float
     sd_high: float
+    ended: str
 
     @staticmethod
     def parse(text: dict[str, str]) -> Row:
         """A row as it was written to a CSV file."""
         read = {"str": str, "int": int, "float": float, "bool": lambda s: s == "True"}
         return Row(**{f.name: read[str(f.type)](text[f.name]) for f in fields(Row)})
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Verdict:
-    """What some draws are worth.
-
-    Attributes
-    ----------
-    discard : float
-        Share of the steps dropped as burn-in.
-    convergence : Convergence
-    shift : ndarray, shape (D,)
-        Means less those of the reference [sd of the posterior].
-    ratio : ndarray, shape (D,)
-        Standard deviations over those of the reference.
-    """
-
-    discard: float
-    convergence: Convergence
-    shift: Floats
-    ratio: Floats
-
-    @property
-    def same(self) -> bool:
-        """Whether the draws are of the right posterior, as far as their number can tell."""
-        ess = np.minimum(self.convergence.ess_bulk, self.convergence.ess_tail)
-        error = ERRORS / np.sqrt(ess)
-        means = np.abs(self.shift) <= np.maximum(MEAN_SHIFT, error)
-        widths = np.abs(self.ratio - 1.0) <= np.maximum(SD_RATIO, error / np.sqrt(2.0))
-        return bool(np.all(means & widths))
-
-    @property
-    def least(self) -> float:
-        """Least effective sample size."""
-        return float(np.nanmin(np.minimum(self.convergence.ess_bulk, self.convergence.ess_tail)))
-
-    @property
-    def reached(self) -> bool:
-        """Whether the target is met by draws of the right posterior."""
-        return self.convergence.converged and self.same
-
-
-def judge(progress: Progress, discard: float, reference: tuple[Floats, Floats]) -> Verdict:
-    """Judge draws after a share of the steps is dropped."""
-    chains = progress.chains[:, int(discard * progress.chains.shape[1]) :]
-    flat = chains.reshape(-1, chains.shape[-1])
-    mean, sd = reference
-    return Verdict(discard, diagnose(chains), (flat.mean(axis=0) - mean) / sd, flat.std(axis=0) / sd)
-
-
-def diagnose(chains: Floats) -> Convergence:
-    """R-hat and effective sample sizes with the walkers of an ensemble joined end to end, in the same way for all.
-
-    `sma_bayes.inference.convergence.assess` adds a second estimate, from the means over walkers, to runs of a hundred
-    steps or more. It is on the safe side by a factor of about two for stretch moves, and would be asked of other
-    samplers only, since this package's runs are shorter.
-    """
-    groups, steps, walkers, dimension = chains.shape
-    joined = np.swapaxes(chains, 1, 2).reshape(groups, walkers * steps, dimension)
-    in_order = chains.reshape(groups, steps * walkers, dimension)
-    rhat = np.maximum(rank_rhat(joined), rank_rhat(in_order))
-    bulk, tail = ess_bulk(joined), ess_tail(joined)
-    reached = np.all(rhat <= TARGET.rhat) and np.all(np.minimum(bulk, tail) >= TARGET.ess)
-    return Convergence(rhat, bulk, tail, bool(reached))
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,85 +151,64 @@ class Clock:
         )
 
 
-class TimeUp(Exception):
-    """A sampler was still at it when its processor time had run out."""
-
-
-@contextmanager
-def at_most(seconds: float) -> Iterator[None]:
-    """Raise `TimeUp` when a block has used so much processor time; compiled code is let come to its end."""
-
-    def ring(number: int, frame: object) -> None:
-        raise TimeUp
-
-    before = signal.signal(signal.SIGPROF, ring)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, before)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """Where the clock stopped."""
+    """Where the clock stopped, and why."""
 
     progress: Progress
     verdict: Verdict
     claimed_s: float
     clock: Clock
+    ended: str
 
 
-def to_target(
-    steps: Generator[Progress, float, None], reference: tuple[Floats, Floats], limit_s: float
-) -> Outcome:
+def to_target(steps: Generator[Progress, float, None], reference: Reference, limit_s: float) -> Outcome:
     """Run a sampler until its draws meet the target and are right, or its time is up. Checks are not timed."""
-    before = Clock(0, 0.0, 0.0)
-    now = before
-    claimed = float("nan")
-    outcome = growth = None
+    dimension = reference.mean.size
+    before = now = Clock(0, 0.0, 0.0)
+    nothing = Progress(np.full((GROUPS, 0, 1, dimension), np.nan), 0)
+    last = Outcome(nothing, Verdict.none(dimension), float("nan"), now, "time")
+    growth = None
     while now.cpu_s < limit_s:
-        wall, cpu = time.perf_counter(), time.process_time()
-        try:
-            with at_most(max(PATIENCE * limit_s - now.cpu_s, 0.1)):
-                progress = steps.send(growth)
-        except (StopIteration, TimeUp):
-            now = Clock(
-                now.steps, now.wall_s + time.perf_counter() - wall, now.cpu_s + time.process_time() - cpu
-            )
-            break
-        length = progress.chains.shape[1]
-        now = Clock(length, now.wall_s + time.perf_counter() - wall, now.cpu_s + time.process_time() - cpu)
-        verdict = _verdict(progress, reference)
+        found, now, ended = _timed(steps, growth, now, PATIENCE * limit_s)
+        if found is None:
+            return replace(last, clock=now, ended=ended)
+        progress, verdict, claimed = found, judge(found, reference), last.claimed_s
         if verdict.convergence.converged and np.isnan(claimed):
             claimed = now.wall_s
-        if verdict.reached and before.steps:
-            progress, verdict, now = _earliest(progress, verdict, before, now, reference)
-        outcome = Outcome(progress, verdict, min(claimed, now.wall_s) if verdict.reached else claimed, now)
         if verdict.reached:
-            break
-        before = now
+            if before.steps:
+                progress, verdict, now = _earliest(progress, verdict, before, now, reference)
+            return Outcome(progress, verdict, min(claimed, now.wall_s), now, "target")
+        last = Outcome(progress, verdict, claimed, now, "time")
         growth = _growth(verdict.least, limit_s / max(now.cpu_s, 1e-3))
-    if outcome is None:
-        none = np.full((GROUPS, 4, 1, reference[0].size), np.nan)
-        verdict = Verdict(0.0, Convergence(*(np.full(reference[0].size, np.nan),) * 3, False), *reference)
-        return Outcome(Progress(none, 0), verdict, claimed, now)
-    return outcome if outcome.verdict.reached else replace(outcome, clock=now)
+        before = now
+    return last
 
 
-def _verdict(progress: Progress, reference: tuple[Floats, Floats]) -> Verdict:
-    """The best verdict over the shares that may be dropped."""
-    verdicts = []
-    for discard in progress.discards:
-        verdicts.append(judge(progress, discard, reference))
-        if verdicts[-1].reached:
-            return verdicts[-1]
-    return max(verdicts, key=lambda v: (v.convergence.converged, v.least))
+def _timed(
+    steps: Generator[Progress, float, None], growth: float | None, now: Clock, most_s: float
+) -> tuple[Progress | None, Clock, str]:
+    """Let a sampler go on: its draws, the clock after it, and why there are none if there are none."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    progress, ended = None, ""
+    try:
+        with at_most(max(most_s - now.cpu_s, 0.1), GRACE_S):
+            progress = steps.send(growth)
+    except StopIteration:
+        ended = "itself"
+    except TimeUp:
+        ended = "time"
+    spent = Clock(now.steps, time.perf_counter() - wall, time.process_time() - cpu)
+    if progress is None:
+        return None, Clock(now.steps, now.wall_s + spent.wall_s, now.cpu_s + spent.cpu_s), ended
+    since = Clock(0, 0.0, 0.0) if progress.anew else now
+    steps_made = progress.chains.shape[1]
+    return progress, Clock(steps_made, since.wall_s + spent.wall_s, since.cpu_s + spent.cpu_s), ended
 
 
 def _earliest(
-    progress: Progress, verdict: Verdict, before: Clock, now: Clock, reference: tuple[Floats, Floats]
+    progress: Progress, verdict: Verdict, before: Clock, now: Clock, reference: Reference
 ) -> tuple[Progress, Verdict, Clock]:
     """Where the target was reached since the check before, by bisection; steps take equal times."""
     low, high = before.steps, now.steps
@@ -310,7 +217,7 @@ def _earliest(
         middle = (low + high) // 2
         share = (middle - before.steps) / (now.steps - before.steps)
         shorter = progress.cut(middle)
-        found = _verdict(shorter, reference)
+        found = judge(shorter, reference)
         if found.reached:
             high = middle
             best = shorter, found, before.towards(now, share)
@@ -325,7 +232,7 @@ def _growth(least: float, most: float) -> float:
 
 
 def prepare(name: str, problem: Problem, settings: Settings) -> None:
-    """What a sampler can compile once for all records, and a look whether its target is the same.
+    """What a sampler does once for all records: import, compile, and a look whether its target is the same.
 
     Raises
     ------
@@ -333,20 +240,73 @@ def prepare(name: str, problem: Problem, settings: Settings) -> None:
         If it samples another posterior.
     """
     sampler = SAMPLERS[name]
-    if hasattr(sampler, "check"):
-        sampler.check(problem)
-    if name in COMPILED:
+    if hasattr(sampler, "prepare"):
+        sampler.prepare(problem)
+    with suppress(TimeUp), at_most(WARM_UP_S, PREPARATION_S):
         next(sampler.run(problem, settings, 1000))
 
 
-def measure(task: Task, problem: Problem) -> Row:
-    """Time one sampler on one record."""
-    own = task.sampler == "sma_bayes"
-    if not own:  # what this package does in its own time others are given
+def measure(task: Task, problem: Problem, reference: Reference) -> Row:
+    """Time one sampler on one record, in this process."""
+    if task.sampler != OWN:  # what this package does in its own time others are given
         _ = problem.mode, problem.float_posterior
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         steps = SAMPLERS[task.sampler].run(problem, task.settings, task.repeat)
-        outcome = to_target(steps, problem.reference, task.limit_s)
+        outcome = to_target(steps, reference, task.limit_s)
+    return row_of(task, problem, outcome)
+
+
+def measure_cold(task: Task, reference: Reference, began: float) -> Row:
+    """Time one sampler on one record in a process that started for it at `began` and has done nothing yet."""
+    problem = task.problem()
+    wall_s, cpu_s = time.time() - began, time.process_time()
+    row = measure(task, problem, reference)
+    return replace(
+        row,
+        kind="cold",
+        claimed_s=wall_s + row.claimed_s,
+        wall_s=wall_s + row.wall_s,
+        cpu_s=cpu_s + row.cpu_s,
+    )
+
+
+def measure_in(worker: Worker, task: Task, problem: Problem) -> Row:
+    """Time one sampler on one record in its worker, which is prepared if it is new."""
+    try:
+        if not worker.alive:
+            worker.call(prepare, task.sampler, problem, task.settings, allowed_s=PREPARATION_S)
+        row = worker.call(measure, task, problem, problem.reference, allowed_s=_allowed(task))
+    except Ended as ended:
+        return _killed(task, problem, ended)
+    return row
+
+
+def measure_in_fresh(task: Task, problem: Problem) -> Row:
+    """Time one sampler on one record in a fresh process, from its start."""
+    with Worker() as worker:
+        try:
+            row = worker.call(measure_cold, task, problem.reference, time.time(), allowed_s=_allowed(task))
+        except Ended as ended:
+            return replace(_killed(task, problem, ended), kind="cold")
+    return row
+
+
+def _allowed(task: Task) -> float:
+    """Processor seconds for a run with its checks, which are not timed, but take theirs, too."""
+    return PREPARATION_S + CHECKS * task.limit_s
+
+
+def _killed(task: Task, problem: Problem, ended: Ended) -> Row:
+    """Row of a run whose process had to be ended; its draws are lost, and so is what its checks had said."""
+    clock = Clock(0, ended.wall_s, min(ended.cpu_s, PATIENCE * task.limit_s + GRACE_S))
+    nothing = Progress(np.full((GROUPS, 0, 1, problem.dimension), np.nan), 0)
+    outcome = Outcome(nothing, Verdict.none(problem.dimension), float("nan"), clock, "killed")
+    return row_of(task, problem, outcome)
+
+
+def row_of(task: Task, problem: Problem, outcome: Outcome) -> Row:
+    """The row of a run that has ended."""
+    own = task.sampler == OWN
     verdict = outcome.verdict
     convergence = verdict.convergence
     return Row(
@@ -365,7 +325,7 @@ def measure(task: Task, problem: Problem) -> Row:
         repeat=task.repeat,
         place=task.place,
         limit_s=task.limit_s,
-        reached=verdict.reached,
+        reached=outcome.ended == "target",
         claimed_s=outcome.claimed_s,
         wall_s=outcome.clock.wall_s,
         cpu_s=outcome.clock.cpu_s,
@@ -376,7 +336,9 @@ def measure(task: Task, problem: Problem) -> Row:
         rhat=float(np.max(convergence.rhat)),
         ess_bulk=float(np.min(convergence.ess_bulk)),
         ess_tail=float(np.min(convergence.ess_tail)),
+        share_errors=float(np.max(np.abs(verdict.errors))),
         mean_shift=float(np.max(np.abs(verdict.shift))),
         sd_low=float(verdict.ratio.min()),
         sd_high=float(verdict.ratio.max()),
+        ended=outcome.ended,
     )

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 from benchmark.float_posterior import FloatPosterior
+from benchmark.judgement import Reference
 
 from sma_bayes.inference.convergence import Target
 from sma_bayes.inference.ensembles import Draws, Plan, sample
@@ -147,9 +148,28 @@ class Problem:
         return sample(self.posterior, [self.start], width, np.random.SeedSequence(seed), plan)
 
     @cached_property
-    def reference(self) -> tuple[Floats, Floats]:
-        """Mean and standard deviation of each coordinate from a longer run of this package, not timed."""
+    def reference(self) -> Reference:
+        """A longer run of this package, not timed, which the draws of all samplers are compared with."""
         plan = Plan(target=Target(1.005, 20_000.0), walkers=256, evaluations=20_000_000)
         draws = self.draws(seed=12345, plan=plan)
-        z = draws.z.reshape(-1, self.dimension)
-        return z.mean(axis=0), z.std(axis=0)
+        if not draws.convergence.converged:
+            raise ValueError(f"{self.posterior.records[0].key}: the run to compare with did not converge")
+        found = draws.convergence
+        least = float(np.min(np.minimum(found.ess_bulk, found.ess_tail)))
+        return Reference.of(draws.z.reshape(-1, self.dimension), least)
+
+    def check(self, density: Callable[[Floats], float]) -> None:
+        """Compare log-densities at 20 random points about the mode: differences must agree to 1e-8.
+
+        Raises
+        ------
+        ValueError
+            If they don't.
+        """
+        z = self.starts(np.random.default_rng(1), 20, "laplace")
+        own = self.posterior.log_prob(z)
+        difference = np.array([float(density(x)) for x in z]) - own
+        if not np.ptp(difference) <= 1e-8 * max(1.0, float(np.max(np.abs(own)))):
+            raise ValueError(
+                f"{self.posterior.records[0].key}: another target, off by {np.ptp(difference):.3g}"
+            )

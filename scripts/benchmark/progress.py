@@ -22,16 +22,20 @@ class Progress:
         Points at which the log-posterior was evaluated; gradients are counted by the sampler that uses them.
     discards : tuple of float
         Shares of the steps that may be dropped as burn-in; the best one counts.
+    anew : bool
+        Whether the sampler began anew to make more draws. Its last run counts alone: a user who knew how many draws
+        it takes would have asked for so many at once.
     """
 
     chains: Floats
     evaluations: int
     discards: tuple[float, ...] = (0.1, 0.25, 0.5)
+    anew: bool = False
 
     def cut(self, steps: int) -> Progress:
         """What there was after fewer steps."""
         share = steps / self.chains.shape[1]
-        return Progress(self.chains[:, :steps], round(self.evaluations * share), self.discards)
+        return Progress(self.chains[:, :steps], round(self.evaluations * share), self.discards, self.anew)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,18 +13,25 @@ from contextlib import redirect_stdout
 from typing import Protocol
 
 import numpy as np
-from benchmark import peers
+from benchmark.jax_samplers import BlackJax, NumPyro
+from benchmark.nested_samplers import Dynesty, UltraNest
 from benchmark.problems import Problem
 from benchmark.progress import GROUPS, Progress, Settings
+from benchmark.pymc_samplers import Nutpie, PyMC
 
 from sma_bayes.inference.ensembles import Plan
+from sma_bayes.quantities import Floats
 
 FIRST_BLOCK = 100
 """Steps before the first check."""
 
 
 class Sampler(Protocol):
-    """A way to sample a posterior."""
+    """A way to sample a posterior.
+
+    One that compiles, or that is given a target of its own, also has ``prepare(problem)``: it compares the target with
+    the package's posterior, and compiles what serves all records of a case.
+    """
 
     title: str
     packages: tuple[str, ...]
@@ -119,6 +126,40 @@ class Lmfit:
         yield from _run_ensembles(ensembles, states)
 
 
+class Zeus:
+    """zeus: ensemble slice sampling with the package's batched log-probability."""
+
+    title = "zeus, vectorised"
+    packages = ("zeus-mcmc",)
+
+    def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
+        import zeus
+
+        np.random.seed(seed)  # noqa: NPY002 - zeus draws from numpy's global state
+        rng = np.random.default_rng([seed, 7])
+        walkers = max(settings.walkers // 2, 2 * problem.dimension + 2) // 2 * 2
+        evaluations = 0
+
+        def log_prob(z: Floats) -> Floats:
+            nonlocal evaluations
+            evaluations += len(z)
+            return problem.posterior.log_prob(z)
+
+        samplers = [
+            zeus.EnsembleSampler(walkers, problem.dimension, log_prob, vectorize=True, verbose=False)
+            for _ in range(GROUPS)
+        ]
+        starts = [problem.starts(rng, walkers, settings.start) for _ in range(GROUPS)]
+        steps = FIRST_BLOCK
+        while True:
+            for i, sampler in enumerate(samplers):
+                sampler.run_mcmc(starts[i], steps, progress=False)
+                starts[i] = sampler.get_last_sample()
+            chains = np.stack([s.get_chain() for s in samplers])
+            growth = yield Progress(chains, evaluations)
+            steps = max(10, round(chains.shape[1] * (growth - 1.0)))
+
+
 def _states(problem: Problem, settings: Settings, seed: int) -> list:
     import emcee
 
@@ -151,15 +192,13 @@ SAMPLERS: dict[str, Sampler] = {
     "emcee-vectorised": VectorisedEmcee("emcee, vectorised, stretch", "stretch"),
     "emcee-de": VectorisedEmcee("emcee, vectorised, DE", "de"),
     "lmfit": Lmfit(),
-    "zeus": peers.Zeus(),
-    "pymc": peers.PyMC(),
-    "nutpie": peers.Nutpie(),
-    "numpyro": peers.NumPyro(),
-    "blackjax": peers.BlackJax(),
-    "dynesty": peers.Dynesty(),
-    "ultranest": peers.UltraNest(),
+    "zeus": Zeus(),
+    "pymc": PyMC(),
+    "nutpie": Nutpie(),
+    "numpyro": NumPyro(),
+    "blackjax": BlackJax(),
+    "dynesty": Dynesty(),
+    "ultranest": UltraNest(),
 }
 ONE_BY_ONE = frozenset({"emcee", "lmfit"})
 """Samplers that ask for the log-posterior of one point at a time."""
-COMPILED = frozenset({"pymc", "nutpie", "numpyro", "blackjax"})
-"""Samplers that compile the log-posterior and its gradient."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from benchmark.gradient_posterior import Form, log_prob, numbers
 from benchmark.kernels import KERNELS
-from benchmark.peers import check
+from benchmark.nested_samplers import cube, log_likelihood
 from benchmark.problems import Case, Problem
 
 EACH = pytest.mark.parametrize("noise", ["independent", "ar1"])
@@ -43,8 +43,24 @@ def test_kernels_agree_with_numpy(channels: str, noise: str) -> None:
         )
 
 
+@EACH
+@CHANNELS
+def test_nested_samplers_are_given_the_same_prior_and_likelihood(channels: str, noise: str) -> None:
+    problem = problem_of(channels, noise)
+    posterior, priors = problem.posterior, [p.prior for p in problem.posterior.space.free]
+    u = np.random.default_rng(0).uniform(size=(20, problem.dimension))
+    mirrored = np.where([getattr(p, "sign", 1.0) < 0.0 for p in priors], 1.0 - u, u)
+    by_quantiles = [p.transform.to_sampled(p.quantile(mirrored[:, i])) for i, p in enumerate(priors)]
+    transform = cube(problem)
+    np.testing.assert_allclose(transform(u), np.stack(by_quantiles, axis=1), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(transform(u[0]), transform(u)[0])
+    z = problem.starts(np.random.default_rng(0), 20, "laplace")
+    found = [log_likelihood(problem)(x) for x in z]
+    np.testing.assert_allclose(found, posterior.log_likelihood(posterior.space.to_physical(z)), rtol=1e-10)
+
+
 def test_another_target_is_refused() -> None:
     problem = problem_of("FX", "independent")
-    check(problem, lambda z: float(problem.posterior.log_prob(z)[0]) + 3.0)  # a constant does not matter
+    problem.check(lambda z: float(problem.posterior.log_prob(z)[0]) + 3.0)  # a constant does not matter
     with pytest.raises(ValueError, match="another target"):
-        check(problem, lambda z: float(problem.posterior.log_prob(z)[0]) * (1.0 + 1e-6))
+        problem.check(lambda z: float(problem.posterior.log_prob(z)[0]) * (1.0 + 1e-6))

@@ -1,0 +1,81 @@
+"""What is timed, and why a run ended."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+import pytest
+from benchmark.judgement import Reference
+from benchmark.measure import to_target
+from benchmark.progress import GROUPS, Progress
+
+REFERENCE = Reference.of(np.random.default_rng(0).standard_normal((20_000, 2)), 20_000.0)
+
+
+def normal(seed: int, steps: int, scale: float = 1.0, anew: bool = False) -> Progress:
+    z = scale * np.random.default_rng(seed).standard_normal((GROUPS, steps, 8, 2))
+    return Progress(z, z.size // 2, (0.0,), anew)
+
+
+def busy() -> None:
+    sum(range(2_000_000))
+
+
+def test_the_target_is_reached_by_draws_of_the_right_posterior() -> None:
+    found = to_target((normal(seed, 50) for seed in range(1)), REFERENCE, 5.0)
+    assert found.ended == "target"
+    assert found.verdict.reached
+    assert np.isfinite(found.claimed_s)
+
+
+def test_draws_of_another_posterior_claim_only() -> None:
+    found = to_target((normal(seed, 50, scale=0.7) for seed in range(2)), REFERENCE, 5.0)
+    assert found.ended == "itself"
+    assert found.verdict.convergence.converged
+    assert not found.verdict.reached
+    assert np.isfinite(found.claimed_s)
+
+
+def test_time_is_up_inside_a_sampler_before_it_has_any_draws() -> None:
+    def run() -> Generator[Progress, float, None]:
+        while True:
+            busy()
+        yield normal(0, 1)
+
+    found = to_target(run(), REFERENCE, 0.2)
+    assert found.ended == "time"
+    assert 0.2 <= found.clock.cpu_s < 2.0
+    assert np.isnan(found.claimed_s)
+    assert np.isnan(found.verdict.errors).all()
+
+
+class Hands:
+    """A clock that shows what it is told to."""
+
+    now = 0.0
+
+    def process_time(self) -> float:
+        return self.now
+
+    perf_counter = process_time
+
+
+def seconds_to_target(anew: bool, monkeypatch: pytest.MonkeyPatch) -> float:
+    hands = Hands()
+    monkeypatch.setattr("benchmark.measure.time", hands)
+
+    def run() -> Generator[Progress, float, None]:
+        hands.now += 3.0
+        yield normal(0, 5, anew=anew)
+        hands.now += 10.0
+        yield normal(1, 50, anew=anew)
+
+    return to_target(run(), REFERENCE, 100.0).clock.cpu_s
+
+
+def test_of_a_sampler_that_begins_anew_the_last_run_counts_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both reach the target between the checks, at the same number of draws: 3 s + 10 s a share, or 3 s + 7 s."""
+    goes_on, begins_anew = (seconds_to_target(anew, monkeypatch) for anew in (False, True))
+    assert 3.0 < begins_anew < 10.0
+    assert begins_anew - 3.0 == pytest.approx(0.7 * (goes_on - 3.0))

@@ -1,0 +1,45 @@
+"""The limit of processor time holds for any call, and a worker that had to be ended serves again."""
+
+from __future__ import annotations
+
+import math
+import resource
+import time
+
+import pytest
+from benchmark.workers import Ended, TimeUp, Worker, at_most
+
+
+def test_a_call_comes_back_and_what_fails_is_told() -> None:
+    with Worker() as worker:
+        assert worker.call(math.factorial, 20, allowed_s=30.0) == math.factorial(20)
+        with pytest.raises(RuntimeError, match="math domain error"):
+            worker.call(math.sqrt, -1.0, allowed_s=30.0)
+        assert worker.alive
+    assert not worker.alive
+
+
+def test_a_compiled_loop_without_end_is_ended_and_the_next_call_served() -> None:
+    """`sum` of a range does not look at signals' handlers before it is through, which would take days."""
+    with Worker() as worker:
+        assert worker.call(abs, -1, allowed_s=30.0) == 1
+        with pytest.raises(Ended) as ended:
+            worker.call(sum, range(10**15), allowed_s=0.2)
+        assert 0.1 < ended.value.cpu_s < 3.0  # the kernel looks once a second
+        assert not worker.alive
+        assert worker.call(abs, -2, allowed_s=30.0) == 2
+
+
+def test_what_waits_for_ever_is_ended_by_the_clock() -> None:
+    with Worker() as worker, pytest.raises(Ended) as ended:
+        worker.call(time.sleep, 1000.0, allowed_s=30.0, wall_s=0.5)
+    assert ended.value.cpu_s < 20.0
+
+
+def test_a_loop_in_python_is_broken_off_and_limits_are_put_back() -> None:
+    before = resource.getrlimit(resource.RLIMIT_CPU)
+    began = time.process_time()
+    with pytest.raises(TimeUp), at_most(0.1, 100.0):
+        sum(0 for _ in iter(int, 1))  # for ever, but in Python
+    assert time.process_time() - began < 5.0
+    assert resource.getrlimit(resource.RLIMIT_CPU) == before
