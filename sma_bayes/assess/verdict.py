@@ -149,13 +149,14 @@ def _reason(
     best: Standing, voting: Sequence[Standing], families: Collection[str], rival: Standing | None
 ) -> tuple[str, bool]:
     """Why, and whether the preference is decisive."""
-    twins = " and ".join(sorted(s.name for s in voting if s.curve == best.curve))
+    twins = _listed(sorted(s.name for s in voting if s.curve == best.curve))
     if rival is None:
         return f"there is no model but {twins}", False
     factor = best.ln_evidence - rival.ln_evidence
     if len(families) > 1:
-        ahead = "ahead of" if _ahead(best, rival) else "not told from"
-        return f"{twins} are the same curve of this channel, {ahead} {rival.name} by ln {factor:.1f}", False
+        enough = "" if _ahead(best, rival) else ", which is too little to tell"
+        lead = f"ahead of {rival.name} by ln {factor:.1f}{enough}"
+        return f"{twins} are the same curve of this channel, {lead}", False
     if not _ahead(best, rival):
         least = f"less than {DECISIVE:.1f} beyond its error"
         return f"ln Bayes factor of {best.name} over {rival.name} is {factor:.1f}, {least}", False
@@ -169,6 +170,10 @@ def _reason(
         f"ln Bayes factor of {best.name} over {rival.name} is {factor:.1f}; held out, its log density is greater by "
         f"{gained.value:.1f} ({gained.low:.1f} to {gained.high:.1f})"
     ), True
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
 def _ahead(one: Standing, other: Standing) -> bool:

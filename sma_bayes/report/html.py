@@ -24,7 +24,7 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.figures import FigureFiles
 from sma_bayes.report.notation import count_text, interval_text, unit_label, write, write_interval
-from sma_bayes.report.tables import Cell, Table, cell_text, group_text, rows_text
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, cell_text, group_text, rows_text
 from sma_bayes.results.store import write_text
 
 
@@ -88,7 +88,8 @@ def page_environment(most: int | None = None) -> Environment:
         keep_trailing_newline=True,
     )
     environment.filters |= {
-        "cell": cell_text,
+        "cell": _cell_text,
+        "header": _header_text,
         "count": count_text,
         "unit": unit_label,
         "estimate": estimate_text,
@@ -105,6 +106,7 @@ def page_environment(most: int | None = None) -> Environment:
         "target": TARGET,
         "group_text": group_text,
         "is_numeric": _is_numeric,
+        "is_interval": lambda cell: isinstance(cell, Estimate),
         "few": lambda entries: entries[:most],
         "worst_first": worst_first if most else lambda table: table,
         "with_any": lambda records, what: [r for r in records if any(getattr(p, what) for p in r.parameters)],
@@ -143,6 +145,21 @@ def estimate_text(e: Estimate) -> str:
 
 def _number(n: Number) -> str:
     return f"{write([n.value], n.resolution).plain[0]} {unit_label(n.unit)}".rstrip()
+
+
+def _header_text(column: Column) -> str:
+    """Header of a column, which may be broken between words only; a unit that rows name is left out."""
+    text = column.name if column.unit == OF_ROW else column.header
+    return text.replace("-", "\u2011").replace(" > ", "\u00a0>\u00a0")
+
+
+def _cell_text(cell: Cell) -> str:
+    """A cell as people read it; an estimate may be broken before its interval, not within."""
+    text = cell_text(cell)
+    if not isinstance(cell, Estimate):
+        return text
+    median, gap, interval = text.partition(" ")
+    return median + gap + interval.replace(" ", "\u00a0")
 
 
 def _is_numeric(cell: Cell) -> bool:

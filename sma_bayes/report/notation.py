@@ -88,20 +88,34 @@ def write(values: Sequence[float | None], resolution: float | None = None, digit
 
 
 def write_interval(median: float | None, low: float | None, high: float | None) -> Written:
-    """Median and ends of a 90 % interval, with the digits that its width bears."""
-    width = None if low is None or high is None else (high - low) / NORMAL_90
-    return write((median, low, high), resolution=width)
+    """Median and ends of a 90 % interval, with the digits that its width bears.
+
+    An interval no wider than the last of `MOST_DIGITS` is one of rounding: what it holds does not depend on anything
+    that is uncertain, and the three are one number.
+    """
+    if median is None or low is None or high is None:
+        return write((median, low, high))
+    width = high - low
+    if width < 10.0**-MOST_DIGITS * abs(median):
+        return write((median,) * 3)
+    return write((median, low, high), resolution=width / NORMAL_90)
 
 
 def interval_text(written: Written) -> str:
     """Median and interval on one line: ``0.722 [0.721, 0.723]``, a common power of ten behind.
 
+    What has no width is one number.
+
     Examples
     --------
     >>> interval_text(write_interval(0.0004, -0.0001, 0.0009))
     '(4.0 [−1.0, 9.0]) × 10⁻⁴'
+    >>> interval_text(write_interval(0.25, 0.25, 0.25))
+    '0.2500'
     """
     median, low, high = (_signed(d) for d in written.digits)
+    if median == low == high:
+        return written.plain[0]
     text = f"{median} [{low}, {high}]"
     if not written.exponent:
         return text

@@ -54,6 +54,13 @@ def test_numbers_that_belong_together_share_the_last_place_and_the_power() -> No
     assert interval_text(write_interval(1.5, 1.25, 1.75)) == "1.50 [1.25, 1.75]"
 
 
+def test_what_is_certain_is_one_number() -> None:
+    r = 0.931429478123
+    assert interval_text(write_interval(r, r - 1e-16, r + 1e-16)) == "0.9314"
+    assert interval_text(write_interval(2e-7, 2e-7, 2e-7)) == "2.000 × 10⁻⁷"
+    assert interval_text(write_interval(0.0, 0.0, 0.0)) == "0.000"
+
+
 @given(
     st.floats(1e-12, 1e12, allow_nan=False), st.sampled_from([-1.0, 1.0]), st.floats(1e-6, 1.0, allow_nan=False)
 )  # fmt: skip
