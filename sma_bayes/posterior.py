@@ -35,7 +35,7 @@ from sma_bayes.records.types import Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.response.types import ResponseModel
 
-CHUNK = 1 << 14
+CHUNK = 1 << 15
 """Samples times parameter vectors that are evaluated at a time, so that intermediate arrays stay in cache."""
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import qr
 
+from sma_bayes.inference.normal_equations import NormalEquations
 from sma_bayes.inference.proposals import Bools, Coordinates
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
@@ -191,33 +192,27 @@ def _log_determinant(slope: Floats) -> Floats:
 class NoiseScaledCoordinates:
     """Coordinates of the model's parameters, relative to their spread given those of the noise.
 
-    With the response linearised about the mode, the coordinates ``w`` of the model are normal given the noise:
-    precision ``H = J' R**-1 J + P`` and mean ``w0 + H**-1 (J' R**-1 r + p)``, where J is the derivative of the
-    response, r the residual at the mode, R the covariance of the noise, and P, p the prior's part. The new
-    coordinates are ``L' (w - mean)`` with ``H = L L'``; those of the noise are kept.
+    With the response linearised about the mode, the coordinates ``w`` of the model are normal given the noise
+    (see `normal_equations`). The new coordinates are those in which that normal distribution is standard; those
+    of the noise are kept.
 
     Attributes
     ----------
     inner : Coordinates
         Map of the model's parameters, such as `PredictiveCoordinates`.
-    posterior : Posterior
-    count : int
-        Number m of sampled parameters of the model.
+    equations : NormalEquations
     start : ndarray, shape (m,)
         ``w`` at the mode.
-    jacobian : tuple of dict
-        For each record, channel to rows of ``J'`` with the residual as the last row, (m + 1, n), each divided
-        by the scale of the whitened residual at the mode relative to the sd of its noise.
-    prior_precision, prior_pull : ndarray, shape (m, m) and (m,)
     """
 
     inner: Coordinates
-    posterior: Posterior
-    count: int
+    equations: NormalEquations
     start: Floats
-    jacobian: tuple[Mapping[str, Floats], ...]
-    prior_precision: Floats
-    prior_pull: Floats
+
+    @property
+    def count(self) -> int:
+        """Number m of sampled parameters of the model; they come first in ``z``."""
+        return self.equations.count
 
     @staticmethod
     def about(posterior: Posterior, centre: Floats, inner: Coordinates, count: int) -> NoiseScaledCoordinates:
@@ -243,33 +238,14 @@ class NoiseScaledCoordinates:
         sd = space.prior_sd()[:count]
         precision = slope.T @ (slope / sd[:, None] ** 2)
         pull = slope.T @ ((space.prior_centre()[:count] - centre[:count]) / sd**2)
-        return NoiseScaledCoordinates(inner, posterior, count, start, tuple(rows), precision, pull)
+        return NoiseScaledCoordinates(
+            inner, NormalEquations(posterior, count, tuple(rows), precision, pull), start
+        )
 
-    def _normal_equations(self, noise_z: Floats) -> Floats:
-        """Precision, pull and weighted sum of squares at the mode, given the noise.
-
-        Returns
-        -------
-        ndarray, shape (m + 1, m + 1, W)
-            Lower triangle of the precision bordered by the pull; the sum of squares in the corner. The rows of
-            `noise_z` come last, so that what is done to one entry is done to all of them at once.
-        """
-        m = self.count
-        z = np.concatenate([np.zeros((len(noise_z), m)), noise_z], axis=1)
-        theta = self.posterior.space.to_physical(z)
-        prior = np.block([[self.prior_precision, self.prior_pull[:, None]], [self.prior_pull, np.zeros(1)]])
-        total = np.repeat(prior[..., None], len(z), axis=2)
-        noise = self.posterior.noise
-        for blocks, place, steps in zip(
-            self.jacobian, self.posterior.layout, self.posterior.steps, strict=True
-        ):
-            for channel, rows in blocks.items():
-                at = place.noise[channel]
-                gram = np.moveaxis(noise.weighted_gram(rows, theta[:, at[1:]], steps), 0, -1)
-                per_variance = 1.0 / theta[:, at[0]] ** 2
-                for i in range(m + 1):  # by rows, which stay in the processor's cache
-                    total[i, : i + 1] += gram[i, : i + 1] * per_variance
-        return total
+    def _physical(self, noise_z: Floats) -> tuple[Floats, Floats]:
+        """Points with the model's coordinates at zero, sampled (W, D) and as parameters (W, P)."""
+        z = np.concatenate([np.zeros((len(noise_z), self.count)), noise_z], axis=1)
+        return z, self.equations.posterior.space.to_physical(z)
 
     def log_noise_marginal(self, noise_z: Floats) -> Floats:
         """Log posterior of the noise parameters (W,), the model's integrated out of the linearised posterior.
@@ -277,90 +253,30 @@ class NoiseScaledCoordinates:
         Up to a constant: ``prior - (ln |R| + ln |H| + r' R**-1 r - b' H**-1 b)/2``.
         """
         with np.errstate(all="ignore"):
-            total = self._normal_equations(noise_z)
-            factor, usable = _factor(total)
-            z = np.concatenate([np.zeros((len(noise_z), self.count)), noise_z], axis=1)
-            theta = self.posterior.space.to_physical(z)
-            value = self.posterior.log_prior(z) - 0.5 * total[-1, -1]
-            noise = self.posterior.noise
-            for record, place, steps in zip(
-                self.posterior.records, self.posterior.layout, self.posterior.steps, strict=True
-            ):
-                none = np.zeros((len(z), record.n))
-                for at in place.noise.values():
-                    shape = theta[:, at[1:]]
-                    density = noise.total_log_density(none, shape, steps) - record.n * np.log(theta[:, at[0]])
-                    value += noise.information(shape) * density
-            value += 0.5 * np.einsum("iw,iw->w", factor[-1], factor[-1]) - _log_volume(factor)
-        return np.where(usable & np.isfinite(value), value, -np.inf)
-
-    def _conditional(self, noise_z: Floats) -> tuple[Floats, Bools]:
-        """`_factor` of the normal equations given the noise."""
-        with np.errstate(all="ignore"):
-            return _factor(self._normal_equations(noise_z))
+            z, theta = self._physical(noise_z)
+            normal, squares = self.equations.solved(theta)
+            posterior = self.equations.posterior
+            value = posterior.log_prior(z) - 0.5 * squares
+            for rows, at, steps in self.equations.channels():
+                shape, n = theta[:, at[1:]], rows.shape[1]
+                density = posterior.noise.total_log_density(np.zeros((len(z), n)), shape, steps)
+                value += posterior.noise.information(shape) * (density - n * np.log(theta[:, at[0]]))
+            value += 0.5 * normal.pull_squared - normal.log_volume
+        return np.where(normal.usable & np.isfinite(value), value, -np.inf)
 
     def forward(self, z: Floats) -> tuple[Floats, Floats, Bools]:
         """Coordinates, log Jacobian, and whether `inverse` leads back to the same point."""
         m = self.count
         w, log_jacobian, back = self.inner.forward(z)
-        factor, usable = self._conditional(z[:, m:])
-        v = np.einsum("jiw,jw->wi", factor[:m], (w[:, :m] - self.start).T) - factor[m].T
-        return (
-            np.concatenate([v, z[:, m:]], axis=1),
-            log_jacobian + _log_volume(factor),
-            back & usable,
-        )
+        normal, _ = self.equations.solved(self._physical(z[:, m:])[1])
+        v = normal.whiten(w[:, :m] - self.start)
+        return np.concatenate([v, z[:, m:]], axis=1), log_jacobian + normal.log_volume, back & normal.usable
 
     def inverse(self, u: Floats) -> tuple[Floats, Floats, Bools]:
         """Points, log Jacobian there, and which were found."""
         m = self.count
-        factor, usable = self._conditional(u[:, m:])
-        w = self.start + _solve_transposed(factor[:m], u[:, :m].T + factor[m]).T
+        normal, _ = self.equations.solved(self._physical(u[:, m:])[1])
+        w = self.start + normal.colour(u[:, :m])
         z, log_jacobian, found = self.inner.inverse(np.concatenate([w, u[:, m:]], axis=1))
-        reached = found & usable & np.isfinite(z).all(axis=1)
-        return z, log_jacobian + _log_volume(factor), reached
-
-
-# There are thousands of small systems. A loop over their rows, each step for all systems at once, is several times
-# as fast as LAPACK one system after the other.
-def _factor(total: Floats) -> tuple[Floats, Bools]:
-    """Cholesky factors of bordered systems.
-
-    Parameters
-    ----------
-    total : ndarray, shape (m + 1, m + 1, W)
-        For each of W systems, the lower triangle of ``H`` (m, m), with the vector ``b`` as its last row.
-
-    Returns
-    -------
-    factor : ndarray, shape (m + 1, m, W)
-        Lower ``L`` with ``H = L L'``, and ``L**-1 b`` as its last row; that of the identity where it is not usable.
-    usable : ndarray of bool, shape (W,)
-        Whether all is finite and H positive definite, by more than rounding.
-    """
-    m = len(total) - 1
-    factor = np.zeros((m + 1, m, total.shape[2]))
-    usable = np.ones(total.shape[2], dtype=bool)
-    with np.errstate(all="ignore"):
-        for k in range(m):
-            column = total[k:, k] - np.einsum("ijw,jw->iw", factor[k:, :k], factor[k, :k])
-            usable &= column[0] > 1e-12 * total[k, k]
-            np.divide(column, np.sqrt(column[0]), out=factor[k:, k])
-    usable &= np.isfinite(factor[m]).all(axis=0) & np.isfinite(np.einsum("iiw->iw", factor[:m])).all(axis=0)
-    if not usable.all():
-        factor[:, :, ~usable] = np.eye(m + 1, m)[..., None]
-    return factor, usable
-
-
-def _log_volume(factor: Floats) -> Floats:
-    """Logarithm of the determinant of ``L``, shape (W,)."""
-    return np.asarray(np.log(np.einsum("iiw->iw", factor[:-1])).sum(axis=0))
-
-
-def _solve_transposed(lower: Floats, b: Floats) -> Floats:
-    """``x`` (m, W) with ``L' x = b``, for factors ``lower`` (m, m, W)."""
-    x = b.copy()
-    for i in reversed(range(len(x))):
-        x[i] /= lower[i, i]
-        x[:i] -= lower[i, :i] * x[i]
-    return x
+        reached = found & normal.usable & np.isfinite(z).all(axis=1)
+        return z, log_jacobian + normal.log_volume, reached

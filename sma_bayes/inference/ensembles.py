@@ -18,6 +18,7 @@ import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -165,7 +166,19 @@ def sample(
     progress : callable, optional
         Told in a few words what is going on.
     """
+    _keep_freed_memory()
     return _Run(density, width, seed, plan or Plan(), checkpoint, fingerprint, progress).go(starts)
+
+
+@cache
+def _keep_freed_memory() -> None:
+    """Have the C library hand freed memory out again instead of giving it back to the system.
+
+    glibc gives back what is free beyond twice the largest block so far that it had by itself from the system, and
+    arrays of half a megabyte, asked for and freed thousands of times, then cost more than what is done with them.
+    An array of 16 MB that nobody writes to takes no memory. With other C libraries it does nothing.
+    """
+    np.empty(1 << 21)
 
 
 def dispersed_starts(
