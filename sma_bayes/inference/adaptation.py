@@ -302,7 +302,7 @@ class _Rounds:
         if weight.sum() <= 0:
             return None
         weight = weight / weight.sum()
-        narrow = proposal.narrow.refitted(u, weight, rounds=4, held=held)
+        narrow = proposal.narrow.refitted(u, weight, rounds=3, held=held)
         return replace(proposal, narrow=narrow, wide=_widened(proposal.wide, z, weight))
 
 

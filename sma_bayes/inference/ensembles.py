@@ -49,7 +49,7 @@ class Plan:
     walkers : int
         Walkers of a group; raised to twice the dimension where that is more.
     block, burn : int
-        Steps of a block of independence moves, and steps dropped at the start.
+        Steps of the first block of independence moves, and steps dropped at the start.
     explore_block : int
         Steps of a block with differential evolution.
     evaluations : int
@@ -128,6 +128,11 @@ Walkers that start near a mode and creep along a bent ridge agree with each othe
 ends, and the more walkers there are the sooner they add up to the target: of 20 runs on a narrow banana all had
 reached it, with standard deviations a fifth too small."""
 
+LONGEST = 8
+"""Blocks of independence moves, at most."""
+IN_HAND = 1.15
+"""What is asked for beyond the effective draws that lack, whose number is itself an estimate."""
+
 LOOK_AGAIN = 1.2
 """By how much a chain must have grown to be assessed again: assessing then costs in proportion to its length."""
 
@@ -194,6 +199,15 @@ def dispersed_starts(
         if len(chosen) == count:
             break
     return chosen
+
+
+def _steps_lacking(convergence: Convergence, kept: int, plan: Plan) -> int:
+    """Steps to go on for, after so many that are kept: by what lacks in effective draws, a block at most."""
+    least = float(np.minimum(convergence.ess_bulk, convergence.ess_tail).min())
+    if not 0.0 < least < plan.target.ess:  # it is R-hat that lacks, or there is no telling
+        return plan.block
+    lacking = kept * (IN_HAND * plan.target.ess / least - 1.0)
+    return min(plan.block, max(1, math.ceil(lacking)))
 
 
 class _Run:
@@ -282,16 +296,19 @@ class _Run:
         """
         plan = self.plan
         group = _Group(self, name, adapted, seed, None, plan.block, copies=plan.groups)
-        for blocks in range(1, 9):
-            self.tell(f"independence moves, block {blocks}")
-            group.advance()
+        length, more = 0, plan.block
+        while length < LONGEST * plan.block:
+            self.tell(f"independence moves, from step {length + 1}")
+            group.advance(more)
+            length = len(group.chain)
             weights = Weights(group.log_weight)
-            most = plan.greatest_weight * max(1.0, 0.25 * blocks)
+            most = plan.greatest_weight * max(1.0, 0.25 * length / plan.block)
             if weights.efficiency < USABLE or weights.greatest > most:
                 return None
             convergence = assess(group.chains[:, plan.burn :], plan.target)
             if convergence.converged:
                 return self._draws([group], plan.burn, convergence, modes, weights, METHODS[name])
+            more = _steps_lacking(convergence, length - plan.burn, plan)
         return None
 
     def _explore(
@@ -466,11 +483,12 @@ class _Group:
             count += int(usable.sum())
         return np.concatenate(found)[: self.walkers], np.concatenate(values)[: self.walkers]
 
-    def advance(self) -> None:
-        """Run one more block, or read it."""
+    def advance(self, steps: int | None = None) -> None:
+        """Run one more block, or read it; `steps` are made up to whole batches of proposals, which cost the same."""
         block = next(self._stored, None)
         if block is None:
-            block = self._sample()
+            ahead = self.move.steps
+            block = self._sample(self.steps if steps is None else -(-steps // ahead) * ahead)
             if self.run.checkpoint is not None:
                 self.run.checkpoint.append(self.name, block)
         else:  # the budget must not depend on whether the run was interrupted
@@ -478,12 +496,12 @@ class _Group:
         self._blocks.append(block)
         self.state = State(block.chain[-1], log_prob=block.log_prob[-1], random_state=block.random_state)
 
-    def _sample(self) -> Block:
+    def _sample(self, steps: int) -> Block:
         self.move.start_block()
         self.move.log_weights.clear()
         self.sampler.reset()
         before = self.run.evaluations
-        for _ in self.sampler.sample(self.state, iterations=self.steps, skip_initial_state_check=True):
+        for _ in self.sampler.sample(self.state, iterations=steps, skip_initial_state_check=True):
             pass
         weights = self.move.log_weights
         return Block(

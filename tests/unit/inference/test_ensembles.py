@@ -234,13 +234,16 @@ def test_heavy_tails_in_ten_dimensions(joint: bool) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [1.0, 3.0])
 def test_a_funnel_in_ten_dimensions(width: float) -> None:
-    """Of widths from exp(-width) to exp(width) of that in the middle, in nine directions; the wider is out of reach."""
+    """Of widths from exp(-width) to exp(width) of that in the middle, in nine directions; the wider is out of reach.
+
+    The narrower takes 430,000 to 970,000 evaluations, by eight seeds.
+    """
 
     def log_prob(z: np.ndarray) -> np.ndarray:
         v = z[:, 0]
         return -0.5 * (v / width) ** 2 - 0.5 * (z[:, 1:] ** 2).sum(axis=1) * np.exp(-v) - 4.5 * v
 
-    draws = run(Density(log_prob, 10), plan=Plan(evaluations=600_000))
+    draws = run(Density(log_prob, 10), plan=Plan(evaluations=2_000_000 if width < 2.0 else 600_000))
     assert draws.convergence.converged == (width < 2.0)
     if draws.convergence.converged:
         right_moments(draws, np.zeros(10), np.array([width, *np.full(9, np.exp(0.25 * width**2))]))
