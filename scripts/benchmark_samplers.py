@@ -29,15 +29,12 @@ What is timed and what is not stands in docs/performance.md.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 import platform
 import time
 from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import asdict, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated
@@ -49,11 +46,12 @@ os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_paralleli
 import numpy as np  # noqa: E402
 import typer  # noqa: E402
 from benchmark.judgement import TARGET  # noqa: E402
-from benchmark.measure import Row, Task, measure_in, measure_in_fresh  # noqa: E402
+from benchmark.measure import Task, measure_in, measure_in_fresh  # noqa: E402
 from benchmark.problems import Case, Problem  # noqa: E402
 from benchmark.progress import Settings  # noqa: E402
+from benchmark.rows import Row, add_row, read_rows  # noqa: E402
 from benchmark.samplers import SAMPLERS  # noqa: E402
-from benchmark.summary import Line, as_json, case_of, summarise  # noqa: E402
+from benchmark.summary import Line, as_json, summarise  # noqa: E402
 from benchmark.workers import Worker  # noqa: E402
 from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
@@ -114,7 +112,7 @@ def run(
                     row = (
                         measure_in_fresh(task, problem) if cold else measure_in(workers[name], task, problem)
                     )
-                    _write(out, row, replace)
+                    add_row(out, row, replace=replace)
                     _tell(row)
 
 
@@ -175,30 +173,6 @@ def _describe(out: Path) -> None:
         raise typer.BadParameter(f"{path} tells of another machine or other versions; choose another --out")
 
 
-def _read(path: Path) -> list[Row]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return [Row.parse(row) for row in csv.DictReader(file)]
-
-
-def _write(path: Path, row: Row, replace: bool) -> None:
-    """Add a row; with `replace`, earlier sessions' rows of the same sampler on the same record go."""
-    rows = _read(path) if path.exists() else []
-    if replace:
-        rows = [old for old in rows if old.session == row.session or _place(old) != _place(row)]
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [f.name for f in fields(Row)], lineterminator="\n")
-    writer.writeheader()
-    for each in [*rows, row]:
-        writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in asdict(each).items()})
-    fresh = path.with_suffix(".part")
-    fresh.write_text(text.getvalue(), encoding="utf-8")
-    fresh.replace(path)
-
-
-def _place(row: Row) -> tuple[str, ...]:
-    return (*case_of(row), row.record, row.sampler)
-
-
 @app.command()
 def table(
     file: Annotated[Path, typer.Argument(help="CSV file that `run` wrote.")],
@@ -208,12 +182,12 @@ def table(
     markdown: Annotated[bool, typer.Option(help="Print tables for a Markdown document.")] = False,
 ) -> None:
     """Print medians, ranges and ratios."""
-    rows = _read(file)
+    rows = read_rows(file)
     lines = summarise(rows)
-    for case in dict.fromkeys(map(case_of, lines)):
+    for case in dict.fromkeys(line.case for line in lines):
         kind, channels, noise, length = case
         title = f"{channels}, {noise} noise, {length} points, {kind}"
-        (_print_markdown if markdown else _print_table)(title, [x for x in lines if case_of(x) == case])
+        (_print_markdown if markdown else _print_table)(title, [x for x in lines if x.case == case])
     if write_json is not None:
         document = {
             "schema": SCHEMA,

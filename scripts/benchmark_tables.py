@@ -33,15 +33,12 @@ TITLES = {
     "lmfit": "lmfit `emcee`",
 }
 CASES = {
-    ("FX", "independent", "100"): "FX, independent, 100",
-    ("FX", "independent", "1000"): "FX, independent, 1000",
-    ("FX", "ar1", "100"): "FX, AR(1), 100",
-    ("FX", "ar1", "1000"): "FX, AR(1), 1000",
-    ("S", "independent", "100"): "S, independent, 100",
-    ("S", "independent", "1000"): "S, independent, 1000",
-    ("S", "ar1", "100"): "S, AR(1), 100",
-    ("S", "ar1", "1000"): "S, AR(1), 1000",
+    ("independent", "100"): "independent, 100",
+    ("independent", "1000"): "independent, 1000",
+    ("ar1", "100"): "AR(1), 100",
+    ("ar1", "1000"): "AR(1), 1000",
 }
+CHANNELS = ("FX", "S")
 KERNELS = ("numpy", "numexpr", "numba")
 
 
@@ -92,24 +89,43 @@ def campaign(rows: Rows) -> None:
 
 
 def one_record(rows: Rows) -> None:
-    """Median times of samplers in each case; what did not reach the target with the time after which it was stopped."""
-    cells: dict[tuple[str, tuple[str, ...]], Rows] = defaultdict(list)
+    """Median times of samplers on one record, a table for each set of channels and a column for each kind of data."""
+    cells: dict[tuple[str, ...], Rows] = defaultdict(list)
     for row in rows:
-        cells[row["sampler"], (row["channels"], row["noise"], row["length"])].append(row)
-    measured = [case for case in CASES if any((name, case) in cells for name in TITLES)]
-    lines = []
-    for name, title in TITLES.items():
-        found = [cells.get((name, case), []) for case in measured]
-        if any(found):
-            lines.append([title, *map(cell, found)])
-    show(["sampler", *(CASES[case] for case in measured)], lines)
+        cells[row["sampler"], row["channels"], row["noise"], row["length"]].append(row)
+    for channels in CHANNELS:
+        lines = []
+        for name, title in TITLES.items():
+            found = [cells.get((name, channels, *case), []) for case in CASES]
+            if any(found):
+                lines.append([title, *map(cell, found)])
+        show([f"{channels}: sampler", *CASES.values()], lines)
+
+
+def cold(rows: Rows) -> None:
+    """Median times from the start of a fresh process, beside those of one in which all is imported and compiled."""
+    by: dict[tuple[str, str], Rows] = defaultdict(list)
+    for row in rows:
+        if (row["channels"], row["noise"], row["length"]) == ("FX", "independent", "100"):
+            by[row["sampler"], row["kind"]].append(row)
+    found = [
+        (by.get((name, "cold"), []), by.get((name, "warm"), []), title) for name, title in TITLES.items()
+    ]
+    show(["sampler", "cold", "warm"], [[title, cell(c), cell(w)] for c, w, title in found if c])
 
 
 def cell(rows: Rows) -> str:
+    """Median time; where not all runs reached the target a lower bound, and how many did or why they did not."""
     if not rows:
         return "not measured"
-    bound = "" if all(row["reached"] == "True" for row in rows) else "> "
-    return f"{bound}{statistics.median(map(cpu, rows)):.3g}"
+    failed = [row for row in rows if row["reached"] != "True"]
+    time = f"{statistics.median(map(cpu, rows)):.3g}"
+    if not failed:
+        return time
+    note = f" ({len(rows) - len(failed)} of {len(rows)})" if len(failed) < len(rows) else ""
+    claimed = " †" if any(row["claimed_s"] != "nan" for row in failed) else ""
+    killed = " ‡" if any(row["ended"] == "killed" for row in failed) else ""
+    return f"> {time}{note}{claimed}{killed}"
 
 
 def stages(rows: Rows) -> None:
@@ -130,9 +146,11 @@ def kernels(rows: Rows) -> None:
 
 if __name__ == "__main__":
     data = Path(sys.argv[1])
-    peers = [row for row in read(data / "peers.csv") if row["kind"] == "warm"]
+    peers = read(data / "peers.csv")
+    warm = [row for row in peers if row["kind"] == "warm"]
     campaign([row for row in read(data / "samplers.csv") if row["kind"] == "warm"])
-    campaign(peers)
-    one_record(peers)
+    campaign(warm)
+    one_record(warm)
+    cold(peers)
     stages(read(data / "stages.csv"))
     kernels(read(data / "kernels.csv"))

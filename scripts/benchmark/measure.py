@@ -5,16 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Generator
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from benchmark.judgement import TARGET, Reference, Verdict, judge
 from benchmark.problems import Case, Problem
 from benchmark.progress import GROUPS, Progress, Settings
+from benchmark.rows import OWN, Row
 from benchmark.samplers import ONE_BY_ONE, SAMPLERS
 from benchmark.workers import Ended, TimeUp, Worker, at_most
 
-OWN = "sma_bayes"
 PATIENCE = 1.2
 """Multiple of the limit of time at which a sampler that has not handed over its draws is broken off."""
 GRACE_S = 5.0
@@ -60,78 +60,6 @@ class Task:
     def problem(self) -> Problem:
         """The posterior to sample."""
         return Problem.of(self.case.records()[self.index], self.case.noise)
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One run of one sampler on one record.
-
-    Attributes
-    ----------
-    kind : str
-        ``warm``: everything imported; ``cold``: a fresh process, from its start to the draws.
-    length : str
-        Samples of a record that were asked for: a number, or ``demo``.
-    points, parameters : int
-        Samples of this record, and sampled parameters.
-    reached : bool
-        Whether the target was met by draws of the right posterior.
-    claimed_s : float
-        When R-hat and effective sample size were met for the first time, whatever the draws; NaN if never.
-    wall_s, cpu_s : float
-        To the target, or to the limit where that was not reached. Finding the least-squares start (`warm_s`) is
-        not in it, for nobody, but for ``cold``, for everybody.
-    discard : float
-        Share of the steps dropped as burn-in.
-    share_errors : float
-        Greatest difference of a share of the draws from that of a longer run of this package [standard errors]; see
-        `judgement`. NaN in rows that were measured when means and standard deviations were compared.
-    mean_shift : float
-        Greatest difference of a mean from that of a longer run of this package [sd of the posterior].
-    sd_low, sd_high : float
-        Least and greatest ratio of a standard deviation to that of the longer run.
-    ended : str
-        ``target``: reached; ``time``: broken off at the limit; ``killed``: its process was ended after the limit,
-        since it did not let itself be broken off; ``itself``: the sampler stopped of its own accord.
-    """
-
-    session: str
-    kind: str
-    channels: str
-    noise: str
-    length: str
-    record: str
-    points: int
-    parameters: int
-    sampler: str
-    walkers: int
-    start: str
-    log_prob: str
-    repeat: int
-    place: int
-    limit_s: float
-    reached: bool
-    claimed_s: float
-    wall_s: float
-    cpu_s: float
-    warm_s: float
-    evaluations: int
-    steps: int
-    discard: float
-    rhat: float
-    ess_bulk: float
-    ess_tail: float
-    share_errors: float
-    mean_shift: float
-    sd_low: float
-    sd_high: float
-    ended: str
-
-    @staticmethod
-    def parse(text: dict[str, str]) -> Row:
-        """A row as it was written to a CSV file."""
-        read = {"str": str, "int": int, "float": float, "bool": lambda s: s == "True"}
-        return Row(**{f.name: read[str(f.type)](text[f.name]) for f in fields(Row)})
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from benchmark.measure import Row
-
-OWN = "sma_bayes"
+from benchmark.rows import OWN, Row
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +64,11 @@ class Line:
     sd_off: float
 
     @property
+    def case(self) -> Key:
+        """What is measured."""
+        return (self.kind, self.channels, self.noise, self.length)
+
+    @property
     def bound(self) -> str:
         """What to write before a time that is only a lower bound."""
         return "" if self.reached == self.runs else "> "
@@ -74,17 +77,12 @@ class Line:
 Key = tuple[str, ...]
 
 
-def case_of(row: Row | Line) -> Key:
-    """What is measured: rows of the same case are compared."""
-    return (row.kind, row.channels, row.noise, row.length)
-
-
 def summarise(rows: Iterable[Row]) -> list[Line]:
     """Summarise runs, a line for each case and sampler, in the order in which they first occur."""
     cases: dict[Key, dict[Key, list[Row]]] = defaultdict(lambda: defaultdict(list))
     for row in rows:
         way = (row.sampler, str(row.walkers) if row.sampler != OWN else "", row.start, row.log_prob)
-        cases[case_of(row)][way].append(row)
+        cases[row.case][way].append(row)
     lines = []
     for case in cases.values():
         own = [row for way, found in case.items() if way[0] == OWN for row in found]
