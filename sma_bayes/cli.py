@@ -29,6 +29,7 @@ _GO_ON = {
     "demo": "; the same command goes on from here",
     "fit": "; the same command with --resume goes on from here",
     "gap": "; the same command with --resume begins the study anew, or draws the report of one that is finished",
+    "compare": "; the same command with --resume begins anew, or draws the report of what is finished",
     "conditions": "; the same command with --resume begins anew, or draws the report of what is finished",
     "report": "; the same command begins anew",
     "run": "; the same command with --resume goes on from here",
@@ -69,8 +70,11 @@ Arranged = Annotated[
         help="Bias spring, Eq. (8): 'published_difference', 'parallel' or 'series'; none by default."
     ),
 ]
-Bias = Annotated[float, typer.Option(help="Stiffness of the bias spring [N/m].")]
-BiasSd = Annotated[float, typer.Option(help="Standard deviation of that stiffness [N/m].")]
+Bias = Annotated[float | None, typer.Option(help="Stiffness of the bias spring [N/m]; 130 by default.")]
+BiasSd = Annotated[
+    float | None,
+    typer.Option(help="Standard deviation of that stiffness [N/m]; 6.5 by default."),
+]
 Source = Annotated[
     Path, typer.Argument(metavar="PATH", help="Campaign folder, campaign.toml, or a data file.")
 ]
@@ -185,8 +189,8 @@ def fit(
     pool: PoolChoice = "none",
     extrapolate: Extrapolate = 0.0,
     arrangement: Arranged = None,
-    bias: Bias = 130.0,
-    bias_sd: BiasSd = 6.5,
+    bias: Bias = None,
+    bias_sd: BiasSd = None,
     figures: Figures = "auto",
     no_figures: NoFigures = False,
     scheduler: Scheduler = None,

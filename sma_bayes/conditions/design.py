@@ -129,7 +129,7 @@ class Design:
             if setting not in self.stated:
                 raise MeasurementError(
                     f"{setting} = {asked:g}: no value of it is stated for {', '.join(self.ids)}",
-                    expected=f"settings among {', '.join(self.stated) or 'none'}",
+                    expected=f"settings among {', '.join(self.stated)}" if self.stated else "no settings",
                     remedy=f"state {setting} in campaign.toml, or leave it out",
                 )
             usual = float(self.values(setting)[0])

@@ -195,6 +195,8 @@ class PriorSet:
                         file=self.file,
                         column=f"{table}.{name}",
                         expected=near_matches(name, names),
+                        remedy=f"correct the name; or give priors of the model that is fitted, these are of "
+                        f"{self.model or 'none that is named'!r}",
                     )
 
 
@@ -223,7 +225,7 @@ def read_priors(name_or_path: str | Path) -> PriorSet:
         if path.name not in shipped_priors():
             raise PriorError(
                 f"no priors are called {str(name_or_path)!r}",
-                expected=f"{' or '.join(shipped_priors())}, or the path of a .toml file",
+                expected="the name of a shipped set, or the path of a .toml file",
                 remedy=near_matches(str(name_or_path), shipped_priors()),
             )
         path = priors_folder() / f"{path.name}.toml"

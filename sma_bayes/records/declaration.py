@@ -271,6 +271,13 @@ def read_declaration(path: Path, data_dir: Path | None, settings: SplitSettings)
             remedy=_similar(path),
         )
     if path.suffix.lower() != ".toml":
+        if data_dir is not None:
+            raise CampaignError(
+                f"--data {data_dir} beside a data file",
+                file=path,
+                expected="--data with a campaign file that names data files",
+                remedy="leave --data out",
+            )
         return _single_file(path, settings)
     content = path.read_bytes()
     document = checked(_Document, parsed_toml(content, path), file=path, where="")

@@ -84,6 +84,18 @@ def described(found: Sequence[tuple[str, str, str]], unused: Sequence[str]) -> s
     --------
     >>> described([("force_N", "force", "N")], ["note"])
     "known by their names: 'force_N' as force [N]; not used: 'note'"
+    >>> described([("force_N", "force", "N")], ["time_X"])
+    "known by their names: 'force_N' as force [N]; not used: 'time_X' ('X' is no unit of time)"
     """
     text = "known by their names: " + ", ".join(f"{h!r} as {q} [{u}]" for h, q, u in found)
-    return text + ("; not used: " + ", ".join(repr(h) for h in unused) if unused else "")
+    return text + ("; not used: " + ", ".join(map(_unused, unused)) if unused else "")
+
+
+def _unused(header: str) -> str:
+    """Header that was not understood; where it begins as a quantity does, with what is wrong about the rest."""
+    match = _HEADER.fullmatch(header.strip())
+    if match is None or match.group(1).lower() in _BARE:
+        return repr(header)
+    written = match.group(2) or match.group(3)
+    wrong = f"{written!r} is no unit of {match.group(1).lower()}" if written else "which unit?"
+    return f"{header!r} ({wrong})"

@@ -178,7 +178,7 @@ def _index(quantity: str, column: Column, table: Table, declared: DeclaredCondit
             column=where,
             expected=f"a number from 1 to {len(table.columns)}",
             remedy="give the column by its number, { column = 2, unit = ... }; if there is a header, set "
-            "header = true and perhaps skip_rows in [reading]",
+            "header = true and perhaps skip_rows in [reading] of campaign.toml",
         )
     if found:
         numbers_there = " and ".join(str(i + 1) for i in found)
@@ -309,7 +309,7 @@ def _within_window(run: Run, declared: DeclaredCondition) -> tuple[Run, tuple[Fi
             column=f"{declared.where}.segmentation",
             expected="a column of time",
             remedy='declare time under [columns], for example { row_interval = 0.1, unit = "s" }, or use '
-            "first_row and last_row in [reading]",
+            "first_row and last_row in [reading] of campaign.toml",
         )
     out = np.zeros(run.n, dtype=bool)
     if low is not None:

@@ -54,7 +54,9 @@ def headline(group: Mapping[str, Any]) -> str:
     else:
         best = SHORT[group["preferred"]]
         outcome = f"the {group['verdict'].replace('_', ' ')} wins ({best}): {group['why']}"
-    return f"{group['channel']}, {len(group['records'])} records together: {outcome}. Record by record: {counts}."
+    count = len(group["records"])
+    together = f"{count} records together" if count > 1 else "one record"
+    return f"{group['channel']}, {together}: {outcome}. Record by record: {counts}."
 
 
 def command(found: Mapping[str, Any]) -> str:

@@ -99,13 +99,6 @@ def read_study(folder: Path) -> StoredStudy:
         If the study is not finished, of another version, or a file can't be read.
     """
     found = GAP.read(folder)
-    if "thresholds" not in found:
-        raise OutputError(
-            "was written by another version",
-            file=folder / GAP.file,
-            expected=f"the schema {GAP.schema!r} as this version of sma_bayes writes it",
-            remedy="make the study anew with this version",
-        )
     needed = (POSTERIOR, SERIES) if found["effects"] or found["partial"] else (SERIES,)
     lacking = [str(p) for p in needed if not (folder / p).is_file()]
     if lacking:

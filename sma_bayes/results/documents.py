@@ -37,12 +37,15 @@ class Document:
     schema : str
     what : str
         What a folder with it holds: ``a gap study``.
+    keys : tuple of str
+        What it must hold.
     """
 
     verb: str
     file: str
     schema: str
     what: str
+    keys: tuple[str, ...] = ()
 
     def is_in(self, folder: Path) -> bool:
         """Whether a folder holds such a run, finished or not."""
@@ -83,15 +86,39 @@ class Document:
                 f"has the schema {schema!r}",
                 file=path,
                 expected=f"the schema {self.schema!r}",
-                remedy=f"{self.verb} again into another folder, with this version of sma_bayes",
+                remedy=self._elsewhere,
+            )
+        lacking = [key for key in self.keys if key not in found]
+        if lacking:
+            raise OutputError(
+                f"lacks {' and '.join(map(repr, lacking))}",
+                file=path,
+                expected=f"what this version of sma_bayes writes under the schema {self.schema!r}",
+                remedy=self._elsewhere,
             )
         return dict(found)
 
+    @property
+    def _elsewhere(self) -> str:
+        return f"{self.verb} again into another folder, with this version of sma_bayes"
 
-FIT: Final = Document("fit", "summary.json", "sma-bayes/fit/1", "a fit")
-COMPARISON: Final = Document("compare", "comparison.json", "sma-bayes/comparison/1", "a comparison of models")
-GAP: Final = Document("gap", "gap.json", "sma-bayes/gap/1", "a gap study")
+
+FIT: Final = Document("fit", "summary.json", "sma-bayes/fit/1", "a fit", ("records",))
+COMPARISON: Final = Document(
+    "compare",
+    "comparison.json",
+    "sma-bayes/comparison/1",
+    "a comparison of models",
+    ("records", "overall"),
+)
+GAP: Final = Document(
+    "gap", "gap.json", "sma-bayes/gap/1", "a gap study", ("effects", "partial", "thresholds", "gap")
+)
 CONDITIONS: Final = Document(
-    "conditions", "conditions.json", "sma-bayes/conditions/1", "a study of conditions"
+    "conditions",
+    "conditions.json",
+    "sma-bayes/conditions/1",
+    "a study of conditions",
+    ("groups", "features", "effects", "predictions", "held_out"),
 )
 STUDY: Final = Document("study", "study.json", "sma-bayes/study/1", "the folders of a study")

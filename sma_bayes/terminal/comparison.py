@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from sma_bayes.terminal.screen import many
+
 
 def comparison_text(found: Mapping[str, Any]) -> str:
     """What `comparison.json` says, in a few lines for a terminal."""
@@ -14,7 +16,7 @@ def comparison_text(found: Mapping[str, Any]) -> str:
         rival = f", ln Bayes factor {r['ln_bayes_factor']:.1f} over {r['rival']}" if r["rival"] else ""
         lines.append(f"  {r['key']:<{width}}  {r['verdict']:<16}  {r['preferred']}{rival}")
     for group in found["overall"]:
-        together = f"{group['channel']}, {len(group['records'])} records together"
+        together = f"{group['channel']}, {many(len(group['records']), 'record')} together"
         lines.append(f"{together}: {group['verdict'].upper()}. {group['why']}")
     if not found["converged"]:
         names = ", ".join(r["key"] for r in found["records"] if not r["converged"])

@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from sma_bayes.report.choice import MANY
-from sma_bayes.terminal.screen import SHOWN, screen, show_end
+from sma_bayes.terminal.screen import SHOWN, many, screen, show_end
 
 
 def show_fit(summary: dict[str, Any], out: Path) -> None:
@@ -46,10 +46,8 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
     dropped = sum(f["dropped"] for f in summary["findings"])
     if summary["findings"]:
-        console.print(
-            f"{len(summary['findings'])} findings about the data, {dropped} rows kept out: "
-            "see the report or `sma-bayes inspect`"
-        )
+        findings, rows = many(len(summary["findings"]), "finding"), many(dropped, "row")
+        console.print(f"{findings} about the data, {rows} kept out: see the report or `sma-bayes inspect`")
     if not summary["converged"]:
         names = [r["key"] for r in summary["records"] if not r["converged"]]
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""

@@ -54,9 +54,9 @@ def condition_at(text: str, *, specimen: bool) -> Condition:
         return ConditionTable(id=label, file="none", **values).condition(specimen=specimen)
     except ValidationError as error:
         first = error.errors()[0]
-        raise SmaBayesError(
-            f"--at {text}: {first['msg']}", column=str(next(iter(first["loc"]), ""))
-        ) from None
+        expected = first["msg"].removeprefix("Input should be ")
+        wrong = "".join(f": {name} = {values[str(name)]:g}" for name in first["loc"])
+        raise SmaBayesError(f"--at {text}{wrong}", expected=expected) from None
     except ValueError as error:
         raise SmaBayesError(f"--at {text}", expected=str(error)) from None
 

@@ -15,7 +15,7 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet, read_priors
 from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Branch, Campaign, Record
-from sma_bayes.response.arrangement import Arrangement, BiasSpring
+from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD, Arrangement, BiasSpring
 from sma_bayes.results.fitting import AUTO
 
 DEFAULT_PRIORS: Final = "modified_sigmoid"
@@ -70,20 +70,38 @@ def pool_named(name: str) -> Pool:
     raise SmaBayesError(f"--pool {name!r}", expected="'none' or 'campaign'")
 
 
-def bias_spring(arrangement: str | None, stiffness: float, sd: float) -> BiasSpring | None:
+def bias_spring(
+    arrangement: str | None, stiffness: float | None = None, sd: float | None = None
+) -> BiasSpring | None:
     """Bias spring by the name of its arrangement; None for none.
+
+    Parameters
+    ----------
+    arrangement : str, optional
+    stiffness, sd : float, optional
+        Stiffness and its standard deviation [N/m]; those of the paper's bias spring by default.
 
     Raises
     ------
     SmaBayesError
-        If there is no such arrangement.
+        If there is no such arrangement, or a stiffness without one.
     """
     if arrangement is None:
+        if stiffness is not None or sd is not None:
+            raise SmaBayesError(
+                "--bias or --bias-sd without --arrangement",
+                expected=f"--arrangement {', '.join(Arrangement)}: how the bias spring is joined to the other",
+                remedy="name the arrangement, or leave the bias spring out",
+            )
         return None
     known = [a.value for a in Arrangement]
     if arrangement not in known:
         raise SmaBayesError(f"--arrangement {arrangement!r}", expected=near_matches(arrangement, known))
-    return BiasSpring(Arrangement(arrangement), stiffness, sd)
+    return BiasSpring(
+        Arrangement(arrangement),
+        BIAS_STIFFNESS if stiffness is None else stiffness,
+        BIAS_STIFFNESS_SD if sd is None else sd,
+    )
 
 
 def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
@@ -102,11 +120,18 @@ def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
     PriorError
         If a prior is missing, has no parameter, or is wrong, or records can't share parameters.
     SmaBayesError
-        If bands are to go on for ever.
+        If bands are to go on for ever, or the noise needs time and a record has none.
     """
     if not np.isfinite(options.extrapolate):
         raise SmaBayesError(f"--extrapolate {options.extrapolate}", expected="a finite number of degrees")
     noise = NOISE_MODELS["independent" if options.noise == AUTO else options.noise]
+    timeless = [record.key for group in groups for record in group if "time" not in record.inputs]
+    if noise.needs_time and timeless:
+        raise SmaBayesError(
+            f"--noise {options.noise}: {timeless[0]} has no time",
+            expected="recorded time in every record",
+            remedy="map a column of time, or choose another noise model, such as ar1",
+        )
     for group in groups:
         one = [dict.fromkeys(record.channels, 1.0) for record in group]  # stands for residual and memory
         build_posterior(group, NOISE_MODELS["independent"], options.priors)

@@ -104,7 +104,9 @@ def _check_mark(folder: Path, identity: dict[str, Any], resume: bool) -> None:
         )
     if different:
         raise ResumeError(
-            f"holds a run that differs in {', '.join(different)}",
+            "holds what another command has written"
+            if "kind" in different
+            else f"holds a run that differs in {', '.join(different)}",
             file=folder,
             expected="the same data, priors, options and versions",
             remedy="resume with what the run was started with, or choose another --out",

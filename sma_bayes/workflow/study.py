@@ -17,7 +17,6 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
-from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD
 from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, STUDY
 from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, write_json
@@ -165,11 +164,7 @@ def _place(study: Study, key: str) -> Iterator[None]:
 
 
 def _bias(options: Mapping[str, Any]) -> Any:
-    return bias_spring(
-        options.get("arrangement"),
-        options.get("bias", BIAS_STIFFNESS),
-        options.get("bias_sd", BIAS_STIFFNESS_SD),
-    )
+    return bias_spring(options.get("arrangement"), options.get("bias"), options.get("bias_sd"))
 
 
 def _steps(study: Study, campaign: Campaign, folder: Path, jobs: int | None, resume: bool) -> list[_Step]:

@@ -159,6 +159,14 @@ def test_priors(run: Run, measured: Path, tmp_path: Path, what: str, jobs: int) 
         ("--extrapolate", "inf", ["--extrapolate inf", "a finite number"]),
         ("--extrapolate", "nan", ["--extrapolate"]),
         ("--nosie", "ar1", ["--nosie", "--noise"]),
+        ("--bias", "120", ["without --arrangement", "parallel", "what to do"]),
+        ("--arrangement", "paralel", ["did you mean 'parallel'?"]),
+        ("--data", "elsewhere", ["--data elsewhere beside a data file", "leave --data out"]),
+        (
+            "--priors",
+            "logistic",
+            ["'both.K_min'", "no parameter is called 'K_min'", "these are of 'logistic'"],
+        ),
     ],
 )
 def test_options(run: Run, measured: Path, tmp_path: Path, option: str, value: str, parts: list[str]) -> None:

@@ -158,7 +158,7 @@ def test_a_damaged_document_is_not_written_over(run: Run, done: Path, tmp_path: 
     [
         ("gap", (), "holds this run already"),
         ("gap", ("--seed", 1, "--resume"), "differs in seed"),
-        ("fit", ("--resume",), "differs in"),
+        ("fit", ("--resume",), "another command"),
     ],
 )
 def test_another_run_does_not_write_over_a_study(

@@ -46,13 +46,13 @@ def recognise(path: Path) -> str:
                 "several formats recognise the file: " + ", ".join(names),
                 file=path,
                 expected="one format",
-                remedy="set `format` in [reading] to one of them",
+                remedy="set `format` in [reading] of campaign.toml to one of them",
             )
     raise MeasurementError(
         "the file is of no format that is known",
         file=path,
         expected=", ".join(form.title for form in FORMATS.values()),
-        remedy="export it as CSV, or set `format` and `encoding` in [reading]",
+        remedy="export it as CSV, or set `format` and `encoding` in [reading] of campaign.toml",
     )
 
 

@@ -88,14 +88,14 @@ def text_lines(path: Path, encoding: str | None) -> list[str]:
             file=path,
             row=row,
             expected=f"text in {encoding}",
-            remedy='name the encoding in [reading], for many Windows programs encoding = "cp1252"',
+            remedy='name the encoding in [reading] of campaign.toml, for many Windows programs encoding = "cp1252"',
         ) from None
     except LookupError:
         raise MeasurementError(
             f"encoding {encoding!r} is not known",
             file=path,
             expected="an encoding that Python knows, such as utf-8, cp1252, latin-1 or utf-16",
-            remedy="correct `encoding` in [reading]",
+            remedy="correct `encoding` in [reading] of campaign.toml",
         ) from None
     return text.replace("\r\n", "\n").replace("\r", "\n").removeprefix("\ufeff").split("\n")
 
@@ -148,14 +148,14 @@ def _delimiter(lines: Sequence[str], reading: Reading, path: Path) -> tuple[str,
             "the delimiter can't be told: " + " and ".join(repr(d) for d in rivals) + " fit equally well",
             file=path,
             expected="one delimiter",
-            remedy="set `delimiter` in [reading]",
+            remedy="set `delimiter` in [reading] of campaign.toml",
         )
     if shapes[best].filled < 2 and not reading.quoted_rows and _whole_rows_quoted(sample):
         raise MeasurementError(
             "each whole row stands in quotation marks",
             file=path,
             expected="a delimiter outside the quotation marks",
-            remedy="set quoted_rows = true in [reading]",
+            remedy="set quoted_rows = true in [reading] of campaign.toml",
         )
     return best, shapes[best]
 

@@ -128,7 +128,7 @@ def tabulate(
             "no row of numbers",
             file=file,
             expected="rows with the same number of cells, most of them numbers",
-            remedy="check `delimiter`, `decimal`, `skip_rows` and `quoted_rows` in [reading]",
+            remedy="check `delimiter`, `decimal`, `skip_rows` and `quoted_rows` in [reading] of campaign.toml",
         )
     names, findings = _header(above, shape, reading.header, file, resplit)
     cells, lines, more = _collect(chain([first], rows), shape, reading, file)
@@ -261,6 +261,6 @@ def _fitted(row: Sequence[object], shape: Shape, file: Path, line: int) -> Seque
             file=file,
             row=line,
             expected="rows of equal length",
-            remedy="complete the row, or leave it out with `first_row` or `last_row` in [reading]",
+            remedy="complete the row, or leave it out with `first_row` or `last_row` in [reading] of campaign.toml",
         )
     return [*row[: shape.width], *[""] * (shape.width - len(row))]

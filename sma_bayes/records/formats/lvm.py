@@ -70,7 +70,10 @@ def read(path: Path, reading: Reading) -> Table:
     segments = [s for s in _segments(lines, separator, path) if s.rows]
     if not segments:
         raise MeasurementError(
-            "no row of numbers after the header", file=path, expected="at least one segment with data"
+            "no row of numbers after the header",
+            file=path,
+            expected="at least one segment with data",
+            remedy="check that the recording was written to its end",
         )
     titles = segments[0].titles
     for segment in segments[1:]:
@@ -103,7 +106,12 @@ def _file_header(lines: Sequence[str], path: Path) -> dict[str, list[str]]:
             return tags
         name, *values = line.split(separator)
         tags[name.strip()] = values
-    raise MeasurementError(f"no line {_END}", file=path, expected="a header that is closed by that line")
+    raise MeasurementError(
+        f"no line {_END}",
+        file=path,
+        expected="a header that is closed by that line",
+        remedy="check that the recording was written to its end",
+    )
 
 
 def _segments(lines: Sequence[str], separator: str, path: Path) -> Iterator[_Segment]:

@@ -184,11 +184,11 @@ def _not_a_number(
 ) -> MeasurementError:
     more = f" (and {rows.size - 1} more in this column)" if rows.size > 1 else ""
     if decimal == "." and _COMMA_NUMBER.fullmatch(text):
-        remedy = 'if the comma is a decimal mark, set decimal = "," in [reading]'
+        remedy = 'if the comma is a decimal mark, set decimal = "," in [reading] of campaign.toml'
     else:
         remedy = (
-            f"correct the cell, list {text!r} under `missing` in [reading], map another column, or leave the "
-            "line out with `skip_rows`, `first_row` or `last_row`"
+            f"correct the cell, map another column, or in [reading] of campaign.toml list {text!r} under `missing`, or "
+            "leave the line out with `skip_rows`, `first_row` or `last_row`"
         )
     return MeasurementError(
         f"found {text!r}{more}",

@@ -182,7 +182,7 @@ def cut_findings(cut: Ints, kept: Ints, reading: Reading, file: Path) -> tuple[F
             f"no row is left by {limits}",
             file=file,
             expected=f"limits within the rows of data, {cut[0]} to {cut[-1]}",
-            remedy="correct `first_row` and `last_row` in [reading]; they are lines of the file, from 1",
+            remedy="correct `first_row` and `last_row` in [reading] of campaign.toml; lines count from 1",
         )
     message = f"{counted(cut, 'row')} outside {limits}, left out as declared"
     return (rows_finding("cut", message, cut, dropped=cut.size),)

@@ -49,7 +49,7 @@ def read(path: Path, reading: Reading) -> Table:
             f"the file has no group {reading.group!r}",
             file=path,
             expected=near_matches(reading.group, groups),
-            remedy="correct `group` in [reading]",
+            remedy="correct `group` in [reading] of campaign.toml",
         )
     chosen = groups if reading.group is None else {reading.group: groups[reading.group]}
     names: list[str] = []
@@ -60,7 +60,12 @@ def read(path: Path, reading: Reading) -> Table:
             names.append(prefix + name)
             columns.append(values)
     if not any(len(column) for column in columns):
-        raise MeasurementError("the file has no channel with data", file=path, expected="at least one")
+        raise MeasurementError(
+            "the file has no channel with data",
+            file=path,
+            expected="at least one",
+            remedy="check that the recording was written to its end, or export it as text",
+        )
     return Table(tuple(names), tuple(columns), sample_rows(max(map(len, columns))), findings)
 
 

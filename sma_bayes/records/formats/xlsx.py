@@ -100,7 +100,9 @@ def _chosen(sheets: dict[str, _Sheet], wanted: str | int | None, path: Path) -> 
     else:
         found = f"the workbook has no sheet {wanted!r}"
         expected = near_matches(str(wanted), titles)
-    raise MeasurementError(found, file=path, expected=expected, remedy="set `sheet` in [reading]")
+    raise MeasurementError(
+        found, file=path, expected=expected, remedy="set `sheet` in [reading] of campaign.toml"
+    )
 
 
 FORMAT = Format("Excel workbook", recognises, read)

@@ -101,7 +101,7 @@ class TestWays:
         seen = {f.kind: f for f in read_campaign(path).findings}["recognised"]
         assert seen.message == (
             "known by their names: 'time_s' as time [s], 'temperature_C' as temperature [degC], "
-            "'displacement_mm' as displacement [mm]; not used: 'force_raw'"
+            "'displacement_mm' as displacement [mm]; not used: 'force_raw' ('raw' is no unit of force)"
         )
         assert (seen.file, seen.condition) == ("b.csv", "b")
 

@@ -15,7 +15,7 @@ DOCUMENTS = (FIT, COMPARISON, GAP, CONDITIONS, STUDY)
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda d: d.verb)
 def test_what_is_written_is_read(tmp_path: Path, document: Document) -> None:
-    written = {"schema": document.schema, "numbers": [1, 2]}
+    written = {"schema": document.schema, **{key: [1, 2] for key in document.keys}}
     (tmp_path / document.file).write_text(json.dumps(written), encoding="utf-8")
     assert document.read(tmp_path) == written
     assert [d.verb for d in DOCUMENTS if d.is_in(tmp_path)] == [document.verb]
@@ -27,6 +27,7 @@ def test_what_is_written_is_read(tmp_path: Path, document: Document) -> None:
         ("{ broken", "can't be read"),
         ("[]", "has the schema None"),
         ('{"schema": "sma-bayes/gap/9"}', "has the schema 'sma-bayes/gap/9'"),
+        ('{"schema": "sma-bayes/gap/1", "effects": [], "partial": [], "gap": {}}', "lacks 'thresholds'"),
     ],
 )
 def test_a_document_that_can_not_be_used_is_named(tmp_path: Path, text: str, told: str) -> None:
