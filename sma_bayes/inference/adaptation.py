@@ -85,9 +85,7 @@ class Adapted:
         return replace(self, greatest_seen=float(seen.max()), acceptance=float(accepted.mean()))
 
 
-def adapt(
-    density: Density, modes: Sequence[Mode], rng: np.random.Generator, *, thorough: bool = False
-) -> Adapted:
+def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator, *, effort: int = 1) -> Adapted:
     """Fit a proposal to a density whose modes are known.
 
     Parameters
@@ -97,11 +95,11 @@ def adapt(
     modes : sequence of Mode
         Best first.
     rng : numpy.random.Generator
-    thorough : bool
-        Whether a `Posterior` is fitted to four times as many draws, in all coordinates even if the first do. For
-        another density it is one more try, with other draws.
+    effort : int
+        A `Posterior` is fitted to so many times as many draws, and beyond 1 in all coordinates even if the first do.
+        For another density it is another try, with other draws.
     """
-    fitted = [_adapt_mode(density, mode, rng, thorough) for mode in modes]
+    fitted = [_adapt_mode(density, mode, rng, effort) for mode in modes]
     found = fitted[0] if len(fitted) == 1 else _mixed(density, fitted, rng)
     # in its own coordinates a posterior is not bent
     return found if isinstance(density, Posterior) else _looked_around(density, found, rng)
@@ -126,25 +124,24 @@ def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
     return replace(adapted, proposal=replace(adapted.proposal, share=share))
 
 
-def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, thorough: bool) -> Adapted:
+def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: int) -> Adapted:
     wide = StudentMixture.from_covariances(np.ones(1), mode.z[None], 4.0 * mode.covariance[None], 4.0)
     if not isinstance(density, Posterior):
         return _adapt_plain(density, mode, wide, rng)
     count = int(np.sum(density.space.free_index < len(density.model.parameter_names)))
     best: Adapted | None = None
     evaluations = 0
-    draws = (4 if thorough else 1) * DRAWS
     for inner in _inner_coordinates(density, mode, count):
         try:
             coordinates = NoiseScaledCoordinates.about(density, mode.z, inner, count)
             narrow = _start(coordinates, mode, density, rng)
         except np.linalg.LinAlgError:
             continue
-        found = _refine(density, Proposal(coordinates, narrow, wide), rng, draws, HELD)
+        found = _refine(density, Proposal(coordinates, narrow, wide), rng, effort * DRAWS, HELD)
         evaluations += found.evaluations
         if best is None or found.weights.efficiency > best.weights.efficiency:
             best = found
-        if best.weights.efficiency >= GOOD and best.carries and not thorough:
+        if best.weights.efficiency >= GOOD and best.carries and effort == 1:
             break
     return replace(best, evaluations=evaluations) if best else _adapt_plain(density, mode, wide, rng)
 

@@ -34,6 +34,7 @@ from sma_bayes.inference.laplace import Density, Mode, climb
 from sma_bayes.inference.moves import IndependenceMove, differential_evolution
 from sma_bayes.inference.refitting import adapt_to_draws
 from sma_bayes.inference.weighted import Weights
+from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 
 
@@ -115,6 +116,7 @@ BATCH = 1024
 METHODS = {
     "independence": "independence",
     "wider": "independence",
+    "widest": "independence",
     "refitted": "independence after differential evolution",
 }
 """What a stage of independence moves is called in the results."""
@@ -247,7 +249,7 @@ class _Run:
         return self.density.log_prob(z)
 
     def go(self, starts: Sequence[Floats] | Sequence[Mode]) -> Draws:
-        adapt_seed, explore_seed, first, second, third, again_seed = self.seed.spawn(6)
+        adapt_seed, explore_seed, first, second, third, again_seed, fourth, more_seed = self.seed.spawn(8)
         groups = self.plan.groups
         self.tell("climbing to the modes")
         modes = self._modes(starts)
@@ -255,10 +257,15 @@ class _Run:
         self.evaluations += adapted.evaluations
         if adapted.carries:
             draws = self._independence("independence", adapted, modes, first)
-            if draws is None:  # a single draw in the tail may have weighed too much
-                adapted = adapt(self.density, modes, np.random.default_rng(again_seed), thorough=True)
-                self.evaluations += adapted.evaluations
-                draws = self._independence("wider", with_wide_share(adapted), modes, second)
+            # a single draw in the tail may have weighed too much
+            for name, effort, seeds in (
+                ("wider", 4, (again_seed, second)),
+                ("widest", 16, (more_seed, fourth)),
+            ):
+                if draws is None and (effort <= 4 or isinstance(self.density, Posterior)):
+                    adapted = adapt(self.density, modes, np.random.default_rng(seeds[0]), effort=effort)
+                    self.evaluations += adapted.evaluations
+                    draws = self._independence(name, with_wide_share(adapted), modes, seeds[1])
             if draws is not None:
                 return draws
         return self._explore(adapted, modes, np.random.default_rng(explore_seed), third.spawn(groups))
