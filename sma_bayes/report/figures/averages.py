@@ -23,6 +23,7 @@ from sma_bayes.report.figures.sheet import (
     label_width,
     panels,
 )
+from sma_bayes.report.notation import unit_label
 
 NEAREST: Final = 1e-9
 """How near to 1 a correlation is drawn at most."""
@@ -75,6 +76,7 @@ def average_figure(content: Content) -> Drawing:
         correlation_axis(ax, marks)
         row_names(ax, names, labelled=ax is axes[0])
         ax.set_title(f"average r of {name}")
+        _tell_apart(ax, (name, unit), [c[1:] for c in channels])
     figure.legend(
         handles=[
             *(dot_handle(colour, f"{branch}, measured data") for branch, colour in BOTH.items()),
@@ -93,6 +95,13 @@ def average_figure(content: Content) -> Drawing:
         figure=figure,
         data=average_columns(content.averages),
     )
+
+
+def _tell_apart(ax: Axes, channel: tuple[str, str], channels: Sequence[tuple[str, str]]) -> None:
+    """Name the unit of a channel that was measured in several."""
+    name, unit = channel
+    if [n for n, _ in channels].count(name) > 1:
+        ax.set_xlabel(f"r [1], {name} in {unit_label(unit)}")
 
 
 def correlation_axis(ax: Axes, marks: Sequence[Mark]) -> None:
@@ -129,11 +138,21 @@ def row_names(ax: Axes, names: Sequence[str], *, labelled: bool) -> None:
 def average_columns(averages: Sequence[AverageFactor]) -> Mapping[str, Any]:
     """Average factors as columns of a file."""
     rows = [
-        (a.channel, a.branch, a.data, a.rule, len(a.records), e.q05, e.median, e.q95, a.above)
+        (a.channel, a.unit, a.branch, a.data, a.rule, len(a.records), e.q05, e.median, e.q95, a.above)
         for a in averages
         for e in (a.factors["r"],)
     ]
-    header = ("channel", "branch", "data", "rule", "records [1]", "r_q05 [1]", "r_median [1]", "r_q95 [1]")
+    header = (
+        "channel",
+        "unit",
+        "branch",
+        "data",
+        "rule",
+        "records [1]",
+        "r_q05 [1]",
+        "r_median [1]",
+        "r_q95 [1]",
+    )
     return as_columns((*header, f"probability above {PAPER_CORRELATION:g} [1]"), rows)
 
 
@@ -164,6 +183,7 @@ def model_average_figure(stored: StoredComparison) -> Drawing:
         correlation_axis(ax, marks)
         row_names(ax, [SHORT[n] for n in models], labelled=ax is axes[0])
         ax.set_title(f"average r of {channel[0]}")
+        _tell_apart(ax, channel, channels)
     figure.legend(
         handles=[dot_handle("#555555", "in sample", hollow=True), dot_handle("#555555", "held out")],
         loc="lower center", ncols=2, borderaxespad=0.1,

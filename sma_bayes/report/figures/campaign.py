@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -35,6 +35,9 @@ from sma_bayes.report.figures.sheet import (
     panels,
     take_power,
 )
+
+FAR: Final = 20.0
+"""Greatest effective sample size over the target from which its axis is logarithmic."""
 
 
 def correlation_figure(content: Content) -> Drawing:
@@ -195,7 +198,12 @@ def diagnostics_figure(content: Content) -> Drawing:
     ess.axvline(target.ess, color=INK, lw=0.8, ls="--", zorder=0)
     known = [v for _, _, _, v, *_ in rows if v is not None]
     rhat.set_xlim(0.999, max([target.rhat, *known]) + 0.1 * (max([target.rhat, *known]) - 0.999))
-    ess.set_xlim(0, None)
+    enough = [v for v, _, _ in spots["ess"]]
+    if max(enough, default=0.0) > FAR * target.ess:
+        ess.set_xscale("log")
+        take_power(ess.xaxis)
+    else:
+        ess.set_xlim(0, None)
     rhat.set_title(f"R-hat, at most {target.rhat}")
     ess.set_title(f"Effective sample size, at least {target.ess:.0f}")
     rhat.set_xlabel("R-hat [1]")

@@ -44,6 +44,8 @@ STEEP: Final = 300.0
 """Ratio of greatest to least value from which a positive curve is drawn on a logarithmic axis, and said so."""
 DECADES: Final = 1e9
 """Ratio of greatest to least value that a logarithmic axis shows at most."""
+CROWDED: Final = 0.12
+"""Share of the axis below which the names of two temperatures stand apart from each other."""
 
 
 def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
@@ -209,12 +211,17 @@ def _transformation(ax: Axes, branch: BranchData, name: str) -> None:
     )
     low, high = ax.get_xlim()
     edge = ax.get_xaxis_transform()
-    for t in branch.content.transformation:
-        e = t.estimate
+    shown = [
+        (t, t.estimate)
+        for t in branch.content.transformation
+        if t.channel == name and t.estimate.median is not None and low <= t.estimate.median <= high
+    ]
+    medians = [e.median for _, e in shown if e.median is not None]
+    crowded = len(medians) > 1 and max(medians) - min(medians) < CROWDED * (high - low)
+    for t, e in shown:
         if e.median is None or e.q05 is None or e.q95 is None:
             continue
-        if t.channel != name or not low <= e.median <= high:
-            continue
+        side = "center" if not crowded else "right" if e.median == min(medians) else "left"
         ax.plot([e.q05, e.q95], [place, place], color=colour, lw=2.5, alpha=0.45, transform=edge, zorder=4,
                 solid_capstyle="butt")  # fmt: skip
         ax.plot([e.median], [place], color=colour, marker="|", ms=6, mew=1.1, transform=edge, zorder=4.1)
@@ -225,7 +232,7 @@ def _transformation(ax: Axes, branch: BranchData, name: str) -> None:
             label,
             color=colour,
             fontsize=6.5,
-            ha="center",
+            ha=side,
             va=align,
             transform=edge,
             zorder=4.1,

@@ -15,7 +15,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter, ScalarFormatter
 
 from sma_bayes.quantities import Floats
 from sma_bayes.report.content import (
@@ -217,12 +217,16 @@ def few_ticks(most: int) -> MaxNLocator:
 def take_power(axis: Axis) -> int:
     """Take a power of ten out of an axis whose numbers are large or small, once its limits stand.
 
+    A logarithmic axis keeps its powers at the ticks, as words: mathematical text is switched off.
+
     Returns
     -------
     int
         The power, which belongs into the label; 0 where the numbers stay as they are.
     """
     if axis.get_scale() == "log":
+        axis.set_major_formatter(lambda value, _: decade_text(value))
+        axis.set_minor_formatter(NullFormatter())
         return 0
     power = power_of(np.array(axis.get_view_interval()))
     formatter = ScalarFormatter(useOffset=False)
@@ -231,6 +235,21 @@ def take_power(axis: Axis) -> int:
     axis.set_major_formatter(formatter)
     axis.get_offset_text().set_visible(False)
     return power
+
+
+def decade_text(value: float) -> str:
+    """Tick of a logarithmic axis.
+
+    Examples
+    --------
+    >>> decade_text(0.01), decade_text(1000.0), decade_text(1e-5), decade_text(2e6)
+    ('0.01', '1000', '10⁻⁵', '2 × 10⁶')
+    """
+    power = math.floor(math.log10(value) + 1e-9)
+    if -3 < power < 5:
+        return f"{value:g}"
+    factor = round(value / 10.0**power)
+    return ("" if factor == 1 else f"{factor} × ") + f"10{power_text(power)}"
 
 
 def power_of(values: Floats) -> int:

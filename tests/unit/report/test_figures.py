@@ -202,8 +202,11 @@ def test_a_logarithmic_axis_says_so(content: Content, branch_of: Gather) -> None
     with mpl.rc_context(STYLE):
         plain = loop_figure("c", [steep(b, 1.0, 20.0) for b in branches]).figure
         logarithmic = loop_figure("c", [steep(b, 1e-3, 50.0) for b in branches]).figure
+        logarithmic.draw_without_rendering()
     assert "log" not in words(plain)
     assert "stiffness K [N/cm], log axis" in words(logarithmic)
+    assert {"0.01", "1", "10"} <= set(words(logarithmic).split(" | "))
+    assert "$" not in words(logarithmic), "mathematical text is switched off"
 
 
 def test_a_band_that_leaves_the_axis_is_told(content: Content, branch_of: Gather) -> None:
