@@ -27,7 +27,7 @@ APART = 1e-6
 """Greatest correlation, along common axes, that what one channel tells may have left."""
 
 
-class Normal(Protocol):
+class Conditional(Protocol):
     """Normal distributions of ``w - w0``, one for each of W values of the noise.
 
     Attributes
@@ -79,7 +79,7 @@ class NormalEquations:
     def __post_init__(self) -> None:
         object.__setattr__(self, "_axes", _Axes.of(self))
 
-    def solved(self, theta: Floats) -> tuple[Normal, Floats]:
+    def solved(self, theta: Floats) -> tuple[Conditional, Floats]:
         """Solve for values of the noise.
 
         Parameters
@@ -89,7 +89,7 @@ class NormalEquations:
 
         Returns
         -------
-        Normal
+        Conditional
         squares : ndarray, shape (W,)
             ``r' R**-1 r``.
         """
@@ -169,7 +169,7 @@ class _Axes:
         pulls = np.concatenate([grams[:, m, :m], equations.pull[None]]) @ vectors
         return _Axes(equations, vectors, np.maximum(information, 0.0), pulls, grams[:, m, m])
 
-    def given(self, theta: Floats) -> tuple[Normal, Floats]:
+    def given(self, theta: Floats) -> tuple[Conditional, Floats]:
         """Normal distributions and sums of squares; see `NormalEquations.solved`."""
         equations = self.equations
         weights = np.stack([
