@@ -53,6 +53,16 @@ class Band:
     extrapolated: np.ndarray[tuple[int], np.dtype[np.bool_]]
     derived: bool
 
+    def columns(self, temperature_unit: str) -> dict[str, object]:
+        """The band as columns of a file: temperature, quantiles of the curve and of a new measurement, simultaneous."""
+        return {
+            f"temperature_{temperature_unit}": self.temperature,
+            **self.curve,
+            **self.predictive,
+            **self.simultaneous,
+            "extrapolated": self.extrapolated,
+        }
+
 
 def band_channels(record: Record) -> tuple[str, ...]:
     """Channels that have a band: the observed ones, and stiffness where force and displacement give it."""

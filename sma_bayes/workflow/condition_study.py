@@ -27,7 +27,6 @@ from sma_bayes.report.stored_draws import stored_draws
 from sma_bayes.results.documents import CONDITIONS
 from sma_bayes.results.store import plain, write_csv
 from sma_bayes.workflow.condition_text import condition_at, text_of
-from sma_bayes.workflow.fit_tasks import write_band
 from sma_bayes.workflow.identity import all_versions
 from sma_bayes.workflow.under_way import UnderWay
 
@@ -166,8 +165,9 @@ def _write(folder: Path, found: ConditionStudy, seed: int) -> None:
     for prediction in found.predictions:
         branch = prediction.reference.branch.value
         for channel, band in bands_of(prediction, seed).items():
-            path = folder / "bands" / f"{stem(prediction.condition, branch, channel)}.csv"
-            write_band(path, band, prediction.reference.record)
+            name = stem(prediction.condition, branch, channel)
+            columns = band.columns(prediction.reference.record.units["temperature"])
+            write_csv(folder / "bands" / f"{name}.csv", columns)
     for held in found.held_out:
         name = stem(held.record.condition, held.record.branch.value, held.channel)
         write_csv(folder / "held_out" / f"{name}.csv", held_out_columns(held))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.account import Account
-from sma_bayes.assess.bands import Band, band_channels, credible_band, overall_band
+from sma_bayes.assess.bands import band_channels, credible_band, overall_band
 from sma_bayes.assess.correlation import correlation_factors
 from sma_bayes.assess.correlation_average import Scored
 from sma_bayes.assess.loops import loop_quantities
@@ -186,7 +186,8 @@ def _assess_record(
     with account.timed("write"):
         write_posterior(folder / "posterior" / f"{record.key}.nc", found, i, replicated)
         for channel, band in bands.items():
-            write_band(folder / "bands" / f"{record.key}-{channel}.csv", band, record)
+            columns = band.columns(record.units["temperature"])
+            write_csv(folder / "bands" / f"{record.key}-{channel}.csv", columns)
     return summary, [
         Scored(
             record.key,
@@ -202,17 +203,6 @@ def _assess_record(
         for data, agreements in (("measured", measured), ("replicated", again))
         for channel, agreement in agreements.items()
     ]
-
-
-def write_band(path: Path, band: Band, record: Record) -> None:
-    """Write a band as CSV: temperature, quantiles of the curve and of a new measurement, simultaneous bands."""
-    unit = record.units["temperature"]
-    columns: dict[str, Any] = {f"temperature_{unit}": band.temperature}
-    columns |= band.curve
-    columns |= band.predictive
-    columns |= band.simultaneous
-    columns["extrapolated"] = band.extrapolated
-    write_csv(path, columns)
 
 
 def _loops(fits: Sequence[Fit]) -> list[dict[str, Any]]:
