@@ -59,13 +59,17 @@ class Design:
 
     def row(self, condition: Condition) -> Floats:
         """Regressors of a condition, shape (1 + V,): 1, then each varied setting, -1/2 at its least and 1/2 at most."""
-        x = np.array([float(getattr(condition, v)) for v in self.varied])
-        return np.concatenate([[1.0], (x - self.low) / self.range - 0.5])
+        return np.asarray(self._rows([condition])[0])
 
     @property
     def matrix(self) -> Floats:
         """Rows of all conditions, shape (C, 1 + V)."""
-        return np.stack([self.row(c) for c in self.conditions])
+        return self._rows(self.conditions)
+
+    def _rows(self, conditions: Sequence[Condition]) -> Floats:
+        x = np.array([[float(getattr(c, v)) for v in self.varied] for c in conditions])
+        x = x.reshape(len(conditions), len(self.varied))  # also where nothing varied
+        return np.column_stack([np.ones(len(x)), (x - self.low) / self.range - 0.5])
 
     @property
     def rank(self) -> int:
