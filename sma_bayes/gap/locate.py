@@ -107,7 +107,7 @@ def look(
     null = shuffled(fitted, rng, shuffles)
     # lines and steps, which the others contain, are there to be compared with effects, not to be looked for
     patterns: list[Signature] = [*(g for g in found if g.term.columns.shape[1] > 1), *signatures]
-    greatest = np.max([p.of(null) for p in patterns], axis=0)
+    greatest = np.max(np.stack([p.of(null) for p in patterns]), axis=0)
     p, beyond = tail_probability(greatest, max(p.ln_bayes_factor for p in patterns))
     return Look(found, p, beyond)
 
