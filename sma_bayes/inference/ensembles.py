@@ -113,13 +113,12 @@ class Draws:
 BATCH = 1024
 """Proposals drawn and evaluated at once: more do not stay in the processor's cache."""
 
-METHODS = {
-    "independence": "independence",
-    "wider": "independence",
-    "widest": "independence",
-    "refitted": "independence after differential evolution",
-}
-"""What a stage of independence moves is called in the results."""
+EFFORTS = {"independence": 1, "wider": 4, "widest": 16}
+"""Tries with independence moves alone, and how many times as many draws the proposal is fitted to.
+
+A draw far out in a tail may have weighed too much. It takes more draws to fit a proposal to where it came from; another
+try of the same size would be accepted the sooner the less it sees. Only what has coordinates of its own is tried a
+third time."""
 
 EXPLORED_RHAT = 1.05
 EXPLORED_TIMES = 10.0
@@ -249,26 +248,23 @@ class _Run:
         return self.density.log_prob(z)
 
     def go(self, starts: Sequence[Floats] | Sequence[Mode]) -> Draws:
-        adapt_seed, explore_seed, first, second, third, again_seed, fourth, more_seed = self.seed.spawn(8)
-        groups = self.plan.groups
+        first, explore_seed, *others = self.seed.spawn(8)
+        run_first, run_second, groups_seed, second, run_third, third = others
+        seeds = ((first, run_first), (second, run_second), (third, run_third))
         self.tell("climbing to the modes")
         modes = self._modes(starts)
-        adapted = adapt(self.density, modes, np.random.default_rng(adapt_seed))
-        self.evaluations += adapted.evaluations
-        if adapted.carries:
-            draws = self._independence("independence", adapted, modes, first)
-            # a single draw in the tail may have weighed too much
-            for name, effort, seeds in (
-                ("wider", 4, (again_seed, second)),
-                ("widest", 16, (more_seed, fourth)),
-            ):
-                if draws is None and (effort <= 4 or isinstance(self.density, Posterior)):
-                    adapted = adapt(self.density, modes, np.random.default_rng(seeds[0]), effort=effort)
-                    self.evaluations += adapted.evaluations
-                    draws = self._independence(name, with_wide_share(adapted), modes, seeds[1])
+        tries = list(EFFORTS.items())[: 3 if isinstance(self.density, Posterior) else 2]
+        for (name, effort), (fit_seed, run_seed) in zip(tries, seeds, strict=False):
+            adapted = adapt(self.density, modes, np.random.default_rng(fit_seed), effort=effort)
+            self.evaluations += adapted.evaluations
+            if effort == 1 and not adapted.carries:
+                break
+            carrying = adapted if effort == 1 else with_wide_share(adapted)
+            draws = self._independence(name, carrying, modes, run_seed)
             if draws is not None:
                 return draws
-        return self._explore(adapted, modes, np.random.default_rng(explore_seed), third.spawn(groups))
+        seeds_of_groups = groups_seed.spawn(self.plan.groups)
+        return self._explore(adapted, modes, np.random.default_rng(explore_seed), seeds_of_groups)
 
     def _modes(self, starts: Sequence[Floats] | Sequence[Mode]) -> tuple[Mode, ...]:
         found = []
@@ -302,6 +298,7 @@ class _Run:
         run as one ensemble and told apart afterwards, which spares the work of a step for each of them.
         """
         plan = self.plan
+        method = "independence" if name in EFFORTS else "independence after differential evolution"
         group = _Group(self, name, adapted, seed, None, plan.block, copies=plan.groups)
         length, more = 0, plan.block
         while length < LONGEST * plan.block:
@@ -314,7 +311,7 @@ class _Run:
                 return None
             convergence = assess(group.chains[:, plan.burn :], plan.target)
             if convergence.converged:
-                return self._draws([group], plan.burn, convergence, modes, weights, METHODS[name])
+                return self._draws([group], plan.burn, convergence, modes, weights, method)
             more = _steps_lacking(convergence, length - plan.burn, plan)
         return None
 
