@@ -23,7 +23,7 @@ from sma_bayes.report.content import (
     Number,
 )
 from sma_bayes.report.figures import FigureFiles
-from sma_bayes.report.notation import count_text, interval_text, unit_label, write, write_interval
+from sma_bayes.report.notation import count_text, interval_text, unit_label, write
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, cell_text, group_text, rows_text
 from sma_bayes.results.store import write_text
 
@@ -139,7 +139,7 @@ def _embedded(path: Path, figure: FigureFiles) -> Picture:
 
 def estimate_text(e: Estimate) -> str:
     """Median and interval with their unit."""
-    text = interval_text(write_interval(e.median, e.q05, e.q95))
+    text = interval_text(e.median, e.q05, e.q95)
     return f"{text} {unit_label(e.unit)}".rstrip()
 
 
@@ -158,8 +158,8 @@ def _cell_text(cell: Cell) -> str:
     text = cell_text(cell)
     if not isinstance(cell, Estimate):
         return text
-    median, gap, interval = text.partition(" ")
-    return median + gap + interval.replace(" ", "\u00a0")
+    median, bracket, interval = text.partition(" [")
+    return median.replace(" ", "\u00a0") + bracket + interval.replace(" ", "\u00a0")
 
 
 def _is_numeric(cell: Cell) -> bool:

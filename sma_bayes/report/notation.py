@@ -15,6 +15,8 @@ FIXED: Final = range(-3, 6)
 """Decimal exponents that are written without a power of ten."""
 MOST_DIGITS: Final = 9
 """Significant digits of a number at most, however sure it is."""
+LOPSIDED: Final = 30.0
+"""Ratio of the ends of an interval, both of one sign, from which each is written by itself."""
 NORMAL_90: Final = 3.29
 """Width of the 90 % interval of a normal distribution [sd]."""
 
@@ -101,22 +103,29 @@ def write_interval(median: float | None, low: float | None, high: float | None) 
     return write((median, low, high), resolution=width / NORMAL_90)
 
 
-def interval_text(written: Written) -> str:
-    """Median and interval on one line: ``0.722 [0.721, 0.723]``, a common power of ten behind.
+def interval_text(median: float | None, low: float | None, high: float | None) -> str:
+    """Median and 90 % interval on one line: ``0.722 [0.721, 0.723]``, a common power of ten behind.
 
-    What has no width is one number.
+    What has no width is one number. Where the ends differ `LOPSIDED` times, digits that the width bears would say
+    nothing of the lower, and each number has two of its own.
 
     Examples
     --------
-    >>> interval_text(write_interval(0.0004, -0.0001, 0.0009))
+    >>> interval_text(0.0004, -0.0001, 0.0009)
     '(4.0 [−1.0, 9.0]) × 10⁻⁴'
-    >>> interval_text(write_interval(0.25, 0.25, 0.25))
-    '0.2500'
+    >>> interval_text(0.25, 0.25, 0.25), interval_text(1.93, 0.0312, 102.0)
+    ('0.2500', '1.9 [0.031, 100]')
     """
-    median, low, high = (_signed(d) for d in written.digits)
-    if median == low == high:
+    if median is not None and low is not None and high is not None and low * high > 0.0:
+        sizes = sorted((abs(low), abs(high)))
+        if math.inf > sizes[1] > LOPSIDED * sizes[0]:
+            middle, least, most = (write([v], digits=2).plain[0] for v in (median, low, high))
+            return f"{middle} [{least}, {most}]"
+    written = write_interval(median, low, high)
+    middle, least, most = (_signed(d) for d in written.digits)
+    if middle == least == most:
         return written.plain[0]
-    text = f"{median} [{low}, {high}]"
+    text = f"{middle} [{least}, {most}]"
     if not written.exponent:
         return text
     return f"({text}) × 10{power_text(written.exponent)}"

@@ -30,7 +30,6 @@ from sma_bayes.report.notation import (
     tex_text,
     unit_label,
     write,
-    write_interval,
 )
 from sma_bayes.results.store import write_csv, write_text
 
@@ -637,7 +636,7 @@ def _cell_text(cell: Cell, escape: Callable[[str], str]) -> str:
         case Estimate(median=None):
             return escape(MISSING)
         case Estimate(median, low, high):
-            return escape(interval_text(write_interval(median, low, high)))
+            return escape(interval_text(median, low, high))
         case _:
             return escape(str(cell)) if cell != "" else escape(MISSING)
 

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from sma_bayes.paper.tables import CellStatus
 from sma_bayes.records.types import setting_unit
 from sma_bayes.report.comparison_tables import SHORT
-from sma_bayes.report.notation import MISSING, interval_text, unit_label, write, write_interval
+from sma_bayes.report.notation import MISSING, interval_text, unit_label, write
 from sma_bayes.reproduction.claims.types import FAILS, HOLDS, OPEN, SURE
 
 TEMPLATE: Final = "paper.md.j2"
@@ -136,7 +136,7 @@ def _interval(found: Found) -> str:
     """Median and interval; the median alone where rounding is all that makes a difference."""
     if found["q95"] - found["q05"] < 1e-9 * abs(found["median"]):
         return write([found["median"]], digits=5).plain[0]
-    return interval_text(write_interval(found["median"], found["q05"], found["q95"]))
+    return interval_text(found["median"], found["q05"], found["q95"])
 
 
 def _pivot(rows: Sequence[Found], quantities: Sequence[str]) -> list[list[str]]:

@@ -49,16 +49,23 @@ def test_what_is_not_a_number_is_a_dash(value: float | None) -> None:
 
 def test_numbers_that_belong_together_share_the_last_place_and_the_power() -> None:
     written = write_interval(0.0004, -0.0001, 0.0009)
-    assert interval_text(written) == "(4.0 [−1.0, 9.0]) × 10⁻⁴"
+    assert interval_text(0.0004, -0.0001, 0.0009) == "(4.0 [−1.0, 9.0]) × 10⁻⁴"
     assert written.tex == (r"$4.0\times10^{-4}$", r"$-1.0\times10^{-4}$", r"$9.0\times10^{-4}$")
-    assert interval_text(write_interval(1.5, 1.25, 1.75)) == "1.50 [1.25, 1.75]"
+    assert interval_text(1.5, 1.25, 1.75) == "1.50 [1.25, 1.75]"
 
 
 def test_what_is_certain_is_one_number() -> None:
     r = 0.931429478123
-    assert interval_text(write_interval(r, r - 1e-16, r + 1e-16)) == "0.9314"
-    assert interval_text(write_interval(2e-7, 2e-7, 2e-7)) == "2.000 × 10⁻⁷"
-    assert interval_text(write_interval(0.0, 0.0, 0.0)) == "0.000"
+    assert interval_text(r, r - 1e-16, r + 1e-16) == "0.9314"
+    assert interval_text(2e-7, 2e-7, 2e-7) == "2.000 × 10⁻⁷"
+    assert interval_text(0.0, 0.0, 0.0) == "0.000"
+
+
+def test_ends_that_differ_by_decades_have_digits_of_their_own() -> None:
+    assert interval_text(0.42, 1.3e-5, 12600.0) == "0.42 [1.3 × 10⁻⁵, 13000]"
+    assert interval_text(-5.87, -40.2, -0.91) == "−5.9 [−40, −0.91]"
+    assert interval_text(3.0, 1.0, 9.4) == "3.0 [1.0, 9.4]"
+    assert interval_text(1.0, 0.001, math.inf) == "1.000 [0.001, –]"
 
 
 @given(
