@@ -42,11 +42,19 @@ def open_posterior(path: str | Path) -> Any:
     """
     place = Path(path)
     try:
-        return arviz().from_netcdf(place)
+        # 1.x would guess the engine from the file, and say of one that is no NetCDF what else might be installed
+        tree = arviz().from_netcdf(place, engine="h5netcdf")
     except (OSError, ValueError, KeyError) as error:
-        raise OutputError(
-            f"can't be opened as a posterior: {error}",
-            file=place,
-            expected="posterior/<condition>-<branch>.nc of a finished run",
-            remedy="run `sma-bayes fit` again with --resume",
-        ) from None
+        raise _no_posterior(place, str(error)) from None
+    if "posterior" not in tree:
+        raise _no_posterior(place, "it has no group 'posterior'")
+    return tree
+
+
+def _no_posterior(place: Path, reason: str) -> OutputError:
+    return OutputError(
+        f"can't be opened as a posterior: {reason}",
+        file=place,
+        expected="posterior/<condition>-<branch>.nc of a finished run",
+        remedy="run `sma-bayes fit` again with --resume",
+    )

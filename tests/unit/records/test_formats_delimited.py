@@ -269,10 +269,10 @@ def test_thirty_thousand_rows_in_well_under_a_second(tmp_path: Path) -> None:
     values = np.random.default_rng(1).normal(size=(30_000, 6))
     path = tmp_path / "big.csv"
     np.savetxt(path, values, delimiter=",", header="a,b,c,d,e,f", comments="")
-    begin = time.perf_counter()
+    begin = time.process_time()
     table = read_table(path, Reading())
     read = matrix(table)
-    assert time.perf_counter() - begin < 1.0  # measured: 0.1 s
+    assert time.process_time() - begin < 1.0  # measured: 0.1 s
     np.testing.assert_array_equal(read, values)
 
 

@@ -408,9 +408,9 @@ def test_wrong_settings_are_an_error(wrong: dict[str, object]) -> None:
 
 def test_long_runs_are_split_fast() -> None:
     run = make_run(**spring(15_000, 1))
-    begin = time.perf_counter()
+    begin = time.process_time()
     split_run(run)
-    assert time.perf_counter() - begin < 0.3
+    assert time.process_time() - begin < 0.3
 
 
 # measurements by other people

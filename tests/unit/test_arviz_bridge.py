@@ -1,0 +1,58 @@
+"""A stored posterior opens the same way in arviz 0.23 and in 1.x, and nothing else opens as one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from sma_bayes.arviz_bridge import arviz, open_posterior
+from sma_bayes.errors import OutputError
+from sma_bayes.results.netcdf import write_tree
+
+DRAWS = np.random.default_rng(0).normal(50.0, 1.0, (4, 25))
+
+
+def write(path: Path, group: str) -> Path:
+    chains = {"chain": np.arange(4), "draw": np.arange(25)}
+    draws = xr.Dataset({"B3": (("chain", "draw"), DRAWS, {"unit": "degC"})}, chains)
+    seed = xr.Dataset(attrs={"seed": 3})
+    write_tree(path, xr.DataTree.from_dict({"/": seed, group: draws, "sample_stats": draws}))
+    return path
+
+
+@pytest.mark.parametrize("reader", [open_posterior, lambda path: arviz().from_netcdf(path)])
+def test_draws_units_and_attributes_are_found_by_the_same_names(reader, tmp_path: Path) -> None:
+    found = reader(write(tmp_path / "c-heating.nc", "posterior"))
+    np.testing.assert_array_equal(found["posterior"]["B3"].values, DRAWS)
+    assert found["posterior"]["B3"].attrs["unit"] == "degC"
+    assert found["posterior"]["B3"].dims == ("chain", "draw")
+    assert found.posterior.B3.identical(found["posterior"]["B3"])
+    assert "sample_stats" in found
+    assert found.attrs["seed"] == 3
+
+
+def test_a_file_without_draws_is_no_posterior(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"c-heating.nc: .*no group 'posterior'"):
+        open_posterior(write(tmp_path / "c-heating.nc", "prior"))
+
+
+@pytest.mark.parametrize("content", [b"", b"temperature,force\n1,2\n", None])
+def test_what_is_no_netcdf_is_refused_in_few_words(content: bytes | None, tmp_path: Path) -> None:
+    path = tmp_path / "c-heating.nc"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(OutputError, match="can't be opened as a posterior") as refused:
+        open_posterior(path)
+    assert "install" not in str(refused.value)
+    assert refused.value.__suppress_context__
+
+
+def test_half_a_file_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "c-heating.nc", "posterior")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(OutputError, match="truncated"):
+        open_posterior(path)
