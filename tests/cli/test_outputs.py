@@ -116,6 +116,7 @@ def test_priors_go_through_a_pipe_and_back(measured: Path, tmp_path: Path) -> No
     [
         ("fit", "sma_bayes.workflow.fit_tasks.fit_records", "with --resume goes on from here"),
         ("gap", "sma_bayes.workflow.gap_study.gap_outcome", "with --resume begins the study anew, or draws"),
+        ("compare", "sma_bayes.workflow.comparison.compare_record", "with --resume begins anew, or draws"),
     ],
 )
 def test_an_interruption_ends_with_130_and_says_how_to_go_on(
