@@ -144,8 +144,8 @@ def kernels(rows: Rows) -> None:
     show(["channels, noise, points", *(f"{k}, {n}" for k in KERNELS for n in batches)], lines)
 
 
-if __name__ == "__main__":
-    data = Path(sys.argv[1])
+def main(data: Path) -> None:
+    """Print all tables."""
     peers = read(data / "peers.csv")
     warm = [row for row in peers if row["kind"] == "warm"]
     campaign([row for row in read(data / "samplers.csv") if row["kind"] == "warm"])
@@ -154,3 +154,7 @@ if __name__ == "__main__":
     cold(peers)
     stages(read(data / "stages.csv"))
     kernels(read(data / "kernels.csv"))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -19,11 +19,11 @@ from sma_bayes.quantities import Floats
 TUNING = 400
 """Draws of a chain that NumPyro is tuned with and that are dropped."""
 BLOCK = 50
-"""Draws of a chain of NumPyro between checks."""
+"""Draws of a chain of NumPyro in one call."""
 CHAINS = 8
 """Chains of each group of NUTS by hand."""
 HAND_BLOCK = 25
-"""Steps of NUTS by hand between checks."""
+"""Steps of NUTS by hand in one call."""
 HAND_STEP = 0.6
 """Its leapfrog step in units of the standard deviation; not tuned."""
 
@@ -74,15 +74,17 @@ class NumPyro:
         begin, go = _numpyro(form)
         z = problem.starts(np.random.default_rng([seed, 7]), GROUPS, "laplace")
         states = begin(jax.random.split(jax.random.PRNGKey(seed), GROUPS), z, data)
-        evaluations = 0
-        chains: list[Floats] = []
+        evaluations, tuning = 0, TUNING // BLOCK
+        blocks: list[Floats] = []
+        wanted = tuning + 1
         while True:
-            states, positions, counts = go(states, data)
-            evaluations += int(counts.sum())
-            chains.append(np.asarray(positions))  # (BLOCK, chains, D)
-            kept = chains[TUNING // BLOCK :]
-            if kept:
-                yield Progress(np.moveaxis(np.concatenate(kept), 1, 0)[:, :, None], evaluations, (0.0,))
+            while len(blocks) < wanted:
+                states, positions, counts = go(states, data)
+                evaluations += int(counts.sum())
+                blocks.append(np.asarray(positions))  # (BLOCK, chains, D)
+            z = np.concatenate(blocks[tuning:])
+            growth = yield Progress(np.moveaxis(z, 1, 0)[:, :, None], evaluations, (0.0,))
+            wanted = tuning + max(wanted - tuning + 1, round((wanted - tuning) * growth))
 
 
 @cache
@@ -139,15 +141,17 @@ class BlackJax:
             np.random.default_rng([seed, 7]).standard_normal((chains, centre.size)), centre, root, data
         )
         key = jax.random.PRNGKey(seed)
-        drawn: list[Floats] = []
-        evaluations = 0
+        blocks: list[Floats] = []
+        evaluations, wanted = 0, 1
         while True:
-            key, own = jax.random.split(key)
-            states, positions, counts = go(own, states, centre, root, data)
-            evaluations += int(counts.sum())
-            drawn.append(centre + np.asarray(positions) @ root.T)  # (HAND_BLOCK, chains, D)
-            z = np.concatenate(drawn)
-            yield Progress(np.moveaxis(z.reshape(len(z), GROUPS, CHAINS, -1), 1, 0), evaluations, (0.1, 0.25))
+            while len(blocks) < wanted:
+                key, own = jax.random.split(key)
+                states, positions, counts = go(own, states, centre, root, data)
+                evaluations += int(counts.sum())
+                blocks.append(centre + np.asarray(positions) @ root.T)  # (HAND_BLOCK, chains, D)
+            z = np.concatenate(blocks).reshape(len(blocks) * HAND_BLOCK, GROUPS, CHAINS, -1)
+            growth = yield Progress(np.moveaxis(z, 1, 0), evaluations, (0.1, 0.25))
+            wanted = max(wanted + 1, round(wanted * growth))
 
 
 @cache

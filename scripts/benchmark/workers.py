@@ -40,7 +40,11 @@ def at_most(seconds: float, grace_s: float) -> Iterator[None]:
         Processor seconds for compiled code to come to its end, before the kernel ends the process.
     """
 
+    rung = False
+
     def ring(number: int, frame: object) -> None:
+        nonlocal rung
+        rung = True
         raise TimeUp
 
     before = signal.signal(signal.SIGPROF, ring)
@@ -48,6 +52,10 @@ def at_most(seconds: float, grace_s: float) -> Iterator[None]:
     signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
+    except Exception as error:
+        if rung:  # some make another error of what breaks them off
+            raise TimeUp from error
+        raise
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)

@@ -43,3 +43,18 @@ def test_a_loop_in_python_is_broken_off_and_limits_are_put_back() -> None:
         sum(0 for _ in iter(int, 1))  # for ever, but in Python
     assert time.process_time() - began < 5.0
     assert resource.getrlimit(resource.RLIMIT_CPU) == before
+
+
+def endless() -> None:
+    """As a sampler may do it: in Python, and with an error of its own for whatever stops it."""
+    try:
+        sum(0 for _ in iter(int, 1))
+    except TimeUp:
+        raise TypeError("stopped") from None
+
+
+def test_what_makes_another_error_of_it_is_broken_off_too() -> None:
+    with pytest.raises(TimeUp), at_most(0.1, 100.0):
+        endless()
+    with pytest.raises(TypeError, match="its own"), at_most(100.0, 100.0):
+        raise TypeError("its own")
