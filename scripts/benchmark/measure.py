@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Generator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from benchmark.judgement import TARGET, Reference, Verdict, judge
@@ -185,10 +187,15 @@ def measure(task: Task, problem: Problem, reference: Reference) -> Row:
 
 
 def measure_cold(task: Task, reference: Reference, began: float) -> Row:
-    """Time one sampler on one record in a process that started for it at `began` and has done nothing yet."""
+    """Time one sampler on one record in a process that started for it at `began` and has done nothing yet.
+
+    What PyTensor compiled in earlier processes and keeps on disk is not there either.
+    """
     problem = task.problem()
     wall_s, cpu_s = time.time() - began, time.process_time()
-    row = measure(task, problem, reference)
+    with TemporaryDirectory() as empty:
+        os.environ["PYTENSOR_FLAGS"] = f"base_compiledir={empty}"
+        row = measure(task, problem, reference)
     return replace(
         row,
         kind="cold",

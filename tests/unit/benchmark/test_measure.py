@@ -7,8 +7,10 @@ from collections.abc import Generator
 import numpy as np
 import pytest
 from benchmark.judgement import Reference
-from benchmark.measure import to_target
-from benchmark.progress import GROUPS, Progress
+from benchmark.measure import GRACE_S, PATIENCE, Task, measure_in, to_target
+from benchmark.problems import Case
+from benchmark.progress import GROUPS, Progress, Settings
+from benchmark.workers import Ended, Worker
 
 REFERENCE = Reference.of(np.random.default_rng(0).standard_normal((20_000, 2)), 20_000.0)
 
@@ -79,3 +81,18 @@ def test_of_a_sampler_that_begins_anew_the_last_run_counts_alone(monkeypatch: py
     goes_on, begins_anew = (seconds_to_target(anew, monkeypatch) for anew in (False, True))
     assert 3.0 < begins_anew < 10.0
     assert begins_anew - 3.0 == pytest.approx(0.7 * (goes_on - 3.0))
+
+
+class Stubborn(Worker):
+    """A worker whose every call has to be ended."""
+
+    def call(self, *_: object, **__: object) -> None:
+        raise Ended(cpu_s=50.0, wall_s=70.0)
+
+
+def test_a_run_whose_process_was_ended_is_a_row_that_says_so() -> None:
+    task = Task("now", Case("S", "independent", 40), 0, "pymc", Settings(), 0, 0, limit_s=10.0)
+    row = measure_in(Stubborn(), task, task.problem())
+    assert (row.ended, row.reached, row.steps) == ("killed", False, 0)
+    assert row.cpu_s == PATIENCE * 10.0 + GRACE_S  # the rest went into checks, or the kernel's second
+    assert np.isnan([row.rhat, row.ess_bulk, row.share_errors, row.claimed_s]).all()
