@@ -1,4 +1,4 @@
-"""The command that measures: a row for each run, by a worker of its own, and mistakes told before anything is measured."""
+"""The command that measures: a row for each run, and mistakes told before anything is measured."""
 
 from __future__ import annotations
 
