@@ -6,7 +6,7 @@ Which findings keep rows out and which are only reported:
 kept out and counted   missing temperature, missing or spoilt channel to fit, drop-out,
                        spike, duplicate row, time running backwards
 only reported          quantised, clipped, gap, repeated time stamps, held samples,
-                       restart of the clock, no transformation
+                       restart of the clock, no transformation, narrow sweep
 =====================  ==================================================================
 
 All functions take plain arrays and return masks or numbers; nothing is changed.

@@ -66,6 +66,9 @@ PART: Final = 0.8
 OFF: Final = 0.05
 """A current is a drive if it falls below this share of its largest value."""
 
+DRIFT: Final = 5.0
+"""A temperature that varies by less in all drifts, and does not sweep over a transformation [degC]."""
+
 OPTIONAL_INPUTS: Final = ("time", "current", "ambient_temperature")
 """Inputs that a record carries where the run has them."""
 
@@ -405,6 +408,10 @@ def _note_quality(ledger: Ledger, legs: list[Leg], channels: tuple[str, ...]) ->
         note_digits(ledger, column, rows)
     for channel in channels:
         note_no_transformation(ledger, legs, channel)
+    swept = float(np.ptp(run.columns["temperature"][rows]))
+    if run.units.get("temperature") == "degC" and swept < DRIFT:
+        message = f"the temperature hardly varies, by {ledger.amount('temperature', swept)} in all: a drift, no sweep"
+        ledger.note(rows[:0], "narrow-sweep", message, column="temperature")
     time = run.columns.get("time")
     for branch in Branch:
         after = [

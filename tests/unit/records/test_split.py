@@ -271,6 +271,16 @@ def test_no_transformation_is_said() -> None:
     assert records["heating"].n == 201
 
 
+@pytest.mark.parametrize(("width", "said"), [(4.0, True), (6.0, False)])
+def test_a_temperature_that_hardly_varies_is_said(width: float, said: bool) -> None:
+    """As where a wire is drawn at one temperature, which drifts while it is."""
+    columns = spring(noise=1e-4)
+    columns["temperature"] = 40.0 + (columns["temperature"] - 20.0) * width / 70.0
+    columns["force"] = force_at(columns["temperature"], 40.0 + 0.5 * width)
+    _, findings = split(make_run(**columns))
+    assert ("narrow-sweep" in kinds(findings)) == said
+
+
 # channels
 
 
