@@ -1,23 +1,32 @@
 r"""Time this package and other samplers to the same target on the same posteriors.
 
     run="taskset -c 1 python scripts/benchmark_samplers.py run"
-    $run --records all --limit 200 --samplers sma_bayes,emcee,lmfit --walkers 32 --start ball --log-prob package \
-        --out docs/data/samplers.csv
+    stock="--samplers emcee,lmfit --walkers 32 --start ball --log-prob package"
+    $run --records all --limit 200 --samplers sma_bayes --out docs/data/samplers.csv
+    $run --records all --limit 200 $stock --out docs/data/samplers.csv
     $run --records all --limit 20 --samplers sma_bayes,blackjax,emcee-de,nutpie,emcee-vectorised,numpyro --repeats 3 \
         --out docs/data/peers.csv
     for channels in FX S; do for noise in independent ar1; do for points in 100 1000; do
         case="--records 1A-10mHz-heating --channels $channels --noise $noise --points $points --out docs/data/peers.csv"
         $run $case --limit 30 --samplers sma_bayes,blackjax,emcee-de,emcee-vectorised,zeus --repeats 3
         $run $case --limit 30 --samplers numpyro,nutpie,pymc,dynesty,ultranest
-        $run $case --limit 30 --samplers emcee,lmfit --walkers 32 --start ball --log-prob package
+        $run $case --limit 30 $stock
     done; done; done
+    case="--records 1A-10mHz-heating --points 100 --out docs/data/peers.csv"
+    $run $case --limit 300 --samplers dynesty,ultranest --replace
+    $run $case --limit 60 --samplers sma_bayes,blackjax,emcee-de,emcee-vectorised,zeus,numpyro,nutpie,pymc --cold
     python scripts/benchmark_tables.py docs/data
 
-are the tables in docs/performance.md, from the first to the last. Rows are added to the file; with `--replace` they
-take the place of earlier rows of the same sampler on the same record, so that this package alone is measured again by
+measures and prints the tables in docs/performance.md, from the first to the last. Rows are added to the file; with
+`--replace` they take the place of earlier rows of the same sampler on the same record. This package alone again:
 
+    $run --records all --samplers sma_bayes --replace --out docs/data/samplers.csv
     $run --records all --samplers sma_bayes --repeats 3 --replace --out docs/data/peers.csv
-    $run $case --samplers sma_bayes --repeats 3 --replace
+    for channels in FX S; do for noise in independent ar1; do for points in 100 1000; do
+        $run --records 1A-10mHz-heating --channels $channels --noise $noise --points $points --samplers sma_bayes \
+            --repeats 3 --replace --out docs/data/peers.csv
+    done; done; done
+    $run --records 1A-10mHz-heating --points 100 --samplers sma_bayes --cold --replace --out docs/data/peers.csv
 
 `table FILE` prints medians, ranges and ratios of any file of rows, by sessions.
 
@@ -40,7 +49,7 @@ from pathlib import Path
 from typing import Annotated
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy is loaded; threadpoolctl sees to it once more
+os.environ.update(dict.fromkeys(THREADS, "1"))  # before numpy is loaded, here and in workers
 os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 
 import numpy as np  # noqa: E402

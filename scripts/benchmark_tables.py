@@ -65,7 +65,8 @@ def campaign(rows: Rows) -> None:
             by[row["sampler"]][row["record"]].append(row)
     own = {key: statistics.median(map(cpu, found)) for key, found in by[OWN].items()}
     lines = []
-    for name, found in by.items():
+    for name in (name for name in TITLES if name in by):
+        found = by[name]
         every = [row for repeats in found.values() for row in repeats]
         typical = {key: statistics.median(map(cpu, repeats)) for key, repeats in found.items()}
         both = [key for key in typical if key in own]
