@@ -37,6 +37,10 @@ from sma_bayes.posterior import versions
 T = TypeVar("T")
 R = TypeVar("R")
 
+IDLE_S = 21_600.0
+"""Time after which a process without work retires [s]. By joblib's default, 300 s, a stage that follows another after
+five minutes may hand out tasks just as the processes retire, and wait for ever: seen once on a busy machine, joblib 1.6."""
+
 TRIES = 4
 """How often a task is begun, at most, where worker processes come to an end in the middle of it."""
 AHEAD = 2
@@ -135,7 +139,9 @@ def _on_processes(
 ) -> Iterator[_Done[R]]:
     finished, tries = 0, 1
     while finished < len(items):
-        parallel = Parallel(n_jobs=workers, return_as="generator", pre_dispatch="2*n_jobs")
+        parallel = Parallel(
+            n_jobs=workers, return_as="generator", pre_dispatch="2*n_jobs", idle_worker_timeout=IDLE_S
+        )
         try:
             for done in parallel(delayed(_timed)(task, item) for item in items[finished:]):
                 finished, tries = finished + 1, 1
