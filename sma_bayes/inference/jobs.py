@@ -38,8 +38,10 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 IDLE_S = 21_600.0
-"""Time after which a process without work retires [s]. By joblib's default, 300 s, a stage that follows another after
-five minutes may hand out tasks just as the processes retire, and wait for ever: seen once on a busy machine, joblib 1.6."""
+"""Time after which a process without work retires [s].
+
+By joblib's default, 300 s, a stage that follows another after five minutes may hand out tasks just as the processes
+retire, and wait for ever: seen once on a busy machine, with joblib 1.6."""
 
 TRIES = 4
 """How often a task is begun, at most, where worker processes come to an end in the middle of it."""
