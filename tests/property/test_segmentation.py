@@ -113,7 +113,9 @@ def test_neither_origin_nor_unit_of_the_temperature_matters(
             Condition("a"), "a.csv", np.arange(values.size), {"temperature": values, "force": force}, UNITS
         )
         records, findings = split_run(run, ALL)
-        found.append(([r.row.tolist() for r in records], [(f.kind, f.rows, f.dropped) for f in findings]))
+        # that a sweep is narrow is said in degrees, which `values * scale` only claim to be
+        told = [(f.kind, f.rows, f.dropped) for f in findings if f.kind != "narrow-sweep"]
+        found.append(([r.row.tolist() for r in records], told))
     assert found[0] == found[1] == found[2]
 
 

@@ -138,16 +138,21 @@ def joint_run(design: Design, records: list[RecordDraws], rng: np.random.Generat
 
 @pytest.mark.slow
 def test_the_two_stages_agree_with_a_joint_run() -> None:
+    """Means within a quarter of an sd, widths of 90 % intervals within a fifth.
+
+    Standard deviations say little here: tails are heavy, and those of two joint runs of 20,000 steps differed by 24 %.
+    Widths of five seeds of the two stages were within 10 % of such a run's.
+    """
     rng = np.random.default_rng(0)
     design, _, _, phi = campaign(np.array([1.0, 2.0, 4.0]), rng)
     records = [measured(c, p, rng) for c, p in zip(design.conditions, phi, strict=True)]
     found = population_of(design, records, np.random.SeedSequence(0), scatter=SCATTER)
     assert found.correction.applied
     mine = of(found)
-    theirs = joint_run(design, records, rng, 5000)
-    sd = theirs.std(axis=0)
-    assert np.all(np.abs(mine.mean(axis=0) - theirs.mean(axis=0)) < 0.25 * sd)
-    np.testing.assert_allclose(mine.std(axis=0), sd, rtol=0.2)
+    theirs = joint_run(design, records, rng, 20_000)
+    assert np.all(np.abs(mine.mean(axis=0) - theirs.mean(axis=0)) < 0.25 * theirs.std(axis=0))
+    here, there = (np.ptp(np.quantile(x, [0.05, 0.95], axis=0), axis=0) for x in (mine, theirs))
+    np.testing.assert_allclose(here, there, rtol=0.2)
 
 
 TRIALS = 60
