@@ -2,8 +2,8 @@ r"""Time this package and other samplers to the same target on the same posterio
 
     run="taskset -c 1 python scripts/benchmark_samplers.py run"
     stock="--samplers emcee,lmfit --walkers 32 --start ball --log-prob package"
-    $run --records all --limit 200 --samplers sma_bayes --out docs/data/samplers.csv
-    $run --records all --limit 200 $stock --out docs/data/samplers.csv
+    $run --records all --limit 200 --samplers sma_bayes,emcee,lmfit --walkers 32 --start ball --log-prob package \
+        --out docs/data/samplers.csv
     $run --records all --limit 20 --samplers sma_bayes,blackjax,emcee-de,nutpie,emcee-vectorised,numpyro --repeats 3 \
         --out docs/data/peers.csv
     for channels in FX S; do for noise in independent ar1; do for points in 100 1000; do
@@ -58,7 +58,7 @@ from benchmark.judgement import TARGET  # noqa: E402
 from benchmark.measure import Task, measure_in, measure_in_fresh  # noqa: E402
 from benchmark.problems import Case, Problem  # noqa: E402
 from benchmark.progress import Settings  # noqa: E402
-from benchmark.rows import Row, add_row, read_rows  # noqa: E402
+from benchmark.rows import OWN, Row, add_row, read_rows  # noqa: E402
 from benchmark.samplers import SAMPLERS  # noqa: E402
 from benchmark.summary import Line, as_json, summarise  # noqa: E402
 from benchmark.workers import Worker  # noqa: E402
@@ -247,7 +247,7 @@ HEADER = (
 
 def _cells(line: Line) -> tuple[str, ...]:
     spread = f" ({line.ratio_low:.3g}-{line.ratio_high:.3g})" if line.ratio_high > line.ratio_low else ""
-    own = line.sampler == "sma_bayes"
+    own = line.sampler == OWN
     return (
         SAMPLERS[line.sampler].title,
         "own" if own else ", ".join([str(line.walkers), line.start, line.log_prob]),

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from benchmark.judgement import TARGET, Reference, Verdict, judge
 from benchmark.problems import Case, Problem
-from benchmark.progress import GROUPS, Progress, Settings
+from benchmark.progress import Progress, Settings
 from benchmark.rows import OWN, Row
 from benchmark.samplers import ONE_BY_ONE, SAMPLERS
 from benchmark.workers import Ended, TimeUp, Worker, at_most
@@ -101,8 +101,7 @@ def to_target(
     """
     dimension = reference.mean.size
     before = now = Clock(0, 0.0, 0.0)
-    nothing = Progress(np.full((GROUPS, 0, 1, dimension), np.nan), 0)
-    last = Outcome(nothing, Verdict.none(dimension), float("nan"), now, "time")
+    last = Outcome(Progress.none(dimension), Verdict.none(dimension), float("nan"), now, "time")
     growth = None
     while now.cpu_s < limit_s:
         found, now, ended = _timed(steps, growth, now, PATIENCE * limit_s, all_runs)
@@ -239,7 +238,7 @@ def _allowed(task: Task) -> float:
 def _killed(task: Task, problem: Problem, ended: Ended) -> Row:
     """Row of a run whose process had to be ended; its draws are lost, and so is what its checks had said."""
     clock = Clock(0, ended.wall_s, min(ended.cpu_s, PATIENCE * task.limit_s + GRACE_S))
-    nothing = Progress(np.full((GROUPS, 0, 1, problem.dimension), np.nan), 0)
+    nothing = Progress.none(problem.dimension)
     outcome = Outcome(nothing, Verdict.none(problem.dimension), float("nan"), clock, "killed")
     return row_of(task, problem, outcome)
 

@@ -15,6 +15,7 @@ from benchmark.problems import Problem
 from benchmark.progress import GROUPS, Progress, Settings
 from scipy.special import logit, ndtri
 
+from sma_bayes.inference.weighted import Weights, resampled
 from sma_bayes.quantities import Floats
 
 LIVE_POINTS = 150
@@ -68,12 +69,8 @@ class _Nested(ABC):
 
 def _equal_draws(z: Floats, log_weight: Floats, rng: np.random.Generator) -> Floats:
     """As many draws of equal weight as the weighted points `z` (S, D) are worth, in random order."""
-    weight = np.exp(log_weight - log_weight.max())
-    weight /= weight.sum()
-    size = int(1.0 / np.sum(weight**2))
-    at = (np.arange(size) + rng.random()) / size
-    pick = np.searchsorted(np.cumsum(weight), at).clip(max=len(z) - 1)
-    return np.asarray(z[rng.permutation(pick)])
+    size = int(Weights(log_weight).efficiency * log_weight.size)
+    return np.asarray(z[resampled(log_weight, size, rng)])
 
 
 class Dynesty(_Nested):

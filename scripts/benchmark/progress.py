@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from sma_bayes.quantities import Floats
 
 GROUPS = 4
@@ -31,6 +33,11 @@ class Progress:
     evaluations: int
     discards: tuple[float, ...] = (0.1, 0.25, 0.5)
     anew: bool = False
+
+    @staticmethod
+    def none(dimension: int) -> Progress:
+        """No draws at all."""
+        return Progress(np.full((GROUPS, 0, 1, dimension), np.nan), 0)
 
     def cut(self, steps: int) -> Progress:
         """What there was after fewer steps."""
