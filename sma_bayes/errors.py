@@ -1,4 +1,4 @@
-"""The one family of errors that a user can cause, and how each reads.
+"""The one family of errors that a user can cause, how each reads, and words that messages are made of.
 
 Every message says what was found, where, what was expected and what to do. The command line turns any
 of them into one message and exit status 2.
@@ -139,3 +139,14 @@ def near_matches(name: str, known: Iterable[str]) -> str:
     if near:
         return "did you mean " + " or ".join(repr(n) for n in near) + "?"
     return "known: " + ", ".join(repr(n) for n in known)
+
+
+def many(count: int, noun: str) -> str:
+    """Count with its noun.
+
+    Examples
+    --------
+    >>> many(1, "row"), many(0, "row")
+    ('1 row', '0 rows')
+    """
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

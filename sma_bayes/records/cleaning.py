@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.records.ledger import Ledger, count
+from sma_bayes.errors import many
+from sma_bayes.records.ledger import Ledger
 from sma_bayes.records.quality import (
     CHANNEL_WINDOW,
     TEMPERATURE_WINDOW,
@@ -73,7 +74,7 @@ def _clean_time(ledger: Ledger) -> None:
         ledger.note(index[restart], "time-restart", message, column="time")
     tied = np.flatnonzero(np.diff(ledger.column("time")) == 0) + 1
     if tied.size:
-        message = f"{count(tied.size)} with the time stamp of the row before: time has too few digits"
+        message = f"{many(tied.size, 'row')} with the time stamp of the row before: time has too few digits"
         ledger.note(ledger.rows[tied], "repeated-time", message, column="time")
 
 
@@ -118,7 +119,7 @@ def note_digits(ledger: Ledger, column: str, rows: Ints) -> None:
         ledger.note(rows[:0], "quantised", message, column=column)
     for top in clipped(values):
         message = (
-            f"{name} stays at its extreme {ledger.amount(column, top.value)} in {count(top.count)}, entered "
+            f"{name} stays at its extreme {ledger.amount(column, top.value)} in {many(top.count, 'row')}, entered "
             "or left at full pace, as at the end of a sensor's range; the rows stay in"
         )
         ledger.note(rows[top.start : top.stop], "clipped", message, column=column)

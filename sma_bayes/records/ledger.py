@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.errors import MeasurementError
+from sma_bayes.errors import MeasurementError, many
 from sma_bayes.quantities import SPECIMEN_QUANTITY, Floats, unit_text
 from sma_bayes.records.run import Run
 from sma_bayes.records.types import Finding, Ints
@@ -71,7 +71,7 @@ class Ledger:
         index = index[self.kept[index]]
         self.kept[index] = False
         if index.size:
-            self._add(index, kind, f"{count(index.size)} kept out: {why}", index.size, column, branch)
+            self._add(index, kind, f"{many(index.size, 'row')} kept out: {why}", index.size, column, branch)
 
     def note(self, index: Ints, kind: str, message: str, *, column: str = "", branch: str = "") -> None:
         """Report something about rows (or about none in particular) without keeping them out."""
@@ -89,14 +89,3 @@ class Ledger:
         before = "; ".join(f.message for f in self.findings if f.dropped)
         found = f"condition {self.run.condition.id!r}: {found}" + (f" ({before})" if before else "")
         return MeasurementError(found, file=self.run.file, column=column, expected=expected, remedy=remedy)
-
-
-def count(rows: int) -> str:
-    """Number of rows in words.
-
-    Examples
-    --------
-    >>> count(1), count(3)
-    ('1 row', '3 rows')
-    """
-    return "1 row" if rows == 1 else f"{rows} rows"

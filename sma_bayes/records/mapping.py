@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from sma_bayes.errors import CampaignError, MeasurementError, QuantityError, near_matches
+from sma_bayes.errors import CampaignError, MeasurementError, QuantityError, many, near_matches
 from sma_bayes.quantities import ARBITRARY, QUANTITIES, Floats, convert
 from sma_bayes.records.declaration import CHANNEL_OF, Column, DeclaredCondition, require_channels
 from sma_bayes.records.default_names import EXAMPLES, described, recognised
 from sma_bayes.records.formats import Table, read_table
 from sma_bayes.records.formats.numbers import numbers
-from sma_bayes.records.formats.table import Cells, counted, rows_finding
+from sma_bayes.records.formats.table import Cells, rows_finding
 from sma_bayes.records.run import Run
 from sma_bayes.records.types import Branch, Calibration, Condition, Finding, Ints
 
@@ -228,7 +228,9 @@ def _within_limits(
     outside = (reading < low) | (reading > high)
     if not outside.any():
         return reading, ()
-    message = f"{counted(row[outside], 'reading')} of {title!r} outside {low:g} to {high:g}, taken as missing"
+    message = (
+        f"{many(int(outside.sum()), 'reading')} of {title!r} outside {low:g} to {high:g}, taken as missing"
+    )
     return np.where(outside, np.nan, reading), (
         rows_finding("out-of-range", message, row[outside], column=title),
     )
@@ -325,5 +327,5 @@ def _within_window(run: Run, declared: DeclaredCondition) -> tuple[Run, tuple[Fi
             expected=f"limits within {np.nanmin(time):g} s to {np.nanmax(time):g} s",
             remedy="correct time_from and time_to in [segmentation]",
         )
-    message = f"{counted(run.row[out], 'row')} outside {limits}, left out as declared"
+    message = f"{many(int(out.sum()), 'row')} outside {limits}, left out as declared"
     return run.take(~out), (rows_finding("cut", message, run.row[out], dropped=int(out.sum())),)

@@ -25,7 +25,7 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.errors import MeasurementError, near_matches
+from sma_bayes.errors import MeasurementError, many, near_matches
 from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.cleaning import SPARSE, clean_channel, clean_rows, note_digits
 from sma_bayes.records.held import (
@@ -37,7 +37,7 @@ from sma_bayes.records.held import (
     note_no_transformation,
     rows_of,
 )
-from sma_bayes.records.ledger import Ledger, count
+from sma_bayes.records.ledger import Ledger
 from sma_bayes.records.quality import gaps
 from sma_bayes.records.reduction import Blocks, average, blocks_of
 from sma_bayes.records.run import Run
@@ -204,7 +204,7 @@ def _find_legs(ledger: Ledger, settings: SplitSettings) -> list[Leg]:
     rows, temperature = ledger.rows, ledger.column("temperature")
     if rows.size < settings.min_samples:
         raise ledger.error(
-            f"only {count(rows.size)} with a usable temperature", column="temperature",
+            f"only {many(rows.size, 'row')} with a usable temperature", column="temperature",
             expected=f"{settings.min_samples} rows or more",
             remedy="check the column and its codes for missing values",
         )  # fmt: skip
@@ -286,7 +286,9 @@ def _heated(ledger: Ledger) -> Mask | None:
             return None
     on, stray = drive_is_on(values)
     if stray.any():
-        message = f"{count(int(stray.sum()))} in which {column} differs from its neighbours, which outvote it"
+        message = (
+            f"{many(int(stray.sum()), 'row')} in which {column} differs from its neighbours, which outvote it"
+        )
         ledger.note(ledger.rows[stray], "stray-drive", message, column=column)
     return on
 
@@ -470,7 +472,7 @@ def _note_reduction(
     too_many = f"more than {settings.max_samples}, as none may span over {settings.block_span:g} of the sweep"
     if blocks.largest > 1:
         message = (
-            f"{count(blocks.rows)} are averaged to {blocks.n} samples of up to {blocks.largest} rows in "
+            f"{many(blocks.rows, 'row')} are averaged to {blocks.n} samples of up to {blocks.largest} rows in "
             "sequence; noise and correlation are those of the averages"
         )
         message += f"; {too_many}" if blocks.n > settings.max_samples else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from sma_bayes.terminal.screen import many
+from sma_bayes.errors import many
 
 
 def comparison_text(found: Mapping[str, Any]) -> str:

@@ -7,8 +7,9 @@ from typing import Any
 
 from rich.table import Table
 
+from sma_bayes.errors import many
 from sma_bayes.report.choice import MANY
-from sma_bayes.terminal.screen import SHOWN, many, screen, show_end
+from sma_bayes.terminal.screen import SHOWN, screen, show_end
 
 
 def show_fit(summary: dict[str, Any], out: Path) -> None:

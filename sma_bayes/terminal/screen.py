@@ -17,17 +17,6 @@ def screen() -> Console:
     return Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
 
 
-def many(count: int, noun: str) -> str:
-    """Count with its noun.
-
-    Examples
-    --------
-    >>> many(1, "row"), many(0, "row")
-    ('1 row', '0 rows')
-    """
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
 def show_end(console: Console, found: dict[str, Any], out: Path) -> None:
     """Tell what was left out, what was lost on the way, how long it took and where it is."""
     if found.get("figures") == "campaign":

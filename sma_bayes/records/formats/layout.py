@@ -13,9 +13,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from sma_bayes.errors import MeasurementError
+from sma_bayes.errors import MeasurementError, many
 from sma_bayes.records.formats.numbers import is_blank, looks_numeric
-from sma_bayes.records.formats.table import Reading, Table, counted, cut_findings, rows_finding
+from sma_bayes.records.formats.table import Reading, Table, cut_findings, rows_finding
 from sma_bayes.records.types import Finding, Ints
 
 Row: TypeAlias = tuple[int, Sequence[object]]
@@ -207,7 +207,7 @@ def _header(
     if not skipped.size:
         return names, findings
     what = "above the data" if names is None else f"around the header in line {line}"
-    message = f"{counted(skipped, 'line')} {what}, neither names nor data, left out"
+    message = f"{many(skipped.size, 'line')} {what}, neither names nor data, left out"
     return names, (*findings, rows_finding("preamble", message, skipped))
 
 
@@ -247,7 +247,7 @@ def _collect(
     between = blank_lines[(blank_lines > kept[:1].sum()) & (blank_lines < kept[-1:].sum())]
     findings = cut_findings(np.array(cut, dtype=np.int64), kept, reading, file)
     if between.size:
-        message = f"{counted(between, 'blank line')} between the data, left out"
+        message = f"{many(between.size, 'blank line')} between the data, left out"
         findings = (*findings, rows_finding("blank-line", message, between))
     return cells, kept, findings
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sma_bayes.errors import MeasurementError
+from sma_bayes.errors import MeasurementError, many
 from sma_bayes.quantities import Floats
-from sma_bayes.records.formats.table import Cells, counted, rows_finding
+from sma_bayes.records.formats.table import Cells, rows_finding
 from sma_bayes.records.types import Finding, Ints
 
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
@@ -88,7 +88,7 @@ def numbers(
     findings = tuple(
         rows_finding(
             kind,
-            f"{counted(row[mask], 'cell')} {what} in {column!r}, taken as missing",
+            f"{many(int(mask.sum()), 'cell')} {what} in {column!r}, taken as missing",
             row[mask],
             column=column,
         )

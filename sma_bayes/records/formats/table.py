@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from sma_bayes.errors import MeasurementError
+from sma_bayes.errors import MeasurementError, many
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Finding, Ints
 
@@ -150,17 +150,6 @@ def rows_finding(kind: str, message: str, rows: Ints, *, column: str = "", dropp
     return Finding(kind, message, rows=shown, count=int(rows.size), dropped=dropped, column=column)
 
 
-def counted(rows: Ints, noun: str) -> str:
-    """Number of rows with a noun.
-
-    Examples
-    --------
-    >>> counted(np.array([7]), "row"), counted(np.array([7, 9]), "row")
-    ('1 row', '2 rows')
-    """
-    return f"{rows.size} {noun}" if rows.size == 1 else f"{rows.size} {noun}s"
-
-
 def sample_rows(n: int) -> Ints:
     """Numbers of the samples of a format that has no lines, shape (n,)."""
     return np.arange(1, n + 1, dtype=np.int64)
@@ -184,7 +173,7 @@ def cut_findings(cut: Ints, kept: Ints, reading: Reading, file: Path) -> tuple[F
             expected=f"limits within the rows of data, {cut[0]} to {cut[-1]}",
             remedy="correct `first_row` and `last_row` in [reading] of campaign.toml; lines count from 1",
         )
-    message = f"{counted(cut, 'row')} outside {limits}, left out as declared"
+    message = f"{many(cut.size, 'row')} outside {limits}, left out as declared"
     return (rows_finding("cut", message, cut, dropped=cut.size),)
 
 
