@@ -18,6 +18,8 @@ from scipy.special import ndtri
 
 from sma_bayes.quantities import Floats
 
+FEW = 8
+"""Lags of an autocovariance to begin with, which are summed one by one."""
 LONG = 100
 """Steps from which the means over walkers are a series that an effective sample size can be taken of."""
 
@@ -78,12 +80,12 @@ def assess(draws: Floats, target: Target) -> Convergence:
     rhat = np.zeros(len(values))
     for order in (_by_walker, _by_step):
         rhat = np.maximum(rhat, np.maximum(_rhat(_split(order(scores))), _rhat(_split(order(folded)))))
-    below = [(values <= q[:, None, None, None]).astype(float) for q in tails]
-    bulk = _ess(_split(_by_walker(scores)))
-    tail = np.minimum(*(_ess(_split(_by_walker(share))) for share in below))
+    told = np.concatenate([scores, *(values <= q[:, None, None, None] for q in tails)])
+    ess = _ess(_split(_by_walker(told)))
     if draws.shape[1] >= LONG:
-        bulk = np.minimum(bulk, _ess_of_ensembles(scores))
-        tail = np.minimum(tail, np.minimum(*(_ess_of_ensembles(share) for share in below)))
+        ess = np.minimum(ess, _ess_of_ensembles(told))
+    bulk, low, high = np.split(ess, 3)
+    tail = np.minimum(low, high)
     with np.errstate(invalid="ignore"):
         finite = bool(np.all(np.isfinite(draws)))
         reached = np.all(rhat <= target.rhat) and np.all(np.minimum(bulk, tail) >= target.ess)
@@ -194,15 +196,15 @@ def _rhat(chains: Floats) -> Floats:
         return np.asarray(np.sqrt((n - 1) / n + between / within))
 
 
-def _ess(chains: Floats) -> Floats:
-    """Effective sample size of chains (D, C, N) by Geyer's initial monotone sequence."""
+def _ess(chains: Floats, lags: int = FEW) -> Floats:
+    """Effective sample size of chains (D, C, N) by Geyer's initial monotone sequence.
+
+    The sequence seldom goes beyond the first few lags. Where it does, it is begun anew with all of them.
+    """
     d, c, n = chains.shape
+    lags = min(lags, n)
     means = chains.mean(axis=2)
-    length = next_fast_len(2 * n, real=True)
-    spectrum = rfft(chains - means[:, :, None], n=length)
-    # only the mean over chains is used, and it may as well be taken before the transform back
-    power = (spectrum.real**2 + spectrum.imag**2).mean(axis=1)
-    autocovariance = irfft(power, n=length)[:, :n] / n
+    autocovariance = _autocovariance(chains - means[:, :, None], lags)
     mean_variance = autocovariance[:, 0] * n / (n - 1.0)
     total = mean_variance * (n - 1.0) / n
     if c > 1:
@@ -210,16 +212,33 @@ def _ess(chains: Floats) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
         rho = 1.0 - (mean_variance[:, None] - autocovariance) / total[:, None]
     rho[:, 0] = 1.0
-    count = n // 2
+    count = lags // 2
     pairs = rho[:, : 2 * count].reshape(d, count, 2).sum(axis=2)
     last = max((n - 3) // 2, 0)  # the end of the series is too noisy to use
     ends = pairs < 0
-    stop = np.where(ends.any(axis=1), np.minimum(ends.argmax(axis=1), last), last)
-    longest = int(stop.max(initial=0))
+    ended = ends.any(axis=1)
+    stop = np.where(ended, np.minimum(ends.argmax(axis=1), last), last)
+    longest = min(int(stop.max(initial=0)), count)
     monotone = np.minimum.accumulate(pairs[:, :longest], axis=1)
     tau = -1.0 + 2.0 * np.where(np.arange(longest) < stop[:, None], monotone, 0.0).sum(axis=1)
     at = np.minimum(stop, count - 1)[:, None]
     first = np.take_along_axis(rho, 2 * at, axis=1)[:, 0]  # half of the pair that ended the sequence
     counted = (stop < count) & ((first > 0) | (np.take_along_axis(pairs, at, axis=1)[:, 0] >= 0))
     tau = np.where(counted, tau + first, tau)
-    return np.where(total > 0, c * n / np.maximum(tau, 1.0 / np.log10(c * n)), np.nan)
+    ess = np.where(total > 0, c * n / np.maximum(tau, 1.0 / np.log10(c * n)), np.nan)
+    if lags < n and not ended.all():
+        ess[~ended] = _ess(chains[~ended], n)
+    return np.asarray(ess)
+
+
+def _autocovariance(centred: Floats, lags: int) -> Floats:
+    """Mean over chains of the autocovariance at the first lags: (D, C, N) gives (D, lags)."""
+    n = centred.shape[2]
+    if lags <= FEW:
+        products = [np.einsum("dcn,dcn->d", centred[:, :, : n - k], centred[:, :, k:]) for k in range(lags)]
+        return np.asarray(np.stack(products, axis=1) / (n * centred.shape[1]))
+    length = next_fast_len(2 * n, real=True)
+    spectrum = rfft(centred, n=length)
+    # only the mean over chains is used, and it may as well be taken before the transform back
+    power = (spectrum.real**2 + spectrum.imag**2).mean(axis=1)
+    return np.asarray(irfft(power, n=length)[:, :lags] / n)
