@@ -143,6 +143,12 @@ class _Axes:
     information: Floats
     pulls: Floats
     squares: Floats
+    _inverse: Floats = field(init=False, repr=False)
+    _log_volume: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_inverse", np.linalg.inv(self.vectors))
+        object.__setattr__(self, "_log_volume", -float(np.linalg.slogdet(self.vectors)[1]))
 
     @staticmethod
     def of(equations: NormalEquations) -> _Axes | None:
@@ -178,7 +184,21 @@ class _Axes:
             for rows, at, steps in equations.channels()
         ], axis=1)  # fmt: skip
         pull = weights @ self.pulls[:-1] + self.pulls[-1]
-        return CommonAxes(self.vectors, 1.0 + weights @ self.information, pull), weights @ self.squares
+        precision = 1.0 + weights @ self.information
+        return CommonAxes(self, precision, pull), weights @ self.squares
+
+    def along(self, x: Floats) -> Floats:
+        """Points ``w - w0`` (W, m) along the axes."""
+        return np.asarray(x @ self._inverse.T)
+
+    def back(self, a: Floats) -> Floats:
+        """Points ``w - w0`` (W, m) from what they are along the axes."""
+        return np.asarray(a @ self.vectors.T)
+
+    @property
+    def log_volume(self) -> float:
+        """``-ln |V|``."""
+        return self._log_volume
 
 
 class CommonAxes:
@@ -186,7 +206,7 @@ class CommonAxes:
 
     Parameters
     ----------
-    vectors : ndarray, shape (m, m)
+    axes : _Axes
         V.
     precision : ndarray, shape (W, m)
         Diagonal of ``V' H V``.
@@ -194,21 +214,21 @@ class CommonAxes:
         ``V' b``.
     """
 
-    def __init__(self, vectors: Floats, precision: Floats, pull: Floats) -> None:
-        self.vectors = vectors
+    def __init__(self, axes: _Axes, precision: Floats, pull: Floats) -> None:
+        self.axes = axes
         self.usable: Bools = np.isfinite(np.concatenate([precision, pull], axis=1)).all(axis=1)
         if not self.usable.all():
             precision[~self.usable], pull[~self.usable] = 1.0, 0.0
         self.root = np.sqrt(precision)
         self.centre = pull / self.root
-        self.log_volume = np.log(self.root).sum(axis=1) - np.linalg.slogdet(vectors)[1]
+        self.log_volume = np.log(self.root).sum(axis=1) + axes.log_volume
         self.pull_squared = np.einsum("wi,wi->w", self.centre, self.centre)
 
     def whiten(self, x: Floats) -> Floats:
-        return np.asarray((x @ np.linalg.inv(self.vectors).T) * self.root - self.centre)
+        return self.axes.along(x) * self.root - self.centre
 
     def colour(self, v: Floats) -> Floats:
-        return np.asarray(((v + self.centre) / self.root) @ self.vectors.T)
+        return self.axes.back((v + self.centre) / self.root)
 
 
 # There are thousands of small systems. A loop over their rows, each step for all systems at once, is several times

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 from scipy.special import gammaln
 
 from sma_bayes.quantities import Floats
@@ -83,8 +83,7 @@ class StudentMixture:
 
     def __post_init__(self) -> None:
         d, df = self.dimension, self.df
-        eye = np.eye(d)
-        whiten = np.stack([solve_triangular(r, eye, lower=True, check_finite=False).T for r in self.root])
+        whiten = np.swapaxes(np.linalg.inv(self.root), 1, 2)
         volume = np.log(np.einsum("kii->ki", self.root)).sum(axis=1)
         object.__setattr__(self, "_whiten", whiten)
         object.__setattr__(self, "_log_scale", np.log(self.weight) + _log_norm(df, d) - volume)
@@ -274,21 +273,27 @@ class Proposal:
 
     def draw(self, rng: RandomStream, size: int) -> tuple[Floats, Floats]:
         """Points (size, D) and their log density (size,); a point that could not be built has NaN coordinates."""
+        return self.draw_with_coordinates(rng, size)[:2]
+
+    def draw_with_coordinates(self, rng: RandomStream, size: int) -> tuple[Floats, Floats, Floats, Bools]:
+        """The same, with the coordinates (size, D) of the points and whether these lead back to them (size,)."""
         from_wide = rng.random(size) < self.share
         z_wide = self.wide.draw(rng, int(from_wide.sum()))
         u = self.narrow.draw(rng, size)
-        z, log_jacobian, found = self.coordinates.inverse(u)
-        narrow = np.where(found, self.narrow.log_density(u) + log_jacobian, -np.inf)
+        z, log_jacobian, back = self.coordinates.inverse(u)
+        found = back | from_wide
         if from_wide.any():
-            u_wide, jacobian_wide, back = self.coordinates.forward(z_wide)
-            z = z.copy()
+            z, log_jacobian, back = z.copy(), log_jacobian.copy(), back.copy()
             z[from_wide] = z_wide
-            narrow[from_wide] = np.where(back, self.narrow.log_density(u_wide) + jacobian_wide, -np.inf)
-            found = found | from_wide
+            u[from_wide], log_jacobian[from_wide], back[from_wide] = self.coordinates.forward(z_wide)
+        with np.errstate(invalid="ignore"):
+            narrow = np.where(back, self.narrow.log_density(u) + log_jacobian, -np.inf)
+        if found.all():
+            return z, self._join(narrow, z), u, back
         z[~found] = np.nan
         log_q = np.full(size, -np.inf)
         log_q[found] = self._join(narrow[found], z[found])
-        return z, log_q
+        return z, log_q, u, back
 
     def log_density(self, z: Floats) -> Floats:
         """Log density at any points, shape (W,)."""
@@ -335,6 +340,7 @@ class MixedProposal:
 AnyProposal = Proposal | MixedProposal
 
 
+@cache
 def _log_norm(df: float, dimension: int) -> float:
     """Log of the density of a Student t at its centre, with a unit scale matrix."""
     return float(
@@ -344,12 +350,10 @@ def _log_norm(df: float, dimension: int) -> float:
 
 def _likeliest_df(distance: Floats, weight: Floats, dimension: int) -> float:
     """Degrees of freedom under which weighted points at squared distances (W,) from the centre are the likeliest."""
-
-    def mean_log_density(df: float) -> float:
-        power = 0.5 * (df + dimension)
-        return _log_norm(df, dimension) - power * float(weight @ np.log1p(distance / df))
-
-    return max(DEGREES_OF_FREEDOM, key=mean_log_density)
+    df = np.array(DEGREES_OF_FREEDOM)
+    log_norm = np.array([_log_norm(each, dimension) for each in DEGREES_OF_FREEDOM])
+    mean_log = np.log1p(distance / df[:, None]) @ weight
+    return DEGREES_OF_FREEDOM[int(np.argmax(log_norm - 0.5 * (df + dimension) * mean_log))]
 
 
 def _log_sum(parts: Floats) -> Floats:
@@ -359,9 +363,13 @@ def _log_sum(parts: Floats) -> Floats:
 
 def _root(matrix: Floats) -> Floats:
     """Cholesky factor; a matrix that is not quite positive definite is lifted by its own scale."""
+    try:
+        return np.asarray(np.linalg.cholesky(matrix))
+    except np.linalg.LinAlgError:
+        pass
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     correlation = matrix / np.outer(scale, scale)
-    for lift in (0.0, 1e-12, 1e-9, 1e-6, 1e-3):
+    for lift in (1e-12, 1e-9, 1e-6, 1e-3):
         try:
             return np.asarray(np.linalg.cholesky(correlation + lift * np.eye(len(matrix))) * scale[:, None])
         except np.linalg.LinAlgError:

@@ -7,11 +7,10 @@ of draws that count, and the greatest weight tells whether there is mass that th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from sma_bayes.quantities import Floats
 
@@ -27,34 +26,31 @@ class Weights:
     ----------
     log_weight : ndarray, shape (n,)
         Log of density over proposal; minus infinity for draws of no weight.
+    normalised : ndarray, shape (n,)
+        Weights that sum to one; equal ones where no draw has any.
+    efficiency : float
+        Effective share of the draws, between 0 and 1.
+    greatest : float
+        Greatest weight as a multiple of the mean weight.
     """
 
     log_weight: Floats
+    normalised: Floats = field(init=False, repr=False)
+    efficiency: float = field(init=False)
+    greatest: float = field(init=False)
 
-    @property
-    def normalised(self) -> Floats:
-        """Weights that sum to one."""
-        if not np.isfinite(self.log_weight).any():
-            return np.full(self.log_weight.size, 1.0 / self.log_weight.size)
-        w = np.exp(self.log_weight - self.log_weight.max())
-        return np.asarray(w / w.sum())
-
-    @property
-    def efficiency(self) -> float:
-        """Effective share of the draws, between 0 and 1."""
-        if not np.isfinite(self.log_weight).any():
-            return 0.0
-        return float(1.0 / (self.log_weight.size * np.sum(self.normalised**2)))
-
-    @property
-    def greatest(self) -> float:
-        """Greatest weight as a multiple of the mean weight."""
-        return float(self.normalised.max() * self.log_weight.size)
+    def __post_init__(self) -> None:
+        n, most = self.log_weight.size, self.log_weight.max()
+        w = np.exp(self.log_weight - most) if np.isfinite(most) else np.ones(n)
+        w /= w.sum()
+        object.__setattr__(self, "normalised", w)
+        object.__setattr__(self, "efficiency", 1.0 / (n * float(w @ w)) if np.isfinite(most) else 0.0)
+        object.__setattr__(self, "greatest", float(w.max()) * n)
 
     def log_evidence(self) -> tuple[float, float]:
         """Log of the integral of the density, and its standard error."""
-        n = self.log_weight.size
-        value = float(logsumexp(self.log_weight)) - float(np.log(n))
+        n, most = self.log_weight.size, int(self.log_weight.argmax())
+        value = float(self.log_weight[most] - np.log(n * self.normalised[most]))
         return value, float(np.sqrt(max(1.0 / max(self.efficiency, 1e-12) - 1.0, 0.0) / n))
 
 
@@ -91,7 +87,7 @@ def resampled(log_weight: Floats, size: int, rng: np.random.Generator) -> NDArra
     ndarray of int, shape (size,)
         Each draw in as many copies as its weight says, to within one.
     """
-    passed = np.cumsum(np.exp(log_weight - logsumexp(log_weight)))
+    passed = np.cumsum(np.exp(log_weight - log_weight.max()))
     at = (np.arange(size) + rng.random()) / size * passed[-1]
     return rng.permutation(np.searchsorted(passed, at, side="right").clip(max=log_weight.size - 1))
 
