@@ -15,6 +15,7 @@ from sma_bayes.inference.laplace import Density, Mode
 from sma_bayes.inference.moves import differential_evolution
 from sma_bayes.inference.proposals import (
     AnyProposal,
+    Bools,
     Coordinates,
     FactorisedMixture,
     MixedProposal,
@@ -24,13 +25,15 @@ from sma_bayes.inference.proposals import (
     StudentMixture,
 )
 from sma_bayes.inference.shape import DF, one_component, shape_of
-from sma_bayes.inference.weighted import LEAST, Weights, tempered
+from sma_bayes.inference.weighted import LEAST, Weights, resampled, tempered
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints
 
 DRAWS = 500
 """Importance draws of one round."""
+GRID = np.linspace(-5.0, 5.0, 41)
+"""Where the marginal of a single noise parameter is looked at, in standard deviations of the Laplace approximation."""
 HELD = 100.0
 """Draws for which the covariance that linearising gave counts beside those of a round."""
 ROUNDS = 6
@@ -39,10 +42,46 @@ GOOD = 0.7
 """Efficiency at which refining stops. At 0.6 a mild banana still passes, whose tail has weights that end a run."""
 AROUND = (64, 60)
 """Walkers and steps that look for what a proposal does not reach."""
+GOOD_AT_ONCE = 0.8
+"""Efficiency of the first round of a single component at which there is no second."""
 USABLE = 0.3
 """Efficiency below which a proposal does not carry a run alone."""
 GREATEST_SHARE = 30.0
 """Greatest importance weight, as a multiple of the mean weight, of a proposal that carries a run alone."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weighed:
+    """Draws from a proposal, and what they weigh.
+
+    Attributes
+    ----------
+    z : ndarray, shape (n, D)
+    log_prob : ndarray, shape (n,)
+        Of the density there.
+    weights : Weights
+    """
+
+    z: Floats
+    log_prob: Floats
+    weights: Weights
+
+    @staticmethod
+    def of(density: Density, z: Floats, log_q: Floats) -> Weighed:
+        """Weigh points (n, D) by the density over that of the proposal, whose logarithm is `log_q` (n,)."""
+        usable = np.isfinite(log_q)
+        log_prob = np.full(len(z), -np.inf)
+        if usable.any():
+            log_prob[usable] = density.log_prob(z[usable])
+        log_weight = np.full(len(z), -np.inf)
+        log_weight[usable] = log_prob[usable] - log_q[usable]
+        return Weighed(z, log_prob, Weights(log_weight))
+
+    def chosen(self, groups: int, size: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Points (groups, size, D) by weight, each group's out of a share of its own, and their `log_prob`."""
+        shares = [np.arange(g, len(self.z), groups) for g in range(groups)]
+        at = np.stack([share[resampled(self.weights.log_weight[share], size, rng)] for share in shares])
+        return self.z[at], self.log_prob[at]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,8 +91,8 @@ class Adapted:
     Attributes
     ----------
     proposal : Proposal or MixedProposal
-    weights : Weights
-        Of the last round of draws.
+    last : Weighed
+        The last round of draws.
     evaluations : int
     greatest_seen : float
         Greatest weight, as a multiple of the mean weight, at draws of another move that were not used in the fit:
@@ -63,10 +102,15 @@ class Adapted:
     """
 
     proposal: AnyProposal
-    weights: Weights
+    last: Weighed
     evaluations: int
     greatest_seen: float = 0.0
     acceptance: float = math.nan
+
+    @property
+    def weights(self) -> Weights:
+        """Those of the last round."""
+        return self.last.weights
 
     @property
     def carries(self) -> bool:
@@ -112,8 +156,8 @@ def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator
     share = np.maximum(share / share.sum(), 0.02)
     parts = tuple(f.proposal for f in fitted if isinstance(f.proposal, Proposal))
     proposal = MixedProposal(share / share.sum(), parts)
-    _, weights = weigh(density, proposal, rng, 4 * DRAWS)
-    return Adapted(proposal, weights, sum(f.evaluations for f in fitted) + 4 * DRAWS)
+    last = weigh(density, proposal, rng, 4 * DRAWS)
+    return Adapted(proposal, last, sum(f.evaluations for f in fitted) + 4 * DRAWS)
 
 
 def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
@@ -178,18 +222,19 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
 
     A proposal fitted to its own draws can be blind to the end of a bend: no draw gets there, and weights look even.
     """
-    z, weights = weigh(density, adapted.proposal, rng, DRAWS)
-    walkers = max(AROUND[0], 2 * z.shape[1] + 2)
-    if np.count_nonzero(weights.normalised) < walkers:
+    own = weigh(density, adapted.proposal, rng, DRAWS)
+    dimension = own.z.shape[1]
+    walkers = max(AROUND[0], 2 * dimension + 2)
+    if np.count_nonzero(own.weights.normalised) < walkers:
         return adapted
-    start = z[rng.choice(len(z), size=walkers, replace=False, p=weights.normalised)]
-    moves = differential_evolution(z.shape[1])
-    sampler = emcee.EnsembleSampler(walkers, z.shape[1], density.log_prob, moves=moves, vectorize=True)
+    start = own.z[rng.choice(len(own.z), size=walkers, replace=False, p=own.weights.normalised)]
+    moves = differential_evolution(dimension)
+    sampler = emcee.EnsembleSampler(walkers, dimension, density.log_prob, moves=moves, vectorize=True)
     stream = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
     state = State(start, random_state=stream.get_state())
     sampler.run_mcmc(state, AROUND[1], skip_initial_state_check=True)
     evaluations = adapted.evaluations + DRAWS + walkers * (AROUND[1] + 1)
-    met = Adapted(adapted.proposal, weights, 0).judged(
+    met = Adapted(adapted.proposal, own, 0).judged(
         sampler.get_chain(flat=True), sampler.get_log_prob(flat=True)
     )
     return replace(adapted, evaluations=evaluations, greatest_seen=met.greatest_seen)
@@ -210,10 +255,26 @@ def _start(
             if block.size == 0:
                 continue
             covariance = mode.covariance[np.ix_(block, block)]
-            first = StudentMixture.from_covariances(np.ones(1), mode.z[None, block], covariance[None], 5.0)
             blocks.append(block)
+            if block.size == 1:
+                parts.append(_fit_one_noise(coordinates, centre, int(block[0]) - m, float(covariance[0, 0])))
+                continue
+            first = StudentMixture.from_covariances(np.ones(1), mode.z[None, block], covariance[None], 5.0)
             parts.append(_fit_noise_block(coordinates, centre, block - m, first, rng))
     return FactorisedMixture(tuple(blocks), tuple(parts))
+
+
+def _fit_one_noise(
+    coordinates: NoiseScaledCoordinates, centre: Floats, at: int, variance: float
+) -> StudentMixture:
+    """The only noise parameter of a channel: mean and variance of the linearised marginal, the others at the mode."""
+    x = centre[at] + np.sqrt(variance) * GRID
+    noise_z = np.tile(centre, (x.size, 1))
+    noise_z[:, at] = x
+    weight = Weights(coordinates.log_noise_marginal(noise_z)).normalised
+    mean = float(weight @ x)
+    spread = max(float(weight @ (x - mean) ** 2), variance * (GRID[1] - GRID[0]) ** 2)
+    return StudentMixture.from_covariances(np.ones(1), np.full((1, 1), mean), np.full((1, 1, 1), spread), DF)
 
 
 def _fit_noise_block(
@@ -223,7 +284,7 @@ def _fit_noise_block(
     mixture: StudentMixture,
     rng: np.random.Generator,
 ) -> StudentMixture:
-    """Fit the noise parameters of one channel to the linearised marginal, the others held at the mode."""
+    """Fit several noise parameters of one channel to the linearised marginal, the others held at the mode."""
     for attempt in range(ROUNDS):
         x = mixture.draw(rng, block.size * DRAWS // 2)
         noise_z = np.tile(centre, (len(x), 1))
@@ -231,7 +292,7 @@ def _fit_noise_block(
         weights = Weights(coordinates.log_noise_marginal(noise_z) - mixture.log_density(x))
         if weights.efficiency >= 0.8:
             break
-        if attempt == 0 and block.size > 1:
+        if attempt == 0:
             mixture = _spread(mixture, rng, 4)
         mixture = mixture.refitted(x, tempered(weights), rounds=6)
     return mixture
@@ -246,50 +307,54 @@ def _refine(
     are not, and stand on their last round alone: the better they fit draws of their own, the more they lose of a
     bent density that they hardly reach.
     """
-    best = Adapted(proposal, Weights(np.full(1, -np.inf)), 0)
+    nothing = Weighed(proposal.wide.mean, np.full(1, -np.inf), Weights(np.full(1, -np.inf)))
+    best = Adapted(proposal, nothing, 0)
     evaluations = worse = 0
-    rounds = _Rounds(proposal.coordinates)
+    rounds = _Rounds()
     several = proposal.narrow.components > 1
     for number in range(ROUNDS):
-        z, weights = weigh(density, proposal, rng, draws)
+        z, log_q, u, back = proposal.draw_with_coordinates(rng, draws)
+        last = Weighed.of(density, z, log_q)
+        weights = last.weights
         evaluations += draws
         worse = 0 if weights.efficiency > 1.1 * best.weights.efficiency else worse + 1
-        good = weights.efficiency >= GOOD and (number > 0 or several)
+        good = weights.efficiency >= (GOOD if number > 0 or several else GOOD_AT_ONCE)
         if weights.efficiency > best.weights.efficiency:
-            best = Adapted(proposal, weights, evaluations)
+            best = Adapted(proposal, last, evaluations)
         if (worse >= 2 and not good) or (good and several):
             break
-        rounds.add(z, weights, alone=several)
+        rounds.add(last, u, back, alone=several)
         fitted = rounds.fit(proposal, held)
         if fitted is None:
             break
         if good:
-            return Adapted(fitted, weights, evaluations)
+            return Adapted(fitted, last, evaluations)
         proposal = fitted
-    return Adapted(best.proposal, best.weights, evaluations)
+    return replace(best, evaluations=evaluations)
 
 
 class _Rounds:
     """Weighted draws of several proposals in the same coordinates, for one density."""
 
-    def __init__(self, coordinates: Coordinates) -> None:
-        self.coordinates = coordinates
+    def __init__(self) -> None:
         self.z: list[Floats] = []
         self.u: list[Floats] = []
         self.weight: list[Floats] = []
 
-    def add(self, z: Floats, weights: Weights, alone: bool) -> None:
-        """Add a round; if it is to stand alone, or needs to be tempered, those before are forgotten."""
+    def add(self, drawn: Weighed, u: Floats, back: Bools, alone: bool) -> None:
+        """Add a round with its coordinates; if it is to stand alone, or needs tempering, those before are forgotten."""
+        weights = drawn.weights
         if alone or weights.efficiency < LEAST:
             self.z, self.u, self.weight = [], [], []
         usable = np.isfinite(weights.log_weight)
         if not usable.any():
             return
-        u, _, back = self.coordinates.forward(z[usable])
-        weight = tempered(Weights(weights.log_weight[usable]))
-        self.z.append(z[usable])
-        self.u.append(u)
-        self.weight.append(back * weight / np.sum(weight**2))  # draws of a good proposal count for more
+        weight = tempered(weights)[usable]
+        self.z.append(drawn.z[usable])
+        self.u.append(u[usable])
+        self.weight.append(
+            back[usable] * weight / np.sum(weight**2)
+        )  # draws of a good proposal count for more
 
     def fit(self, proposal: Proposal, held: float) -> Proposal | None:
         """The proposal fitted to all draws; None where they are too few."""
@@ -314,16 +379,9 @@ def _widened(wide: StudentMixture, z: Floats, weight: Floats) -> StudentMixture:
     return StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], wide.df)
 
 
-def weigh(
-    density: Density, proposal: AnyProposal, rng: np.random.Generator, size: int
-) -> tuple[Floats, Weights]:
-    """Draws (size, D) from a proposal, and their importance weights."""
-    z, log_q = proposal.draw(rng, size)
-    usable = np.isfinite(log_q)
-    log_weight = np.full(size, -np.inf)
-    if usable.any():
-        log_weight[usable] = density.log_prob(z[usable]) - log_q[usable]
-    return z, Weights(log_weight)
+def weigh(density: Density, proposal: AnyProposal, rng: np.random.Generator, size: int) -> Weighed:
+    """Draw from a proposal, and weigh the draws."""
+    return Weighed.of(density, *proposal.draw(rng, size))
 
 
 def _spread(mixture: StudentMixture, rng: np.random.Generator, count: int) -> StudentMixture:

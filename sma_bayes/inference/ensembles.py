@@ -3,7 +3,8 @@
 The plan of a run, each stage only where the one before does not suffice:
 
 1. climb to the modes from the least-squares optima, fit a proposal to each (`adaptation`);
-2. independence moves with that proposal, in at least four groups that share nothing but the proposal;
+2. independence moves with that proposal from its own weighted draws, in at least four groups that share nothing
+   but the proposal;
 3. where the proposal does not carry (low efficiency, a single weight too large) or the target is missed,
    explore with differential evolution from dispersed starts and fit again to what was found;
 4. independence moves with that, or, where it does not carry either, both kinds of move together.
@@ -31,7 +32,7 @@ from sma_bayes.inference.adaptation import GREATEST_SHARE, USABLE, Adapted, adap
 from sma_bayes.inference.checkpoint import Block, Checkpoint
 from sma_bayes.inference.convergence import Convergence, Target, assess
 from sma_bayes.inference.laplace import Density, Mode, climb
-from sma_bayes.inference.moves import IndependenceMove, differential_evolution
+from sma_bayes.inference.moves import IndependenceMove, MultipleProposalMove, differential_evolution
 from sma_bayes.inference.refitting import adapt_to_draws
 from sma_bayes.inference.weighted import Weights
 from sma_bayes.posterior import Posterior
@@ -49,8 +50,8 @@ class Plan:
         Independent ensembles, at least 4.
     walkers : int
         Walkers of a group; raised to twice the dimension where that is more.
-    block, burn : int
-        Steps of the first block of independence moves, and steps dropped at the start.
+    block : int
+        Steps of the first block of independence moves.
     explore_block : int
         Steps of a block with differential evolution.
     evaluations : int
@@ -62,8 +63,7 @@ class Plan:
     target: Target = field(default_factory=Target)
     groups: int = 4
     walkers: int = 64
-    block: int = 12
-    burn: int = 2
+    block: int = 7
     explore_block: int = 250
     evaluations: int = 6_000_000
     greatest_weight: float = GREATEST_SHARE
@@ -110,8 +110,8 @@ class Draws:
     ln_evidence_sd: float
 
 
-BATCH = 1024
-"""Proposals drawn and evaluated at once: more do not stay in the processor's cache."""
+AHEAD = 16
+"""Steps of independence moves whose proposals are drawn and evaluated at once, where other moves are made between."""
 
 EFFORTS = {"independence": 1, "wider": 4, "widest": 16}
 """Tries with independence moves alone, and how many times as many draws the proposal is fitted to.
@@ -129,10 +129,12 @@ Walkers that start near a mode and creep along a bent ridge agree with each othe
 ends, and the more walkers there are the sooner they add up to the target: of 20 runs on a narrow banana all had
 reached it, with standard deviations a fifth too small."""
 
-LONGEST = 8
-"""Blocks of independence moves, at most."""
+LONGEST = 96
+"""Steps of independence moves, at most."""
 IN_HAND = 1.15
 """What is asked for beyond the effective draws that lack, whose number is itself an estimate."""
+LEAST_STEPS = 4
+"""Steps at least of a further block of independence moves: of few proposals a walker has little to choose from."""
 
 LOOK_AGAIN = 1.2
 """By how much a chain must have grown to be assessed again: assessing then costs in proportion to its length."""
@@ -202,13 +204,13 @@ def dispersed_starts(
     return chosen
 
 
-def _steps_lacking(convergence: Convergence, kept: int, plan: Plan) -> int:
-    """Steps to go on for, after so many that are kept: by what lacks in effective draws, a block at most."""
+def _steps_lacking(convergence: Convergence, length: int, plan: Plan) -> int:
+    """Steps to go on for, after so many: by what lacks in effective draws, as many again at most."""
     least = float(np.minimum(convergence.ess_bulk, convergence.ess_tail).min())
     if not 0.0 < least < plan.target.ess:  # it is R-hat that lacks, or there is no telling
         return plan.block
-    lacking = kept * (IN_HAND * plan.target.ess / least - 1.0)
-    return min(plan.block, max(1, math.ceil(lacking)))
+    lacking = length * (IN_HAND * plan.target.ess / least - 1.0)
+    return min(length, max(LEAST_STEPS, math.ceil(lacking)))
 
 
 class _Run:
@@ -300,19 +302,18 @@ class _Run:
         plan = self.plan
         method = "independence" if name in EFFORTS else "independence after differential evolution"
         group = _Group(self, name, adapted, seed, None, plan.block, copies=plan.groups)
-        length, more = 0, plan.block
-        while length < LONGEST * plan.block:
-            self.tell(f"independence moves, from step {length + 1}")
+        more = plan.block
+        while group.length < LONGEST:
+            self.tell(f"independence moves, from step {group.length + 1}")
             group.advance(more)
-            length = len(group.chain)
             weights = Weights(group.log_weight)
-            most = plan.greatest_weight * max(1.0, 0.25 * length / plan.block)
+            most = plan.greatest_weight * max(1.0, 2.0 * group.length / LONGEST)
             if weights.efficiency < USABLE or weights.greatest > most:
                 return None
-            convergence = assess(group.chains[:, plan.burn :], plan.target)
+            convergence = assess(group.chains, plan.target)
             if convergence.converged:
-                return self._draws([group], plan.burn, convergence, modes, weights, method)
-            more = _steps_lacking(convergence, length - plan.burn, plan)
+                return self._draws([group], 0, convergence, modes, weights, method)
+            more = _steps_lacking(convergence, group.length, plan)
         return None
 
     def _explore(
@@ -336,7 +337,7 @@ class _Run:
             self.tell(f"exploring with differential evolution, block {block}")
             for group in groups:
                 group.advance()
-            half = len(groups[0].chain) // 2
+            half = groups[0].length // 2
             enough = Target(EXPLORED_RHAT, EXPLORED_TIMES * chains)
             explored = assess(np.concatenate([g.chains[:, half:] for g in groups]), enough).converged
             if explored:
@@ -369,7 +370,7 @@ class _Run:
             if block < look and self.evaluations < plan.evaluations:
                 continue
             look = math.ceil(LOOK_AGAIN * block)
-            burn = len(groups[0].chain) // 4
+            burn = groups[0].length // 4
             target = Target(plan.target.rhat, max(plan.target.ess, MIXED_TIMES * chains))
             convergence = assess(np.concatenate([g.chains[:, burn:] for g in groups]), target)
             if convergence.converged or self.evaluations >= plan.evaluations:
@@ -443,18 +444,23 @@ class _Group:
         self.walkers = copies * run.walkers
         self.name = name
         self.steps = steps
-        ahead = max(1, BATCH // self.walkers)
-        self.move = IndependenceMove(adapted.proposal, min(ahead, steps) if moves is None else 16)
-        chosen: list[tuple[Move, float]] = [(self.move, 1.0)]
-        if moves is not None:
+        self.move: MultipleProposalMove | IndependenceMove
+        if moves is None:
+            self.move = MultipleProposalMove(adapted.proposal, steps)
+            chosen: list[tuple[Move, float]] = [(self.move, 1.0)]
+        else:
+            self.move = IndependenceMove(adapted.proposal, AHEAD)
             chosen = [(move, share * (1.0 - independence)) for move, share in moves]
             if independence > 0.0:
                 chosen.append((self.move, independence))
         self.sampler = _Sampler(self.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True)
         start_seed, chain_seed = seed.spawn(2)
         stream = np.random.RandomState(np.random.MT19937(chain_seed))
-        if start is None:
+        if modes:
             coords, log_prob = self._dispersed(adapted, np.random.default_rng(start_seed), modes)
+        elif start is None:
+            own = adapted.last.chosen(copies, run.walkers, np.random.default_rng(start_seed))
+            coords, log_prob = (np.concatenate(each) for each in own)
         else:
             coords, log_prob = start, run.log_prob(start)
         self.state = State(coords, log_prob=log_prob, random_state=stream.get_state())
@@ -464,19 +470,18 @@ class _Group:
     def _dispersed(
         self, adapted: Adapted, rng: np.random.Generator, modes: Sequence[Mode]
     ) -> tuple[Floats, Floats]:
-        """Starts of positive density, and its log: from the proposal, or, to explore, from modes and proposal."""
+        """Starts of positive density about modes and from the proposal, and its log."""
         run = self.run
+        centre = np.stack([m.z for m in modes])
+        root = np.stack([np.linalg.cholesky(m.covariance) for m in modes])
         found: list[Floats] = []
         values: list[Floats] = []
         count = 0
         while count < self.walkers:
             z = adapted.proposal.draw(rng, self.walkers + self.walkers // 8)[0]
-            if modes:
-                which = rng.integers(len(modes), size=len(z))
-                root = np.stack([np.linalg.cholesky(m.covariance) for m in modes])
-                near = np.stack([m.z for m in modes])[which]
-                near = near + 2.0 * np.einsum("wij,wj->wi", root[which], rng.standard_normal(near.shape))
-                z = np.where(rng.random(len(z))[:, None] < 0.5, z, near)
+            which = rng.integers(len(modes), size=len(z))
+            near = centre[which] + 2.0 * np.einsum("wij,wj->wi", root[which], rng.standard_normal(z.shape))
+            z = np.where(rng.random(len(z))[:, None] < 0.5, z, near)
             z = z[np.isfinite(z).all(axis=1)]
             if not len(z):
                 continue
@@ -488,11 +493,12 @@ class _Group:
         return np.concatenate(found)[: self.walkers], np.concatenate(values)[: self.walkers]
 
     def advance(self, steps: int | None = None) -> None:
-        """Run one more block, or read it; `steps` are made up to whole batches of proposals, which cost the same."""
+        """Run one more block, or read it; with moves of independence alone, `steps` share one set of proposals."""
         block = next(self._stored, None)
         if block is None:
-            ahead = self.move.steps
-            block = self._sample(self.steps if steps is None else -(-steps // ahead) * ahead)
+            if steps is not None:
+                self.move.steps = self.steps = steps
+            block = self._sample(self.steps)
             if self.run.checkpoint is not None:
                 self.run.checkpoint.append(self.name, block)
         else:  # the budget must not depend on whether the run was interrupted
@@ -516,6 +522,11 @@ class _Group:
             self.sampler.stream_state(),
             self.run.evaluations - before,
         )
+
+    @property
+    def length(self) -> int:
+        """Steps so far."""
+        return sum(len(b.chain) for b in self._blocks)
 
     @property
     def chain(self) -> Floats:
@@ -543,5 +554,4 @@ class _Group:
     @property
     def acceptance(self) -> float:
         """Share of accepted proposals."""
-        steps = sum(len(b.chain) for b in self._blocks)
-        return float(np.mean(sum(b.accepted for b in self._blocks)) / steps)
+        return float(np.mean(sum(b.accepted for b in self._blocks)) / self.length)

@@ -12,7 +12,7 @@ from sma_bayes.inference.coordinates import PredictiveCoordinates
 from sma_bayes.inference.laplace import Density, Mode
 from sma_bayes.inference.proposals import Mixture, Proposal, StudentMixture
 from sma_bayes.inference.shape import DF, Shape, shape_of
-from sma_bayes.inference.weighted import Weights, tempered
+from sma_bayes.inference.weighted import tempered
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 
@@ -44,8 +44,9 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
         u, _, back = shape.coordinates.forward(fit)
         for components in (1, 4, 12, 32):
             proposal = Proposal(shape.coordinates, _fitted_mixture(shape, u[back], components, rng), wide)
-            _, weights = weigh(density, proposal, rng, 4 * DRAWS)
-            yield Adapted(proposal, weights, 4 * DRAWS).judged(rest, log_prob)
+            yield Adapted(proposal, weigh(density, proposal, rng, 4 * DRAWS), 4 * DRAWS).judged(
+                rest, log_prob
+            )
 
     found = list(mixtures(shape_of(density, modes[0])))
     shape = None if any(f.carries for f in found) else _predictive_shape(density, fit)
@@ -87,15 +88,15 @@ def _reaching_out(density: Density, first: Adapted, z: Floats, rng: np.random.Ge
         return first
     proposal = first.proposal
     for _ in range(REACHES):
-        own, weights = weigh(density, proposal, rng, 32 * DRAWS)
-        usable = np.isfinite(weights.log_weight)
-        weight = 0.5 * tempered(Weights(weights.log_weight[usable]))
-        u, _, back = proposal.coordinates.forward(np.concatenate([z, own[usable]]))
+        own = weigh(density, proposal, rng, 32 * DRAWS)
+        usable = np.isfinite(own.log_prob)
+        weight = 0.5 * tempered(own.weights)[usable]
+        u, _, back = proposal.coordinates.forward(np.concatenate([z, own.z[usable]]))
         both = np.concatenate([np.full(len(z), 0.5 / len(z)), weight])[back]
         narrow = proposal.narrow.refitted(u[back], both / both.sum(), rounds=6)
         proposal = replace(proposal, narrow=narrow)
-    _, weights = weigh(density, proposal, rng, 4 * DRAWS)
-    return Adapted(proposal, weights, REACHES * 32 * DRAWS + 4 * DRAWS)
+    last = weigh(density, proposal, rng, 4 * DRAWS)
+    return Adapted(proposal, last, REACHES * 32 * DRAWS + 4 * DRAWS)
 
 
 def _fitted_mixture(shape: Shape, u: Floats, components: int, rng: np.random.Generator) -> Mixture:

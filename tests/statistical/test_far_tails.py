@@ -21,7 +21,7 @@ LEVELS = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("record", "seed"), [(10, 1003), (10, 1004), (14, 1006)])
+@pytest.mark.parametrize(("record", "seed"), [(10, 1001), (10, 1021), (14, 1005)])
 def test_a_proposal_that_missed_a_tail_is_fitted_again(record: int, seed: int) -> None:
     problem = Problem.of(Case("S", "ar1").records()[record], "ar1")
     posterior = problem.posterior
@@ -31,11 +31,12 @@ def test_a_proposal_that_missed_a_tail_is_fitted_again(record: int, seed: int) -
     assert draws.evaluations > 40_000  # it did not do at the first try, or this test says nothing
 
     proposal = adapt(posterior, draws.modes, np.random.default_rng(0), effort=16).proposal
-    reference, weights = weigh(posterior, proposal, np.random.default_rng(1), 60_000)
+    drawn = weigh(posterior, proposal, np.random.default_rng(1), 60_000)
+    weights = drawn.weights
     assert weights.efficiency > 0.4
     usable = np.isfinite(weights.log_weight)
     log_weight = weights.log_weight[usable] - logsumexp(weights.log_weight)
-    quantiles = weighted_quantiles(reference[usable], log_weight, LEVELS)
+    quantiles = weighted_quantiles(drawn.z[usable], log_weight, LEVELS)
     z, levels = draws.z.reshape(-1, draws.z.shape[-1]), np.array(LEVELS)[:, None]
     shares = (z[:, None] <= quantiles).mean(axis=0)
     error = np.sqrt(levels * (1.0 - levels) / 1000.0)

@@ -8,7 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from sma_bayes.inference.adaptation import DRAWS, GREATEST_SHARE, USABLE, Adapted, adapt, with_wide_share
+from sma_bayes.inference.adaptation import (
+    DRAWS,
+    GREATEST_SHARE,
+    USABLE,
+    Adapted,
+    Weighed,
+    adapt,
+    with_wide_share,
+)
 from sma_bayes.inference.laplace import Mode, climb
 from sma_bayes.inference.proposals import MixedProposal, Proposal
 from sma_bayes.inference.refitting import adapt_to_draws
@@ -62,10 +70,15 @@ def test_one_weight_takes_all() -> None:
     assert w.normalised.sum() == pytest.approx(1.0)
 
 
+def weighed(w: Weights) -> Weighed:
+    n = w.log_weight.size
+    return Weighed(np.arange(2.0 * n).reshape(n, 2), np.arange(n) - 7.0, w)
+
+
 def test_no_weight_at_all_is_no_efficiency() -> None:
     w = Weights(np.full(10, -np.inf))
     assert w.efficiency == 0.0
-    assert not Adapted(None, w, 0).carries
+    assert not Adapted(None, weighed(w), 0).carries
     np.testing.assert_allclose(w.normalised, 0.1)
 
 
@@ -96,8 +109,24 @@ def test_a_proposal_carries_a_run_only_if_no_weight_is_too_great(
     log_weight: np.ndarray, carries: bool
 ) -> None:
     w = Weights(log_weight)
-    assert Adapted(None, w, 0).carries is carries
+    assert Adapted(None, weighed(w), 0).carries is carries
     assert carries == (w.efficiency >= USABLE and w.greatest <= GREATEST_SHARE)
+
+
+def test_points_are_chosen_by_weight_each_group_from_a_share_of_its_own() -> None:
+    log_weight = np.where(np.arange(400) % 10 < 5, np.log(3.0), np.log(1.0))
+    log_weight[::40] = -np.inf
+    drawn = weighed(Weights(log_weight))
+    z, log_prob = drawn.chosen(4, 90, np.random.default_rng(0))
+    assert (z.shape, log_prob.shape) == ((4, 90, 2), (4, 90))
+    number = (z[..., 0] / 2.0).astype(int)
+    np.testing.assert_array_equal(log_prob, number - 7.0)
+    for group, chosen in enumerate(number):
+        assert set(chosen % 4) == {group}
+        assert np.isfinite(log_weight[chosen]).all()
+        share = np.arange(group, 400, 4)
+        copies = 90.0 * np.exp(log_weight[share]) / np.exp(log_weight[share]).sum()
+        assert np.abs(np.bincount(chosen, minlength=400)[share] - copies).max() < 1.0
 
 
 # --- fits ---------------------------------------------------------------------------------------------
