@@ -53,6 +53,15 @@ def show(header: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
         print(f"| {' | '.join(line)} |")
 
 
+def three(value: float) -> str:
+    """Three digits, those before the point in full: 0.0128, 16.9, 1,310."""
+    return f"{value:.3g}" if value < 1000.0 else f"{float(f'{value:.3g}'):,.0f}"
+
+
+def spread(middle: float, values: Sequence[float]) -> str:
+    return f"{three(middle)} ({three(min(values))} to {three(max(values))})"
+
+
 def cpu(row: dict[str, str]) -> float:
     return float(row["cpu_s"])
 
@@ -76,9 +85,9 @@ def campaign(rows: Rows) -> None:
         lines.append([
             TITLES[name],
             f"{sum(r['reached'] == 'True' for r in every)} of {len(every)}",
-            f"{statistics.median(typical.values()):.3g} ({min(map(cpu, every)):.3g} to {max(map(cpu, every)):.3g})",
-            "1" if name == OWN else f"**{ratio:.3g}**",
-            "" if name == OWN else f"{statistics.median(each):.3g} ({min(each):.3g} to {max(each):.3g})",
+            spread(statistics.median(typical.values()), [cpu(r) for r in every]),
+            "1" if name == OWN else f"**{three(ratio)}**",
+            "" if name == OWN else spread(statistics.median(each), each),
             f"{statistics.median(int(r['evaluations']) for r in every):,.0f}",
             f"{statistics.median(rate):,.0f}",
         ])  # fmt: skip
@@ -120,7 +129,7 @@ def cell(rows: Rows) -> str:
     if not rows:
         return "not measured"
     failed = [row for row in rows if row["reached"] != "True"]
-    time = f"{statistics.median(map(cpu, rows)):.3g}"
+    time = three(statistics.median(map(cpu, rows)))
     if not failed:
         return time
     note = f" ({len(rows) - len(failed)} of {len(rows)})" if len(failed) < len(rows) else ""
@@ -139,7 +148,7 @@ def kernels(rows: Rows) -> None:
         (r["channels"], r["noise"], r["points"], r["kernel"], r["rows"]): float(r["us_each"]) for r in rows
     }
     lines = [
-        [", ".join(case), *(f"{times[(*case, k, n)]:.3g}" for k in KERNELS for n in batches)]
+        [", ".join(case), *(three(times[(*case, k, n)]) for k in KERNELS for n in batches)]
         for case in dict.fromkeys((r["channels"], r["noise"], r["points"]) for r in rows)
     ]
     show(["channels, noise, points", *(f"{k}, {n}" for k in KERNELS for n in batches)], lines)
