@@ -21,6 +21,7 @@ def claimed_folder(folder: Path, identity: dict[str, Any], resume: bool) -> Iter
     except BaseException:
         give_back(folder, made)
         raise
+    sweep_unfinished(folder)  # of workers that were lost on the way
 
 
 def give_back(folder: Path, made: Sequence[Path]) -> None:

@@ -112,6 +112,17 @@ def test_a_half_written_file_and_a_spoilt_checkpoint_do_no_harm(
     assert not (out / "posterior" / ".unfinished-abc.nc").exists()
 
 
+def test_what_a_lost_worker_left_half_written_is_gone_at_the_end(data: Path) -> None:
+    out = data / "lost"
+
+    def leave_half(done: int, total: int, message: str) -> None:
+        if done == 1:
+            (out / "posterior" / ".unfinished-abc.nc").write_bytes(b"half")
+
+    fit_campaign(read_campaign(data), out, jobs=1, figures=False, progress=leave_half)
+    assert list(out.rglob(".*")) == []
+
+
 @pytest.mark.slow
 def test_a_real_campaign_killed_at_random_times(
     shared_data: Path, tmp_path: Path, assert_same_run: Same
