@@ -349,12 +349,11 @@ class _Rounds:
         usable = np.isfinite(weights.log_weight)
         if not usable.any():
             return
-        weight = tempered(weights)[usable]
+        weight = tempered(Weights(weights.log_weight[usable]))
         self.z.append(drawn.z[usable])
         self.u.append(u[usable])
-        self.weight.append(
-            back[usable] * weight / np.sum(weight**2)
-        )  # draws of a good proposal count for more
+        # draws of a good proposal count for more
+        self.weight.append(back[usable] * weight / np.sum(weight**2))
 
     def fit(self, proposal: Proposal, held: float) -> Proposal | None:
         """The proposal fitted to all draws; None where they are too few."""

@@ -12,7 +12,7 @@ from sma_bayes.inference.coordinates import PredictiveCoordinates
 from sma_bayes.inference.laplace import Density, Mode
 from sma_bayes.inference.proposals import Mixture, Proposal, StudentMixture
 from sma_bayes.inference.shape import DF, Shape, shape_of
-from sma_bayes.inference.weighted import tempered
+from sma_bayes.inference.weighted import Weights, tempered
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 
@@ -89,8 +89,8 @@ def _reaching_out(density: Density, first: Adapted, z: Floats, rng: np.random.Ge
     proposal = first.proposal
     for _ in range(REACHES):
         own = weigh(density, proposal, rng, 32 * DRAWS)
-        usable = np.isfinite(own.log_prob)
-        weight = 0.5 * tempered(own.weights)[usable]
+        usable = np.isfinite(own.weights.log_weight)
+        weight = 0.5 * tempered(Weights(own.weights.log_weight[usable]))
         u, _, back = proposal.coordinates.forward(np.concatenate([z, own.z[usable]]))
         both = np.concatenate([np.full(len(z), 0.5 / len(z)), weight])[back]
         narrow = proposal.narrow.refitted(u[back], both / both.sum(), rounds=6)

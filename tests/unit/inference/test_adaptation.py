@@ -14,6 +14,7 @@ from sma_bayes.inference.adaptation import (
     USABLE,
     Adapted,
     Weighed,
+    _Rounds,
     adapt,
     with_wide_share,
 )
@@ -127,6 +128,17 @@ def test_points_are_chosen_by_weight_each_group_from_a_share_of_its_own() -> Non
         share = np.arange(group, 400, 4)
         copies = 90.0 * np.exp(log_weight[share]) / np.exp(log_weight[share]).sum()
         assert np.abs(np.bincount(chosen, minlength=400)[share] - copies).max() < 1.0
+
+
+def test_draws_without_weight_do_not_flatten_the_weights_of_the_others() -> None:
+    """Of 1000 draws 30 have a weight: less than the least share in effect, but these are even enough."""
+    log_weight = np.full(1000, -np.inf)
+    log_weight[:30] = np.linspace(0.0, 1.0, 30)
+    rounds = _Rounds()
+    drawn = weighed(Weights(log_weight))
+    rounds.add(drawn, drawn.z, np.ones(1000, dtype=bool), alone=False)
+    (found,) = rounds.weight
+    np.testing.assert_allclose(found / found.sum(), Weights(log_weight).normalised[:30])
 
 
 # --- fits ---------------------------------------------------------------------------------------------
