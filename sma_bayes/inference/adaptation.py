@@ -25,7 +25,7 @@ from sma_bayes.inference.proposals import (
     StudentMixture,
 )
 from sma_bayes.inference.shape import DF, one_component, shape_of
-from sma_bayes.inference.weighted import LEAST, Weights, resampled, tempered
+from sma_bayes.inference.weighted import LEAST, Weighed, Weights, tempered
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints
@@ -48,40 +48,6 @@ USABLE = 0.3
 """Efficiency below which a proposal does not carry a run alone."""
 GREATEST_SHARE = 30.0
 """Greatest importance weight, as a multiple of the mean weight, of a proposal that carries a run alone."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Weighed:
-    """Draws from a proposal, and what they weigh.
-
-    Attributes
-    ----------
-    z : ndarray, shape (n, D)
-    log_prob : ndarray, shape (n,)
-        Of the density there.
-    weights : Weights
-    """
-
-    z: Floats
-    log_prob: Floats
-    weights: Weights
-
-    @staticmethod
-    def of(density: Density, z: Floats, log_q: Floats) -> Weighed:
-        """Weigh points (n, D) by the density over that of the proposal, whose logarithm is `log_q` (n,)."""
-        usable = np.isfinite(log_q)
-        log_prob = np.full(len(z), -np.inf)
-        if usable.any():
-            log_prob[usable] = density.log_prob(z[usable])
-        log_weight = np.full(len(z), -np.inf)
-        log_weight[usable] = log_prob[usable] - log_q[usable]
-        return Weighed(z, log_prob, Weights(log_weight))
-
-    def chosen(self, groups: int, size: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Points (groups, size, D) by weight, each group's out of a share of its own, and their `log_prob`."""
-        shares = [np.arange(g, len(self.z), groups) for g in range(groups)]
-        at = np.stack([share[resampled(self.weights.log_weight[share], size, rng)] for share in shares])
-        return self.z[at], self.log_prob[at]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -264,14 +230,19 @@ def _start(
     return FactorisedMixture(tuple(blocks), tuple(parts))
 
 
+def _log_marginal(coordinates: NoiseScaledCoordinates, centre: Floats, block: Ints, x: Floats) -> Floats:
+    """Linearised log marginal (W,) where some noise parameters are `x` (W, B) and the others as at the centre."""
+    noise_z = np.tile(centre, (len(x), 1))
+    noise_z[:, block] = x
+    return coordinates.log_noise_marginal(noise_z)
+
+
 def _fit_one_noise(
     coordinates: NoiseScaledCoordinates, centre: Floats, at: int, variance: float
 ) -> StudentMixture:
     """The only noise parameter of a channel: mean and variance of the linearised marginal, the others at the mode."""
     x = centre[at] + np.sqrt(variance) * GRID
-    noise_z = np.tile(centre, (x.size, 1))
-    noise_z[:, at] = x
-    weight = Weights(coordinates.log_noise_marginal(noise_z)).normalised
+    weight = Weights(_log_marginal(coordinates, centre, np.array([at]), x[:, None])).normalised
     mean = float(weight @ x)
     spread = max(float(weight @ (x - mean) ** 2), variance * (GRID[1] - GRID[0]) ** 2)
     return StudentMixture.from_covariances(np.ones(1), np.full((1, 1), mean), np.full((1, 1, 1), spread), DF)
@@ -287,9 +258,7 @@ def _fit_noise_block(
     """Fit several noise parameters of one channel to the linearised marginal, the others held at the mode."""
     for attempt in range(ROUNDS):
         x = mixture.draw(rng, block.size * DRAWS // 2)
-        noise_z = np.tile(centre, (len(x), 1))
-        noise_z[:, block] = x
-        weights = Weights(coordinates.log_noise_marginal(noise_z) - mixture.log_density(x))
+        weights = Weights(_log_marginal(coordinates, centre, block, x) - mixture.log_density(x))
         if weights.efficiency >= 0.8:
             break
         if attempt == 0:
@@ -314,7 +283,7 @@ def _refine(
     several = proposal.narrow.components > 1
     for number in range(ROUNDS):
         z, log_q, u, back = proposal.draw_with_coordinates(rng, draws)
-        last = Weighed.of(density, z, log_q)
+        last = Weighed.of(density.log_prob, z, log_q)
         weights = last.weights
         evaluations += draws
         worse = 0 if weights.efficiency > 1.1 * best.weights.efficiency else worse + 1
@@ -380,7 +349,7 @@ def _widened(wide: StudentMixture, z: Floats, weight: Floats) -> StudentMixture:
 
 def weigh(density: Density, proposal: AnyProposal, rng: np.random.Generator, size: int) -> Weighed:
     """Draw from a proposal, and weigh the draws."""
-    return Weighed.of(density, *proposal.draw(rng, size))
+    return Weighed.of(density.log_prob, *proposal.draw(rng, size))
 
 
 def _spread(mixture: StudentMixture, rng: np.random.Generator, count: int) -> StudentMixture:

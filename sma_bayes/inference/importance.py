@@ -25,7 +25,7 @@ from sma_bayes.inference.bridge import Evidence, fitted_proposal
 from sma_bayes.inference.laplace import Density, Mode, climb
 from sma_bayes.inference.pareto import RELIABLE, smoothed_weights
 from sma_bayes.inference.proposals import StudentMixture
-from sma_bayes.inference.weighted import Weights, tempered
+from sma_bayes.inference.weighted import Weighed, Weights, tempered
 from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
@@ -150,11 +150,8 @@ def drawn(
     density: Density, proposal: Source, modes: Sequence[Mode], rng: np.random.Generator, size: int
 ) -> WeightedDraws:
     """Importance draws from a proposal."""
-    z, log_q = proposal.draw(rng, size)
-    usable = np.isfinite(log_q)
-    log_weight = np.full(size, -np.inf)
-    log_weight[usable] = density.log_prob(z[usable]) - log_q[usable]
-    weights = Weights(log_weight)
+    found = Weighed.of(density.log_prob, *proposal.draw(rng, size))
+    z, weights, log_weight = found.z, found.weights, found.weights.log_weight
     evidence = Evidence(*weights.log_evidence())
     kept = np.isfinite(log_weight)
     if not kept.any():

@@ -14,6 +14,7 @@ from emcee.moves import DEMove, Move
 from emcee.state import State
 
 from sma_bayes.inference.proposals import AnyProposal
+from sma_bayes.inference.weighted import Weighed
 from sma_bayes.quantities import Floats
 
 
@@ -33,26 +34,21 @@ class _Proposing(Move):  # type: ignore[misc]
         self.proposal = proposal
         self.steps = steps
         self.log_weights: list[Floats] = []
-        self._coords: Floats | None = None
-        self._log_q: Floats = np.empty(0)
+        self.start_block()
 
     def start_block(self) -> None:
         """Forget what is left of the last batch, so that a block does not depend on how the run got here."""
-        self._coords = None
+        self._ahead: list[Any] = []  # what is left of it, a step each
+        self._coords: Floats | None = None
+        self._log_q: Floats = np.empty(0)
 
     def _batch(self, model: Any, walkers: int) -> tuple[Floats, Floats, Floats]:
         """Proposals of all steps (S, W, D), their log-probability and the log density of their proposal (S, W)."""
-        size = walkers * self.steps
-        z, log_q = self.proposal.draw(model.random, size)
-        usable = np.isfinite(log_q)
-        log_p = np.full(size, -np.inf)
-        if usable.any():
-            log_p[usable] = model.log_prob_fn(z[usable])
-        log_w = np.full(size, -np.inf)
-        log_w[usable] = log_p[usable] - log_q[usable]
-        self.log_weights.append(log_w)
+        z, log_q = self.proposal.draw(model.random, walkers * self.steps)
+        drawn = Weighed.of(model.log_prob_fn, z, log_q)
+        self.log_weights.append(drawn.weights.log_weight)
         shape = (self.steps, walkers)
-        return z.reshape(*shape, -1), log_p.reshape(shape), log_q.reshape(shape)
+        return z.reshape(*shape, -1), drawn.log_prob.reshape(shape), log_q.reshape(shape)
 
     def _log_density(self, coords: Floats) -> Floats:
         """Log density of the proposal where the walkers stand, remembered from when they went there."""
@@ -71,29 +67,15 @@ class IndependenceMove(_Proposing):
     """Metropolis-Hastings with proposals that do not depend on where the walkers are.
 
     A walker at ``z`` goes to ``z'`` with probability ``min(1, w(z')/w(z))``, where ``w`` is the posterior over the
-    density of the proposal. It goes well with other moves, step by step.
-
-    Parameters
-    ----------
-    proposal : Proposal or MixedProposal
-    steps : int
-        Steps whose proposals are evaluated together.
+    density of the proposal. It goes well with other moves, step by step. Parameters are those of all such moves.
     """
-
-    def __init__(self, proposal: AnyProposal, steps: int) -> None:
-        super().__init__(proposal, steps)
-        self._pool: list[tuple[Floats, Floats, Floats]] = []
-
-    def start_block(self) -> None:
-        super().start_block()
-        self._pool = []
 
     def propose(self, model: Any, state: State) -> tuple[State, Any]:
         """One step of every walker; emcee calls this."""
-        if not self._pool:
-            self._pool = list(zip(*self._batch(model, len(state.coords)), strict=True))
+        if not self._ahead:
+            self._ahead = list(zip(*self._batch(model, len(state.coords)), strict=True))
         here = self._log_density(state.coords)
-        z, log_p, log_q = self._pool.pop(0)
+        z, log_p, log_q = self._ahead.pop(0)
         with np.errstate(invalid="ignore"):
             gain = (log_p - log_q) - (state.log_prob - here)
         accepted = np.isfinite(log_p) & (np.log(model.random.random(len(gain))) < gain)
@@ -114,28 +96,14 @@ class MultipleProposalMove(_Proposing):
     few of average weight are lost, where Metropolis-Hastings rejects some: with S of 14 a fair proposal gives 0.7
     effective draws an evaluation for 0.4. With S of one it gives less.
 
-    A set of proposals serves as many steps, between which no other move may be made.
-
-    Parameters
-    ----------
-    proposal : Proposal or MixedProposal
-    steps : int
-        S.
+    A set of proposals serves as many steps, S = `steps`, between which no other move may be made.
     """
-
-    def __init__(self, proposal: AnyProposal, steps: int) -> None:
-        super().__init__(proposal, steps)
-        self._chosen: list[tuple[Floats, Floats, Floats, Any]] = []
-
-    def start_block(self) -> None:
-        super().start_block()
-        self._chosen = []
 
     def propose(self, model: Any, state: State) -> tuple[State, Any]:
         """One step of every walker; emcee calls this."""
-        if not self._chosen:
-            self._chosen = self._choose(model, state)
-        coords, log_prob, log_q, moved = self._chosen.pop(0)
+        if not self._ahead:
+            self._ahead = self._choose(model, state)
+        coords, log_prob, log_q, moved = self._ahead.pop(0)
         return self._gone(coords, log_prob, log_q), moved
 
     def _choose(self, model: Any, state: State) -> list[tuple[Floats, Floats, Floats, Any]]:

@@ -136,6 +136,10 @@ class _Axes:
         ``V' J' r`` of each channel, then ``V' p``.
     squares : ndarray, shape (C,)
         ``r' r`` of each channel.
+    inverse : ndarray, shape (m, m)
+        Of V.
+    log_volume : float
+        ``-ln |V|``.
     """
 
     equations: NormalEquations
@@ -143,12 +147,12 @@ class _Axes:
     information: Floats
     pulls: Floats
     squares: Floats
-    _inverse: Floats = field(init=False, repr=False)
-    _log_volume: float = field(init=False, repr=False)
+    inverse: Floats = field(init=False, repr=False)
+    log_volume: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_inverse", np.linalg.inv(self.vectors))
-        object.__setattr__(self, "_log_volume", -float(np.linalg.slogdet(self.vectors)[1]))
+        object.__setattr__(self, "inverse", np.linalg.inv(self.vectors))
+        object.__setattr__(self, "log_volume", -float(np.linalg.slogdet(self.vectors)[1]))
 
     @staticmethod
     def of(equations: NormalEquations) -> _Axes | None:
@@ -187,19 +191,6 @@ class _Axes:
         precision = 1.0 + weights @ self.information
         return CommonAxes(self, precision, pull), weights @ self.squares
 
-    def along(self, x: Floats) -> Floats:
-        """Points ``w - w0`` (W, m) along the axes."""
-        return np.asarray(x @ self._inverse.T)
-
-    def back(self, a: Floats) -> Floats:
-        """Points ``w - w0`` (W, m) from what they are along the axes."""
-        return np.asarray(a @ self.vectors.T)
-
-    @property
-    def log_volume(self) -> float:
-        """``-ln |V|``."""
-        return self._log_volume
-
 
 class CommonAxes:
     """Normal distributions along axes that do not change.
@@ -225,10 +216,10 @@ class CommonAxes:
         self.pull_squared = np.einsum("wi,wi->w", self.centre, self.centre)
 
     def whiten(self, x: Floats) -> Floats:
-        return self.axes.along(x) * self.root - self.centre
+        return np.asarray((x @ self.axes.inverse.T) * self.root - self.centre)
 
     def colour(self, v: Floats) -> Floats:
-        return self.axes.back((v + self.centre) / self.root)
+        return np.asarray(((v + self.centre) / self.root) @ self.axes.vectors.T)
 
 
 # There are thousands of small systems. A loop over their rows, each step for all systems at once, is several times

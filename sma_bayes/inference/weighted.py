@@ -6,7 +6,7 @@ of draws that count, and the greatest weight tells whether there is mass that th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -52,6 +52,40 @@ class Weights:
         n, most = self.log_weight.size, int(self.log_weight.argmax())
         value = float(self.log_weight[most] - np.log(n * self.normalised[most]))
         return value, float(np.sqrt(max(1.0 / max(self.efficiency, 1e-12) - 1.0, 0.0) / n))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weighed:
+    """Draws from a proposal, and what they weigh.
+
+    Attributes
+    ----------
+    z : ndarray, shape (n, D)
+    log_prob : ndarray, shape (n,)
+        Of the density there.
+    weights : Weights
+    """
+
+    z: Floats
+    log_prob: Floats
+    weights: Weights
+
+    @staticmethod
+    def of(density: Callable[[Floats], Floats], z: Floats, log_q: Floats) -> Weighed:
+        """Weigh points (n, D) by a log density over that of their proposal, `log_q` (n,), where that is finite."""
+        usable = np.isfinite(log_q)
+        log_prob = np.full(len(z), -np.inf)
+        if usable.any():
+            log_prob[usable] = density(z[usable])
+        log_weight = np.full(len(z), -np.inf)
+        log_weight[usable] = log_prob[usable] - log_q[usable]
+        return Weighed(z, log_prob, Weights(log_weight))
+
+    def chosen(self, groups: int, size: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Points (groups, size, D) by weight, each group's out of a share of its own, and their `log_prob`."""
+        shares = [np.arange(g, len(self.z), groups) for g in range(groups)]
+        at = np.stack([share[resampled(self.weights.log_weight[share], size, rng)] for share in shares])
+        return self.z[at], self.log_prob[at]
 
 
 def tempered(weights: Weights) -> Floats:
