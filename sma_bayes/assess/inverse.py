@@ -171,7 +171,9 @@ def finer(t: Floats, near: Floats) -> Floats:
         return t
     cell = float(np.diff(t).min())
     about = np.linspace(near.min() - cell, near.max() + cell, NEAR)
-    every = np.concatenate([t, about, np.quantile(near, np.linspace(0.0, 1.0, NEAR))])
+    passing = np.unique(np.quantile(near, np.linspace(0.0, 1.0, NEAR)))
+    # between the passages, since at one of them rounding decides whether its curve has the value
+    every = np.concatenate([t, about, 0.5 * (passing[1:] + passing[:-1])])
     return np.unique(np.clip(every, t[0], t[-1]))
 
 
