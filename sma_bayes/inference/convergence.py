@@ -18,8 +18,8 @@ from scipy.special import ndtri
 
 from sma_bayes.quantities import Floats
 
-FEW = 8
-"""Lags of an autocovariance to begin with, which are summed one by one."""
+FEW, SOME = 8, 32
+"""Lags of an autocovariance to begin with, and to go on with before all are asked for; they are summed one by one."""
 LONG = 100
 """Steps from which the means over walkers are a series that an effective sample size can be taken of."""
 
@@ -77,9 +77,9 @@ def assess(draws: Floats, target: Target) -> Convergence:
     values = _parameters_first(draws)
     # ranks do not depend on the order of the draws, and sorting is most of the work: once serves all orders
     scores, folded, tails = _ranked(values)
-    rhat = np.zeros(len(values))
-    for order in (_by_walker, _by_step):
-        rhat = np.maximum(rhat, np.maximum(_rhat(_split(order(scores))), _rhat(_split(order(folded)))))
+    both = np.concatenate([scores, folded])
+    by_walker, by_step = (_rhat(_split(order(both))) for order in (_by_walker, _by_step))
+    rhat = np.maximum(by_walker, by_step).reshape(2, -1).max(axis=0)
     told = np.concatenate([scores, *(values <= q[:, None, None, None] for q in tails)])
     ess = _ess(_split(_by_walker(told)))
     if draws.shape[1] >= LONG:
@@ -128,8 +128,11 @@ def _by_step(values: Floats) -> Floats:
 
 def _split(chains: Floats) -> Floats:
     """Halves of chains (D, C, N) as chains of their own: (D, 2 C, N // 2), without the middle of an odd number."""
-    half = chains.shape[2] // 2
-    return np.concatenate([chains[:, :, :half], chains[:, :, chains.shape[2] - half :]], axis=1)
+    d, c, n = chains.shape
+    if n % 2 == 0:
+        return chains.reshape(d, 2 * c, -1)
+    half = n // 2
+    return np.concatenate([chains[:, :, :half], chains[:, :, half + 1 :]], axis=1)
 
 
 def _ess_of_ensembles(values: Floats) -> Floats:
@@ -157,17 +160,19 @@ def _ranked(values: Floats) -> tuple[Floats, Floats, Floats]:
     scores, folded = np.empty_like(flat), np.empty_like(flat)
     size = flat.shape[1]
     quantile = _quantiles_of_ranks(size)
-    middle, place = size // 2, np.arange(size)
+    middle = (size - 1) // 2, size // 2
+    below, part = np.divmod(np.multiply((0.05, 0.95), size - 1), 1.0)
+    at = below.astype(np.int64)
+    above = np.minimum(at + 1, size - 1)
     tails = np.empty((2, len(flat)))
-    for k, column in enumerate(flat):
-        order = np.argsort(column)
+    for k, column in enumerate(flat):  # one by one they stay in the processor's cache
+        order = column.argsort()
         in_order = column[order]
         scores[k, order] = _scores_in_order(in_order, quantile)
-        median = in_order[middle] if size % 2 else 0.5 * (in_order[middle - 1] + in_order[middle])
-        distance = np.abs(in_order - median)
-        outwards = np.argsort(distance, kind="stable")  # two runs, one falling and one rising: soon sorted
+        distance = np.abs(in_order - 0.5 * (in_order[middle[0]] + in_order[middle[1]]))
+        outwards = distance.argsort(kind="stable")  # two runs, one falling and one rising: soon sorted
         folded[k, order[outwards]] = _scores_in_order(distance[outwards], quantile)
-        tails[:, k] = np.interp(np.multiply((0.05, 0.95), size - 1), place, in_order)
+        tails[:, k] = in_order[at] + part * (in_order[above] - in_order[at])
     return scores.reshape(values.shape), folded.reshape(values.shape), tails
 
 
@@ -178,20 +183,22 @@ def _quantiles_of_ranks(size: int) -> Floats:
 
 def _scores_in_order(in_order: Floats, quantile: Floats) -> Floats:
     """Normal scores of sorted values."""
-    new = np.empty(in_order.size, dtype=bool)
-    new[0] = True
-    np.not_equal(in_order[1:], in_order[:-1], out=new[1:])
-    if new.all():
-        return quantile[::2]
-    starts = np.flatnonzero(new)
-    ends = np.append(starts[1:], in_order.size)
-    return np.asarray(quantile[starts + ends - 1][np.cumsum(new) - 1])
+    new = np.empty(in_order.size + 1, dtype=bool)
+    new[0] = new[-1] = True
+    np.not_equal(in_order[1:], in_order[:-1], out=new[1:-1])
+    starts = new.nonzero()[0]  # the last one is the end
+    ties = starts[1:] - starts[:-1]
+    return np.repeat(quantile[starts[1:] + starts[:-1] - 1], ties)
 
 
 def _rhat(chains: Floats) -> Floats:
     n = chains.shape[2]
-    within = chains.var(axis=2, ddof=1).mean(axis=1)
-    between = chains.mean(axis=2).var(axis=1, ddof=1)
+    means = chains.mean(axis=2)
+    squares = (
+        np.einsum("dcn,dcn->dc", chains, chains) / n
+    )  # scores are about zero: nothing is lost by subtracting
+    within = np.maximum(squares - means**2, 0.0).mean(axis=1) * (n / (n - 1.0))
+    between = means.var(axis=1, ddof=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.sqrt((n - 1) / n + between / within))
 
@@ -199,12 +206,12 @@ def _rhat(chains: Floats) -> Floats:
 def _ess(chains: Floats, lags: int = FEW) -> Floats:
     """Effective sample size of chains (D, C, N) by Geyer's initial monotone sequence.
 
-    The sequence seldom goes beyond the first few lags. Where it does, it is begun anew with all of them.
+    The sequence seldom goes beyond the first few lags. Where it does, it is begun anew with more of them.
     """
     d, c, n = chains.shape
     lags = min(lags, n)
     means = chains.mean(axis=2)
-    autocovariance = _autocovariance(chains - means[:, :, None], lags)
+    autocovariance = _autocovariance(chains, means, lags)
     mean_variance = autocovariance[:, 0] * n / (n - 1.0)
     total = mean_variance * (n - 1.0) / n
     if c > 1:
@@ -227,18 +234,21 @@ def _ess(chains: Floats, lags: int = FEW) -> Floats:
     tau = np.where(counted, tau + first, tau)
     ess = np.where(total > 0, c * n / np.maximum(tau, 1.0 / np.log10(c * n)), np.nan)
     if lags < n and not ended.all():
-        ess[~ended] = _ess(chains[~ended], n)
+        ess[~ended] = _ess(chains[~ended], SOME if lags < SOME else n)
     return np.asarray(ess)
 
 
-def _autocovariance(centred: Floats, lags: int) -> Floats:
-    """Mean over chains of the autocovariance at the first lags: (D, C, N) gives (D, lags)."""
-    n = centred.shape[2]
-    if lags <= FEW:
-        products = [np.einsum("dcn,dcn->d", centred[:, :, : n - k], centred[:, :, k:]) for k in range(lags)]
-        return np.asarray(np.stack(products, axis=1) / (n * centred.shape[1]))
+def _autocovariance(chains: Floats, means: Floats, lags: int) -> Floats:
+    """Mean over chains of the autocovariance at the first lags: (D, C, N) about (D, C) gives (D, lags)."""
+    d, c, n = chains.shape
+    if lags <= SOME:
+        apart = np.zeros((d, c, n + lags))  # zeros keep the end of a chain from the beginning of the next
+        np.subtract(chains, means[:, :, None], out=apart[:, :, :n])
+        row = apart.reshape(d, -1)
+        products = [np.einsum("dn,dn->d", row[:, : row.shape[1] - k], row[:, k:]) for k in range(lags)]
+        return np.asarray(np.stack(products, axis=1) / (n * c))
     length = next_fast_len(2 * n, real=True)
-    spectrum = rfft(centred, n=length)
+    spectrum = rfft(chains - means[:, :, None], n=length)
     # only the mean over chains is used, and it may as well be taken before the transform back
     power = (spectrum.real**2 + spectrum.imag**2).mean(axis=1)
     return np.asarray(irfft(power, n=length)[:, :lags] / n)
