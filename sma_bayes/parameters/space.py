@@ -75,6 +75,7 @@ class ParameterSpace:
     _other: NDArray[np.intp] = field(init=False, repr=False)
     _mean: Floats = field(init=False, repr=False)
     _sd: Floats = field(init=False, repr=False)
+    _log_norm: float = field(init=False, repr=False)
     _log_plus: NDArray[np.intp] = field(init=False, repr=False)
     _log_minus: NDArray[np.intp] = field(init=False, repr=False)
 
@@ -96,6 +97,7 @@ class ParameterSpace:
                    for d in priors if isinstance(d, Normal | LogNormal)]  # fmt: skip
         set_(self, "_mean", np.array([m for m, _ in moments]))
         set_(self, "_sd", np.array([s for _, s in moments]))
+        set_(self, "_log_norm", float(np.log(self._sd).sum()) + _HALF_LN_2PI * self._sd.size)
         signs = {i: d.sign for i, d in enumerate(priors) if isinstance(d, LogNormal)}
         set_(self, "_log_plus", np.array([i for i, s in signs.items() if s > 0], dtype=np.intp))
         set_(self, "_log_minus", np.array([i for i, s in signs.items() if s < 0], dtype=np.intp))
@@ -130,18 +132,26 @@ class ParameterSpace:
     def to_physical(self, z: Floats) -> Floats:
         """Parameters ``theta`` (..., P) at the sampled coordinates ``z`` (..., D)."""
         z = np.asarray(z, dtype=float)
-        theta = np.empty((*z.shape[:-1], len(self.parameters)))
-        for i, p in enumerate(self.parameters):
-            if p.fixed is not None:
-                theta[..., i] = p.fixed
         x = z.copy()
         with np.errstate(over="ignore"):
-            x[..., self._log_plus] = np.exp(z[..., self._log_plus])
-            x[..., self._log_minus] = -np.exp(z[..., self._log_minus])
+            self._set_exponentials(x, z)
             for i in self._other:
                 x[..., i] = self.free[i].prior.transform.to_physical(z[..., i])
+        if self._free.size == len(self.parameters):
+            return x
+        theta = np.empty((*z.shape[:-1], len(self.parameters)))
+        for at, p in enumerate(self.parameters):
+            if p.fixed is not None:
+                theta[..., at] = p.fixed
         theta[..., self._free] = x
         return theta
+
+    def _set_exponentials(self, x: Floats, z: Floats) -> None:
+        """What has its logarithm sampled, and its derivative."""
+        if self._log_plus.size:
+            x[..., self._log_plus] = np.exp(z[..., self._log_plus])
+        if self._log_minus.size:
+            x[..., self._log_minus] = -np.exp(z[..., self._log_minus])
 
     def to_sampled(self, theta: Floats) -> Floats:
         """Sampled coordinates (..., D) of the parameters ``theta`` (..., P)."""
@@ -153,18 +163,18 @@ class ParameterSpace:
 
     def derivative(self, z: Floats) -> Floats:
         """Derivative of each sampled parameter with respect to its coordinate, shape (..., D)."""
-        parts = []
-        for i, p in enumerate(self.free):
-            sign = p.prior.sign if isinstance(p.prior, LogNormal) else 1.0
-            parts.append(sign * np.exp(p.prior.transform.log_jacobian(np.asarray(z)[..., i])))
-        return np.stack(parts, axis=-1)
+        z = np.asarray(z, dtype=float)
+        slope = np.ones_like(z)
+        self._set_exponentials(slope, z)
+        for i in self._other:
+            slope[..., i] = np.exp(self.free[i].prior.transform.log_jacobian(z[..., i]))
+        return slope
 
     def log_prior(self, z: Floats) -> Floats:
         """Log density of the prior in the sampled coordinates, shape (...); Jacobian included."""
         z = np.asarray(z, dtype=float)
-        u = (z[..., self._gaussian] - self._mean) / self._sd
-        value = -0.5 * np.einsum("...i,...i->...", u, u)
-        value = value - (np.log(self._sd).sum() + _HALF_LN_2PI * self._sd.size)
+        u = ((z[..., self._gaussian] if self._other.size else z) - self._mean) / self._sd
+        value = -0.5 * np.einsum("...i,...i->...", u, u) - self._log_norm
         for i in self._other:
             prior = self.free[i].prior
             transform = prior.transform
@@ -197,9 +207,12 @@ class ParameterSpace:
 
     def prior_centre(self) -> Floats:
         """Median of the prior in each sampled coordinate, shape (D,)."""
-        return np.array(
-            [float(p.prior.transform.to_sampled(p.prior.quantile(np.array(0.5)))) for p in self.free]
-        )
+        centre = np.empty(self.dimension)
+        centre[self._gaussian] = self._mean
+        for i in self._other:
+            prior = self.free[i].prior
+            centre[i] = prior.transform.to_sampled(prior.quantile(np.array(0.5)))
+        return centre
 
 
 def free_names(parameters: Sequence[Parameter]) -> tuple[str, ...]:

@@ -48,13 +48,13 @@ def sigmoid(temperature: Floats, amplitude: Floats, rate: Floats, midpoint: Floa
     >>> float(sigmoid(np.array(50.0), 2.0, 0.3, 50.0, 1.0))
     2.0
     """
-    x = np.asarray(-rate * (temperature - midpoint))
+    x = np.empty(np.broadcast(temperature, amplitude, rate, midpoint, offset).shape)
+    np.subtract(temperature, midpoint, out=x)  # all in place: memory traffic is most of the time of a batch
+    x *= -rate
     with np.errstate(over="ignore"):  # infinite where the sigmoid is zero; three times as fast as expit
         np.exp(x, out=x)
     x += 1.0
-    if x.shape != np.broadcast_shapes(x.shape, np.shape(amplitude), np.shape(offset)):
-        return np.asarray(offset + amplitude / x)
-    np.divide(amplitude, x, out=x)  # the batch is evaluated in place: memory traffic is most of its time
+    np.divide(amplitude, x, out=x)
     x += offset
     return x
 
