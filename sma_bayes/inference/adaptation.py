@@ -79,10 +79,15 @@ class Adapted:
         return self.last.weights
 
     @property
+    def misses(self) -> bool:
+        """Whether another move met what this proposal hardly ever draws: of that, its own draws know nothing."""
+        return self.greatest_seen > GREATEST_SHARE
+
+    @property
     def carries(self) -> bool:
         """Whether an independence move with this proposal is enough by itself."""
-        greatest = max(self.weights.greatest, self.greatest_seen)
-        return self.weights.efficiency >= USABLE and greatest <= GREATEST_SHARE
+        weights = self.weights
+        return weights.efficiency >= USABLE and weights.greatest <= GREATEST_SHARE and not self.misses
 
     def judged(self, z: Floats, log_prob: Floats) -> Adapted:
         """The same, as draws (n, D) of another move see it; `log_prob` (n,) is what the density is there."""

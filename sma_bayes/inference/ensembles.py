@@ -259,7 +259,7 @@ class _Run:
         for (name, effort), (fit_seed, run_seed) in zip(tries, seeds, strict=False):
             adapted = adapt(self.density, modes, np.random.default_rng(fit_seed), effort=effort)
             self.evaluations += adapted.evaluations
-            if effort == 1 and not adapted.carries:
+            if adapted.misses or (effort == 1 and not adapted.carries):
                 break
             carrying = adapted if effort == 1 else with_wide_share(adapted)
             draws = self._independence(name, carrying, modes, run_seed)
