@@ -117,6 +117,35 @@ class Posterior:
             value = self.log_prior(z) + self.log_likelihood(self.space.to_physical(z))
         return np.where(np.isnan(value), -np.inf, value)
 
+    def fisher_information(self, z: Floats) -> Floats:
+        """Information that data and prior would hold if errors were independent and normal.
+
+        Parameters
+        ----------
+        z : ndarray, shape (D,)
+
+        Returns
+        -------
+        ndarray, shape (D, D)
+            ``J' R**-1 J`` for the model's parameters, ``2 n`` for the logarithm of the sd of each channel's noise, and
+            ``1/sd**2`` of the prior of each parameter. Its inverse is the covariance of a posterior that is normal.
+        """
+        theta, chain = self.space.to_physical(z), self.space.derivative(z)
+        place_in_z = {int(i): k for k, i in enumerate(self.space.free_index)}
+        total = np.diag(self.space.prior_sd() ** -2.0)
+        for record, place in zip(self.records, self.layout, strict=True):
+            sampled = [i for i, at in enumerate(place.model) if int(at) in place_in_z]
+            rows = [place_in_z[int(at)] for at in place.model[sampled]]
+            jacobian = self.model.jacobian(theta[place.model], record.inputs)
+            for channel in record.channels:
+                at = int(place.noise[channel][0])
+                whitened = jacobian[channel][:, sampled] * (chain[rows] / theta[at])
+                total[np.ix_(rows, rows)] += whitened.T @ whitened
+                if at in place_in_z:
+                    k = place_in_z[at]
+                    total[k, k] += 2.0 * record.n * (chain[k] / theta[at]) ** 2
+        return np.asarray(total)
+
     def log_likelihood(self, theta: Floats) -> Floats:
         """Log likelihood of parameter vectors ``theta`` (W, P), shape (W,)."""
         theta = np.atleast_2d(theta)
@@ -207,7 +236,7 @@ class Posterior:
             for channel in record.channels:
                 sd = theta[:, place.noise[channel][0], None]
                 e = record.observed[channel] - mu[channel]
-                e /= sd
+                e *= 1.0 / sd
                 yield channel, e, record.n * np.log(sd[:, 0]), sd
             return
         slope = self.model.slope(theta[:, place.model], record.inputs)

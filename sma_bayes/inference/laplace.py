@@ -1,22 +1,31 @@
 """Modes of a density and their Laplace approximation, by Newton steps on batched finite differences.
 
-One iteration evaluates the density at ``1 + 2 D + D (D - 1)`` points in one batch, which gives gradient and
-Hessian for any density without derivatives of its parts.
+One iteration evaluates the density at ``2 D + D (D - 1)`` points in one batch, which gives gradient and
+Hessian for any density without derivatives of its parts. A density that has them says how wide it is where the climb
+begins, so that the first differences are of the right length: from a good start one step is then enough.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol
 
 import numpy as np
 
+from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Ints
 
 NEAR = 0.1
 """Steps of differences, in standard deviations along the axes of the covariance found so far."""
 LEAST, MOST = 1e-5, 3.0
 """Least and greatest standard deviation along any direction, in widths."""
+LEFT = 5e-3
+"""Of the log density that a climb may leave: what the last step had promised, or what it did not keep."""
+ALIKE, SAME = 0.5, 0.05
+"""Relative change of standard deviations from step to step with which a climb may end, and with which what a step gains
+against its promise tells how much is left. On a bend the two may agree by chance."""
 
 
 class Density(Protocol):
@@ -73,37 +82,51 @@ def climb(density: Density, start: Floats, width: Floats, *, steps: int = 40) ->
         None if the density is zero at the start.
     """
     z = start.astype(float).copy()
-    axes = np.diag(width)
     evaluations = 0
-    value = float(density.log_prob(z[None])[0])
-    if not np.isfinite(value):
-        return None
-    covariance = np.diag(width**2)
-    before = np.full(z.size, np.inf)
+    covariance = _first_covariance(density, z, width)
+    before, along = _spread(covariance, width)
     for _ in range(steps):
-        gradient, curvature, count = _differences(density, z, NEAR * axes, value)
-        evaluations += count
+        axes = along * np.minimum(before, 1.0)
+        value, gradient, curvature, count = _differences(density, z, NEAR * axes)
+        if not np.isfinite(value):  # at the start: no step goes where the density is zero
+            return None
         gradient, curvature = gradient / NEAR, curvature / NEAR**2
         root = axes @ _inverse_root(curvature)
-        scaled, vector = np.linalg.eigh((root @ root.T) / np.outer(width, width))
-        spread = np.sqrt(np.clip(scaled, LEAST**2, MOST**2))
-        root = width[:, None] * vector * spread
+        spread, along = _spread(root @ root.T, width)
+        root = along * spread
         covariance = root @ root.T
         slope = np.linalg.solve(axes, root).T @ gradient
-        decrement = float(slope @ slope)
         lengths = 0.5 ** np.arange(10)
         trial = density.log_prob(z + lengths[:, None] * (root @ slope))
-        evaluations += lengths.size
+        evaluations += count + lengths.size
         best = int(np.argmax(trial))
-        if trial[best] > value:
+        gain = max(float(trial[best]) - value, 0.0)
+        if gain > 0.0:
             z = z + lengths[best] * (root @ slope)
             value = float(trial[best])
-        settled = np.allclose(before, spread, rtol=0.5)
-        if decrement < 1e-2 and settled:
+        promised = 0.5 * float(slope @ slope)
+        changed = float(np.max(np.abs(spread / before - 1.0)))
+        left = abs(promised - gain) if changed < SAME else promised
+        if changed < ALIKE and left < LEFT:
             break
         before = spread
-        axes = width[:, None] * vector * np.minimum(spread, 1.0)
-    return Mode(z, value, 0.5 * (covariance + covariance.T), evaluations + z.size)
+    return Mode(z, value, 0.5 * (covariance + covariance.T), evaluations)
+
+
+def _first_covariance(density: Density, z: Floats, width: Floats) -> Floats:
+    """What the response linearised at a point leaves uncertain; of a density that has none, its widths squared."""
+    if isinstance(density, Posterior):
+        with np.errstate(all="ignore"):
+            information = density.fisher_information(z)
+        if np.isfinite(information).all():
+            return np.asarray(np.linalg.inv(information))
+    return np.diag(width**2)
+
+
+def _spread(covariance: Floats, width: Floats) -> tuple[Floats, Floats]:
+    """Standard deviations in widths along the axes of a covariance, within their bounds, and the axes (columns)."""
+    scaled, vector = np.linalg.eigh(covariance / np.outer(width, width))
+    return np.sqrt(np.clip(scaled, LEAST**2, MOST**2)), width[:, None] * vector
 
 
 def _inverse_root(curvature: Floats) -> Floats:
@@ -112,19 +135,28 @@ def _inverse_root(curvature: Floats) -> Floats:
     return np.asarray(vector / np.sqrt(np.maximum(np.abs(eigenvalue), 1e-12)))
 
 
-def _differences(density: Density, z: Floats, axes: Floats, value: float) -> tuple[Floats, Floats, int]:
-    """Gradient and negative Hessian by central differences along axes (columns); flat where the density is zero."""
-    d = z.size
+@cache
+def _pairs(d: int) -> tuple[Ints, Ints]:
+    """Rows and columns above the diagonal."""
     i, j = np.triu_indices(d, 1)
+    return i, j
+
+
+def _differences(density: Density, z: Floats, axes: Floats) -> tuple[float, Floats, Floats, int]:
+    """Value, gradient and negative Hessian by central differences along axes (columns), and how many points it took.
+
+    The density counts as flat where it is zero, and throughout where it is zero at `z`.
+    """
+    d = z.size
+    i, j = _pairs(d)
     single = axes.T
     pair = single[i] + single[j]
-    f = density.log_prob(np.concatenate([z + single, z - single, z + pair, z - pair]))
-    f = np.where(np.isfinite(f), f, value)
-    up, down = f[:d], f[d : 2 * d]
-    both_up, both_down = f[2 * d : 2 * d + i.size], f[2 * d + i.size :]
-    gradient = 0.5 * (up - down)
-    hessian = np.diag(up - 2.0 * value + down)
-    mixed = 0.5 * (both_up - up[i] - up[j] + 2.0 * value - down[i] - down[j] + both_down)
+    f = density.log_prob(np.concatenate([z[None], z + single, z - single, z + pair, z - pair]))
+    value = float(f[0])
+    f = np.where(np.isfinite(f), f, value if np.isfinite(value) else 0.0)
+    up, down, both_up, both_down = np.split(f[1:], (d, 2 * d, 2 * d + i.size))
+    hessian = np.diag(up - 2.0 * f[0] + down)
+    mixed = 0.5 * (both_up - up[i] - up[j] + 2.0 * f[0] - down[i] - down[j] + both_down)
     hessian[i, j] = mixed
     hessian[j, i] = mixed
-    return gradient, -hessian, f.size
+    return value, 0.5 * (up - down), -hessian, f.size
