@@ -78,12 +78,14 @@ def assess(draws: Floats, target: Target) -> Convergence:
     # ranks do not depend on the order of the draws, and sorting is most of the work: once serves all orders
     scores, folded, tails = _ranked(values)
     both = np.concatenate([scores, folded])
-    by_walker, by_step = (_rhat(_split(order(both))) for order in (_by_walker, _by_step))
-    rhat = np.maximum(by_walker, by_step).reshape(2, -1).max(axis=0)
-    told = np.concatenate([scores, *(values <= q[:, None, None, None] for q in tails)])
-    ess = _ess(_split(_by_walker(told)))
+    by_walker = _by_walker(both)
+    rhat = np.maximum(_rhat(_split(by_walker)), _rhat(_split(_by_step(both)))).reshape(2, -1).max(axis=0)
+    in_tails = _by_walker(values) <= tails[:, :, None, None]
+    told = np.concatenate([by_walker[: len(values)], *in_tails])
+    ess = _ess(_split(told))
     if draws.shape[1] >= LONG:
-        ess = np.minimum(ess, _ess_of_ensembles(told))
+        in_tails = values <= tails[:, :, None, None, None]
+        ess = np.minimum(ess, _ess_of_ensembles(np.concatenate([scores, *in_tails])))
     bulk, low, high = np.split(ess, 3)
     tail = np.minimum(low, high)
     with np.errstate(invalid="ignore"):

@@ -26,6 +26,9 @@ from sma_bayes.records.types import Ints
 APART = 1e-6
 """Greatest correlation, along common axes, that what one channel tells may have left."""
 
+ONE = np.ones((1, 1))
+"""A series of one sample: noise without memory weighs all alike."""
+
 
 class Conditional(Protocol):
     """Normal distributions of ``w - w0``, one for each of W values of the noise.
@@ -182,11 +185,11 @@ class _Axes:
     def given(self, theta: Floats) -> tuple[Conditional, Floats]:
         """Normal distributions and sums of squares; see `NormalEquations.solved`."""
         equations = self.equations
-        weights = np.stack([
-            equations.posterior.noise.weighted_gram(np.eye(1, rows.shape[1]), theta[:, at[1:]], steps)[:, 0, 0]
-            / theta[:, at[0]] ** 2
-            for rows, at, steps in equations.channels()
-        ], axis=1)  # fmt: skip
+        noise = equations.posterior.noise
+        weights = np.empty((len(theta), len(self.squares)))
+        for c, (_, at, steps) in enumerate(equations.channels()):
+            of_one = noise.weighted_gram(ONE, theta[:, at[1:]], steps)[:, 0, 0]
+            np.divide(of_one, theta[:, at[0]] ** 2, out=weights[:, c])
         pull = weights @ self.pulls[:-1] + self.pulls[-1]
         precision = 1.0 + weights @ self.information
         return CommonAxes(self, precision, pull), weights @ self.squares
@@ -207,13 +210,13 @@ class CommonAxes:
 
     def __init__(self, axes: _Axes, precision: Floats, pull: Floats) -> None:
         self.axes = axes
-        self.usable: Bools = np.isfinite(np.concatenate([precision, pull], axis=1)).all(axis=1)
-        if not self.usable.all():
-            precision[~self.usable], pull[~self.usable] = 1.0, 0.0
         self.root = np.sqrt(precision)
         self.centre = pull / self.root
         self.log_volume = np.log(self.root).sum(axis=1) + axes.log_volume
         self.pull_squared = np.einsum("wi,wi->w", self.centre, self.centre)
+        self.usable: Bools = np.isfinite(self.log_volume + self.pull_squared)
+        if not self.usable.all():
+            self.root[~self.usable], self.centre[~self.usable] = 1.0, 0.0
 
     def whiten(self, x: Floats) -> Floats:
         return np.asarray((x @ self.axes.inverse.T) * self.root - self.centre)

@@ -27,16 +27,6 @@ TELLING = 0.6
 """Effective share of weighted draws from which they tell the degrees of freedom: below, they know little of tails."""
 
 
-class RandomStream(Protocol):
-    """What `numpy.random.Generator` and `numpy.random.RandomState` have in common."""
-
-    def standard_normal(self, size: tuple[int, ...]) -> Floats: ...
-
-    def chisquare(self, df: float, size: int) -> Floats: ...
-
-    def random(self, size: int) -> Floats: ...
-
-
 class Coordinates(Protocol):
     """Invertible map ``u(z)`` into coordinates in which a density is nearly normal."""
 
@@ -104,7 +94,7 @@ class StudentMixture:
         """K."""
         return int(self.weight.size)
 
-    def draw(self, rng: RandomStream, size: int) -> Floats:
+    def draw(self, rng: np.random.Generator, size: int) -> Floats:
         """Draws, shape (size, D)."""
         normal = rng.standard_normal((size, self.dimension))
         normal *= np.sqrt(self.df / rng.chisquare(self.df, size))[:, None]
@@ -223,7 +213,7 @@ class FactorisedMixture:
         """Greatest number of components of a part."""
         return max(part.components for part in self.parts)
 
-    def draw(self, rng: RandomStream, size: int) -> Floats:
+    def draw(self, rng: np.random.Generator, size: int) -> Floats:
         """Draws, shape (size, D)."""
         x = np.empty((size, sum(b.size for b in self.blocks)))
         for block, part in zip(self.blocks, self.parts, strict=True):
@@ -271,11 +261,13 @@ class Proposal:
     wide: StudentMixture
     share: float = 0.05
 
-    def draw(self, rng: RandomStream, size: int) -> tuple[Floats, Floats]:
+    def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
         """Points (size, D) and their log density (size,); a point that could not be built has NaN coordinates."""
         return self.draw_with_coordinates(rng, size)[:2]
 
-    def draw_with_coordinates(self, rng: RandomStream, size: int) -> tuple[Floats, Floats, Floats, Bools]:
+    def draw_with_coordinates(
+        self, rng: np.random.Generator, size: int
+    ) -> tuple[Floats, Floats, Floats, Bools]:
         """The same, with the coordinates (size, D) of the points and whether these lead back to them (size,)."""
         from_wide = rng.random(size) < self.share
         z_wide = self.wide.draw(rng, int(from_wide.sum()))
@@ -321,7 +313,7 @@ class MixedProposal:
     weight: Floats
     parts: tuple[Proposal, ...]
 
-    def draw(self, rng: RandomStream, size: int) -> tuple[Floats, Floats]:
+    def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
         """Points (size, D) and their log density (size,); see `Proposal.draw`."""
         which = np.searchsorted(np.cumsum(self.weight)[:-1], rng.random(size), side="right")
         drawn = [part.draw(rng, size)[0] for part in self.parts]

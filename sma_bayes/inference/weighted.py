@@ -74,6 +74,9 @@ class Weighed:
     def of(density: Callable[[Floats], Floats], z: Floats, log_q: Floats) -> Weighed:
         """Weigh points (n, D) by a log density over that of their proposal, `log_q` (n,), where that is finite."""
         usable = np.isfinite(log_q)
+        if usable.all():
+            log_prob = density(z)
+            return Weighed(z, log_prob, Weights(log_prob - log_q))
         log_prob = np.full(len(z), -np.inf)
         if usable.any():
             log_prob[usable] = density(z[usable])
@@ -83,8 +86,9 @@ class Weighed:
 
     def chosen(self, groups: int, size: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """Points (groups, size, D) by weight, each group's out of a share of its own, and their `log_prob`."""
-        shares = [np.arange(g, len(self.z), groups) for g in range(groups)]
-        at = np.stack([share[resampled(self.weights.log_weight[share], size, rng)] for share in shares])
+        count = len(self.z) // groups
+        shares = self.weights.log_weight[: count * groups].reshape(count, groups)
+        at = (groups * resampled_columns(shares, size, rng) + np.arange(groups)).T
         return self.z[at], self.log_prob[at]
 
 
@@ -124,6 +128,16 @@ def resampled(log_weight: Floats, size: int, rng: np.random.Generator) -> NDArra
     passed = np.cumsum(np.exp(log_weight - log_weight.max()))
     at = (np.arange(size) + rng.random()) / size * passed[-1]
     return rng.permutation(np.searchsorted(passed, at, side="right").clip(max=log_weight.size - 1))
+
+
+def resampled_columns(
+    log_weight: Floats, size: int, rng: np.random.Generator | np.random.RandomState
+) -> NDArray[np.int64]:
+    """The same for each column of few draws (S, W): numbers (size, W) of draws."""
+    passed = np.cumsum(np.exp(log_weight - log_weight.max(axis=0)), axis=0)
+    at = (np.arange(size)[:, None] + rng.random(log_weight.shape[1])) / size * passed[-1]
+    chosen = (at[:, None] > passed[:-1]).sum(axis=1)
+    return np.take_along_axis(chosen, np.argsort(rng.random(chosen.shape), axis=0), axis=0)
 
 
 def weighted_quantiles(values: Floats, log_weight: Floats, levels: Sequence[float]) -> Floats:
