@@ -24,7 +24,7 @@ from sma_bayes.inference.proposals import (
     Proposal,
     StudentMixture,
 )
-from sma_bayes.inference.shape import DF, one_component, shape_of
+from sma_bayes.inference.shape import one_component, shape_of
 from sma_bayes.inference.weighted import LEAST, Weighed, Weights, tempered
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
@@ -32,8 +32,16 @@ from sma_bayes.records.types import Ints
 
 DRAWS = 500
 """Importance draws of one round."""
+FIRST = 256
+"""Those of a first look at a proposal as linearising gives it."""
+LINEAR = 0.92
+"""Efficiency of a first look at which no other coordinates are looked at: 0.94 where the response is linear."""
+BETTER = 1.02
+"""Gain in efficiency, with the same draws, for which other coordinates are taken, whose draws cost more."""
 GRID = np.linspace(-5.0, 5.0, 41)
 """Where the marginal of a single noise parameter is looked at, in standard deviations of the Laplace approximation."""
+NEARLY_NORMAL = 30.0
+"""Degrees of freedom of what is normal where the response is linear."""
 HELD = 100.0
 """Draws for which the covariance that linearising gave counts beside those of a round."""
 ROUNDS = 6
@@ -42,8 +50,6 @@ GOOD = 0.7
 """Efficiency at which refining stops. At 0.6 a mild banana still passes, whose tail has weights that end a run."""
 AROUND = (64, 60)
 """Walkers and steps that look for what a proposal does not reach."""
-GOOD_AT_ONCE = 0.8
-"""Efficiency of the first round of a single component at which there is no second."""
 USABLE = 0.3
 """Efficiency below which a proposal does not carry a run alone."""
 GREATEST_SHARE = 30.0
@@ -144,21 +150,52 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: 
     if not isinstance(density, Posterior):
         return _adapt_plain(density, mode, wide, rng)
     count = int(np.sum(density.space.free_index < len(density.model.parameter_names)))
+    looks = _looks(density, mode, count, wide, rng)
+    if not looks:
+        return _adapt_plain(density, mode, wide, rng)
+    evaluations = sum(look.evaluations for look in looks)
+    first, *others = looks
+    for other in others:
+        if other.weights.efficiency > BETTER * first.weights.efficiency:
+            first = other
+    if first.weights.efficiency >= GOOD and first.carries and effort == 1:
+        # what a fit to draws would learn of the density is less than what it would lose by chance
+        return replace(first, evaluations=evaluations)
     best: Adapted | None = None
-    evaluations = 0
-    for inner in _inner_coordinates(density, mode, count):
-        try:
-            coordinates = NoiseScaledCoordinates.about(density, mode.z, inner, count)
-            narrow = _start(coordinates, mode, density, rng)
-        except np.linalg.LinAlgError:
-            continue
-        found = _refine(density, Proposal(coordinates, narrow, wide), rng, effort * DRAWS, HELD)
+    for look in (first, *(each for each in looks if each is not first)):
+        assert isinstance(look.proposal, Proposal)
+        found = _refine(density, look.proposal, rng, effort * DRAWS, HELD)
         evaluations += found.evaluations
         if best is None or found.weights.efficiency > best.weights.efficiency:
             best = found
         if best.weights.efficiency >= GOOD and best.carries and effort == 1:
             break
-    return replace(best, evaluations=evaluations) if best else _adapt_plain(density, mode, wide, rng)
+    return replace(best or first, evaluations=evaluations)
+
+
+def _looks(
+    posterior: Posterior, mode: Mode, count: int, wide: StudentMixture, rng: np.random.Generator
+) -> list[Adapted]:
+    """Proposals as linearising gives them, in coordinates one after the other until they do, and a few draws of each.
+
+    What is drawn is the same in all coordinates, so that they can be compared.
+    """
+    seed = rng.integers(2**63)
+    narrow: Mixture | None = None
+    looks: list[Adapted] = []
+    for inner in _inner_coordinates(posterior, mode, count):
+        try:
+            coordinates = NoiseScaledCoordinates.about(posterior, mode.z, inner, count)
+            # what is linear tells of the noise the same in all coordinates
+            narrow = narrow or _start(coordinates, mode, posterior, rng)
+        except np.linalg.LinAlgError:
+            continue
+        proposal = Proposal(coordinates, narrow, wide)
+        last = weigh(posterior, proposal, np.random.default_rng(seed), FIRST)
+        looks.append(Adapted(proposal, last, FIRST))
+        if last.weights.efficiency >= LINEAR and looks[-1].carries:
+            break
+    return looks
 
 
 def _inner_coordinates(posterior: Posterior, mode: Mode, count: int) -> Iterator[Coordinates]:
@@ -217,40 +254,48 @@ def _start(
     """Unit normal in the scaled coordinates of the model; for each channel's noise a fit to its marginal."""
     m = coordinates.count
     place = {int(f): i for i, f in enumerate(posterior.space.free_index)}
-    blocks = [np.arange(m)]
-    parts = [StudentMixture.from_covariances(np.ones(1), np.zeros((1, m)), np.eye(m)[None], DF)]
     centre = mode.z[m:]
-    for record_place in posterior.layout:
-        for at in record_place.noise.values():
-            block = np.array([place[int(i)] for i in at if int(i) in place], dtype=np.int64)
-            if block.size == 0:
-                continue
-            covariance = mode.covariance[np.ix_(block, block)]
-            blocks.append(block)
-            if block.size == 1:
-                parts.append(_fit_one_noise(coordinates, centre, int(block[0]) - m, float(covariance[0, 0])))
-                continue
-            first = StudentMixture.from_covariances(np.ones(1), mode.z[None, block], covariance[None], 5.0)
-            parts.append(_fit_noise_block(coordinates, centre, block - m, first, rng))
-    return FactorisedMixture(tuple(blocks), tuple(parts))
+    channels = [at for record_place in posterior.layout for at in record_place.noise.values()]
+    noise = [np.array([place[int(i)] for i in at if int(i) in place], dtype=np.int64) for at in channels]
+    noise = [block for block in noise if block.size]
+    alone = [int(block[0]) for block in noise if block.size == 1]
+    fits = iter(_fit_alone(coordinates, centre, np.array(alone) - m, np.diag(mode.covariance)[alone]))
+    parts = [StudentMixture(np.ones(1), np.zeros((1, m)), _standard(m), NEARLY_NORMAL)]
+    for block in noise:
+        if block.size == 1:
+            parts.append(next(fits))
+            continue
+        covariance = mode.covariance[np.ix_(block, block)]
+        first = StudentMixture.from_covariances(np.ones(1), mode.z[None, block], covariance[None], 5.0)
+        parts.append(_fit_noise_block(coordinates, centre, block - m, first, rng))
+    return FactorisedMixture((np.arange(m), *noise), tuple(parts))
 
 
-def _log_marginal(coordinates: NoiseScaledCoordinates, centre: Floats, block: Ints, x: Floats) -> Floats:
-    """Linearised log marginal (W,) where some noise parameters are `x` (W, B) and the others as at the centre."""
-    noise_z = np.tile(centre, (len(x), 1))
-    noise_z[:, block] = x
-    return coordinates.log_noise_marginal(noise_z)
+def _standard(m: int) -> Floats:
+    """Root (1, m, m) of the scale matrix with which what is nearly normal has unit variance."""
+    return math.sqrt((NEARLY_NORMAL - 2.0) / NEARLY_NORMAL) * np.eye(m)[None]
 
 
-def _fit_one_noise(
-    coordinates: NoiseScaledCoordinates, centre: Floats, at: int, variance: float
-) -> StudentMixture:
-    """The only noise parameter of a channel: mean and variance of the linearised marginal, the others at the mode."""
-    x = centre[at] + np.sqrt(variance) * GRID
-    weight = Weights(_log_marginal(coordinates, centre, np.array([at]), x[:, None])).normalised
-    mean = float(weight @ x)
-    spread = max(float(weight @ (x - mean) ** 2), variance * (GRID[1] - GRID[0]) ** 2)
-    return StudentMixture.from_covariances(np.ones(1), np.full((1, 1), mean), np.full((1, 1, 1), spread), DF)
+def _fit_alone(
+    coordinates: NoiseScaledCoordinates, centre: Floats, at: Ints, variance: Floats
+) -> list[StudentMixture]:
+    """Noise parameters that are the only ones of their channels: mean and variance of their linearised marginals.
+
+    Each is looked at on a grid, with all others at the mode.
+    """
+    if at.size == 0:
+        return []
+    x = centre[at, None] + np.sqrt(variance)[:, None] * GRID
+    noise_z = np.tile(centre, (at.size, GRID.size, 1))
+    noise_z[np.arange(at.size), :, at] = x
+    log_marginal = coordinates.log_noise_marginal(noise_z.reshape(-1, centre.size)).reshape(x.shape)
+    fits = []
+    for values, log_weight, least in zip(x, log_marginal, variance * (GRID[1] - GRID[0]) ** 2, strict=True):
+        weight = Weights(log_weight).normalised
+        mean = float(weight @ values)
+        sd = math.sqrt(max(float(weight @ (values - mean) ** 2), least))
+        fits.append(StudentMixture(np.ones(1), np.full((1, 1), mean), sd * _standard(1), NEARLY_NORMAL))
+    return fits
 
 
 def _fit_noise_block(
@@ -263,7 +308,9 @@ def _fit_noise_block(
     """Fit several noise parameters of one channel to the linearised marginal, the others held at the mode."""
     for attempt in range(ROUNDS):
         x = mixture.draw(rng, block.size * DRAWS // 2)
-        weights = Weights(_log_marginal(coordinates, centre, block, x) - mixture.log_density(x))
+        noise_z = np.tile(centre, (len(x), 1))
+        noise_z[:, block] = x
+        weights = Weights(coordinates.log_noise_marginal(noise_z) - mixture.log_density(x))
         if weights.efficiency >= 0.8:
             break
         if attempt == 0:
@@ -286,13 +333,13 @@ def _refine(
     evaluations = worse = 0
     rounds = _Rounds()
     several = proposal.narrow.components > 1
-    for number in range(ROUNDS):
+    for _ in range(ROUNDS):
         z, log_q, u, back = proposal.draw_with_coordinates(rng, draws)
         last = Weighed.of(density.log_prob, z, log_q)
         weights = last.weights
         evaluations += draws
         worse = 0 if weights.efficiency > 1.1 * best.weights.efficiency else worse + 1
-        good = weights.efficiency >= (GOOD if number > 0 or several else GOOD_AT_ONCE)
+        good = weights.efficiency >= GOOD
         if weights.efficiency > best.weights.efficiency:
             best = Adapted(proposal, last, evaluations)
         if (worse >= 2 and not good) or (good and several):

@@ -25,7 +25,10 @@ from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints
 
 ITERATIONS = 12
-TOLERANCE = 1e-10
+TOLERANCE = 1e-8
+"""Step of Newton's method, in prior sds, after which no other is made; the next would be about its square."""
+PIVOT = 1e-3
+"""Least pivot, as a share of the greatest, with which elimination goes without changing rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +56,7 @@ class PredictiveCoordinates:
     _width: Floats = field(init=False, repr=False)
     _start: Floats = field(init=False, repr=False)
     _slope: Floats = field(init=False, repr=False)
+    _log_slope: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -60,6 +64,7 @@ class PredictiveCoordinates:
         value, jacobian = self._evaluate(self.centre[None, : self.count])
         set_(self, "_start", value[0])
         set_(self, "_slope", np.linalg.inv(jacobian[0]))
+        set_(self, "_log_slope", float(np.linalg.slogdet(self._slope)[1]))
 
     @property
     def count(self) -> int:
@@ -136,13 +141,41 @@ class PredictiveCoordinates:
         """Derivative of the model's coordinates ``z`` with respect to those of this map, at the centre (m, m)."""
         return self._slope
 
+    @np.errstate(all="ignore")  # what can't be solved is left out by who asks
+    def _solve(self, slope: Floats, right: Floats) -> tuple[Floats, Floats]:
+        """Solutions (W, m) of systems with derivatives (W, m, m) on the left, and ``ln |det|`` of these (W,).
+
+        Multiplied by its inverse at the centre a derivative is not far from the unit matrix, and elimination needs no
+        change of rows, so that each step can be made for all systems at once. Where it would, LAPACK does it.
+        """
+        m = self.count
+        left = np.ascontiguousarray(np.moveaxis(slope @ self._slope, 0, -1))
+        y = right.T.copy()
+        pivots = np.empty_like(y)
+        for k in range(m):
+            pivots[k] = left[k, k]
+            share = left[k + 1 :, k] / pivots[k]
+            left[k + 1 :, k + 1 :] -= share[:, None] * left[k, k + 1 :]
+            y[k + 1 :] -= share * y[k]
+        for k in reversed(range(m)):
+            y[k] /= pivots[k]
+            y[:k] -= left[:k, k] * y[k]
+        x = y.T @ self._slope.T
+        log_determinant = np.log(np.abs(pivots)).sum(axis=0) - self._log_slope
+        size = np.abs(pivots)
+        poor = ~(size.min(axis=0) > PIVOT * size.max(axis=0)) & np.isfinite(slope).all(axis=(1, 2))
+        for w in np.flatnonzero(poor):
+            log_determinant[w] = np.linalg.slogdet(slope[w])[1]
+            x[w] = np.linalg.solve(slope[w], right[w]) if np.isfinite(log_determinant[w]) else np.nan
+        return x, log_determinant
+
     def forward(self, z: Floats) -> tuple[Floats, Floats, Bools]:
         """Coordinates, log Jacobian, and whether `inverse` leads back to the same point."""
         value, slope = self._evaluate(z[:, : self.count])
         u = np.concatenate([value, z[:, self.count :]], axis=1)
         usable = np.isfinite(u).all(axis=1)
         log_jacobian = np.full(len(z), -np.inf)
-        log_jacobian[usable] = _log_determinant(slope[usable])
+        log_jacobian[usable] = self._solve(slope[usable], u[usable, : self.count])[1]
         usable &= np.isfinite(log_jacobian)
         again, _, found = self.inverse(np.where(usable[:, None], u, 0.0))
         with np.errstate(invalid="ignore"):
@@ -160,32 +193,20 @@ class PredictiveCoordinates:
         active = np.arange(len(u))
         for _ in range(ITERATIONS):
             value, slope = self._evaluate(x[active])
-            usable = np.isfinite(value).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
-            log_determinant = np.full(len(active), -np.inf)
-            log_determinant[usable] = _log_determinant(slope[usable])
-            usable &= np.isfinite(log_determinant)
-            active, value, slope = active[usable], value[usable], slope[usable]
-            if active.size == 0:
-                break
+            step, log_determinant = self._solve(slope, u[active, :m] - value)
             with np.errstate(all="ignore"):
-                step = np.linalg.solve(slope, (u[active, :m] - value)[..., None])[..., 0]
                 length = np.abs(step / self._width).max(axis=1)
-            done = length < TOLERANCE
+                step *= np.minimum(1.0, 0.5 / np.maximum(length, 1e-300))[:, None]
+            usable = np.isfinite(length) & np.isfinite(log_determinant)
+            done = usable & (length < TOLERANCE)
             found[active[done]] = True
-            log_jacobian[active[done]] = log_determinant[usable][done]
-            with np.errstate(invalid="ignore"):
-                x[active] += step * np.minimum(1.0, 0.5 / np.maximum(length, 1e-300))[:, None]
-            active = active[~done]
+            log_jacobian[active[done]] = log_determinant[done]
+            x[active[usable]] += step[usable]
+            active = active[usable & ~done]
             if active.size == 0:
                 break
         z[:, :m] = x
         return z, log_jacobian, found
-
-
-@np.errstate(all="ignore")
-def _log_determinant(slope: Floats) -> Floats:
-    _, value = np.linalg.slogdet(slope)
-    return np.asarray(value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,11 +247,12 @@ class NoiseScaledCoordinates:
         for record, place in zip(posterior.records, posterior.layout, strict=True):
             j = model.jacobian(theta[place.model], record.inputs)
             mu = model.predict(theta[place.model], record.inputs)
-            steep = model.slope(theta[place.model], record.inputs)
+            spread = record.temperature_sd
+            steep = model.slope(theta[place.model], record.inputs) if spread > 0.0 else {}
             blocks = {}
             for channel in record.channels:
                 sd = theta[place.noise[channel][0]]
-                relative = np.sqrt(1.0 + (steep[channel] * record.temperature_sd / sd) ** 2)
+                relative = np.sqrt(1.0 + (steep.get(channel, 0.0) * spread / sd) ** 2)
                 down = (j[channel][:, space.free_index[:count]] * chain) @ slope
                 residual = record.observed[channel] - mu[channel]
                 blocks[channel] = np.concatenate([down.T, residual[None]]) / relative

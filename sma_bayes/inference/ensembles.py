@@ -63,7 +63,7 @@ class Plan:
     target: Target = field(default_factory=Target)
     groups: int = 4
     walkers: int = 64
-    block: int = 7
+    block: int = 6
     explore_block: int = 250
     evaluations: int = 6_000_000
     greatest_weight: float = GREATEST_SHARE

@@ -4,6 +4,9 @@ A run that meets such a draw must fit its proposal again instead of going on or 
 half a minute; and what it then gives must be right. False alarm: shares of the draws below seven quantiles of 60,000
 importance draws, 56 comparisons a run and three runs, each within 4.5 standard errors of 1,000 effective draws: one
 in 800.
+
+Stiffness alone with independent noise is bent, too, and in its own parameters a proposal seems good that misses a
+hundredth of the posterior; in coordinates of the predictions it is not.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ LEVELS = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("record", "seed"), [(10, 1001), (10, 1021), (14, 1005)])
+@pytest.mark.parametrize(("record", "seed"), [(10, 1012), (10, 1020), (14, 1009)])
 def test_a_proposal_that_missed_a_tail_is_fitted_again(record: int, seed: int) -> None:
     problem = Problem.of(Case("S", "ar1").records()[record], "ar1")
     posterior = problem.posterior
@@ -41,3 +44,29 @@ def test_a_proposal_that_missed_a_tail_is_fitted_again(record: int, seed: int) -
     shares = (z[:, None] <= quantiles).mean(axis=0)
     error = np.sqrt(levels * (1.0 - levels) / 1000.0)
     assert np.abs((shares - levels) / error).max() < 4.5
+
+
+@pytest.mark.slow
+def test_the_tails_of_a_bent_posterior_are_not_short() -> None:
+    """Mean shares over 40 runs, below three quantiles in seven parameters: 21 comparisons, each within 4.5 standard
+    errors of 40 runs of 1,000 effective draws; one false alarm in 7,000."""
+    problem = Problem.of(Case("S", "independent").records()[0], "independent")
+    posterior, width = problem.posterior, problem.posterior.space.prior_sd()
+    levels = (0.05, 0.5, 0.95)
+    shares, modes = [], None
+    quantiles = np.empty(0)
+    for seed in range(40):
+        draws = sample(posterior, [problem.start], width, np.random.SeedSequence(seed))
+        if modes is None:
+            modes = draws.modes
+            proposal = adapt(posterior, modes, np.random.default_rng(0), effort=16).proposal
+            drawn = weigh(posterior, proposal, np.random.default_rng(1), 400_000)
+            assert drawn.weights.efficiency > 0.8
+            assert drawn.weights.greatest < 10.0
+            used = drawn.weights.normalised > 0.0
+            quantiles = weighted_quantiles(drawn.z[used], np.log(drawn.weights.normalised[used]), levels)
+        z = draws.z.reshape(-1, width.size)
+        shares.append((z[:, None] <= quantiles).mean(axis=0) - np.array(levels)[:, None])
+    level = np.array(levels)[:, None]
+    error = np.sqrt(level * (1.0 - level) / 1000.0 / len(shares))
+    assert np.abs(np.mean(shares, axis=0) / error).max() < 4.5

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import emcee
@@ -13,6 +13,8 @@ from scipy.stats import t as student_t
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.errors import ResumeError
+from sma_bayes.inference import ensembles
+from sma_bayes.inference.adaptation import Adapted, adapt
 from sma_bayes.inference.convergence import Target, assess
 from sma_bayes.inference.ensembles import Draws, Plan, dispersed_starts, sample
 from sma_bayes.inference.noise_choice import noise_start, posterior_with
@@ -149,6 +151,20 @@ def test_what_is_not_covered_is_explored() -> None:
     )  # of another seed the weights may pass: the bend is at the limit
     assert draws.method != "independence"
     assert draws.convergence.converged
+
+
+def test_a_wider_proposal_that_misses_what_walkers_met_is_not_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = []
+
+    def blind(*given, effort: int = 1) -> Adapted:
+        adapted = adapt(*given, effort=effort)
+        tried.append(effort)
+        return adapted if effort == 1 else replace(adapted, greatest_seen=1e5)
+
+    monkeypatch.setattr(ensembles, "adapt", blind)
+    draws = run(gaussian(), plan=replace(QUICK, greatest_weight=1.0))  # the first try ends by its weights
+    assert tried == [1, 4]
+    assert draws.method != "independence"
 
 
 def test_evaluations_are_those_that_the_density_saw() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from sma_bayes.inference.laplace import climb
+from sma_bayes.inference.laplace import LEFT, climb
 from sma_bayes.inference.noise_choice import noise_start
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
@@ -121,3 +121,37 @@ def test_the_climb_never_goes_down() -> None:
         assert mode is not None
         assert mode.log_prob >= float(density.log_prob(start[None])[0])
         assert np.all(np.linalg.eigvalsh(mode.covariance) > 0.0)
+
+
+def test_a_good_start_takes_one_step_where_the_response_is_nearly_linear(
+    make_record: Callable[..., Record],
+) -> None:
+    """And leaves no more to climb than it may, against BFGS in the principal axes."""
+    posterior = build_posterior(
+        [make_record(("force", "displacement"))], NOISE_MODELS["independent"], read_priors("modified_sigmoid")
+    )
+    start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
+    d = start.size
+    mode = climb(posterior, start, posterior.space.prior_sd())
+    assert mode is not None
+    assert mode.evaluations == 1 + 2 * d + d * (d - 1) + 10
+    root = np.linalg.cholesky(mode.covariance)
+
+    def deviance(u: np.ndarray) -> float:
+        return -float(posterior.log_prob((mode.z + root @ u)[None])[0])
+
+    best = minimize(deviance, np.zeros(d), method="BFGS", options={"gtol": 1e-4})
+    assert mode.log_prob > -best.fun - LEFT
+
+
+def test_the_information_is_the_hessian_where_residuals_are_small(make_record: Callable[..., Record]) -> None:
+    """Of the model's parameters, at the mode: what it leaves out is of the size of residuals times curvature."""
+    posterior = build_posterior(
+        [make_record(("force", "displacement"))], NOISE_MODELS["independent"], read_priors("modified_sigmoid")
+    )
+    start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
+    mode = climb(posterior, start, posterior.space.prior_sd())
+    assert mode is not None
+    root = np.linalg.cholesky(mode.covariance)
+    ratio = root.T @ posterior.fisher_information(mode.z) @ root
+    np.testing.assert_allclose(ratio, np.eye(start.size), atol=0.2)
