@@ -155,3 +155,27 @@ def test_the_information_is_the_hessian_where_residuals_are_small(make_record: C
     root = np.linalg.cholesky(mode.covariance)
     ratio = root.T @ posterior.fisher_information(mode.z) @ root
     np.testing.assert_allclose(ratio, np.eye(start.size), atol=0.2)
+
+
+def test_a_start_on_a_ridge_that_rounding_makes_singular_is_climbed_from(
+    make_record: Callable[..., Record],
+) -> None:
+    """Steep beyond all measure in one direction, at an estimate far out, the prior's part is lost in the sum."""
+    posterior = build_posterior(
+        [make_record(("stiffness",))], NOISE_MODELS["independent"], read_priors("modified_sigmoid")
+    )
+    start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
+    inner = posterior.fisher_information
+
+    class Ridge(type(posterior)):  # type: ignore[misc]
+        def fisher_information(self, z: np.ndarray) -> np.ndarray:
+            ridge = np.zeros_like(inner(z))
+            ridge[:2, :2] = 1e20
+            return ridge
+
+    ridge = Ridge(posterior.records, posterior.model, posterior.noise, posterior.space, posterior.layout)
+    mode = climb(ridge, start, posterior.space.prior_sd())
+    assert mode is not None
+    straight = climb(posterior, start, posterior.space.prior_sd())
+    assert straight is not None
+    assert mode.log_prob == pytest.approx(straight.log_prob, abs=0.02)
