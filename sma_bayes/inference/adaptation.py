@@ -40,6 +40,8 @@ BETTER = 1.02
 """Gain in efficiency, with the same draws, for which other coordinates are taken, whose draws cost more."""
 GRID = np.linspace(-5.0, 5.0, 41)
 """Where the marginal of a single noise parameter is looked at, in standard deviations of the Laplace approximation."""
+POINTS = 441
+"""Points of such a grid for several noise parameters of a channel."""
 NEARLY_NORMAL = 30.0
 """Degrees of freedom of what is normal where the response is linear."""
 HELD = 100.0
@@ -266,8 +268,7 @@ def _start(
             parts.append(next(fits))
             continue
         covariance = mode.covariance[np.ix_(block, block)]
-        first = StudentMixture.from_covariances(np.ones(1), mode.z[None, block], covariance[None], 5.0)
-        parts.append(_fit_noise_block(coordinates, centre, block - m, first, rng))
+        parts.append(_fit_together(coordinates, centre, block - m, covariance, rng))
     return FactorisedMixture((np.arange(m), *noise), tuple(parts))
 
 
@@ -298,25 +299,36 @@ def _fit_alone(
     return fits
 
 
-def _fit_noise_block(
+def _fit_together(
     coordinates: NoiseScaledCoordinates,
     centre: Floats,
     block: Ints,
-    mixture: StudentMixture,
+    covariance: Floats,
     rng: np.random.Generator,
 ) -> StudentMixture:
-    """Fit several noise parameters of one channel to the linearised marginal, the others held at the mode."""
-    for attempt in range(ROUNDS):
-        x = mixture.draw(rng, block.size * DRAWS // 2)
+    """Several noise parameters of one channel: a mixture fitted to their linearised marginal, all others at the mode.
+
+    The marginal is looked at on a grid along the axes of its covariance, which is that of the Laplace approximation
+    at first, then that of the grid before.
+    """
+    axis = np.linspace(GRID[0], GRID[-1], max(5, round(POINTS ** (1.0 / block.size))))
+    grid = np.stack(np.meshgrid(*[axis] * block.size), axis=-1).reshape(-1, block.size)
+    mean = centre[block]
+    for _ in range(3):
+        x = mean + grid @ np.linalg.cholesky(covariance).T
         noise_z = np.tile(centre, (len(x), 1))
         noise_z[:, block] = x
-        weights = Weights(coordinates.log_noise_marginal(noise_z) - mixture.log_density(x))
-        if weights.efficiency >= 0.8:
-            break
-        if attempt == 0:
-            mixture = _spread(mixture, rng, 4)
-        mixture = mixture.refitted(x, tempered(weights), rounds=6)
-    return mixture
+        weight = Weights(coordinates.log_noise_marginal(noise_z)).normalised
+        mean = weight @ x
+        covariance = ((x - mean) * weight[:, None]).T @ (x - mean) + 1e-3 * covariance
+    first = StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], 5.0)
+    fitted = _spread(first, rng, 4).refitted(x, weight, rounds=15)
+    return StudentMixture(
+        np.append(0.9 * fitted.weight, 0.1),
+        np.concatenate([fitted.mean, mean[None]]),
+        np.concatenate([fitted.root, 3.0 * first.root]),
+        first.df,
+    )
 
 
 def _refine(
