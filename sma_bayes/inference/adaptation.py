@@ -73,6 +73,8 @@ class Adapted:
         what the proposal would hardly ever draw shows there, not in its own draws. Zero where there are none.
     acceptance : float
         Share of independence moves from such draws that would be accepted; not a number where there are none.
+    own : bool
+        Whether the last round was drawn from this proposal, not from one before it was fitted once more.
     """
 
     proposal: AnyProposal
@@ -80,6 +82,7 @@ class Adapted:
     evaluations: int
     greatest_seen: float = 0.0
     acceptance: float = math.nan
+    own: bool = True
 
     @property
     def weights(self) -> Weights:
@@ -143,8 +146,8 @@ def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
     """The same proposal with more of its wide component, which bounds the weights in the tails."""
     if isinstance(adapted.proposal, MixedProposal):
         parts = tuple(replace(p, share=share) for p in adapted.proposal.parts)
-        return replace(adapted, proposal=replace(adapted.proposal, parts=parts))
-    return replace(adapted, proposal=replace(adapted.proposal, share=share))
+        return replace(adapted, proposal=replace(adapted.proposal, parts=parts), own=False)
+    return replace(adapted, proposal=replace(adapted.proposal, share=share), own=False)
 
 
 def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: int) -> Adapted:
@@ -361,7 +364,7 @@ def _refine(
         if fitted is None:
             break
         if good:
-            return Adapted(fitted, last, evaluations)
+            return Adapted(fitted, last, evaluations, own=False)
         proposal = fitted
     return replace(best, evaluations=evaluations)
 

@@ -24,7 +24,7 @@ from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints
 
-ITERATIONS = 12
+ITERATIONS = 8
 TOLERANCE = 1e-8
 """Step of Newton's method, in prior sds, after which no other is made; the next would be about its square."""
 PIVOT = 1e-3

@@ -454,13 +454,15 @@ class _Group:
             if independence > 0.0:
                 chosen.append((self.move, independence))
         self.sampler = _Sampler(self.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True)
+        self._log_q: Floats | None = None  # log density of the proposal at the starts, if it is known
         start_seed, chain_seed = seed.spawn(2)
         stream = np.random.RandomState(np.random.MT19937(chain_seed))
         if modes:
             coords, log_prob = self._dispersed(adapted, np.random.default_rng(start_seed), modes)
         elif start is None:
-            own = adapted.last.chosen(copies, run.walkers, np.random.default_rng(start_seed))
-            coords, log_prob = (np.concatenate(each) for each in own)
+            chosen_starts = adapted.last.chosen(copies, run.walkers, np.random.default_rng(start_seed))
+            coords, log_prob, log_q = (np.concatenate(each) for each in chosen_starts)
+            self._log_q = log_q if adapted.own else None
         else:
             coords, log_prob = start, run.log_prob(start)
         self.state = State(coords, log_prob=log_prob, random_state=stream.get_state())
@@ -507,7 +509,7 @@ class _Group:
         self.state = State(block.chain[-1], log_prob=block.log_prob[-1], random_state=block.random_state)
 
     def _sample(self, steps: int) -> Block:
-        self.move.start_block()
+        self.move.start_block(self.state.coords, None if self._blocks else self._log_q)
         self.move.log_weights.clear()
         self.sampler.reset()
         before = self.run.evaluations

@@ -36,11 +36,14 @@ class _Proposing(Move):  # type: ignore[misc]
         self.log_weights: list[Floats] = []
         self.start_block()
 
-    def start_block(self) -> None:
-        """Forget what is left of the last batch, so that a block does not depend on how the run got here."""
+    def start_block(self, coords: Floats | None = None, log_q: Floats | None = None) -> None:
+        """Forget what is left of the last batch, so that a block does not depend on how the run got here.
+
+        Where the log density `log_q` (W,) of the proposal is known at `coords` (W, D), it is not worked out again.
+        """
         self._ahead: list[Any] = []  # what is left of it, a step each
-        self._coords: Floats | None = None
-        self._log_q: Floats = np.empty(0)
+        self._coords = None if log_q is None else coords
+        self._log_q: Floats = np.empty(0) if log_q is None else log_q
 
     def _batch(self, model: Any, walkers: int) -> tuple[Floats, Floats, Floats]:
         """Proposals of all steps (S, W, D), their log-probability and the log density of their proposal (S, W)."""

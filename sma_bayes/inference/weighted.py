@@ -84,12 +84,13 @@ class Weighed:
         log_weight[usable] = log_prob[usable] - log_q[usable]
         return Weighed(z, log_prob, Weights(log_weight))
 
-    def chosen(self, groups: int, size: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Points (groups, size, D) by weight, each group's out of a share of its own, and their `log_prob`."""
+    def chosen(self, groups: int, size: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
+        """Points (groups, size, D) by weight, each group's out of a share of its own, `log_prob` and `log_q` there."""
         count = len(self.z) // groups
         shares = self.weights.log_weight[: count * groups].reshape(count, groups)
         at = (groups * resampled_columns(shares, size, rng) + np.arange(groups)).T
-        return self.z[at], self.log_prob[at]
+        log_prob = self.log_prob[at]
+        return self.z[at], log_prob, log_prob - self.weights.log_weight[at]
 
 
 def tempered(weights: Weights) -> Floats:
