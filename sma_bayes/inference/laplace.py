@@ -119,7 +119,9 @@ def _first_covariance(density: Density, z: Floats, width: Floats) -> Floats:
         with np.errstate(all="ignore"):
             information = density.fisher_information(z)
         in_widths = information * np.outer(width, width)
-        if np.isfinite(in_widths).all():  # along a ridge it may be singular but for the prior, to within rounding
+        if np.isfinite(
+            in_widths
+        ).all():  # along a ridge it may be singular but for the prior, to within rounding
             root = width[:, None] * _inverse_root(in_widths)
             return np.asarray(root @ root.T)
     return np.diag(width**2)
