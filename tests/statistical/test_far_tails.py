@@ -16,7 +16,7 @@ import pytest
 from benchmark.problems import Case, Problem
 from scipy.special import logsumexp
 
-from sma_bayes.inference.adaptation import adapt, weigh
+from sma_bayes.inference.adaptation import adapt, weigh, with_wide_share
 from sma_bayes.inference.ensembles import sample
 from sma_bayes.inference.weighted import weighted_quantiles
 
@@ -33,8 +33,8 @@ def test_a_proposal_that_missed_a_tail_is_fitted_again(record: int, seed: int) -
     assert draws.method == "independence"
     assert draws.evaluations > 40_000  # it did not do at the first try, or this test says nothing
 
-    proposal = adapt(posterior, draws.modes, np.random.default_rng(0), effort=16).proposal
-    drawn = weigh(posterior, proposal, np.random.default_rng(1), 60_000)
+    wide = with_wide_share(adapt(posterior, draws.modes, np.random.default_rng(0), effort=16))
+    drawn = weigh(posterior, wide.proposal, np.random.default_rng(1), 60_000)
     weights = drawn.weights
     assert weights.efficiency > 0.4
     usable = np.isfinite(weights.log_weight)
