@@ -11,6 +11,7 @@ docs/performance.md.
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import os
 import subprocess
@@ -18,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
@@ -62,15 +64,21 @@ def demo() -> dict[str, float]:
     return stages
 
 
-def least(do: Callable[[int], object]) -> float:
-    """Least processor time of something that is done several times; it is told how many times it was done."""
-    do(0)
+def least(do: Callable[[], object]) -> float:
+    """Least processor time of something that is done several times."""
+    do()
     times = []
-    for number in range(REPEATS):
+    for _ in range(REPEATS):
         began = time.process_time()
-        do(number)
+        do()
         times.append(time.process_time() - began)
     return min(times)
+
+
+def sampling(problem: Problem) -> Callable[[], object]:
+    """Sample a problem, each time with another seed."""
+    width, seeds = problem.posterior.space.prior_sd(), map(np.random.SeedSequence, itertools.count())
+    return lambda: sample(problem.posterior, [problem.start], width, next(seeds))
 
 
 def limits() -> dict[str, float]:
@@ -78,15 +86,12 @@ def limits() -> dict[str, float]:
     total: dict[str, float] = {}
     for record in Case("FX", "independent").records():
         problem = Problem.of(record, "independent")
-        posterior, width = problem.posterior, problem.posterior.space.prior_sd()
         z = problem.starts(np.random.default_rng(0), ROWS, "laplace")
-        spent = {}
-        for name, make in KERNELS.items():
-            kernel = make(posterior)
-            spent[f"limit of sampling, {name}"] = least(lambda _: kernel(z)) * TARGET.ess / ROWS  # noqa: B023
-        spent["sampling, force with displacement"] = least(
-            lambda seed: sample(posterior, [problem.start], width, np.random.SeedSequence(seed))  # noqa: B023
-        )
+        spent = {
+            f"limit of sampling, {name}": least(partial(make(problem.posterior), z)) * TARGET.ess / ROWS
+            for name, make in KERNELS.items()
+        }
+        spent["sampling, force with displacement"] = least(sampling(problem))
         for name, seconds in spent.items():
             total[name] = total.get(name, 0.0) + seconds
     return total

@@ -91,6 +91,12 @@ class Posterior:
         """Number of samples over all records."""
         return sum(r.n for r in self.records)
 
+    @property
+    def sampled_model(self) -> NDArray[np.intp]:
+        """Positions in ``theta`` of the sampled parameters of the model, which come first in ``z``."""
+        free = self.space.free_index
+        return free[free < len(self.model.parameter_names)]
+
     def log_prior(self, z: Floats) -> Floats:
         """Log density of the prior in the sampled coordinates, shape (...)."""
         return self.space.log_prior(z)
@@ -131,19 +137,17 @@ class Posterior:
             ``1/sd**2`` of the prior of each parameter. Its inverse is the covariance of a posterior that is normal.
         """
         theta, chain = self.space.to_physical(z), self.space.derivative(z)
-        place_in_z = {int(i): k for k, i in enumerate(self.space.free_index)}
+        sampled = self.sampled_model
+        m = sampled.size
         total = np.diag(self.space.prior_sd() ** -2.0)
         for record, place in zip(self.records, self.layout, strict=True):
-            sampled = [i for i, at in enumerate(place.model) if int(at) in place_in_z]
-            rows = [place_in_z[int(at)] for at in place.model[sampled]]
             jacobian = self.model.jacobian(theta[place.model], record.inputs)
             for channel in record.channels:
-                at = int(place.noise[channel][0])
-                whitened = jacobian[channel][:, sampled] * (chain[rows] / theta[at])
-                total[np.ix_(rows, rows)] += whitened.T @ whitened
-                if at in place_in_z:
-                    k = place_in_z[at]
-                    total[k, k] += 2.0 * record.n * (chain[k] / theta[at]) ** 2
+                sd = place.noise[channel][0]
+                whitened = jacobian[channel][:, sampled] * (chain[:m] / theta[sd])
+                total[:m, :m] += whitened.T @ whitened
+                for k in np.flatnonzero(self.space.free_index == sd):  # none where the sd is fixed
+                    total[k, k] += 2.0 * record.n * (chain[k] / theta[sd]) ** 2
         return np.asarray(total)
 
     def log_likelihood(self, theta: Floats) -> Floats:

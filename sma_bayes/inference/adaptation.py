@@ -100,6 +100,11 @@ class Adapted:
         weights = self.weights
         return weights.efficiency >= USABLE and weights.greatest <= GREATEST_SHARE and not self.misses
 
+    @property
+    def good(self) -> bool:
+        """Whether it carries a run, and fitting it again would hardly make it better."""
+        return self.weights.efficiency >= GOOD and self.carries
+
     def judged(self, z: Floats, log_prob: Floats) -> Adapted:
         """The same, as draws (n, D) of another move see it; `log_prob` (n,) is what the density is there."""
         log_seen = log_prob - self.proposal.log_density(z) - self.weights.log_evidence()[0]
@@ -154,40 +159,35 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: 
     wide = StudentMixture.from_covariances(np.ones(1), mode.z[None], 4.0 * mode.covariance[None], 4.0)
     if not isinstance(density, Posterior):
         return _adapt_plain(density, mode, wide, rng)
-    count = int(np.sum(density.space.free_index < len(density.model.parameter_names)))
-    looks = _looks(density, mode, count, wide, rng)
-    if not looks:
+    linearised, best = _looked_at(density, mode, wide, rng)
+    if best is None:
         return _adapt_plain(density, mode, wide, rng)
-    evaluations = sum(look.evaluations for look in looks)
-    first, *others = looks
-    for other in others:
-        if other.weights.efficiency > BETTER * first.weights.efficiency:
-            first = other
-    if first.weights.efficiency >= GOOD and first.carries and effort == 1:
+    evaluations = FIRST * len(linearised)
+    if effort == 1 and best.good:
         # what a fit to draws would learn of the density is less than what it would lose by chance
-        return replace(first, evaluations=evaluations)
-    best: Adapted | None = None
-    for look in (first, *(each for each in looks if each is not first)):
-        assert isinstance(look.proposal, Proposal)
-        found = _refine(density, look.proposal, rng, effort * DRAWS, HELD)
-        evaluations += found.evaluations
-        if best is None or found.weights.efficiency > best.weights.efficiency:
-            best = found
-        if best.weights.efficiency >= GOOD and best.carries and effort == 1:
+        return replace(best, evaluations=evaluations)
+    fitted: list[Adapted] = []
+    for proposal in linearised:
+        fitted.append(_refine(density, proposal, rng, effort * DRAWS, HELD))
+        best = max(fitted, key=lambda f: f.weights.efficiency)
+        if effort == 1 and best.good:
             break
-    return replace(best or first, evaluations=evaluations)
+    return replace(best, evaluations=evaluations + sum(f.evaluations for f in fitted))
 
 
-def _looks(
-    posterior: Posterior, mode: Mode, count: int, wide: StudentMixture, rng: np.random.Generator
-) -> list[Adapted]:
-    """Proposals as linearising gives them, in coordinates one after the other until they do, and a few draws of each.
+def _looked_at(
+    posterior: Posterior, mode: Mode, wide: StudentMixture, rng: np.random.Generator
+) -> tuple[list[Proposal], Adapted | None]:
+    """Proposals as linearising gives them, best first, and a few draws of the best; None where there is no proposal.
 
-    What is drawn is the same in all coordinates, so that they can be compared.
+    Other coordinates are looked at where those before do not do. What is drawn is the same in all of them, so that
+    they can be compared.
     """
+    count = posterior.sampled_model.size
     seed = rng.integers(2**63)
     narrow: Mixture | None = None
-    looks: list[Adapted] = []
+    best: Adapted | None = None
+    proposals: list[Proposal] = []
     for inner in _inner_coordinates(posterior, mode, count):
         try:
             coordinates = NoiseScaledCoordinates.about(posterior, mode.z, inner, count)
@@ -197,10 +197,13 @@ def _looks(
             continue
         proposal = Proposal(coordinates, narrow, wide)
         last = weigh(posterior, proposal, np.random.default_rng(seed), FIRST)
-        looks.append(Adapted(proposal, last, FIRST))
-        if last.weights.efficiency >= LINEAR and looks[-1].carries:
-            break
-    return looks
+        better = best is None or last.weights.efficiency > BETTER * best.weights.efficiency
+        proposals.insert(0 if better else len(proposals), proposal)
+        if better:
+            best = Adapted(proposal, last, FIRST)
+            if best.weights.efficiency >= LINEAR and best.carries:
+                break
+    return proposals, best
 
 
 def _inner_coordinates(posterior: Posterior, mode: Mode, count: int) -> Iterator[Coordinates]:

@@ -78,12 +78,12 @@ class PredictiveCoordinates:
         None where the model has no sampled parameter.
         """
         space, model = posterior.space, posterior.model
-        count = int(np.sum(space.free_index < len(model.parameter_names)))
+        free = posterior.sampled_model
+        count = free.size
         if count == 0:
             return None
         theta = space.to_physical(centre)
         chain = space.derivative(centre)[:count] * space.prior_sd()[:count]
-        free = space.free_index[:count]
         rows, labels, scales = [], [], []
         for r, (record, place) in enumerate(zip(posterior.records, posterior.layout, strict=True)):
             jacobian = model.jacobian(theta[place.model], record.inputs)

@@ -187,7 +187,7 @@ class PriorOfCurve:
     @staticmethod
     def of(posterior: Posterior, mode: Mode) -> PriorOfCurve:
         """With the noise as it is at a mode, a little wider."""
-        at = np.flatnonzero(posterior.space.free_index >= len(posterior.model.parameter_names))
+        at = np.arange(posterior.sampled_model.size, posterior.space.dimension)
         covariance = 2.0 * mode.covariance[np.ix_(at, at)]
         mixture = StudentMixture.from_covariances(np.ones(1), mode.z[None, at], covariance[None], 5.0)
         return PriorOfCurve(posterior.space, at, mixture)

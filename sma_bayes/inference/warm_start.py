@@ -145,9 +145,8 @@ class _Problem:
     def __init__(self, posterior: Posterior) -> None:
         self.posterior = posterior
         self.model = posterior.model
-        count = len(self.model.parameter_names)
         space = posterior.space
-        self.free = space.free_index[space.free_index < count]
+        self.free = posterior.sampled_model
         self.position = np.arange(self.free.size)  # model parameters come first in z as in theta
         self.prior_sd = space.prior_sd()[: self.free.size]
         self.centre = space.prior_centre()
@@ -308,9 +307,7 @@ def _screen(posterior: Posterior, rng: np.random.Generator) -> list[Floats]:
             _profile_sigmoid(column, letter, series["temperature"], series[channel], fixed)
     if "stiffness" in series:
         _profile_stiffness(column, series, fixed)
-    z = space.to_sampled(_assemble(column, posterior))[
-        :, : space.free_index[space.free_index < len(names)].size
-    ]
+    z = space.to_sampled(_assemble(column, posterior))[:, : posterior.sampled_model.size]
     return list(z[:STARTS])
 
 

@@ -14,7 +14,7 @@ from sma_bayes.inference.noise_choice import noise_start
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.posterior import build_posterior
+from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Record
 
 
@@ -167,7 +167,7 @@ def test_a_start_on_a_ridge_that_rounding_makes_singular_is_climbed_from(
     start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
     inner = posterior.fisher_information
 
-    class Ridge(type(posterior)):  # type: ignore[misc]
+    class Ridge(Posterior):
         def fisher_information(self, z: np.ndarray) -> np.ndarray:
             ridge = np.zeros_like(inner(z))
             ridge[:2, :2] = 1e20
