@@ -13,13 +13,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import ndtri
 
 from sma_bayes.quantities import Floats
 
 FEW, SOME = 8, 32
-"""Lags of an autocovariance to begin with, and to go on with before all are asked for; they are summed one by one."""
+"""Lags of an autocovariance to begin with, and to go on to by doubling them; up to there they are summed one by one."""
 LONG = 100
 """Steps from which the means over walkers are a series that an effective sample size can be taken of."""
 
@@ -236,7 +237,7 @@ def _ess(chains: Floats, lags: int = FEW) -> Floats:
     tau = np.where(counted, tau + first, tau)
     ess = np.where(total > 0, c * n / np.maximum(tau, 1.0 / np.log10(c * n)), np.nan)
     if lags < n and not ended.all():
-        ess[~ended] = _ess(chains[~ended], SOME if lags < SOME else n)
+        ess[~ended] = _ess(chains[~ended], 2 * lags if lags < SOME else n)
     return np.asarray(ess)
 
 
@@ -247,8 +248,8 @@ def _autocovariance(chains: Floats, means: Floats, lags: int) -> Floats:
         apart = np.zeros((d, c, n + lags))  # zeros keep the end of a chain from the beginning of the next
         np.subtract(chains, means[:, :, None], out=apart[:, :, :n])
         row = apart.reshape(d, -1)
-        products = [np.einsum("dn,dn->d", row[:, : row.shape[1] - k], row[:, k:]) for k in range(lags)]
-        return np.asarray(np.stack(products, axis=1) / (n * c))
+        ahead = sliding_window_view(row, row.shape[1] - lags + 1, axis=1)  # by 0 to lags - 1
+        return np.asarray(np.einsum("dn,dkn->dk", ahead[:, 0], ahead) / (n * c))
     length = next_fast_len(2 * n, real=True)
     spectrum = rfft(chains - means[:, :, None], n=length)
     # only the mean over chains is used, and it may as well be taken before the transform back

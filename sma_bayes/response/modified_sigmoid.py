@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import expit
@@ -145,7 +146,7 @@ class ModifiedSigmoid:
     name = "modified_sigmoid"
     reference = "Eqs. (2), (4) and (7) of the published model"
 
-    @property
+    @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Parameters that the channels need, in the order of ``theta``."""
         needed = {name for channel in self.channels for name in _NEEDS[channel]}
