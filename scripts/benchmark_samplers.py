@@ -4,8 +4,9 @@ r"""Time this package and other samplers to the same target on the same posterio
     stock="--samplers emcee,lmfit --walkers 32 --start ball --log-prob package"
     $run --records all --limit 200 --samplers sma_bayes,emcee,lmfit --walkers 32 --start ball --log-prob package \
         --out docs/data/samplers.csv
-    $run --records all --limit 20 --samplers sma_bayes,blackjax,emcee-de,nutpie,emcee-vectorised,numpyro --repeats 3 \
-        --out docs/data/peers.csv
+    campaign="sma_bayes,blackjax,emcee-de,nutpie,emcee-vectorised"
+    $run --records all --limit 20 --samplers $campaign,numpyro --repeats 3 --out docs/data/campaign.csv
+    $run --records all --limit 40 --samplers $campaign --start ball --unaided --repeats 3 --out docs/data/campaign.csv
     for channels in FX S; do for noise in independent ar1; do for points in 100 1000; do
         case="--records 1A-10mHz-heating --channels $channels --noise $noise --points $points --out docs/data/peers.csv"
         $run $case --limit 30 --samplers sma_bayes,blackjax,emcee-de,emcee-vectorised,zeus --repeats 3
@@ -18,15 +19,8 @@ r"""Time this package and other samplers to the same target on the same posterio
     python scripts/benchmark_tables.py docs/data
 
 measures and prints the tables in docs/performance.md, from the first to the last. Rows are added to the file; with
-`--replace` they take the place of earlier rows of the same sampler on the same record. This package alone again:
-
-    $run --records all --samplers sma_bayes --replace --out docs/data/samplers.csv
-    $run --records all --samplers sma_bayes --repeats 3 --replace --out docs/data/peers.csv
-    for channels in FX S; do for noise in independent ar1; do for points in 100 1000; do
-        $run --records 1A-10mHz-heating --channels $channels --noise $noise --points $points --samplers sma_bayes \
-            --repeats 3 --replace --out docs/data/peers.csv
-    done; done; done
-    $run --records 1A-10mHz-heating --points 100 --samplers sma_bayes --cold --replace --out docs/data/peers.csv
+`--replace` they take the place of earlier rows of the same sampler on the same record. A file holds rows of one
+machine.
 
 `table FILE` prints medians, ranges and ratios of any file of rows, by sessions.
 
@@ -99,11 +93,19 @@ def run(
         str, typer.Option(help="written or package: what samplers that ask for one point at a time call.")
     ] = "written",
     cold: Annotated[bool, typer.Option(help="Fresh processes, timed from their start.")] = False,
+    unaided: Annotated[
+        bool,
+        typer.Option(
+            help="No oracle: other samplers stop at a look, and looks and the climb to the mode are timed."
+        ),
+    ] = False,
     replace: Annotated[
         bool, typer.Option(help="Drop earlier rows of the same sampler on the same record.")
     ] = False,
 ) -> None:
     """Measure."""
+    if cold and unaided:
+        raise typer.BadParameter("--cold and --unaided are not measured together; choose one")
     case = Case(channels, noise, points or None)
     settings = Settings(walkers, start, log_prob)
     session = time.strftime("%Y-%m-%dT%H:%M:%S")
@@ -117,7 +119,7 @@ def run(
             for repeat in range(repeats):
                 order = names if repeat % 2 == 0 else names[::-1]
                 for place, name in enumerate(order):
-                    task = Task(session, case, index, name, settings, repeat, place, limit)
+                    task = Task(session, case, index, name, settings, repeat, place, limit, unaided)
                     row = (
                         measure_in_fresh(task, problem) if cold else measure_in(workers[name], task, problem)
                     )

@@ -2,8 +2,8 @@
 
     python scripts/benchmark_tables.py docs/data
 
-`samplers.csv` and `peers.csv` by benchmark_samplers.py, `stages.csv` by benchmark_stages.py, `kernels.csv` by
-benchmark_kernels.py.
+`samplers.csv`, `campaign.csv` and `peers.csv` by benchmark_samplers.py, `stages.csv` by benchmark_stages.py,
+`kernels.csv` by benchmark_kernels.py.
 """
 
 from __future__ import annotations
@@ -15,23 +15,11 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmark.rows import OWN
+from benchmark.samplers import SAMPLERS
+
 Rows = list[dict[str, str]]
 
-OWN = "sma_bayes"
-TITLES = {
-    OWN: "this package",
-    "blackjax": "NUTS by hand (blackjax: whitened, vectorised)",
-    "emcee-de": "emcee, vectorised, differential evolution",
-    "nutpie": "nutpie",
-    "emcee-vectorised": "emcee, vectorised, stretch",
-    "zeus": "zeus, vectorised",
-    "dynesty": "dynesty, `rslice`",
-    "ultranest": "ultranest, slices",
-    "pymc": "PyMC NUTS",
-    "numpyro": "NumPyro NUTS, dense mass",
-    "emcee": "emcee, one vector a call",
-    "lmfit": "lmfit `emcee`",
-}
 CASES = {
     ("independent", "100"): "independent, 100",
     ("independent", "1000"): "independent, 1000",
@@ -70,11 +58,10 @@ def campaign(rows: Rows) -> None:
     """Samplers over the records of the twin campaign: medians of repeats, ratios of sums over records that both did."""
     by: dict[str, dict[str, Rows]] = defaultdict(lambda: defaultdict(list))
     for row in rows:
-        if row["length"] == "demo":
-            by[row["sampler"]][row["record"]].append(row)
+        by[row["sampler"]][row["record"]].append(row)
     own = {key: statistics.median(map(cpu, found)) for key, found in by[OWN].items()}
     lines = []
-    for name in (name for name in TITLES if name in by):
+    for name in (name for name in SAMPLERS if name in by):
         found = by[name]
         every = [row for repeats in found.values() for row in repeats]
         typical = {key: statistics.median(map(cpu, repeats)) for key, repeats in found.items()}
@@ -83,7 +70,7 @@ def campaign(rows: Rows) -> None:
         ratio = sum(typical[key] for key in both) / sum(own[key] for key in both)
         rate = [min(float(r["ess_bulk"]), float(r["ess_tail"])) / cpu(r) for r in every]
         lines.append([
-            TITLES[name],
+            SAMPLERS[name].title,
             f"{sum(r['reached'] == 'True' for r in every)} of {len(every)}",
             spread(statistics.median(typical.values()), [cpu(r) for r in every]),
             "1" if name == OWN else f"**{three(ratio)}**",
@@ -105,10 +92,10 @@ def one_record(rows: Rows) -> None:
         cells[row["sampler"], row["channels"], row["noise"], row["length"]].append(row)
     for channels in CHANNELS:
         lines = []
-        for name, title in TITLES.items():
+        for name, sampler in SAMPLERS.items():
             found = [cells.get((name, channels, *case), []) for case in CASES]
             if any(found):
-                lines.append([title, *map(cell, found)])
+                lines.append([sampler.title, *map(cell, found)])
         show([f"{channels}: sampler", *CASES.values()], lines)
 
 
@@ -119,7 +106,8 @@ def cold(rows: Rows) -> None:
         if (row["channels"], row["noise"], row["length"]) == ("FX", "independent", "100"):
             by[row["sampler"], row["kind"]].append(row)
     found = [
-        (by.get((name, "cold"), []), by.get((name, "warm"), []), title) for name, title in TITLES.items()
+        (by.get((name, "cold"), []), by.get((name, "warm"), []), sampler.title)
+        for name, sampler in SAMPLERS.items()
     ]
     show(["sampler", "cold", "warm"], [[title, cell(c), cell(w)] for c, w, title in found if c])
 
@@ -156,11 +144,11 @@ def kernels(rows: Rows) -> None:
 
 def main(data: Path) -> None:
     """Print all tables."""
-    peers = read(data / "peers.csv")
-    warm = [row for row in peers if row["kind"] == "warm"]
-    campaign([row for row in read(data / "samplers.csv") if row["kind"] == "warm"])
-    campaign(warm)
-    one_record(warm)
+    peers, records = read(data / "peers.csv"), read(data / "campaign.csv")
+    campaign(read(data / "samplers.csv"))
+    campaign([row for row in records if row["kind"] == "warm"])
+    campaign([row for row in records if row["kind"] == "unaided"])
+    one_record([row for row in peers if row["kind"] == "warm"])
     cold(peers)
     stages(read(data / "stages.csv"))
     kernels(read(data / "kernels.csv"))

@@ -122,7 +122,7 @@ class BlackJax:
     No tuning: the whitened posterior has unit scale, and the step size is that of a unit normal.
     """
 
-    title = "blackjax NUTS, by hand: whitened, vectorised"
+    title = "NUTS by hand (blackjax: whitened, vectorised)"
     packages = ("blackjax", "jax")
 
     def prepare(self, problem: Problem) -> None:

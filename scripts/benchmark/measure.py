@@ -17,6 +17,8 @@ from benchmark.rows import OWN, Row
 from benchmark.samplers import ONE_BY_ONE, SAMPLERS
 from benchmark.workers import Ended, TimeUp, Worker, at_most
 
+from sma_bayes.inference.convergence import assess
+
 PATIENCE = 1.2
 """Multiple of the limit of time at which a sampler that has not handed over its draws is broken off."""
 GRACE_S = 5.0
@@ -48,6 +50,9 @@ class Task:
         Repeat, which is the seed too; and place in the order of the samplers.
     limit_s : float
         Of processor time.
+    unaided : bool
+        Whether the sampler is on its own: the clock runs while it climbs to the mode and while its draws are looked
+        at, and it stops at a look. Otherwise an oracle stops it for nothing at the step at which the target is reached.
     """
 
     session: str
@@ -58,6 +63,7 @@ class Task:
     repeat: int
     place: int
     limit_s: float
+    unaided: bool = False
 
     def problem(self) -> Problem:
         """The posterior to sample."""
@@ -93,11 +99,17 @@ class Outcome:
 
 
 def to_target(
-    steps: Generator[Progress, float, None], reference: Reference, limit_s: float, *, all_runs: bool = False
+    steps: Generator[Progress, float, None],
+    reference: Reference,
+    limit_s: float,
+    *,
+    all_runs: bool = False,
+    unaided: bool = False,
 ) -> Outcome:
-    """Run a sampler until its draws meet the target and are right, or its time is up. Checks are not timed.
+    """Run a sampler until its draws meet the target and are right, or its time is up.
 
     With `all_runs` the earlier runs of a sampler that begins anew count, too: what it imports and compiles is in them.
+    Checks are not timed, and the step at which the target was reached is found afterwards, unless it is `unaided`.
     """
     dimension = reference.mean.size
     before = now = Clock(0, 0.0, 0.0)
@@ -107,11 +119,13 @@ def to_target(
         found, now, ended = _timed(steps, growth, now, PATIENCE * limit_s, all_runs)
         if found is None:
             return replace(last, clock=now, ended=ended)
+        if unaided:
+            now = _looked_at(found, now)
         progress, verdict, claimed = found, judge(found, reference), last.claimed_s
         if verdict.convergence.converged and np.isnan(claimed):
             claimed = now.wall_s
         if verdict.reached:
-            if before.steps:
+            if before.steps and not unaided:
                 progress, verdict, now = _earliest(progress, verdict, before, now, reference)
             return Outcome(progress, verdict, min(claimed, now.wall_s), now, "target")
         last = Outcome(progress, verdict, claimed, now, "time")
@@ -139,6 +153,14 @@ def _timed(
     since = Clock(0, 0.0, 0.0) if progress.anew and not all_runs else now
     steps_made = progress.chains.shape[1]
     return progress, Clock(steps_made, since.wall_s + spent.wall_s, since.cpu_s + spent.cpu_s), ended
+
+
+def _looked_at(progress: Progress, now: Clock) -> Clock:
+    """The clock after a user has looked at draws, with this package's diagnosis, the fastest at hand."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    chains = progress.chains
+    assess(chains[:, int(progress.discards[0] * chains.shape[1]) :], TARGET)
+    return Clock(now.steps, now.wall_s + time.perf_counter() - wall, now.cpu_s + time.process_time() - cpu)
 
 
 def _earliest(
@@ -182,11 +204,15 @@ def prepare(name: str, problem: Problem, settings: Settings) -> None:
 
 def measure(task: Task, problem: Problem, reference: Reference, *, all_runs: bool = False) -> Row:
     """Time one sampler on one record, in this process."""
-    if task.sampler != OWN:  # what this package does in its own time others are given
+    if task.unaided:
+        problem = replace(problem)  # as it is before anyone has climbed to its mode
+    elif task.sampler != OWN:  # what this package does in its own time others are given
         _ = problem.mode, problem.float_posterior
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         steps = SAMPLERS[task.sampler].run(problem, task.settings, task.repeat)
-        outcome = to_target(steps, reference, task.limit_s, all_runs=all_runs)
+        outcome = to_target(
+            steps, reference, task.limit_s, all_runs=all_runs, unaided=task.unaided and task.sampler != OWN
+        )
     return row_of(task, problem, outcome)
 
 
@@ -250,7 +276,7 @@ def row_of(task: Task, problem: Problem, outcome: Outcome) -> Row:
     convergence = verdict.convergence
     return Row(
         session=task.session,
-        kind="warm",
+        kind="unaided" if task.unaided else "warm",
         channels=task.case.channels,
         noise=task.case.noise,
         length=str(task.case.points or "demo"),

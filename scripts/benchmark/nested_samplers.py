@@ -76,7 +76,7 @@ def _equal_draws(z: Floats, log_weight: Floats, rng: np.random.Generator) -> Flo
 class Dynesty(_Nested):
     """dynesty with random slices, its other settings as they come."""
 
-    title = "dynesty, rslice"
+    title = "dynesty, `rslice`"
     packages = ("dynesty",)
 
     def one(self, problem: Problem, live: int, seed: int) -> tuple[Floats, Floats, int]:

@@ -17,7 +17,8 @@ class Row:
     Attributes
     ----------
     kind : str
-        ``warm``: everything imported; ``cold``: a fresh process, from its start to the draws.
+        ``warm``: everything imported; ``cold``: a fresh process, from its start to the draws; ``unaided``: warm, but
+        with no more help than a user has (see `measure.Task`).
     length : str
         Samples of a record that were asked for: a number, or ``demo``.
     points, parameters : int

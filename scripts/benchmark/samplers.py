@@ -44,7 +44,7 @@ class Sampler(Protocol):
 class Package:
     """This package, as `sma-bayes fit` calls it: climbs to the mode, fits its proposal, diagnoses, stops by itself."""
 
-    title = "sma_bayes"
+    title = "this package"
     packages = ("sma-bayes", "emcee")
 
     def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
@@ -55,7 +55,7 @@ class Package:
 class ScalarEmcee:
     """emcee as it comes: stretch moves, a log-probability of one point at a time."""
 
-    title = "emcee (stock)"
+    title = "emcee, one vector a call"
     packages = ("emcee",)
 
     def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
@@ -97,7 +97,7 @@ class VectorisedEmcee:
 class Lmfit:
     """`lmfit.Minimizer.emcee` with a user function that returns the log-posterior as a float."""
 
-    title = "lmfit emcee"
+    title = "lmfit `emcee`"
     packages = ("lmfit", "emcee")
 
     def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
@@ -188,17 +188,18 @@ def _progress(ensembles: list) -> Progress:
 
 SAMPLERS: dict[str, Sampler] = {
     "sma_bayes": Package(),
-    "emcee": ScalarEmcee(),
-    "emcee-vectorised": VectorisedEmcee("emcee, vectorised, stretch", "stretch"),
-    "emcee-de": VectorisedEmcee("emcee, vectorised, DE", "de"),
-    "lmfit": Lmfit(),
-    "zeus": Zeus(),
-    "pymc": PyMC(),
-    "nutpie": Nutpie(),
-    "numpyro": NumPyro(),
     "blackjax": BlackJax(),
+    "emcee-de": VectorisedEmcee("emcee, vectorised, differential evolution", "de"),
+    "nutpie": Nutpie(),
+    "emcee-vectorised": VectorisedEmcee("emcee, vectorised, stretch", "stretch"),
+    "zeus": Zeus(),
     "dynesty": Dynesty(),
     "ultranest": UltraNest(),
+    "pymc": PyMC(),
+    "numpyro": NumPyro(),
+    "emcee": ScalarEmcee(),
+    "lmfit": Lmfit(),
 }
+"""In the order of the tables."""
 ONE_BY_ONE = frozenset({"emcee", "lmfit"})
 """Samplers that ask for the log-posterior of one point at a time."""

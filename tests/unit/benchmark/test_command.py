@@ -43,3 +43,10 @@ def test_what_is_not_there_is_named(measure: Measure, option: str, wrong: str, t
     assert result.exit_code == 2
     assert wrong in result.output
     assert not (tmp_path / "rows.csv").exists()
+
+
+def test_a_cold_run_is_not_unaided(measure: Measure, tmp_path: Path) -> None:
+    result = measure("--samplers", "sma_bayes", "--cold", "--unaided")
+    assert result.exit_code == 2
+    assert "choose one" in result.output
+    assert not (tmp_path / "rows.csv").exists()

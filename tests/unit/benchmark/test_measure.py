@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from typing import Any
 
 import numpy as np
 import pytest
 from benchmark.judgement import Reference
-from benchmark.measure import GRACE_S, PATIENCE, Task, measure_in, to_target
+from benchmark.measure import GRACE_S, PATIENCE, Task, measure, measure_in, to_target
 from benchmark.problems import Case
 from benchmark.progress import GROUPS, Progress, Settings
 from benchmark.workers import Ended, Worker
+
+from sma_bayes.inference.laplace import climb
 
 REFERENCE = Reference.of(np.random.default_rng(0).standard_normal((20_000, 2)), 20_000.0)
 
@@ -82,6 +85,41 @@ def test_of_a_sampler_that_begins_anew_the_last_run_counts_alone(monkeypatch: py
     assert 3.0 < begins_anew < 10.0
     assert begins_anew - 3.0 == pytest.approx(0.7 * (goes_on - 3.0))
     assert seconds_to_target(True, True, monkeypatch) == goes_on  # cold: what it compiled is in the first
+
+
+def test_who_is_unaided_pays_for_looks_and_stops_at_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    hands = Hands()
+    monkeypatch.setattr("benchmark.measure.time", hands)
+
+    def look(*_: object) -> None:
+        hands.now += 2.0
+
+    monkeypatch.setattr("benchmark.measure.assess", look)
+
+    def run() -> Generator[Progress, float, None]:
+        hands.now += 3.0
+        yield normal(0, 5)
+        hands.now += 10.0
+        yield normal(1, 50)
+
+    found = to_target(run(), REFERENCE, 100.0, unaided=True)
+    assert (found.clock.steps, found.clock.cpu_s) == (50, 3.0 + 2.0 + 10.0 + 2.0)
+
+
+def test_who_is_unaided_climbs_to_the_mode_in_its_own_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    climbs = []
+
+    def climbing(*arguments: Any, **options: Any) -> Any:
+        climbs.append(arguments)
+        return climb(*arguments, **options)
+
+    monkeypatch.setattr("benchmark.problems.climb", climbing)
+    task = Task("now", Case("S", "independent", 40), 0, "emcee-de", Settings(), 0, 0, 0.01, unaided=True)
+    problem = task.problem()
+    _ = problem.mode
+    row = measure(task, problem, Reference.of(np.zeros((1, problem.dimension)), 1.0))
+    assert len(climbs) == 2
+    assert row.kind == "unaided"
 
 
 class Stubborn(Worker):
