@@ -139,6 +139,12 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator, *, 
     return found if isinstance(density, Posterior) else _looked_around(density, found, rng)
 
 
+def at_a_look(posterior: Posterior, mode: Mode, rng: np.random.Generator) -> Adapted | None:
+    """Proposal as linearising at a mode, or near one, gives it; None where a few draws don't find it good."""
+    linearised, best = _looked_at(posterior, mode, _wide(mode), rng)
+    return replace(best, evaluations=FIRST * len(linearised)) if best is not None and best.good else None
+
+
 def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator) -> Adapted:
     """One proposal of several, each with the share of its evidence."""
     evidence = np.array([f.weights.log_evidence()[0] for f in fitted])
@@ -159,7 +165,7 @@ def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
 
 
 def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: int) -> Adapted:
-    wide = StudentMixture.from_covariances(np.ones(1), mode.z[None], 4.0 * mode.covariance[None], 4.0)
+    wide = _wide(mode)
     if not isinstance(density, Posterior):
         return _adapt_plain(density, mode, wide, rng)
     linearised, best = _looked_at(density, mode, wide, rng)
@@ -176,6 +182,11 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: 
         if effort == 1 and best.good:
             break
     return replace(best, evaluations=evaluations + sum(f.evaluations for f in fitted))
+
+
+def _wide(mode: Mode) -> StudentMixture:
+    """Component about a mode with twice its standard deviations, and heavy tails."""
+    return StudentMixture.from_covariances(np.ones(1), mode.z[None], 4.0 * mode.covariance[None], 4.0)
 
 
 def _looked_at(

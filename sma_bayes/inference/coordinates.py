@@ -137,6 +137,11 @@ class PredictiveCoordinates:
         )
 
     @property
+    def model_start(self) -> Floats:
+        """Coordinates of the model's parameters at the centre (m,)."""
+        return self._start
+
+    @property
     def model_derivative(self) -> Floats:
         """Derivative of the model's coordinates ``z`` with respect to those of this map, at the centre (m, m)."""
         return self._slope
@@ -239,8 +244,9 @@ class NoiseScaledCoordinates:
     def about(posterior: Posterior, centre: Floats, inner: Coordinates, count: int) -> NoiseScaledCoordinates:
         """Linearise about a mode; `count` is the number of sampled parameters of the model."""
         space, model = posterior.space, posterior.model
-        slope = inner.model_derivative if isinstance(inner, PredictiveCoordinates) else np.eye(count)
-        start = inner.forward(centre[None])[0][0, :count]
+        slope, start = np.eye(count), centre[:count]
+        if isinstance(inner, PredictiveCoordinates):
+            slope, start = inner.model_derivative, inner.model_start
         theta = space.to_physical(centre)
         chain = space.derivative(centre)[:count]
         rows = []

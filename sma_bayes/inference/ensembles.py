@@ -2,7 +2,8 @@
 
 The plan of a run, each stage only where the one before does not suffice:
 
-1. climb to the modes from the least-squares optima, fit a proposal to each (`adaptation`);
+1. linearise the response at the least-squares optimum for a proposal; where that is not good, climb to the modes from
+   the optima and fit a proposal to each (`adaptation`);
 2. independence moves with that proposal from its own weighted draws, in at least four groups that share nothing
    but the proposal;
 3. where the proposal does not carry (low efficiency, a single weight too large) or the target is missed,
@@ -28,10 +29,17 @@ import numpy as np
 from emcee.moves import Move
 from emcee.state import State
 
-from sma_bayes.inference.adaptation import GREATEST_SHARE, USABLE, Adapted, adapt, with_wide_share
+from sma_bayes.inference.adaptation import (
+    GREATEST_SHARE,
+    USABLE,
+    Adapted,
+    adapt,
+    at_a_look,
+    with_wide_share,
+)
 from sma_bayes.inference.checkpoint import Block, Checkpoint
 from sma_bayes.inference.convergence import Convergence, Target, assess
-from sma_bayes.inference.laplace import Density, Mode, climb
+from sma_bayes.inference.laplace import Density, Mode, climb, near
 from sma_bayes.inference.moves import IndependenceMove, MultipleProposalMove, differential_evolution
 from sma_bayes.inference.refitting import adapt_to_draws
 from sma_bayes.inference.weighted import Weights
@@ -253,12 +261,12 @@ class _Run:
         first, explore_seed, *others = self.seed.spawn(8)
         run_first, run_second, groups_seed, second, run_third, third = others
         seeds = ((first, run_first), (second, run_second), (third, run_third))
-        self.tell("climbing to the modes")
-        modes = self._modes(starts)
+        modes, adapted = self._near_a_mode(starts, first) or self._at_the_modes(starts, first)
         tries = list(EFFORTS.items())[: 3 if isinstance(self.density, Posterior) else 2]
         for (name, effort), (fit_seed, run_seed) in zip(tries, seeds, strict=False):
-            adapted = adapt(self.density, modes, np.random.default_rng(fit_seed), effort=effort)
-            self.evaluations += adapted.evaluations
+            if effort > 1:
+                adapted = adapt(self.density, modes, np.random.default_rng(fit_seed), effort=effort)
+                self.evaluations += adapted.evaluations
             if adapted.misses or (effort == 1 and not adapted.carries):
                 break
             carrying = adapted if effort == 1 else with_wide_share(adapted)
@@ -267,6 +275,36 @@ class _Run:
                 return draws
         seeds_of_groups = groups_seed.spawn(self.plan.groups)
         return self._explore(adapted, modes, np.random.default_rng(explore_seed), seeds_of_groups)
+
+    def _near_a_mode(
+        self, starts: Sequence[Floats] | Sequence[Mode], seed: np.random.SeedSequence
+    ) -> tuple[tuple[Mode, ...], Adapted] | None:
+        """A least-squares optimum and the proposal linearised there; None where a look does not find it good.
+
+        Where noise has no memory that optimum is so near the mode that climbing to it makes no better proposal.
+        """
+        (start, *others), density = starts, self.density
+        if others or isinstance(start, Mode) or not isinstance(density, Posterior) or density.noise.remembers:
+            return None
+        mode = near(density, start, self.width)
+        self.evaluations += mode.evaluations
+        if not np.isfinite(mode.log_prob):
+            return None
+        adapted = at_a_look(density, mode, np.random.default_rng(seed))
+        if adapted is None:
+            return None
+        self.evaluations += adapted.evaluations
+        return (mode,), adapted
+
+    def _at_the_modes(
+        self, starts: Sequence[Floats] | Sequence[Mode], seed: np.random.SeedSequence
+    ) -> tuple[tuple[Mode, ...], Adapted]:
+        """The modes that are climbed to from the starts, and a proposal fitted there."""
+        self.tell("climbing to the modes")
+        modes = self._modes(starts)
+        adapted = adapt(self.density, modes, np.random.default_rng(seed))
+        self.evaluations += adapted.evaluations
+        return modes, adapted
 
     def _modes(self, starts: Sequence[Floats] | Sequence[Mode]) -> tuple[Mode, ...]:
         found = []
@@ -413,6 +451,10 @@ class _Sampler(emcee.EnsembleSampler):  # type: ignore[misc]
     _stream = emcee.EnsembleSampler.random_state
     random_state = property(lambda _: None, _stream.fset)
 
+    def seed_stream(self, seed: np.random.SeedSequence) -> None:
+        """Begin its random numbers anew."""
+        self._random.seed(seed.generate_state(8))
+
     def stream_state(self) -> tuple[Any, ...]:
         """State of the random numbers, as `numpy.random.RandomState.get_state` gives it."""
         state: tuple[Any, ...] = self._stream
@@ -456,7 +498,7 @@ class _Group:
         self.sampler = _Sampler(self.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True)
         self._log_q: Floats | None = None  # log density of the proposal at the starts, if it is known
         start_seed, chain_seed = seed.spawn(2)
-        stream = np.random.RandomState(np.random.MT19937(chain_seed))
+        self.sampler.seed_stream(chain_seed)
         if modes:
             coords, log_prob = self._dispersed(adapted, np.random.default_rng(start_seed), modes)
         elif start is None:
@@ -465,7 +507,9 @@ class _Group:
             self._log_q = log_q if adapted.own else None
         else:
             coords, log_prob = start, run.log_prob(start)
-        self.state = State(coords, log_prob=log_prob, random_state=stream.get_state())
+        self.state = State(
+            coords, log_prob=log_prob
+        )  # without a state of random numbers those of the sampler go on
         self._blocks: list[Block] = []
         self._stored = iter(()) if run.checkpoint is None else run.checkpoint.blocks(name)
 

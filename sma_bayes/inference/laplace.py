@@ -47,14 +47,14 @@ class Density(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mode:
-    """A local maximum.
+    """A local maximum, or a point near one (`near`).
 
     Attributes
     ----------
     z : ndarray, shape (D,)
     log_prob : float
     covariance : ndarray, shape (D, D)
-        Inverse of the negative Hessian, floored so that no direction is wider than the prior.
+        Inverse of the negative Hessian, or of the information, floored so that no direction is wider than the prior.
     evaluations : int
     """
 
@@ -62,6 +62,12 @@ class Mode:
     log_prob: float
     covariance: Floats
     evaluations: int
+
+
+def near(posterior: Posterior, start: Floats, width: Floats) -> Mode:
+    """What the response linearised at a start says of the mode near it; arguments and start are those of `climb`."""
+    log_prob = float(posterior.log_prob(start[None])[0])
+    return Mode(start, log_prob, _first_covariance(posterior, start, width), 1)
 
 
 def climb(density: Density, start: Floats, width: Floats, *, steps: int = 40) -> Mode | None:

@@ -350,6 +350,35 @@ def test_walkers_that_interact_move_for_many_autocorrelation_times() -> None:
         assert draws.convergence.ess_bulk.min() >= 20 * groups * walkers
 
 
+@pytest.mark.parametrize(
+    ("noise", "off", "climbs"), [("independent", 0.0, 0), ("independent", 1.0, 1), ("ar1", 0.0, 1)]
+)
+def test_modes_are_climbed_to_where_a_start_is_not_near_enough(
+    noise: str, off: float, climbs: int, make_record: Callable[..., Record], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A start at the least-squares optimum, one a prior sd away, and noise with a memory: the draws are the same."""
+    posterior = build_posterior([make_record()], NOISE_MODELS[noise], read_priors("modified_sigmoid"))
+    width = posterior.space.prior_sd()
+    start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
+    wanted = sample(posterior, [ensembles.climb(posterior, start, width)], width, np.random.SeedSequence(1))
+    began = []
+
+    def climbing(*arguments):
+        began.append(arguments)
+        return climb(*arguments)
+
+    climb = ensembles.climb
+    monkeypatch.setattr(ensembles, "climb", climbing)
+    found = sample(posterior, [start + off * width], width, np.random.SeedSequence(2))
+    assert len(began) == climbs
+    assert found.convergence.converged
+    assert len(found.modes) == 1
+    means, sds = (
+        [each(d.z.reshape(-1, width.size), axis=0) for d in (wanted, found)] for each in (np.mean, np.std)
+    )
+    assert np.abs((means[0] - means[1]) / sds[0]).max() < 4.5 * np.sqrt(2.0 / 1000.0)
+
+
 def test_fewer_than_four_ensembles_are_refused() -> None:
     with pytest.raises(ValueError, match="at least 4"):
         Plan(groups=3)
