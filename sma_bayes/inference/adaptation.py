@@ -39,6 +39,9 @@ LINEAR, EVEN = 0.92, 2.0
 
 Where the response is linear the efficiency is 0.94, but 0.90 to 0.95 by how many draws happen to be wide; the greatest
 weight is 1.3 to 2.1. Where the response is bent and a look is as efficient, the greatest weight is 2.3 and more."""
+FAIR, LED = 0.8, 0.5
+"""Efficiency that does, too, where no parameter is led by the prior, that is, has more than so much of the prior's sd:
+one that is lies on a ridge, which may bend far beyond what a few draws show."""
 BETTER = 1.02
 """Gain in efficiency, with the same draws, for which other coordinates are taken, whose draws cost more."""
 GRID = np.linspace(-5.0, 5.0, 41)
@@ -198,6 +201,8 @@ def _looked_at(
     they can be compared.
     """
     count = posterior.sampled_model.size
+    sd = np.sqrt(np.diag(mode.covariance)) / posterior.space.prior_sd()
+    enough = FAIR if np.all(sd[:count] <= LED) else LINEAR
     seed = rng.integers(2**63)
     narrow: Mixture | None = None
     best: Adapted | None = None
@@ -216,7 +221,7 @@ def _looked_at(
         if better:
             best = Adapted(proposal, last, FIRST)
             weights = best.weights
-            if best.carries and (weights.efficiency >= LINEAR or weights.greatest <= EVEN):
+            if best.carries and (weights.efficiency >= enough or weights.greatest <= EVEN):
                 break
     return proposals, best
 

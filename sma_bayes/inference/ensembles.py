@@ -59,7 +59,7 @@ class Plan:
     walkers : int
         Walkers of a group; raised to twice the dimension where that is more.
     block : int
-        Steps of the first block of independence moves.
+        Steps of the first block of independence moves, at least.
     explore_block : int
         Steps of a block with differential evolution.
     evaluations : int
@@ -139,6 +139,9 @@ reached it, with standard deviations a fifth too small."""
 
 LONGEST = 96
 """Steps of independence moves, at most."""
+HOPED = 1.37
+"""Draws that must count for each effective one that is asked for, so that the first block of steps mostly does: each of
+some thirty effective sample sizes is an estimate, and the least of them decides."""
 IN_HAND = 1.15
 """What is asked for beyond the effective draws that lack, whose number is itself an estimate."""
 LEAST_STEPS = 4
@@ -210,6 +213,11 @@ def dispersed_starts(
         if len(chosen) == count:
             break
     return chosen
+
+
+def _steps_hoped(efficiency: float, chains: int, plan: Plan) -> int:
+    """Steps with which a block should reach the target, where so large a share of the proposals count."""
+    return min(LONGEST, max(plan.block, math.ceil(HOPED * plan.target.ess / (chains * efficiency))))
 
 
 def _steps_lacking(convergence: Convergence, length: int, plan: Plan) -> int:
@@ -339,8 +347,8 @@ class _Run:
         """
         plan = self.plan
         method = "independence" if name in EFFORTS else "independence after differential evolution"
-        group = _Group(self, name, adapted, seed, None, plan.block, copies=plan.groups)
-        more = plan.block
+        more = _steps_hoped(adapted.weights.efficiency, plan.groups * self.walkers, plan)
+        group = _Group(self, name, adapted, seed, None, more, copies=plan.groups)
         while group.length < LONGEST:
             self.tell(f"independence moves, from step {group.length + 1}")
             group.advance(more)

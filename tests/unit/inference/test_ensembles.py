@@ -379,6 +379,14 @@ def test_modes_are_climbed_to_where_a_start_is_not_near_enough(
     assert np.abs((means[0] - means[1]) / sds[0]).max() < 4.5 * np.sqrt(2.0 / 1000.0)
 
 
+def test_the_first_block_is_as_long_as_target_and_proposal_ask() -> None:
+    steps = [ensembles._steps_hoped(efficiency, 256, Plan()) for efficiency in (0.94, 0.7, 0.3)]
+    assert steps[0] == Plan().block
+    assert steps == sorted(steps)
+    assert 256 * 0.3 * (steps[2] - 1) < ensembles.HOPED * 1000.0 <= 256 * 0.3 * steps[2]
+    assert ensembles._steps_hoped(0.94, 256, Plan(target=Target(1.01, 1e9))) == ensembles.LONGEST
+
+
 def test_fewer_than_four_ensembles_are_refused() -> None:
     with pytest.raises(ValueError, match="at least 4"):
         Plan(groups=3)
