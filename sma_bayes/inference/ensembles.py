@@ -216,8 +216,12 @@ def dispersed_starts(
 
 
 def _steps_hoped(efficiency: float, chains: int, plan: Plan) -> int:
-    """Steps with which a block should reach the target, where so large a share of the proposals count."""
-    return min(LONGEST, max(plan.block, math.ceil(HOPED * plan.target.ess / (chains * efficiency))))
+    """Steps with which a block should reach the target, where so large a share of the proposals count.
+
+    Twice the least number at most: what is lost with a run that is killed is the block that it is at.
+    """
+    hoped = math.ceil(HOPED * plan.target.ess / (chains * efficiency))
+    return min(2 * plan.block, max(plan.block, hoped))
 
 
 def _steps_lacking(convergence: Convergence, length: int, plan: Plan) -> int:

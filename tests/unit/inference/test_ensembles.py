@@ -380,11 +380,11 @@ def test_modes_are_climbed_to_where_a_start_is_not_near_enough(
 
 
 def test_the_first_block_is_as_long_as_target_and_proposal_ask() -> None:
-    steps = [ensembles._steps_hoped(efficiency, 256, Plan()) for efficiency in (0.94, 0.7, 0.3)]
+    steps = [ensembles._steps_hoped(efficiency, 256, Plan()) for efficiency in (0.94, 0.7, 0.5)]
     assert steps[0] == Plan().block
     assert steps == sorted(steps)
-    assert 256 * 0.3 * (steps[2] - 1) < ensembles.HOPED * 1000.0 <= 256 * 0.3 * steps[2]
-    assert ensembles._steps_hoped(0.94, 256, Plan(target=Target(1.01, 1e9))) == ensembles.LONGEST
+    assert 256 * 0.5 * (steps[2] - 1) < ensembles.HOPED * 1000.0 <= 256 * 0.5 * steps[2]
+    assert ensembles._steps_hoped(0.94, 256, Plan(target=Target(1.01, 1e9))) == 2 * Plan().block
 
 
 def test_fewer_than_four_ensembles_are_refused() -> None:
