@@ -42,7 +42,7 @@ class Sampler(Protocol):
 
 
 class Package:
-    """This package, as `sma-bayes fit` calls it: climbs to the mode, fits its proposal, diagnoses, stops by itself."""
+    """This package, as `sma-bayes fit` calls it: finds its proposal, diagnoses, stops by itself."""
 
     title = "this package"
     packages = ("sma-bayes", "emcee")

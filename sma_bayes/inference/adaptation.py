@@ -144,8 +144,8 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator, *, 
 
 def at_a_look(posterior: Posterior, mode: Mode, rng: np.random.Generator) -> Adapted | None:
     """Proposal as linearising at a mode, or near one, gives it; None where a few draws don't find it good."""
-    linearised, best = _looked_at(posterior, mode, _wide(mode), rng)
-    return replace(best, evaluations=FIRST * len(linearised)) if best is not None and best.good else None
+    _, best = _looked_at(posterior, mode, rng)
+    return best if best is not None and best.good else None
 
 
 def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator) -> Adapted:
@@ -168,16 +168,15 @@ def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
 
 
 def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: int) -> Adapted:
-    wide = _wide(mode)
     if not isinstance(density, Posterior):
-        return _adapt_plain(density, mode, wide, rng)
-    linearised, best = _looked_at(density, mode, wide, rng)
+        return _adapt_plain(density, mode, rng)
+    linearised, best = _looked_at(density, mode, rng)
     if best is None:
-        return _adapt_plain(density, mode, wide, rng)
-    evaluations = FIRST * len(linearised)
+        return _adapt_plain(density, mode, rng)
     if effort == 1 and best.good:
         # what a fit to draws would learn of the density is less than what it would lose by chance
-        return replace(best, evaluations=evaluations)
+        return best
+    evaluations = best.evaluations
     fitted: list[Adapted] = []
     for proposal in linearised:
         fitted.append(_refine(density, proposal, rng, effort * DRAWS, HELD))
@@ -193,13 +192,14 @@ def _wide(mode: Mode) -> StudentMixture:
 
 
 def _looked_at(
-    posterior: Posterior, mode: Mode, wide: StudentMixture, rng: np.random.Generator
+    posterior: Posterior, mode: Mode, rng: np.random.Generator
 ) -> tuple[list[Proposal], Adapted | None]:
     """Proposals as linearising gives them, best first, and a few draws of the best; None where there is no proposal.
 
     Other coordinates are looked at where those before do not do. What is drawn is the same in all of them, so that
     they can be compared.
     """
+    wide = _wide(mode)
     count = posterior.sampled_model.size
     sd = np.sqrt(np.diag(mode.covariance)) / posterior.space.prior_sd()
     enough = FAIR if np.all(sd[:count] <= LED) else LINEAR
@@ -223,7 +223,7 @@ def _looked_at(
             weights = best.weights
             if best.carries and (weights.efficiency >= enough or weights.greatest <= EVEN):
                 break
-    return proposals, best
+    return proposals, None if best is None else replace(best, evaluations=FIRST * len(proposals))
 
 
 def _inner_coordinates(posterior: Posterior, mode: Mode, count: int) -> Iterator[Coordinates]:
@@ -236,8 +236,9 @@ def _inner_coordinates(posterior: Posterior, mode: Mode, count: int) -> Iterator
         yield predictive
 
 
-def _adapt_plain(density: Density, mode: Mode, wide: StudentMixture, rng: np.random.Generator) -> Adapted:
+def _adapt_plain(density: Density, mode: Mode, rng: np.random.Generator) -> Adapted:
     """One component in the coordinates of the density, and several for what is bent where one does not fit."""
+    wide = _wide(mode)
     shape = shape_of(density, mode)
     centre = shape.coordinates.forward(mode.z[None])[0][0]
     bent = shape.blocks()[-1]

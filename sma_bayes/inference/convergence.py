@@ -20,7 +20,7 @@ from scipy.special import ndtri
 from sma_bayes.quantities import Floats
 
 FEW, SOME = 8, 32
-"""Lags of an autocovariance to begin with, and to go on to by doubling them; up to there they are summed one by one."""
+"""Lags of an autocovariance to begin with, and to go on to by doubling them; up to there they are plain sums."""
 LONG = 100
 """Steps from which the means over walkers are a series that an effective sample size can be taken of."""
 

@@ -295,8 +295,11 @@ class _Run:
 
         Where noise has no memory that optimum is so near the mode that climbing to it makes no better proposal.
         """
-        (start, *others), density = starts, self.density
-        if others or isinstance(start, Mode) or not isinstance(density, Posterior) or density.noise.remembers:
+        density = self.density
+        if len(starts) != 1 or not isinstance(density, Posterior) or density.noise.remembers:
+            return None
+        (start,) = starts
+        if isinstance(start, Mode):
             return None
         mode = near(density, start, self.width)
         self.evaluations += mode.evaluations
@@ -519,9 +522,8 @@ class _Group:
             self._log_q = log_q if adapted.own else None
         else:
             coords, log_prob = start, run.log_prob(start)
-        self.state = State(
-            coords, log_prob=log_prob
-        )  # without a state of random numbers those of the sampler go on
+        # without a state of random numbers those of the sampler go on
+        self.state = State(coords, log_prob=log_prob)
         self._blocks: list[Block] = []
         self._stored = iter(()) if run.checkpoint is None else run.checkpoint.blocks(name)
 

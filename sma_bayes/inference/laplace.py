@@ -65,7 +65,7 @@ class Mode:
 
 
 def near(posterior: Posterior, start: Floats, width: Floats) -> Mode:
-    """What the response linearised at a start says of the mode near it; arguments and start are those of `climb`."""
+    """Normal approximation at a start near a mode, by the linearised response; arguments are those of `climb`."""
     log_prob = float(posterior.log_prob(start[None])[0])
     return Mode(start, log_prob, _first_covariance(posterior, start, width), 1)
 
@@ -125,9 +125,8 @@ def _first_covariance(density: Density, z: Floats, width: Floats) -> Floats:
         with np.errstate(all="ignore"):
             information = density.fisher_information(z)
         in_widths = information * np.outer(width, width)
-        if np.isfinite(
-            in_widths
-        ).all():  # along a ridge it may be singular but for the prior, to within rounding
+        if np.isfinite(in_widths).all():
+            # along a ridge it may be singular but for the prior, to within rounding
             root = width[:, None] * _inverse_root(in_widths)
             return np.asarray(root @ root.T)
     return np.diag(width**2)

@@ -398,6 +398,12 @@ def test_nothing_to_start_from_is_an_error() -> None:
         sample(density, [np.zeros(2)], np.ones(2), np.random.SeedSequence(0))
 
 
+def test_no_start_at_all_is_the_same_error(make_record: Callable[..., Record]) -> None:
+    posterior = build_posterior([make_record()], NOISE_MODELS["independent"], read_priors("modified_sigmoid"))
+    with pytest.raises(ValueError, match="zero at every start"):
+        sample(posterior, [], posterior.space.prior_sd(), np.random.SeedSequence(0))
+
+
 def test_progress_is_told() -> None:
     said: list[str] = []
     run(banana(), seed=3, plan=QUICK, progress=said.append)
