@@ -10,16 +10,16 @@ independent of each other, so they are never counted as chains.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import ndtri
 
 from sma_bayes.quantities import Floats
 
-FEW, SOME = 8, 32
+FEW, SOME = 16, 32
 """Lags of an autocovariance to begin with, and to go on to by doubling them; up to there they are plain sums."""
 LONG = 100
 """Steps from which the means over walkers are a series that an effective sample size can be taken of."""
@@ -245,11 +245,17 @@ def _autocovariance(chains: Floats, means: Floats, lags: int) -> Floats:
     """Mean over chains of the autocovariance at the first lags: (D, C, N) about (D, C) gives (D, lags)."""
     d, c, n = chains.shape
     if lags <= SOME:
-        apart = np.zeros((d, c, n + lags))  # zeros keep the end of a chain from the beginning of the next
+        # zeros keep the end of a chain from the beginning of the next, and fill up its last block
+        apart = np.zeros((d, c, (math.ceil(n / lags) + 1) * lags))
         np.subtract(chains, means[:, :, None], out=apart[:, :, :n])
-        row = apart.reshape(d, -1)
-        ahead = sliding_window_view(row, row.shape[1] - lags + 1, axis=1)  # by 0 to lags - 1
-        return np.asarray(np.einsum("dn,dkn->dk", ahead[:, 0], ahead) / (n * c))
+        blocks = apart.reshape(d, -1, lags)
+        # in products of a block with itself and the next, element (i, i + k) is of lag k: in rows one longer, column k
+        sums = np.empty((d, lags * (2 * lags + 1)))
+        products = sums[:, : 2 * lags * lags].reshape(d, lags, 2 * lags)
+        turned = np.swapaxes(blocks, 1, 2)
+        np.matmul(turned, blocks, out=products[:, :, :lags])
+        np.matmul(turned[:, :, :-1], blocks[:, 1:], out=products[:, :, lags:])
+        return np.asarray(sums.reshape(d, lags, -1)[:, :, :lags].sum(axis=1) / (n * c))
     length = next_fast_len(2 * n, real=True)
     spectrum = rfft(chains - means[:, :, None], n=length)
     # only the mean over chains is used, and it may as well be taken before the transform back
