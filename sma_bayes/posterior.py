@@ -123,33 +123,6 @@ class Posterior:
             value = self.log_prior(z) + self.log_likelihood(self.space.to_physical(z))
         return np.where(np.isnan(value), -np.inf, value)
 
-    def fisher_information(self, z: Floats) -> Floats:
-        """Information that data and prior would hold if errors were independent and normal.
-
-        Parameters
-        ----------
-        z : ndarray, shape (D,)
-
-        Returns
-        -------
-        ndarray, shape (D, D)
-            ``J' R**-1 J`` for the model's parameters, ``2 n`` for the logarithm of the sd of each channel's noise, and
-            ``1/sd**2`` of the prior of each parameter. Its inverse is the covariance of a posterior that is normal.
-        """
-        theta, chain = self.space.to_physical(z), self.space.derivative(z)
-        sampled = self.sampled_model
-        m = sampled.size
-        total = np.diag(self.space.prior_sd() ** -2.0)
-        for record, place in zip(self.records, self.layout, strict=True):
-            jacobian = self.model.jacobian(theta[place.model], record.inputs)
-            for channel in record.channels:
-                sd = place.noise[channel][0]
-                whitened = jacobian[channel][:, sampled] * (chain[:m] / theta[sd])
-                total[:m, :m] += whitened.T @ whitened
-                for k in np.flatnonzero(self.space.free_index == sd):  # none where the sd is fixed
-                    total[k, k] += 2.0 * record.n * (chain[k] / theta[sd]) ** 2
-        return np.asarray(total)
-
     def log_likelihood(self, theta: Floats) -> Floats:
         """Log likelihood of parameter vectors ``theta`` (W, P), shape (W,)."""
         theta = np.atleast_2d(theta)

@@ -12,6 +12,7 @@ from emcee.state import State
 
 from sma_bayes.inference.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
 from sma_bayes.inference.laplace import Density, Mode
+from sma_bayes.inference.linearised import Linearised
 from sma_bayes.inference.moves import differential_evolution
 from sma_bayes.inference.proposals import (
     AnyProposal,
@@ -142,9 +143,9 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator, *, 
     return found if isinstance(density, Posterior) else _looked_around(density, found, rng)
 
 
-def at_a_look(posterior: Posterior, mode: Mode, rng: np.random.Generator) -> Adapted | None:
+def at_a_look(linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0) -> Adapted | None:
     """Proposal as linearising at a mode, or near one, gives it; None where a few draws don't find it good."""
-    _, best = _looked_at(posterior, mode, rng)
+    _, best = _looked_at(linearised, mode, rng)
     return best if best is not None and best.good else None
 
 
@@ -170,7 +171,7 @@ def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
 def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: int) -> Adapted:
     if not isinstance(density, Posterior):
         return _adapt_plain(density, mode, rng)
-    linearised, best = _looked_at(density, mode, rng)
+    proposals, best = _looked_at(Linearised.at(density, mode.z), mode, rng)
     if best is None:
         return _adapt_plain(density, mode, rng)
     if effort == 1 and best.good:
@@ -178,7 +179,7 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: 
         return best
     evaluations = best.evaluations
     fitted: list[Adapted] = []
-    for proposal in linearised:
+    for proposal in proposals:
         fitted.append(_refine(density, proposal, rng, effort * DRAWS, HELD))
         best = max(fitted, key=lambda f: f.weights.efficiency)
         if effort == 1 and best.good:
@@ -192,24 +193,23 @@ def _wide(mode: Mode) -> StudentMixture:
 
 
 def _looked_at(
-    posterior: Posterior, mode: Mode, rng: np.random.Generator
+    linearised: Linearised, mode: Mode, rng: np.random.Generator
 ) -> tuple[list[Proposal], Adapted | None]:
     """Proposals as linearising gives them, best first, and a few draws of the best; None where there is no proposal.
 
     Other coordinates are looked at where those before do not do. What is drawn is the same in all of them, so that
     they can be compared.
     """
-    wide = _wide(mode)
-    count = posterior.sampled_model.size
+    wide, posterior = _wide(mode), linearised.posterior
     sd = np.sqrt(np.diag(mode.covariance)) / posterior.space.prior_sd()
-    enough = FAIR if np.all(sd[:count] <= LED) else LINEAR
+    enough = FAIR if np.all(sd[: linearised.count] <= LED) else LINEAR
     seed = rng.integers(2**63)
     narrow: Mixture | None = None
     best: Adapted | None = None
     proposals: list[Proposal] = []
-    for inner in _inner_coordinates(posterior, mode, count):
+    for inner in _inner_coordinates(linearised):
         try:
-            coordinates = NoiseScaledCoordinates.about(posterior, mode.z, inner, count)
+            coordinates = NoiseScaledCoordinates.about(linearised, inner)
             # what is linear tells of the noise the same in all coordinates
             narrow = narrow or _start(coordinates, mode, posterior, rng)
         except np.linalg.LinAlgError:
@@ -226,12 +226,12 @@ def _looked_at(
     return proposals, None if best is None else replace(best, evaluations=FIRST * len(proposals))
 
 
-def _inner_coordinates(posterior: Posterior, mode: Mode, count: int) -> Iterator[Coordinates]:
+def _inner_coordinates(linearised: Linearised) -> Iterator[Coordinates]:
     """Coordinates to try for the model's parameters, each built when those before did not do."""
-    if count == 0:
+    if linearised.count == 0:
         return
     yield PlainCoordinates()
-    predictive = PredictiveCoordinates.at(posterior, mode.z)
+    predictive = PredictiveCoordinates.at(linearised)
     if predictive is not None:
         yield predictive
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import qr
 
+from sma_bayes.inference.linearised import Linearised
 from sma_bayes.inference.normal_equations import NormalEquations
 from sma_bayes.inference.proposals import Bools, Coordinates
 from sma_bayes.posterior import Posterior
@@ -72,26 +73,20 @@ class PredictiveCoordinates:
         return int(self.rest.shape[1])
 
     @staticmethod
-    def at(posterior: Posterior, centre: Floats, most: int | None = None) -> PredictiveCoordinates | None:
+    def at(linearised: Linearised, most: int | None = None) -> PredictiveCoordinates | None:
         """Choose coordinates about a point, such as a mode, with so many predictions at most.
 
         None where the model has no sampled parameter.
         """
-        space, model = posterior.space, posterior.model
-        free = posterior.sampled_model
-        count = free.size
+        posterior, count = linearised.posterior, linearised.count
         if count == 0:
             return None
-        theta = space.to_physical(centre)
-        chain = space.derivative(centre)[:count] * space.prior_sd()[:count]
+        width = posterior.space.prior_sd()[:count]
         rows, labels, scales = [], [], []
-        for r, (record, place) in enumerate(zip(posterior.records, posterior.layout, strict=True)):
-            jacobian = model.jacobian(theta[place.model], record.inputs)
-            for channel in record.channels:
-                sd = float(theta[place.noise[channel][0]])
-                rows.append(jacobian[channel][:, free] * chain / sd)
-                labels += [(r, channel, i) for i in range(record.n)]
-                scales += [sd] * record.n
+        for r, channel, slope, sd in linearised.channels():
+            rows.append(slope * (width / sd))
+            labels += [(r, channel, i) for i in range(len(slope))]
+            scales += [sd] * len(slope)
         whitened = np.nan_to_num(np.concatenate(rows))
         _, singular, vt = np.linalg.svd(whitened, full_matrices=False)
         rank = int(np.sum(singular > 1.0))  # directions that the data determine better than the prior
@@ -105,9 +100,11 @@ class PredictiveCoordinates:
         ordered = [
             labels.index((r, c, int(i))) for r, p in enumerate(points) for c, at in p.items() for i in at
         ]
-        rest = vt[rank:] / space.prior_sd()[:count] if rank < count else np.empty((0, count))
+        rest = vt[rank:] / width if rank < count else np.empty((0, count))
         try:
-            return PredictiveCoordinates(posterior, centre, tuple(points), np.array(scales)[ordered], rest)
+            return PredictiveCoordinates(
+                posterior, linearised.z, tuple(points), np.array(scales)[ordered], rest
+            )
         except np.linalg.LinAlgError:
             return None
 
@@ -241,31 +238,31 @@ class NoiseScaledCoordinates:
         return self.equations.count
 
     @staticmethod
-    def about(posterior: Posterior, centre: Floats, inner: Coordinates, count: int) -> NoiseScaledCoordinates:
-        """Linearise about a mode; `count` is the number of sampled parameters of the model."""
+    def about(linearised: Linearised, inner: Coordinates) -> NoiseScaledCoordinates:
+        """About the point of a linearised response, such as a mode; `inner` about the same."""
+        posterior, count, theta = linearised.posterior, linearised.count, linearised.theta
         space, model = posterior.space, posterior.model
-        slope, start = np.eye(count), centre[:count]
+        centre = linearised.z[:count]
+        slope, start = np.eye(count), centre
         if isinstance(inner, PredictiveCoordinates):
             slope, start = inner.model_derivative, inner.model_start
-        theta = space.to_physical(centre)
-        chain = space.derivative(centre)[:count]
-        rows = []
-        for record, place in zip(posterior.records, posterior.layout, strict=True):
-            j = model.jacobian(theta[place.model], record.inputs)
+        rows: list[dict[str, Floats]] = []
+        for record, place, by_channel in zip(
+            posterior.records, posterior.layout, linearised.slopes, strict=True
+        ):
             mu = model.predict(theta[place.model], record.inputs)
             spread = record.temperature_sd
             steep = model.slope(theta[place.model], record.inputs) if spread > 0.0 else {}
             blocks = {}
-            for channel in record.channels:
+            for channel, down in by_channel.items():
                 sd = theta[place.noise[channel][0]]
                 relative = np.sqrt(1.0 + (steep.get(channel, 0.0) * spread / sd) ** 2)
-                down = (j[channel][:, space.free_index[:count]] * chain) @ slope
                 residual = record.observed[channel] - mu[channel]
-                blocks[channel] = np.concatenate([down.T, residual[None]]) / relative
+                blocks[channel] = np.concatenate([(down @ slope).T, residual[None]]) / relative
             rows.append(blocks)
         sd = space.prior_sd()[:count]
         precision = slope.T @ (slope / sd[:, None] ** 2)
-        pull = slope.T @ ((space.prior_centre()[:count] - centre[:count]) / sd**2)
+        pull = slope.T @ ((space.prior_centre()[:count] - centre) / sd**2)
         return NoiseScaledCoordinates(
             inner, NormalEquations(posterior, count, tuple(rows), precision, pull), start
         )

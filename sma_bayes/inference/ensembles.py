@@ -40,6 +40,7 @@ from sma_bayes.inference.adaptation import (
 from sma_bayes.inference.checkpoint import Block, Checkpoint
 from sma_bayes.inference.convergence import Convergence, Target, assess
 from sma_bayes.inference.laplace import Density, Mode, climb, near
+from sma_bayes.inference.linearised import Linearised
 from sma_bayes.inference.moves import IndependenceMove, MultipleProposalMove, differential_evolution
 from sma_bayes.inference.refitting import adapt_to_draws
 from sma_bayes.inference.weighted import Weights
@@ -301,11 +302,9 @@ class _Run:
         (start,) = starts
         if isinstance(start, Mode):
             return None
-        mode = near(density, start, self.width)
-        self.evaluations += mode.evaluations
-        if not np.isfinite(mode.log_prob):
-            return None
-        adapted = at_a_look(density, mode, np.random.default_rng(seed))
+        linearised = Linearised.at(density, start)
+        mode = near(linearised, self.width)
+        adapted = at_a_look(linearised, mode, np.random.default_rng(seed))
         if adapted is None:
             return None
         self.evaluations += adapted.evaluations
@@ -604,7 +603,8 @@ class _Group:
         return self._apart(np.concatenate([b.log_prob for b in self._blocks]))
 
     def _apart(self, values: Floats) -> Floats:
-        return np.stack(np.split(values, self.copies, axis=1))
+        steps, walkers, *rest = values.shape
+        return np.moveaxis(values.reshape(steps, self.copies, walkers // self.copies, *rest), 1, 0)
 
     @property
     def log_weight(self) -> Floats:

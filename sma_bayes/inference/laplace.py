@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from sma_bayes.inference.linearised import Linearised
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints
@@ -53,6 +54,7 @@ class Mode:
     ----------
     z : ndarray, shape (D,)
     log_prob : float
+        Not a number where it was not asked for.
     covariance : ndarray, shape (D, D)
         Inverse of the negative Hessian, or of the information, floored so that no direction is wider than the prior.
     evaluations : int
@@ -64,10 +66,12 @@ class Mode:
     evaluations: int
 
 
-def near(posterior: Posterior, start: Floats, width: Floats) -> Mode:
-    """Normal approximation at a start near a mode, by the linearised response; arguments are those of `climb`."""
-    log_prob = float(posterior.log_prob(start[None])[0])
-    return Mode(start, log_prob, _first_covariance(posterior, start, width), 1)
+def near(linearised: Linearised, width: Floats) -> Mode:
+    """Normal approximation at a point near a mode, by the response linearised there; `width` is that of `climb`.
+
+    The density there is not asked for.
+    """
+    return Mode(linearised.z, np.nan, _covariance(linearised, width), 0)
 
 
 def climb(density: Density, start: Floats, width: Floats, *, steps: int = 40) -> Mode | None:
@@ -89,7 +93,9 @@ def climb(density: Density, start: Floats, width: Floats, *, steps: int = 40) ->
     """
     z = start.astype(float).copy()
     evaluations = 0
-    covariance = _first_covariance(density, z, width)
+    covariance = np.diag(width**2)
+    if isinstance(density, Posterior):
+        covariance = _covariance(Linearised.at(density, z), width)
     before, along = _spread(covariance, width)
     for _ in range(steps):
         axes = along * np.minimum(before, 1.0)
@@ -119,17 +125,15 @@ def climb(density: Density, start: Floats, width: Floats, *, steps: int = 40) ->
     return Mode(z, value, 0.5 * (covariance + covariance.T), evaluations)
 
 
-def _first_covariance(density: Density, z: Floats, width: Floats) -> Floats:
-    """What the response linearised at a point leaves uncertain; of a density that has none, its widths squared."""
-    if isinstance(density, Posterior):
-        with np.errstate(all="ignore"):
-            information = density.fisher_information(z)
-        in_widths = information * np.outer(width, width)
-        if np.isfinite(in_widths).all():
-            # along a ridge it may be singular but for the prior, to within rounding
-            root = width[:, None] * _inverse_root(in_widths)
-            return np.asarray(root @ root.T)
-    return np.diag(width**2)
+def _covariance(linearised: Linearised, width: Floats) -> Floats:
+    """What the linearised response leaves uncertain; widths squared where it says nothing."""
+    with np.errstate(all="ignore"):
+        in_widths = linearised.information() * np.outer(width, width)
+    if not np.isfinite(in_widths).all():
+        return np.diag(width**2)
+    # along a ridge it may be singular but for the prior, to within rounding
+    root = width[:, None] * _inverse_root(in_widths)
+    return np.asarray(root @ root.T)
 
 
 def _spread(covariance: Floats, width: Floats) -> tuple[Floats, Floats]:

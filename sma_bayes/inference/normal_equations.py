@@ -150,12 +150,8 @@ class _Axes:
     information: Floats
     pulls: Floats
     squares: Floats
-    inverse: Floats = field(init=False, repr=False)
-    log_volume: float = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "inverse", np.linalg.inv(self.vectors))
-        object.__setattr__(self, "log_volume", -float(np.linalg.slogdet(self.vectors)[1]))
+    inverse: Floats
+    log_volume: float
 
     @staticmethod
     def of(equations: NormalEquations) -> _Axes | None:
@@ -165,7 +161,8 @@ class _Axes:
         m = equations.count
         grams = np.stack([rows @ rows.T for rows, _, _ in equations.channels()])
         try:
-            to_prior = np.linalg.inv(np.linalg.cholesky(equations.precision))
+            root = np.linalg.cholesky(equations.precision)
+            to_prior = np.linalg.inv(root)
             matrices = to_prior @ grams[:, :m, :m] @ to_prior.T
             mix = np.arange(1.0, len(grams) + 1.0) / np.trace(matrices, axis1=1, axis2=2)
             axes = np.linalg.eigh(np.tensordot(mix, matrices, axes=1))[1]
@@ -180,7 +177,10 @@ class _Axes:
             return None
         vectors = to_prior.T @ axes
         pulls = np.concatenate([grams[:, m, :m], equations.pull[None]]) @ vectors
-        return _Axes(equations, vectors, np.maximum(information, 0.0), pulls, grams[:, m, m])
+        squares, log_volume = grams[:, m, m], float(np.log(np.diag(root)).sum())
+        return _Axes(
+            equations, vectors, np.maximum(information, 0.0), pulls, squares, axes.T @ root.T, log_volume
+        )
 
     def given(self, theta: Floats) -> tuple[Conditional, Floats]:
         """Normal distributions and sums of squares; see `NormalEquations.solved`."""

@@ -10,6 +10,7 @@ import numpy as np
 from sma_bayes.inference.adaptation import DRAWS, Adapted, weigh
 from sma_bayes.inference.coordinates import PredictiveCoordinates
 from sma_bayes.inference.laplace import Density, Mode
+from sma_bayes.inference.linearised import Linearised
 from sma_bayes.inference.proposals import Mixture, Proposal, StudentMixture
 from sma_bayes.inference.shape import DF, Shape, shape_of
 from sma_bayes.inference.weighted import Weights, tempered
@@ -66,9 +67,10 @@ def _predictive_shape(density: Density, z: Floats) -> Shape | None:
     """
     if not isinstance(density, Posterior):
         return None
+    centre = Linearised.at(density, np.median(z, axis=0))
     most = z.shape[1]
     while most > 0:
-        coordinates = PredictiveCoordinates.at(density, np.median(z, axis=0), most)
+        coordinates = PredictiveCoordinates.at(centre, most)
         if coordinates is None:
             return None
         u, _, back = coordinates.forward(z)

@@ -22,6 +22,7 @@ from sma_bayes.inference.adaptation import adapt, at_a_look, weigh, with_wide_sh
 from sma_bayes.inference.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
 from sma_bayes.inference.ensembles import sample
 from sma_bayes.inference.laplace import near
+from sma_bayes.inference.linearised import Linearised
 from sma_bayes.inference.proposals import PlainCoordinates
 from sma_bayes.inference.weighted import weighted_quantiles
 
@@ -86,9 +87,10 @@ def test_what_is_bent_is_looked_at_in_predictions_where_the_prior_leads(
     """In the parameters of both a look counts for 80 to 92 %; A1 and B1 of stiffness keep 0.7 of the prior's sd."""
     problem = Problem.of(Case(channels, "independent").records()[record], "independent")
     posterior, width = problem.posterior, problem.posterior.space.prior_sd()
-    mode = near(posterior, problem.start, width)
-    plain = NoiseScaledCoordinates.about(posterior, mode.z, PlainCoordinates(), posterior.sampled_model.size)
-    found = at_a_look(posterior, mode, np.random.default_rng(0))
+    linearised = Linearised.at(posterior, problem.start)
+    mode = near(linearised, width)
+    plain = NoiseScaledCoordinates.about(linearised, PlainCoordinates())
+    found = at_a_look(linearised, mode, np.random.default_rng(0))
     assert found is not None
     assert isinstance(found.proposal.coordinates.inner, taken)
     in_parameters = weigh(

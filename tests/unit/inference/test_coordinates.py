@@ -10,6 +10,7 @@ import pytest
 from sma_bayes.inference.adaptation import adapt
 from sma_bayes.inference.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
 from sma_bayes.inference.laplace import Mode, climb
+from sma_bayes.inference.linearised import Linearised
 from sma_bayes.inference.noise_choice import noise_start
 from sma_bayes.inference.proposals import Coordinates, PlainCoordinates, StudentMixture
 from sma_bayes.inference.warm_start import warm_start
@@ -39,13 +40,13 @@ def fitted(record: Record, noise: str) -> tuple[Posterior, Mode]:
 
 
 def maps(posterior: Posterior, mode: Mode) -> dict[str, Coordinates]:
-    count = int(np.sum(posterior.space.free_index < len(posterior.model.parameter_names)))
-    predictive = PredictiveCoordinates.at(posterior, mode.z)
+    linearised = Linearised.at(posterior, mode.z)
+    predictive = PredictiveCoordinates.at(linearised)
     assert predictive is not None
     return {
         "predictive": predictive,
-        "scaled": NoiseScaledCoordinates.about(posterior, mode.z, PlainCoordinates(), count),
-        "scaled predictive": NoiseScaledCoordinates.about(posterior, mode.z, predictive, count),
+        "scaled": NoiseScaledCoordinates.about(linearised, PlainCoordinates()),
+        "scaled predictive": NoiseScaledCoordinates.about(linearised, predictive),
     }
 
 
@@ -69,8 +70,8 @@ def test_there_and_back(make_record: Callable[..., Record], channels: tuple[str,
 
 def test_there_and_back_with_fewer_predictions_than_could_be_made(make_record: Callable[..., Record]) -> None:
     posterior, mode = fitted(make_record(("displacement",)), "student_t")
-    every = PredictiveCoordinates.at(posterior, mode.z)
-    fewer = PredictiveCoordinates.at(posterior, mode.z, 2)
+    every = PredictiveCoordinates.at(Linearised.at(posterior, mode.z))
+    fewer = PredictiveCoordinates.at(Linearised.at(posterior, mode.z), 2)
     assert every is not None
     assert fewer is not None
     assert (every.scale.size, fewer.scale.size) == (4, 2)
@@ -153,13 +154,13 @@ def test_there_are_no_coordinates_without_parameters(make_record: Callable[..., 
     posterior = build_posterior(
         [make_record(("force",))], NOISE_MODELS["independent"], parse_priors(text, "fixed.toml")
     )
-    assert PredictiveCoordinates.at(posterior, posterior.space.prior_centre()) is None
+    assert PredictiveCoordinates.at(Linearised.at(posterior, posterior.space.prior_centre())) is None
 
 
 def test_systems_are_solved_as_by_lapack(make_record: Callable[..., Record]) -> None:
     """Near the derivative at the centre, far from it, where elimination needs other rows, and singular."""
     posterior, mode = fitted(make_record(("stiffness",)), "independent")
-    predictive = PredictiveCoordinates.at(posterior, mode.z)
+    predictive = PredictiveCoordinates.at(Linearised.at(posterior, mode.z))
     assert predictive is not None
     m, rng = predictive.count, np.random.default_rng(0)
     at_centre = np.linalg.inv(predictive.model_derivative)
