@@ -82,6 +82,8 @@ class Adapted:
         Share of independence moves from such draws that would be accepted; not a number where there are none.
     own : bool
         Whether the last round was drawn from this proposal, not from one before it was fitted once more.
+    spare : int
+        Draws at the end of the last round that were made so that a run may have them as its first proposals.
     """
 
     proposal: AnyProposal
@@ -90,6 +92,7 @@ class Adapted:
     greatest_seen: float = 0.0
     acceptance: float = math.nan
     own: bool = True
+    spare: int = 0
 
     @property
     def weights(self) -> Weights:
@@ -144,8 +147,11 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator, *, 
 
 
 def at_a_look(linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0) -> Adapted | None:
-    """Proposal as linearising at a mode, or near one, gives it; None where a few draws don't find it good."""
-    _, best = _looked_at(linearised, mode, rng)
+    """Proposal as linearising at a mode, or near one, gives it; None where a few draws don't find it good.
+
+    Where it is all but sure to be good, `ahead` more draws are made at once, for a run that begins with it.
+    """
+    _, best = _looked_at(linearised, mode, rng, ahead)
     return best if best is not None and best.good else None
 
 
@@ -164,8 +170,8 @@ def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
     """The same proposal with more of its wide component, which bounds the weights in the tails."""
     if isinstance(adapted.proposal, MixedProposal):
         parts = tuple(replace(p, share=share) for p in adapted.proposal.parts)
-        return replace(adapted, proposal=replace(adapted.proposal, parts=parts), own=False)
-    return replace(adapted, proposal=replace(adapted.proposal, share=share), own=False)
+        return replace(adapted, proposal=replace(adapted.proposal, parts=parts), own=False, spare=0)
+    return replace(adapted, proposal=replace(adapted.proposal, share=share), own=False, spare=0)
 
 
 def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: int) -> Adapted:
@@ -193,7 +199,7 @@ def _wide(mode: Mode) -> StudentMixture:
 
 
 def _looked_at(
-    linearised: Linearised, mode: Mode, rng: np.random.Generator
+    linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0
 ) -> tuple[list[Proposal], Adapted | None]:
     """Proposals as linearising gives them, best first, and a few draws of the best; None where there is no proposal.
 
@@ -202,7 +208,8 @@ def _looked_at(
     """
     wide, posterior = _wide(mode), linearised.posterior
     sd = np.sqrt(np.diag(mode.covariance)) / posterior.space.prior_sd()
-    enough = FAIR if np.all(sd[: linearised.count] <= LED) else LINEAR
+    enough, spare = (FAIR, ahead) if np.all(sd[: linearised.count] <= LED) else (LINEAR, 0)
+    size = FIRST + spare
     seed = rng.integers(2**63)
     narrow: Mixture | None = None
     best: Adapted | None = None
@@ -215,15 +222,15 @@ def _looked_at(
         except np.linalg.LinAlgError:
             continue
         proposal = Proposal(coordinates, narrow, wide)
-        last = weigh(posterior, proposal, np.random.default_rng(seed), FIRST)
+        last = weigh(posterior, proposal, np.random.default_rng(seed), size)
         better = best is None or last.weights.efficiency > BETTER * best.weights.efficiency
         proposals.insert(0 if better else len(proposals), proposal)
         if better:
-            best = Adapted(proposal, last, FIRST)
+            best = Adapted(proposal, last, size, spare=spare)
             weights = best.weights
             if best.carries and (weights.efficiency >= enough or weights.greatest <= EVEN):
                 break
-    return proposals, None if best is None else replace(best, evaluations=FIRST * len(proposals))
+    return proposals, None if best is None else replace(best, evaluations=size * len(proposals))
 
 
 def _inner_coordinates(linearised: Linearised) -> Iterator[Coordinates]:
@@ -367,7 +374,7 @@ def _refine(
     are not, and stand on their last round alone: the better they fit draws of their own, the more they lose of a
     bent density that they hardly reach.
     """
-    nothing = Weighed(proposal.wide.mean, np.full(1, -np.inf), Weights(np.full(1, -np.inf)))
+    nothing = Weighed(proposal.wide.mean, np.full(1, -np.inf), np.zeros(1))
     best = Adapted(proposal, nothing, 0)
     evaluations = worse = 0
     rounds = _Rounds()

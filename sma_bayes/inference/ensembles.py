@@ -43,7 +43,7 @@ from sma_bayes.inference.laplace import Density, Mode, climb, near
 from sma_bayes.inference.linearised import Linearised
 from sma_bayes.inference.moves import IndependenceMove, MultipleProposalMove, differential_evolution
 from sma_bayes.inference.refitting import adapt_to_draws
-from sma_bayes.inference.weighted import Weights
+from sma_bayes.inference.weighted import Weighed, Weights
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 
@@ -304,7 +304,8 @@ class _Run:
             return None
         linearised = Linearised.at(density, start)
         mode = near(linearised, self.width)
-        adapted = at_a_look(linearised, mode, np.random.default_rng(seed))
+        ahead = self.plan.block * self.plan.groups * self.walkers
+        adapted = at_a_look(linearised, mode, np.random.default_rng(seed), ahead)
         if adapted is None:
             return None
         self.evaluations += adapted.evaluations
@@ -510,13 +511,16 @@ class _Group:
             if independence > 0.0:
                 chosen.append((self.move, independence))
         self.sampler = _Sampler(self.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True)
+        self._ready: Weighed | None = None  # proposals of the first block, if they have been made
         self._log_q: Floats | None = None  # log density of the proposal at the starts, if it is known
         start_seed, chain_seed = seed.spawn(2)
         self.sampler.seed_stream(chain_seed)
         if modes:
             coords, log_prob = self._dispersed(adapted, np.random.default_rng(start_seed), modes)
         elif start is None:
-            chosen_starts = adapted.last.chosen(copies, run.walkers, np.random.default_rng(start_seed))
+            last, ready = adapted.last.split(len(adapted.last.z) - adapted.spare)
+            self._ready = ready if adapted.spare else None
+            chosen_starts = last.chosen(copies, run.walkers, np.random.default_rng(start_seed))
             coords, log_prob, log_q = (np.concatenate(each) for each in chosen_starts)
             self._log_q = log_q if adapted.own else None
         else:
@@ -566,7 +570,8 @@ class _Group:
         self.state = State(block.chain[-1], log_prob=block.log_prob[-1], random_state=block.random_state)
 
     def _sample(self, steps: int) -> Block:
-        self.move.start_block(self.state.coords, None if self._blocks else self._log_q)
+        known = (None, None) if self._blocks else (self._log_q, self._ready)
+        self.move.start_block(self.state.coords, *known)
         self.move.log_weights.clear()
         self.sampler.reset()
         before = self.run.evaluations

@@ -36,24 +36,32 @@ class _Proposing(Move):  # type: ignore[misc]
         self.log_weights: list[Floats] = []
         self.start_block()
 
-    def start_block(self, coords: Floats | None = None, log_q: Floats | None = None) -> None:
+    def start_block(
+        self, coords: Floats | None = None, log_q: Floats | None = None, ready: Weighed | None = None
+    ) -> None:
         """Forget what is left of the last batch, so that a block does not depend on how the run got here.
 
         Where the log density `log_q` (W,) of the proposal is known at `coords` (W, D), it is not worked out again.
+        Draws of the proposal that are `ready`, as many for each walker, are the first of the next batch.
         """
         self._ahead: list[Any] = []  # what is left of it, a step each
+        self._ready = [] if ready is None else [ready]
         self._coords = None if log_q is None else coords
         self._log_q: Floats = np.empty(0) if log_q is None else log_q
 
     def _batch(self, model: Any, walkers: int) -> tuple[Floats, Floats, Floats]:
         """Proposals of all steps (S, W, D), their log-probability and the log density of their proposal (S, W)."""
-        # what legacy streams draw takes three times as long
-        stream = np.random.Generator(np.random.PCG64(model.random.randint(1 << 32, size=4, dtype=np.uint64)))
-        z, log_q = self.proposal.draw(stream, walkers * self.steps)
-        drawn = Weighed.of(model.log_prob_fn, z, log_q)
-        self.log_weights.append(drawn.weights.log_weight)
+        parts, self._ready = self._ready, []
+        lacking = walkers * self.steps - sum(len(part.z) for part in parts)
+        if lacking > 0:
+            # what legacy streams draw takes three times as long
+            seed = model.random.randint(1 << 32, size=4, dtype=np.uint64)
+            z, log_q = self.proposal.draw(np.random.Generator(np.random.PCG64(seed)), lacking)
+            parts.append(Weighed.of(model.log_prob_fn, z, log_q))
+        drawn = parts[0] if len(parts) == 1 else Weighed.joined(parts)
+        self.log_weights.append(drawn.log_weight)
         shape = (self.steps, walkers)
-        return z.reshape(*shape, -1), drawn.log_prob.reshape(shape), log_q.reshape(shape)
+        return drawn.z.reshape(*shape, -1), drawn.log_prob.reshape(shape), drawn.log_q.reshape(shape)
 
     def _log_density(self, coords: Floats) -> Floats:
         """Log density of the proposal where the walkers stand, remembered from when they went there."""
@@ -119,11 +127,9 @@ class MultipleProposalMove(_Proposing):
         with np.errstate(invalid="ignore"):
             log_w = np.where(np.isfinite(log_p), log_p - log_q, -np.inf)
         chosen = resampled_columns(log_w, self.steps, model.random)
-        moved = np.diff(chosen, axis=0, prepend=0) != 0
+        moved = chosen != np.concatenate([np.zeros((1, chosen.shape[1]), dtype=chosen.dtype), chosen[:-1]])
         walker = np.arange(log_w.shape[1])
-        return [
-            (z[k, walker], log_p[k, walker], log_q[k, walker], m) for k, m in zip(chosen, moved, strict=True)
-        ]
+        return list(zip(z[chosen, walker], log_p[chosen, walker], log_q[chosen, walker], moved, strict=True))
 
 
 def differential_evolution(dimension: int) -> list[tuple[Move, float]]:

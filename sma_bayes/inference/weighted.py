@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,7 @@ class Weights:
         return value, float(np.sqrt(max(1.0 / max(self.efficiency, 1e-12) - 1.0, 0.0) / n))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Weighed:
     """Draws from a proposal, and what they weigh.
 
@@ -62,35 +63,57 @@ class Weighed:
     ----------
     z : ndarray, shape (n, D)
     log_prob : ndarray, shape (n,)
-        Of the density there.
-    weights : Weights
+        Of the density there; minus infinity where `log_q` is not finite.
+    log_q : ndarray, shape (n,)
+        Log density of the proposal there.
     """
 
     z: Floats
     log_prob: Floats
-    weights: Weights
+    log_q: Floats
 
     @staticmethod
     def of(density: Callable[[Floats], Floats], z: Floats, log_q: Floats) -> Weighed:
-        """Weigh points (n, D) by a log density over that of their proposal, `log_q` (n,), where that is finite."""
+        """Evaluate a log density at points (n, D) of a proposal, where `log_q` (n,) is finite."""
         usable = np.isfinite(log_q)
         if usable.all():
-            log_prob = density(z)
-            return Weighed(z, log_prob, Weights(log_prob - log_q))
+            return Weighed(z, density(z), log_q)
         log_prob = np.full(len(z), -np.inf)
         if usable.any():
             log_prob[usable] = density(z[usable])
-        log_weight = np.full(len(z), -np.inf)
-        log_weight[usable] = log_prob[usable] - log_q[usable]
-        return Weighed(z, log_prob, Weights(log_weight))
+        return Weighed(z, log_prob, log_q)
+
+    @staticmethod
+    def joined(parts: Sequence[Weighed]) -> Weighed:
+        """Draws of one proposal that were made one after the other."""
+        z, log_prob, log_q = zip(*((p.z, p.log_prob, p.log_q) for p in parts), strict=True)
+        return Weighed(np.concatenate(z), np.concatenate(log_prob), np.concatenate(log_q))
+
+    @cached_property
+    def log_weight(self) -> Floats:
+        """Log of density over proposal, shape (n,)."""
+        with np.errstate(invalid="ignore"):
+            return np.where(np.isfinite(self.log_prob), self.log_prob - self.log_q, -np.inf)
+
+    @cached_property
+    def weights(self) -> Weights:
+        """Density over proposal."""
+        return Weights(self.log_weight)
+
+    def split(self, count: int) -> tuple[Weighed, Weighed]:
+        """The first so many draws, and the rest."""
+        first, rest = (
+            Weighed(self.z[part], self.log_prob[part], self.log_q[part])
+            for part in (slice(count), slice(count, None))
+        )
+        return first, rest
 
     def chosen(self, groups: int, size: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
         """Points (groups, size, D) by weight, each group's out of a share of its own, `log_prob` and `log_q` there."""
         count = len(self.z) // groups
-        shares = self.weights.log_weight[: count * groups].reshape(count, groups)
+        shares = self.log_weight[: count * groups].reshape(count, groups)
         at = (groups * resampled_columns(shares, size, rng) + np.arange(groups)).T
-        log_prob = self.log_prob[at]
-        return self.z[at], log_prob, log_prob - self.weights.log_weight[at]
+        return self.z[at], self.log_prob[at], self.log_q[at]
 
 
 def tempered(weights: Weights) -> Floats:

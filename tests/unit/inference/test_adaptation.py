@@ -73,7 +73,8 @@ def test_one_weight_takes_all() -> None:
 
 def weighed(w: Weights) -> Weighed:
     n = w.log_weight.size
-    return Weighed(np.arange(2.0 * n).reshape(n, 2), np.arange(n) - 7.0, w)
+    log_prob = np.arange(n) - 7.0
+    return Weighed(np.arange(2.0 * n).reshape(n, 2), log_prob, log_prob - w.log_weight)
 
 
 def test_no_weight_at_all_is_no_efficiency() -> None:

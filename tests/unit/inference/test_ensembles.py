@@ -21,7 +21,7 @@ from sma_bayes.inference.noise_choice import noise_start, posterior_with
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
-from sma_bayes.posterior import build_posterior
+from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Branch, Condition, Record
 
 
@@ -377,6 +377,33 @@ def test_modes_are_climbed_to_where_a_start_is_not_near_enough(
         [each(d.z.reshape(-1, width.size), axis=0) for d in (wanted, found)] for each in (np.mean, np.std)
     )
     assert np.abs((means[0] - means[1]) / sds[0]).max() < 4.5 * np.sqrt(2.0 / 1000.0)
+
+
+@pytest.mark.parametrize(("channels", "first"), [(("force", "displacement"), 7 * 256), (("stiffness",), 256)])
+def test_where_data_determine_every_parameter_the_first_proposals_are_made_at_once(
+    channels: tuple[str, ...],
+    first: int,
+    make_record: Callable[..., Record],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Those of the look and of the first block; of stiffness A1 and B1 are led by the prior, and it may be bent."""
+    posterior = build_posterior(
+        [make_record(channels)], NOISE_MODELS["independent"], read_priors("modified_sigmoid")
+    )
+    start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
+    sizes = []
+
+    def counted(self: Posterior, z: np.ndarray) -> np.ndarray:
+        sizes.append(len(z))
+        return log_prob(self, z)
+
+    log_prob = Posterior.log_prob
+    monkeypatch.setattr(Posterior, "log_prob", counted)
+    draws = sample(posterior, [start], posterior.space.prior_sd(), np.random.SeedSequence(0))
+    assert sizes[0] == first
+    assert sum(sizes) == draws.evaluations
+    if len(sizes) == 1:
+        assert draws.z.shape[:3] == (4, Plan().block, 64)
 
 
 def test_the_first_block_is_as_long_as_target_and_proposal_ask() -> None:
