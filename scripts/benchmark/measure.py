@@ -15,7 +15,7 @@ from benchmark.problems import Case, Problem
 from benchmark.progress import Progress, Settings
 from benchmark.rows import OWN, Row
 from benchmark.samplers import ONE_BY_ONE, SAMPLERS
-from benchmark.workers import Ended, TimeUp, Worker, at_most
+from benchmark.workers import Ended, TimeUp, Worker, at_most, processor_s
 
 from sma_bayes.inference.convergence import assess
 
@@ -138,7 +138,7 @@ def _timed(
     steps: Generator[Progress, float, None], growth: float | None, now: Clock, most_s: float, all_runs: bool
 ) -> tuple[Progress | None, Clock, str]:
     """Let a sampler go on: its draws, the clock after it, and why there are none if there are none."""
-    wall, cpu = time.perf_counter(), time.process_time()
+    wall, cpu = time.perf_counter(), processor_s()
     progress, ended = None, ""
     try:
         with at_most(max(most_s - now.cpu_s, 0.1), GRACE_S):
@@ -147,7 +147,7 @@ def _timed(
         ended = "itself"
     except TimeUp:
         ended = "time"
-    spent = Clock(now.steps, time.perf_counter() - wall, time.process_time() - cpu)
+    spent = Clock(now.steps, time.perf_counter() - wall, processor_s() - cpu)
     if progress is None:
         return None, Clock(now.steps, now.wall_s + spent.wall_s, now.cpu_s + spent.cpu_s), ended
     since = Clock(0, 0.0, 0.0) if progress.anew and not all_runs else now
@@ -157,10 +157,10 @@ def _timed(
 
 def _looked_at(progress: Progress, now: Clock) -> Clock:
     """The clock after a user has looked at draws, with this package's diagnosis, the fastest at hand."""
-    wall, cpu = time.perf_counter(), time.process_time()
+    wall, cpu = time.perf_counter(), processor_s()
     chains = progress.chains
     assess(chains[:, int(progress.discards[0] * chains.shape[1]) :], TARGET)
-    return Clock(now.steps, now.wall_s + time.perf_counter() - wall, now.cpu_s + time.process_time() - cpu)
+    return Clock(now.steps, now.wall_s + time.perf_counter() - wall, now.cpu_s + processor_s() - cpu)
 
 
 def _earliest(
@@ -222,7 +222,7 @@ def measure_cold(task: Task, reference: Reference, began: float) -> Row:
     What PyTensor compiled in earlier processes and keeps on disk is not there either.
     """
     problem = task.problem()
-    wall_s, cpu_s = time.time() - began, time.process_time()
+    wall_s, cpu_s = time.time() - began, processor_s()
     with TemporaryDirectory() as empty:
         os.environ["PYTENSOR_FLAGS"] = f"base_compiledir={empty}"
         row = measure(task, problem, reference, all_runs=True)

@@ -56,19 +56,19 @@ def test_time_is_up_inside_a_sampler_before_it_has_any_draws() -> None:
 
 
 class Hands:
-    """A clock that shows what it is told to."""
+    """Clocks that show what they are told to."""
 
-    now = 0.0
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 0.0
+        monkeypatch.setattr("benchmark.measure.time", self)
+        monkeypatch.setattr("benchmark.measure.processor_s", self.perf_counter)
 
-    def process_time(self) -> float:
+    def perf_counter(self) -> float:
         return self.now
-
-    perf_counter = process_time
 
 
 def seconds_to_target(anew: bool, all_runs: bool, monkeypatch: pytest.MonkeyPatch) -> float:
-    hands = Hands()
-    monkeypatch.setattr("benchmark.measure.time", hands)
+    hands = Hands(monkeypatch)
 
     def run() -> Generator[Progress, float, None]:
         hands.now += 3.0
@@ -88,8 +88,7 @@ def test_of_a_sampler_that_begins_anew_the_last_run_counts_alone(monkeypatch: py
 
 
 def test_who_is_unaided_pays_for_looks_and_stops_at_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    hands = Hands()
-    monkeypatch.setattr("benchmark.measure.time", hands)
+    hands = Hands(monkeypatch)
 
     def look(*_: object) -> None:
         hands.now += 2.0
