@@ -146,13 +146,14 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator, *, 
     return found if isinstance(density, Posterior) else _looked_around(density, found, rng)
 
 
+@np.errstate(all="ignore")  # where the density is zero nothing of this is a number, and it is not good
 def at_a_look(linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0) -> Adapted | None:
-    """Proposal as linearising at a mode, or near one, gives it; None where a few draws don't find it good.
+    """Proposal as linearising at a mode, or near one, gives it, and draws that tell how good it is.
 
-    Where it is all but sure to be good, `ahead` more draws are made at once, for a run that begins with it.
+    Where it is all but sure to be good, `ahead` more draws are made at once, for a run that begins with it. None where
+    nothing can be linearised.
     """
-    _, best = _looked_at(linearised, mode, rng, ahead)
-    return best if best is not None and best.good else None
+    return _looked_at(linearised, mode, rng, ahead)[1]
 
 
 def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator) -> Adapted:
@@ -208,7 +209,9 @@ def _looked_at(
     """
     wide, posterior = _wide(mode), linearised.posterior
     sd = np.sqrt(np.diag(mode.covariance)) / posterior.space.prior_sd()
-    enough, spare = (FAIR, ahead) if np.all(sd[: linearised.count] <= LED) else (LINEAR, 0)
+    determined = bool(np.all(sd[: linearised.count] <= LED))
+    enough = FAIR if determined else LINEAR
+    spare = ahead if determined and len(posterior.records) == 1 else 0
     size = FIRST + spare
     seed = rng.integers(2**63)
     narrow: Mixture | None = None

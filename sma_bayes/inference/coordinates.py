@@ -76,7 +76,7 @@ class PredictiveCoordinates:
     def at(linearised: Linearised, most: int | None = None) -> PredictiveCoordinates | None:
         """Choose coordinates about a point, such as a mode, with so many predictions at most.
 
-        None where the model has no sampled parameter.
+        None where the model has no sampled parameter, or the data determine none better than the prior.
         """
         posterior, count = linearised.posterior, linearised.count
         if count == 0:
@@ -91,6 +91,8 @@ class PredictiveCoordinates:
         _, singular, vt = np.linalg.svd(whitened, full_matrices=False)
         rank = int(np.sum(singular > 1.0))  # directions that the data determine better than the prior
         rank = rank if most is None else min(rank, most)
+        if rank == 0:
+            return None
         _, _, pivot = qr(whitened.T, mode="economic", pivoting=True, check_finite=False)
         chosen = sorted(pivot[:rank].tolist())
         points: list[dict[str, Ints]] = [{} for _ in posterior.records]

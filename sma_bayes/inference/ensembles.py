@@ -309,7 +309,7 @@ class _Run:
         if adapted is None:
             return None
         self.evaluations += adapted.evaluations
-        return (mode,), adapted
+        return ((mode,), adapted) if adapted.good else None
 
     def _at_the_modes(
         self, starts: Sequence[Floats] | Sequence[Mode], seed: np.random.SeedSequence

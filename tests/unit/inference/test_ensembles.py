@@ -419,6 +419,21 @@ def test_fewer_than_four_ensembles_are_refused() -> None:
         Plan(groups=3)
 
 
+@pytest.mark.parametrize("channels", [("force", "displacement"), ("stiffness",)])
+@pytest.mark.parametrize(("parameter", "at"), [(-1, -800.0), (slice(None), np.nan), (slice(None), 1e3)])
+def test_a_start_of_no_density_is_an_error(
+    parameter: int | slice, at: float, channels: tuple[str, ...], make_record: Callable[..., Record]
+) -> None:
+    """No noise at all, no number, everything far beyond what the prior can bear."""
+    posterior = build_posterior(
+        [make_record(channels)], NOISE_MODELS["independent"], read_priors("modified_sigmoid")
+    )
+    start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
+    start[parameter] = at
+    with pytest.raises(ValueError, match="zero at every start"):
+        sample(posterior, [start], posterior.space.prior_sd(), np.random.SeedSequence(0))
+
+
 def test_nothing_to_start_from_is_an_error() -> None:
     density = Density(lambda z: np.full(len(z), -np.inf), 2)
     with pytest.raises(ValueError, match="zero at every start"):
