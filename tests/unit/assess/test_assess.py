@@ -199,7 +199,9 @@ def test_the_bias_spring_in_the_units_of_the_record(
     expected = formula(alone.curve["q50"], 1.30)  # 130 N/m; all three rise or fall evenly with K1 > 0
     # a median of an even count is the mean of two draws, which a curved formula moves by their distance squared
     np.testing.assert_allclose(band.curve["q50"], expected, rtol=1e-6)
-    wide = overall_band(fits["heating"], BiasSpring(arrangement, 130.0, 13.0))
+    # in series a tenth of K2 would widen the narrowest place by 2 %, which is what chance does to an interval of 1,536
+    # draws; three tenths do by 16 to 23 % (six seeds)
+    wide = overall_band(fits["heating"], BiasSpring(arrangement, 130.0, 39.0))
     assert wide is not None
     assert np.all(wide.curve["q95"] - wide.curve["q05"] > band.curve["q95"] - band.curve["q05"])
 
