@@ -23,7 +23,7 @@ from sma_bayes.inference.coordinates import NoiseScaledCoordinates, PredictiveCo
 from sma_bayes.inference.ensembles import sample
 from sma_bayes.inference.laplace import near
 from sma_bayes.inference.linearised import Linearised
-from sma_bayes.inference.proposals import PlainCoordinates
+from sma_bayes.inference.proposals import PlainCoordinates, Proposal
 from sma_bayes.inference.weighted import weighted_quantiles
 
 LEVELS = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
@@ -78,22 +78,24 @@ def test_the_tails_of_a_bent_posterior_are_not_short() -> None:
     assert np.abs(np.mean(shares, axis=0) / error).max() < 4.5
 
 
-@pytest.mark.parametrize(
-    ("channels", "record", "taken"), [("FX", 14, PlainCoordinates), ("S", 12, PredictiveCoordinates)]
-)
+@pytest.mark.parametrize(("channels", "record", "least", "most"), [("FX", 14, 0, 5), ("S", 12, 11, 20)])
 def test_what_is_bent_is_looked_at_in_predictions_where_the_prior_leads(
-    channels: str, record: int, taken: type
+    channels: str, record: int, least: int, most: int
 ) -> None:
-    """In the parameters of both a look counts for 80 to 92 %; A1 and B1 of stiffness keep 0.7 of the prior's sd."""
+    """In the parameters of both a look counts for 80 to 92 %; A1 and B1 of stiffness keep 0.7 of the prior's sd.
+
+    What 256 draws show is chance: of 200 sets 4 % have predictions taken in the one record, 88 % in the other, and
+    which sets these are hangs on where least squares ends. Of 20 sets, over 5 or under 11 are one test in 10,000.
+    """
     problem = Problem.of(Case(channels, "independent").records()[record], "independent")
     posterior, width = problem.posterior, problem.posterior.space.prior_sd()
     linearised = Linearised.at(posterior, problem.start)
     mode = near(linearised, width)
     plain = NoiseScaledCoordinates.about(linearised, PlainCoordinates())
-    found = at_a_look(linearised, mode, np.random.default_rng(0))
-    assert found is not None
-    assert isinstance(found.proposal.coordinates.inner, taken)
-    in_parameters = weigh(
-        posterior, replace(found.proposal, coordinates=plain), np.random.default_rng(1), 4000
-    )
+    looks = [at_a_look(linearised, mode, np.random.default_rng(seed)) for seed in range(20)]
+    found = [look.proposal for look in looks if look is not None and isinstance(look.proposal, Proposal)]
+    taken = [proposal.coordinates.inner for proposal in found]
+    assert len(taken) == 20
+    assert least <= sum(isinstance(inner, PredictiveCoordinates) for inner in taken) <= most
+    in_parameters = weigh(posterior, replace(found[0], coordinates=plain), np.random.default_rng(1), 4000)
     assert 0.8 < in_parameters.weights.efficiency < 0.92
