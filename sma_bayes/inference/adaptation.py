@@ -169,10 +169,13 @@ def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator
 
 def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
     """The same proposal with more of its wide component, which bounds the weights in the tails."""
+    wider: AnyProposal
     if isinstance(adapted.proposal, MixedProposal):
         parts = tuple(replace(p, share=share) for p in adapted.proposal.parts)
-        return replace(adapted, proposal=replace(adapted.proposal, parts=parts), own=False, spare=0)
-    return replace(adapted, proposal=replace(adapted.proposal, share=share), own=False, spare=0)
+        wider = replace(adapted.proposal, parts=parts)
+    else:
+        wider = replace(adapted.proposal, share=share)
+    return replace(adapted, proposal=wider, own=False, spare=0)
 
 
 def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: int) -> Adapted:

@@ -69,8 +69,7 @@ class Linearised:
         total = np.diag(posterior.space.prior_sd() ** -2.0)
         for r, channel, slope, sd in self.channels():
             total[:m, :m] += slope.T @ slope / sd**2
-            at = (
-                posterior.space.free_index == posterior.layout[r].noise[channel][0]
-            )  # nowhere if the sd is fixed
+            # nowhere if the sd is fixed
+            at = posterior.space.free_index == posterior.layout[r].noise[channel][0]
             total[at, at] += 2.0 * len(slope) * (self.chain[at] / sd) ** 2
         return np.asarray(total)

@@ -127,7 +127,7 @@ class MultipleProposalMove(_Proposing):
         with np.errstate(invalid="ignore"):
             log_w = np.where(np.isfinite(log_p), log_p - log_q, -np.inf)
         chosen = resampled_columns(log_w, self.steps, model.random)
-        moved = chosen != np.concatenate([np.zeros((1, chosen.shape[1]), dtype=chosen.dtype), chosen[:-1]])
+        moved = np.diff(chosen, axis=0, prepend=0) != 0
         walker = np.arange(log_w.shape[1])
         return list(zip(z[chosen, walker], log_p[chosen, walker], log_q[chosen, walker], moved, strict=True))
 
