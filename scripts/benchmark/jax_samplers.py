@@ -25,7 +25,11 @@ CHAINS = 8
 HAND_BLOCK = 25
 """Steps of NUTS by hand in one call."""
 HAND_STEP = 0.6
-"""Its leapfrog step in units of the standard deviation; not tuned."""
+"""Its leapfrog step in units of the standard deviation, where it is known beforehand."""
+HAND_TUNING = 50
+"""Steps in which it is found otherwise, all chains together; blackjax and Stan take 1000 of one chain by default."""
+ACCEPTED = 0.8
+"""Mean acceptance that such tuning aims at: the default of blackjax and Stan."""
 
 
 def _jax() -> Any:
@@ -119,11 +123,15 @@ def _numpyro(form: Form) -> Any:
 class BlackJax:
     """NUTS by hand: many chains side by side in one compiled loop, in coordinates whitened by Laplace's covariance.
 
-    No tuning: the whitened posterior has unit scale, and the step size is that of a unit normal.
+    The whitened posterior has unit scale. So the step size is that of a unit normal, `HAND_STEP`, for who knows it
+    beforehand; who does not tunes it by dual averaging, in steps that are dropped.
     """
 
-    title = "NUTS by hand (blackjax: whitened, vectorised)"
     packages = ("blackjax", "jax")
+
+    def __init__(self, title: str, *, tuned: bool) -> None:
+        self.title = title
+        self.tuned = tuned
 
     def prepare(self, problem: Problem) -> None:
         """See `Sampler.prepare`."""
@@ -133,7 +141,7 @@ class BlackJax:
     def run(self, problem: Problem, settings: Settings, seed: int) -> Generator[Progress, float, None]:
         jax = _jax()
         form, data = _given(problem)
-        begin, go = _blackjax(form)
+        begin, tune, go = _blackjax(form)
         root = np.linalg.cholesky(problem.mode.covariance)
         centre = problem.mode.z
         chains = GROUPS * CHAINS
@@ -142,11 +150,15 @@ class BlackJax:
         )
         key = jax.random.PRNGKey(seed)
         blocks: list[Floats] = []
-        evaluations, wanted = 0, 1
+        evaluations, wanted, step_size = 0, 1, HAND_STEP
+        if self.tuned:
+            key, own = jax.random.split(key)
+            states, step_size, counts = tune(own, states, centre, root, data)
+            evaluations += int(counts.sum())
         while True:
             while len(blocks) < wanted:
                 key, own = jax.random.split(key)
-                states, positions, counts = go(own, states, centre, root, data)
+                states, positions, counts = go(own, states, step_size, centre, root, data)
                 evaluations += int(counts.sum())
                 blocks.append(centre + np.asarray(positions) @ root.T)  # (HAND_BLOCK, chains, D)
             z = np.concatenate(blocks).reshape(len(blocks) * HAND_BLOCK, GROUPS, CHAINS, -1)
@@ -157,6 +169,7 @@ class BlackJax:
 @cache
 def _blackjax(form: Form) -> Any:
     import blackjax
+    from blackjax.adaptation.step_size import dual_averaging_adaptation
 
     jax = _jax()
 
@@ -167,22 +180,39 @@ def _blackjax(form: Form) -> Any:
     def begin(x: Any, centre: Any, root: Any, data: dict[str, Any]) -> Any:
         return jax.vmap(lambda p: blackjax.nuts.init(p, lambda q: density(q, centre, root, data)))(x)
 
-    @jax.jit
-    def go(key: Any, states: Any, centre: Any, root: Any, data: dict[str, Any]) -> Any:
-        kernel = blackjax.nuts.build_kernel()
+    kernel = blackjax.nuts.build_kernel()
+
+    def all_chains(key: Any, states: Any, step_size: Any, centre: Any, root: Any, data: dict[str, Any]) -> Any:
         unit = jax.numpy.ones(centre.size)
 
         def target(x: Any) -> Any:
             return density(x, centre, root, data)
 
+        keys = jax.random.split(key, states.position.shape[0])
+        return jax.vmap(lambda k, s: kernel(k, s, target, step_size=step_size, inverse_mass_matrix=unit))(
+            keys, states
+        )
+
+    @jax.jit
+    def tune(key: Any, states: Any, centre: Any, root: Any, data: dict[str, Any]) -> Any:
+        start, update, final = dual_averaging_adaptation(ACCEPTED)
+
         def step(now: Any, own: Any) -> Any:
-            keys = jax.random.split(own, now.position.shape[0])
-            then, info = jax.vmap(
-                lambda k, s: kernel(k, s, target, step_size=HAND_STEP, inverse_mass_matrix=unit)
-            )(keys, now)
+            states, averaging = now
+            then, info = all_chains(own, states, jax.numpy.exp(averaging.log_step_size), centre, root, data)
+            return (then, update(averaging, info.acceptance_rate.mean())), info.num_integration_steps
+
+        begun = jax.tree.map(jax.numpy.asarray, start(1.0))
+        (states, averaging), counts = jax.lax.scan(step, (states, begun), jax.random.split(key, HAND_TUNING))
+        return states, final(averaging), counts
+
+    @jax.jit
+    def go(key: Any, states: Any, step_size: Any, centre: Any, root: Any, data: dict[str, Any]) -> Any:
+        def step(now: Any, own: Any) -> Any:
+            then, info = all_chains(own, now, step_size, centre, root, data)
             return then, (then.position, info.num_integration_steps)
 
         states, (positions, counts) = jax.lax.scan(step, states, jax.random.split(key, HAND_BLOCK))
         return states, positions, counts
 
-    return begin, go
+    return begin, tune, go
