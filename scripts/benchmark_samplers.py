@@ -4,7 +4,7 @@ r"""Time this package and other samplers to the same target on the same posterio
     stock="--samplers emcee,lmfit --walkers 32 --start ball --log-prob package"
     $run --records all --limit 200 --samplers sma_bayes,emcee,lmfit --walkers 32 --start ball --log-prob package \
         --out docs/data/samplers.csv
-    campaign="sma_bayes,blackjax,emcee-de,nutpie,emcee-vectorised"
+    campaign="sma_bayes,blackjax,blackjax-tuned,emcee-de,nutpie,emcee-vectorised"
     $run --records all --limit 20 --samplers $campaign,numpyro --repeats 3 --out docs/data/campaign.csv
     $run --records all --limit 40 --samplers $campaign --start ball --unaided --repeats 3 --out docs/data/campaign.csv
     for channels in FX S; do for noise in independent ar1; do for points in 100 1000; do
