@@ -189,7 +189,7 @@ def _progress(ensembles: list) -> Progress:
 SAMPLERS: dict[str, Sampler] = {
     "sma_bayes": Package(),
     "blackjax": BlackJax("NUTS by hand (blackjax: whitened, vectorised)", tuned=False),
-    "blackjax-tuned": BlackJax("the same, its step tuned by dual averaging", tuned=True),
+    "blackjax-tuned": BlackJax("NUTS by hand, its step tuned by dual averaging", tuned=True),
     "emcee-de": VectorisedEmcee("emcee, vectorised, differential evolution", "de"),
     "nutpie": Nutpie(),
     "emcee-vectorised": VectorisedEmcee("emcee, vectorised, stretch", "stretch"),

@@ -182,6 +182,7 @@ def _overall(channel: str, unit: str, group: Sequence[Comparison]) -> dict[str, 
     best = next(s for s in standings if s.name == verdict.preferred)
     return {
         "channel": channel,
+        "quantity": group[0].record.quantity(channel),
         "unit": unit,
         "records": [stem_of(c) for c in group],
         **asdict(verdict),

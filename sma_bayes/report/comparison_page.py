@@ -56,7 +56,7 @@ def headline(group: Mapping[str, Any]) -> str:
         outcome = f"the {group['verdict'].replace('_', ' ')} wins ({best}): {group['why']}"
     count = len(group["records"])
     together = f"{count} records together" if count > 1 else "one record"
-    return f"{group['channel']}, {together}: {outcome}. Record by record: {counts}."
+    return f"{group['quantity']}, {together}: {outcome}. Record by record: {counts}."
 
 
 def command(found: Mapping[str, Any]) -> str:

@@ -186,7 +186,7 @@ def _overall_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
         for name, m in ranked:
             behind = m["behind_preferred"]
             yield (
-                group["channel"], group["verdict"], SHORT[name], Number(m["ln_evidence"], "1", 0.5),
+                group["quantity"], group["verdict"], SHORT[name], Number(m["ln_evidence"], "1", 0.5),
                 Number(m["elpd_held_out"], "1", 0.5), *_behind(behind, name == group["preferred"]),
             )  # fmt: skip
 

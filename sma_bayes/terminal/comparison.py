@@ -16,7 +16,7 @@ def comparison_text(found: Mapping[str, Any]) -> str:
         rival = f", ln Bayes factor {r['ln_bayes_factor']:.1f} over {r['rival']}" if r["rival"] else ""
         lines.append(f"  {r['key']:<{width}}  {r['verdict']:<16}  {r['preferred']}{rival}")
     for group in found["overall"]:
-        together = f"{group['channel']}, {many(len(group['records']), 'record')} together"
+        together = f"{group['quantity']}, {many(len(group['records']), 'record')} together"
         lines.append(f"{together}: {group['verdict'].upper()}. {group['why']}")
     if not found["converged"]:
         names = ", ".join(r["key"] for r in found["records"] if not r["converged"])

@@ -235,7 +235,7 @@ def _told(kind: str, found: Mapping[str, Any]) -> str:
         good = sum(r["converged"] for r in found["records"])
         return f"{good} of {len(found['records'])} records converged"
     if kind == "compare":
-        return "; ".join(f"{g['channel']}: {g['verdict']}" for g in found["overall"])
+        return "; ".join(f"{g['quantity']}: {g['verdict']}" for g in found["overall"])
     if kind == "gap":
         effects = ", ".join(e["id"] for e in found["effects"])
         return f"{found['verdict']}: {effects}" if effects else str(found["verdict"])

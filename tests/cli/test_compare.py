@@ -12,8 +12,10 @@ import pytest
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, make_sweep: Callable[..., list[str]]) -> Path:
     place = tmp_path_factory.mktemp("compare")
-    rows = [",".join(line.split(",")[:3]) for line in make_sweep(branches=1)]  # force alone, one branch
-    (place / "run.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    # one branch of a specimen: what is force of a spring is stress there
+    rows = [",".join(line.split(",")[:3]) for line in make_sweep(branches=1)]
+    text = "\n".join(rows).replace("force_N", "stress_MPa")
+    (place / "run.csv").write_text(text + "\n", encoding="utf-8")
     return place
 
 
@@ -22,7 +24,7 @@ def test_a_comparison_from_a_file_to_a_verdict(run: Callable[..., object], folde
     call = ("compare", folder / "run.csv", "--out", out, "--jobs", 1, "--no-figures")
     first = run(*call)
     assert first.status == 0, first.err  # type: ignore[attr-defined]
-    assert "CANNOT TELL" in first.out  # type: ignore[attr-defined]
+    assert "\nstress, 1 record together: CANNOT TELL" in first.out  # type: ignore[attr-defined]
     assert "are the same curve of this channel" in first.out  # type: ignore[attr-defined]
     stored = json.loads((out / "comparison.json").read_text(encoding="utf-8"))
     again = run(*call)
