@@ -35,7 +35,7 @@ def cautions(found: Mapping[str, Any]) -> list[str]:
     found : mapping
         What ``gap.json`` holds.
     """
-    out = _about_names(found) if found["verdict"] == "named" else []
+    out = _about_names(found) if found["verdict"] == "named" else _about_carrying_over(found)
     for e in (*found["effects"], *found["partial"]):
         far = [name for name, p in e["parameters"].items() if outside_prior(p)]
         if far:
@@ -72,6 +72,17 @@ def _about_closing(gap: Mapping[str, Any]) -> list[str]:
             "not all that is missing there."
         ]
     return []
+
+
+def _about_carrying_over(found: Mapping[str, Any]) -> list[str]:
+    """Whether what was added without a name helps where it was not fitted."""
+    gap = found["gap"]
+    if not found["partial"] or gap["after"] < gap["before"]:
+        return []
+    return [
+        "What helps does so only where it was fitted: the gap on held-out measurements is "
+        f"{gap['after']:.3f} with it and {gap['before']:.3f} without."
+    ]
 
 
 def _about_choosing(chosen: Sequence[Sequence[str]], effects: Sequence[Mapping[str, Any]]) -> list[str]:

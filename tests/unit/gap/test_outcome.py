@@ -127,6 +127,9 @@ def doubtful(**changes: Any) -> dict[str, Any]:
     )
 
 
+HELPING = {"verdict": "unnamed", "effects": [], "partial": [{"id": "x", "parameters": {}}]}
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
@@ -147,6 +150,8 @@ def doubtful(**changes: Any) -> dict[str, Any]:
             ["What passes for noise of c strain hardly changes from sample to sample (correlation 0.97"],
         ),
         ({"verdict": "unnamed", "effects": []}, []),
+        ({**HELPING, "gap": {"after": 2.02}}, ["is 2.020 with it and 2.000 without"]),
+        ({**HELPING, "gap": {"after": 1.9}}, []),
     ],
 )
 def test_cautions_say_what_speaks_against_a_name(changes: dict[str, Any], says: list[str]):
