@@ -7,15 +7,18 @@ r"""Time this package and other samplers to the same target on the same posterio
     campaign="sma_bayes,blackjax,blackjax-tuned,emcee-de,nutpie,emcee-vectorised"
     $run --records all --limit 20 --samplers $campaign,numpyro --repeats 3 --out docs/data/campaign.csv
     $run --records all --limit 40 --samplers $campaign --start ball --unaided --repeats 3 --out docs/data/campaign.csv
+    peers="--samplers sma_bayes,blackjax,blackjax-tuned,emcee-de,emcee-vectorised,zeus --out docs/data/peers.csv"
+    others="--samplers numpyro,nutpie,pymc,dynesty,ultranest --out docs/data/others.csv"
     for channels in FX S; do for noise in independent ar1; do for points in 100 1000; do
-        case="--records 1A-10mHz-heating --channels $channels --noise $noise --points $points --out docs/data/peers.csv"
-        $run $case --limit 30 --samplers sma_bayes,blackjax,emcee-de,emcee-vectorised,zeus --repeats 3
-        $run $case --limit 30 --samplers numpyro,nutpie,pymc,dynesty,ultranest
-        $run $case --limit 30 $stock
+        case="--records 1A-10mHz-heating --channels $channels --noise $noise --points $points --limit 30"
+        $run $case $peers --repeats 3
+        $run $case $others
+        $run $case $stock --out docs/data/others.csv
     done; done; done
-    case="--records 1A-10mHz-heating --points 100 --out docs/data/peers.csv"
-    $run $case --limit 300 --samplers dynesty,ultranest --replace
-    $run $case --limit 60 --samplers sma_bayes,blackjax,emcee-de,emcee-vectorised,zeus,numpyro,nutpie,pymc --cold
+    case="--records 1A-10mHz-heating --points 100"
+    $run $case --limit 300 --samplers dynesty,ultranest --replace --out docs/data/others.csv
+    $run $case --limit 60 --cold $peers
+    $run $case --limit 60 --cold --samplers numpyro,nutpie,pymc --out docs/data/others.csv
     python scripts/benchmark_tables.py docs/data
 
 measures and prints the tables in docs/performance.md, from the first to the last. Rows are added to the file; with

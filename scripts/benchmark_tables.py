@@ -2,7 +2,7 @@
 
     python scripts/benchmark_tables.py docs/data
 
-`samplers.csv`, `campaign.csv` and `peers.csv` by benchmark_samplers.py, `stages.csv` by benchmark_stages.py,
+`samplers.csv`, `campaign.csv`, `peers.csv` and `others.csv` by benchmark_samplers.py, `stages.csv` by benchmark_stages.py,
 `kernels.csv` by benchmark_kernels.py.
 """
 
@@ -144,7 +144,7 @@ def kernels(rows: Rows) -> None:
 
 def main(data: Path) -> None:
     """Print all tables."""
-    peers, records = read(data / "peers.csv"), read(data / "campaign.csv")
+    peers, records = read(data / "peers.csv") + read(data / "others.csv"), read(data / "campaign.csv")
     campaign(read(data / "samplers.csv"))
     campaign([row for row in records if row["kind"] == "warm"])
     campaign([row for row in records if row["kind"] == "unaided"])
