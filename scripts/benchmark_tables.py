@@ -2,8 +2,8 @@
 
     python scripts/benchmark_tables.py docs/data
 
-`samplers.csv`, `campaign.csv`, `peers.csv` and `others.csv` by benchmark_samplers.py, `stages.csv` by benchmark_stages.py,
-`kernels.csv` by benchmark_kernels.py.
+`samplers.csv`, `campaign.csv`, `peers.csv` and `others.csv` by benchmark_samplers.py, `stages.csv` by
+benchmark_stages.py, `kernels.csv` by benchmark_kernels.py.
 """
 
 from __future__ import annotations
