@@ -27,7 +27,7 @@ HAND_BLOCK = 25
 HAND_STEP = 0.6
 """Its leapfrog step in units of the standard deviation, where it is known beforehand."""
 HAND_TUNING = 50
-"""Steps in which it is found otherwise, all chains together; blackjax and Stan take 1000 of one chain by default."""
+"""Steps in which it is found otherwise, all chains together; blackjax and Stan take 1000 of each chain by default."""
 ACCEPTED = 0.9
 """Mean acceptance that such tuning aims at. At 0.8, the default of blackjax and Stan, it ends near a step of 0.9, with
 which trajectories of a normal density often miss their turn: three times as long."""
