@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ class ParameterFact:
         Name under which a priors file speaks of it; ``B3``, or ``sd`` for ``force_sd``.
     channel : str
         Channel that the parameter belongs to, empty for none.
+    prior : mapping of str to object, optional
+        Belief in force where a priors file does not speak of the parameter, written as in such a file.
     """
 
     name: str
@@ -37,6 +40,7 @@ class ParameterFact:
     meaning: str
     prior_key: str = ""
     channel: str = ""
+    prior: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)
