@@ -37,8 +37,8 @@ from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import Parameter, ParameterFact, ParameterSpace
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
+from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
-from sma_bayes.response.types import ResponseModel
 
 CHUNK = 1 << 15
 """Samples times parameter vectors that are evaluated at a time, so that intermediate arrays stay in cache."""
@@ -509,7 +509,7 @@ def build_posterior(
     facts = model.parameters(first.units)
     noise_keys = {"growth", "temperature_sd", "discrepancy"}
     noise_keys |= {f.prior_key for n in NOISE_MODELS.values() for f in n.parameters("force", "N", "s")}
-    priors.check_names({*ModifiedSigmoid().parameter_names, *model.parameter_names}, noise_keys)
+    priors.check_names(model.spoken_of(), noise_keys)
     parameters: list[Parameter] = [priors.parameter(f, first.branch, scales) for f in facts]
     shared = np.arange(len(parameters))
     layout = []

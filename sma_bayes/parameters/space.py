@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sma_bayes.errors import PriorError, near_matches
 from sma_bayes.parameters.distributions import Distribution, LogNormal, Normal
+from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
 
 _HALF_LN_2PI = 0.9189385332046727
@@ -31,6 +32,8 @@ class ParameterFact:
         Name under which a priors file speaks of it; ``B3``, or ``sd`` for ``force_sd``.
     channel : str
         Channel that the parameter belongs to, empty for none.
+    role : Role, optional
+        What it does to the curve of that channel.
     prior : mapping of str to object, optional
         Belief in force where a priors file does not speak of the parameter, written as in such a file.
     """
@@ -40,6 +43,7 @@ class ParameterFact:
     meaning: str
     prior_key: str = ""
     channel: str = ""
+    role: Role | None = None
     prior: Mapping[str, Any] | None = None
 
 

@@ -105,14 +105,10 @@ class Fit:
     def calibrated(self, record: int = 0) -> Floats:
         """Kept draws (G N, P) with the uncertainty of the calibration carried into spans and offsets."""
         theta = self.flat.copy()
-        at = {name: i for i, name in enumerate(self.posterior.model.parameter_names)}
+        model, at = self.posterior.model, self.posterior.layout[record].model
         for channel, (gain, shift) in self.calibration_draws(record).items():
-            letter = {"displacement": "A", "force": "B"}.get(channel)
-            if letter is None:
-                continue
-            size, offset = at[f"{letter}1"], at[f"{letter}4"]
-            theta[:, size] *= gain
-            theta[:, offset] = gain * theta[:, offset] + shift
+            if channel != "stiffness":  # its curve is moved instead, see `curve_draws`
+                theta[:, at] = model.calibrated(theta[:, at], channel, gain, shift)
         return theta
 
 
