@@ -157,7 +157,7 @@ def _reason(
     parts = []
     if chosen:
         second = max((v, k) for k, v in rivals.items() if k != name)
-        ahead = rivals[name] - second[0]
+        ahead = float(rivals[name]) - float(second[0])
         correlations = ", ".join(f"{value:.2f} ({channel})" for channel, value in neighbours.items())
         parts.append(
             f"neighbouring residuals of the least-squares fit are correlated by {correlations}; "
@@ -394,11 +394,11 @@ class _ResidualDensity:
         small = float(np.clip(_scatter(self.residual, self.steps), 1e-3 * own[0], own[0]))
         smooth = float(np.sqrt(max(np.mean(self.residual**2) - small**2, (0.1 * small) ** 2)))
         found = []
-        for sd, size, felt in ((own[0], 0.2 * own[0], 0.1), (small, smooth, 1.0)):
+        for sd, size, felt in ((float(own[0]), 0.2 * float(own[0]), 0.1), (small, smooth, 1.0)):
             theta = self.space.to_physical(self.space.prior_centre())
             theta[: own.size] = own
-            if sd is small and self.noise.remembers:  # the memory was that of what is smooth
-                theta[1 : own.size] = theta[1 : own.size] if own.size < 2 else _forgetful(self.noise, self.steps, own)
+            if size == smooth and self.noise.remembers:  # the memory was that of what is smooth
+                theta[1 : own.size] = _forgetful(self.noise, self.steps, own)
             theta[0] = sd
             if self.slots.size is not None:
                 theta[self.slots.size] = size

@@ -263,7 +263,7 @@ def _noise(noise: Mapping[str, Any], names: Mapping[str, str]) -> Noise:
         chosen_by=noise.get("chosen_by", ""),
         reason=_renamed(noise.get("reason", ""), names),
         lag1={names.get(c, c): v for c, v in noise.get("lag1", {}).items()},
-        bic=dict(noise.get("bic", {})),
+        ln_evidence=dict(noise.get("ln_evidence", {})),
     )
 
 

@@ -36,6 +36,7 @@ _LEVELS = frozenset({Role.OFFSET, Role.LEVEL})
 _SCALED = _LEVELS | {Role.SPAN, Role.EFFECT, Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE}
 _TEMPERATURES = frozenset({Role.MIDPOINT, Role.GAP, Role.WIDTH})
 _RATES = frozenset({Role.RATE, Role.SECOND_RATE})
+_PER_TEMPERATURE = _RATES | {Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE}
 _UNITS = {"temperature": "degC", "time": "s", "force": "N", "displacement": "m", "stiffness": "N/m"}
 
 
@@ -295,6 +296,29 @@ class ResponseModel(ABC):
                 out[..., i] *= gain
             if fact.role in _LEVELS:
                 out[..., i] += shift
+        return out
+
+    def with_thermometer(self, theta: Floats, gain: Floats, shift: Floats) -> Floats:
+        """Parameters of the same curves against a temperature that is ``gain T + shift`` where ``T`` was read.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (N, P)
+        gain, shift : ndarray, shape (N,)
+
+        Returns
+        -------
+        ndarray, shape (N, P)
+            A new array.
+        """
+        out = np.array(theta, dtype=float)
+        for i, fact in enumerate(self.facts):
+            if fact.role is Role.MIDPOINT:
+                out[..., i] = gain * out[..., i] + shift
+            elif fact.role in _TEMPERATURES:
+                out[..., i] *= gain
+            elif fact.role in _PER_TEMPERATURE:
+                out[..., i] /= gain
         return out
 
     def screen(self, theta: Floats, fixed: Bools, data: Mapping[str, Floats]) -> Floats:

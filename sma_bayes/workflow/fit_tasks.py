@@ -175,7 +175,7 @@ def _assess_record(
     options = task.options
     with account.timed("diagnose"):
         rng = np.random.default_rng(np.random.SeedSequence([options.seed, 4, *record.key.encode()]))
-        replicated = found.posterior.replicate(rng, found.flat, record=i)
+        replicated = found.posterior.replicate(rng, found.flat, record=i, weights=found.discrepancy)
         measured, again = correlation_factors(found, replicated, i)
         summary = record_summary(found, i, measured, again)
     with account.timed("bands"):
