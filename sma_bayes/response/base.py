@@ -62,6 +62,26 @@ class Asymptote:
             return np.asarray(value + slope * (temperature - middle))
 
 
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """How a model takes part in a comparison of models.
+
+    Attributes
+    ----------
+    name, title : str
+        In files, and in full.
+    variant : str
+        Such as ``published``; empty where there is only one.
+    extra : bool
+        Whether it stands beside the others without a vote.
+    """
+
+    name: str
+    title: str
+    variant: str = ""
+    extra: bool = False
+
+
 @dataclass(frozen=True)
 class ResponseModel(ABC):
     """Response of a spring or specimen.
@@ -80,6 +100,11 @@ class ResponseModel(ABC):
         Its default priors: the name of a shipped set, or a file; empty for the set of the model's own name.
     linear : tuple of str
         Parameters that enter their channel linearly, jointly; the least-squares start solves for them.
+    family : str
+        Models of one family count as one where models are compared; empty for a family of its own.
+    contends : tuple of Variant, optional
+        How it takes part in every comparison of models: by default as it is. An empty tuple: only where it is the
+        model that was asked for.
     """
 
     name: ClassVar[str]
@@ -88,6 +113,8 @@ class ResponseModel(ABC):
     together: ClassVar[bool] = True
     priors: ClassVar[str | Path] = ""
     linear: ClassVar[tuple[str, ...]] = ()
+    family: ClassVar[str] = ""
+    contends: ClassVar[tuple[Variant, ...] | None] = None
 
     channels: tuple[str, ...] = CHANNELS
 
@@ -278,9 +305,10 @@ class ResponseModel(ABC):
             names |= set(replace(self, channels=self.provides).parameter_names)
         return frozenset(names)
 
-    def default_priors(self) -> PriorSet:
+    @classmethod
+    def default_priors(cls) -> PriorSet:
         """Priors of its parameters and of the noise, where a user gives none."""
-        return shipped_with(self.priors or self.name)
+        return shipped_with(cls.priors or cls.name)
 
     def calibrated(self, theta: Floats, channel: str, gain: Floats, shift: Floats) -> Floats:
         """Parameters whose curve of one channel is ``gain y + shift`` where it was ``y``.

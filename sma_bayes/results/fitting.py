@@ -24,6 +24,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
+from sma_bayes.response.base import ResponseModel
 from sma_bayes.results.fit import Fit
 
 AUTO = "auto"
@@ -34,6 +35,7 @@ def fit_records(
     records: Sequence[Record],
     priors: PriorSet,
     *,
+    model: ResponseModel | None = None,
     noise: str = AUTO,
     seed: int = 0,
     plan: Plan | None = None,
@@ -47,6 +49,8 @@ def fit_records(
     records : sequence of Record
         Of one branch.
     priors : PriorSet
+    model : ResponseModel, optional
+        By default the modified sigmoid that predicts the observed channels.
     noise : str
         Name of a noise model, or ``"auto"``.
     seed : int
@@ -66,7 +70,7 @@ def fit_records(
     account = Account()
     with threadpool_limits(limits=1):  # linear algebra on several threads may round differently
         with account.timed("warm_start"):
-            first = build_posterior(records, NOISE_MODELS["independent"], priors)
+            first = build_posterior(records, NOISE_MODELS["independent"], priors, model=model)
             root = _seed(records, seed)
             start_seed, sample_seed = root.spawn(2)
             start = warm_start(first, np.random.default_rng(start_seed))
