@@ -64,6 +64,7 @@ def record_summary(
         "held": {c: {"mean": h.mean, "sd": h.sd, "unit": unit(c, "")} for c, h in r.held.items()},
         "calibration": {c: asdict(k) for c, k in r.calibration.items()},
         "converged": fit.converged,
+        "model": fit.posterior.model.name,
         "parameters": _parameters(fit, record),
         "fit": {c: {k: v for k, v in asdict(g).items()} for c, g in start.fit[record].items()},
         "jacobian_rank": start.rank,
