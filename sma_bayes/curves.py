@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -83,6 +83,11 @@ class CurveDraws:
         force, displacement = (self.slope(c, temperature) for c in ("force", "displacement"))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             return np.asarray(force / displacement)
+
+    def with_mean_discrepancy(self) -> CurveDraws:
+        """The same curves beside the mean of their discrepancies."""
+        mean = {c: np.broadcast_to(w.mean(axis=0), w.shape) for c, w in self.weights.items()}
+        return replace(self, weights=mean)
 
     def discrepancy(self, channel: str, temperature: Floats) -> Floats:
         """What the curve of the model misses, shape (S, m); zero where nothing stands beside it."""

@@ -7,7 +7,7 @@ curve with respect to its parameters (M. Plumlee, J. Am. Stat. Assoc. 112 (2017)
 describe stays with them, and they are those of the curve of the model that is nearest to the truth (R. Tuo and
 C. F. J. Wu, Ann. Stat. 43 (2015) 2331).
 
-``delta`` is a priori a cubic smoothing spline (G. Wahba, J. R. Stat. Soc. B 40 (1978) 364): a Gaussian process without a
+``delta`` is a priori a smoothing spline, a little rougher than the cubic one (G. Wahba, J. R. Stat. Soc. B 40 (1978) 364): a Gaussian process without a
 length, whose size alone is a parameter, decided by evidence. It is smooth in a coordinate that runs evenly through both the
 range of temperature and the transformation, since misfit changes as fast as the curve does. Its leading eigenfunctions,
 less their share along the tangents, are the basis,
@@ -34,7 +34,10 @@ from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 
 FUNCTIONS = 30
-"""Eigenfunctions of the smoothing spline that are kept; the next would have a thousandth of the amplitude of the first."""
+"""Eigenfunctions of the smoothing spline that are kept; the next would have 1/170 of the amplitude of the first."""
+ROUGHER = 0.5
+"""Power of their number by which eigenfunctions are larger than those of a cubic smoothing spline: their amplitudes fall as
+``k**-1.5`` for ``k**-2``. Intervals of the spline itself are too narrow where the misfit is local."""
 NODES = 161
 """Temperatures at which they are tabulated; a natural cubic spline runs between them and goes on straight beyond."""
 SWEPT = 0.5
@@ -203,7 +206,8 @@ def _eigenfunctions() -> tuple[Floats, Floats]:
     u = np.linspace(0.0, 1.0, NODES)
     kept = (NODES - FUNCTIONS - 2, NODES - 1)
     variance, vectors = eigh(_spline_kernel(u), subset_by_index=kept)
-    return u, np.asarray(vectors[:, ::-1] * np.sqrt(np.maximum(variance[::-1], 0.0)))
+    size = np.sqrt(np.maximum(variance[::-1], 0.0)) * np.arange(1.0, variance.size + 1.0) ** ROUGHER
+    return u, np.asarray(vectors[:, ::-1] * size)
 
 
 def _spline_kernel(u: Floats) -> Floats:

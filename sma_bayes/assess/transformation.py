@@ -14,10 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.curves import CurveDraws
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.results.fit import Fit
@@ -42,6 +44,8 @@ _COARSE, _FINE, _PASSES = 193, 33, 3
 _MARGIN = 0.5
 """How far beyond the measured range the steepest point is looked for [widths of that range]."""
 _DOUBLINGS = 12
+_STEP = 1e-3
+"""Half the length of the chord that tells the slope at a given place [widths of the measured range]."""
 _SETTLED = 1e-4
 """A crossing has settled where a tangent laid twice as far out moves it by less than this [widths of the range]."""
 
@@ -140,15 +144,20 @@ def transformation_temperatures(fit: Fit, record: int = 0) -> tuple[Temperature,
     channel = transformation_channel(r)
     if channel is None:
         return ()
-    curves = fit.curves(record)
-
-    def curve(temperature: Floats) -> Floats:
-        return curves.curve(channel, temperature)
-
-    return temperatures_of_curves(curve, r, channel)
+    return temperatures_of_draws(fit.curves(record), channel)
 
 
-def temperatures_of_curves(curve: Curve, r: Record, channel: str) -> tuple[Temperature, ...]:
+def temperatures_of_draws(curves: CurveDraws, channel: str) -> tuple[Temperature, ...]:
+    """Start and finish of the transformation on the curves of a posterior, lower temperature first."""
+    curve, guide = partial(curves.curve, channel), None
+    if curves.weights:
+        guide = partial(curves.with_mean_discrepancy().curve, channel)
+    return temperatures_of_curves(curve, curves.posterior.records[curves.record], channel, guide)
+
+
+def temperatures_of_curves(
+    curve: Curve, r: Record, channel: str, guide: Curve | None = None
+) -> tuple[Temperature, ...]:
     """Start and finish of the transformation on any curves of a record, lower temperature first.
 
     Parameters
@@ -158,8 +167,10 @@ def temperatures_of_curves(curve: Curve, r: Record, channel: str) -> tuple[Tempe
     r : Record
     channel : str
         Which channel they are of.
+    guide : callable, optional
+        See `tangents`.
     """
-    found = tangents(curve, float(r.temperature.min()), float(r.temperature.max()))
+    found = tangents(curve, float(r.temperature.min()), float(r.temperature.max()), guide)
     between = 0
     if np.isfinite(found.lower).any() and np.isfinite(found.upper).any():
         low, high = np.nanmedian(found.lower), np.nanmedian(found.upper)
@@ -180,7 +191,7 @@ def temperatures_of_curves(curve: Curve, r: Record, channel: str) -> tuple[Tempe
     )
 
 
-def tangents(curve: Curve, low: float, high: float) -> Tangents:
+def tangents(curve: Curve, low: float, high: float, guide: Curve | None = None) -> Tangents:
     """Apply the tangent rule to curves.
 
     The tangents of the plateaus are laid where the curve has become straight: ever further out, until the crossing
@@ -192,6 +203,10 @@ def tangents(curve: Curve, low: float, high: float) -> Tangents:
         Of any model, effects included; it is evaluated beyond the measured range, too.
     low, high : float
         Ends of the measured range.
+    guide : callable, optional
+        Curves on which the steepest point is looked for, by default the same. The steepest point of a curve that
+        wiggles as far as the measurements allow is steeper than that of the curve that was measured; where draws of a
+        discrepancy wiggle, their mean tells the place, and each draw its own slope there.
 
     Examples
     --------
@@ -201,8 +216,12 @@ def tangents(curve: Curve, low: float, high: float) -> Tangents:
     (array([46.]), array([54.]))
     """
     width = high - low
-    middle, steepest = _steepest(curve, low - _MARGIN * width, high + _MARGIN * width)
+    middle, steepest = _steepest(guide or curve, low - _MARGIN * width, high + _MARGIN * width)
     value = curve(middle[:, None])[:, 0]
+    if guide is not None:
+        step = _STEP * width
+        ends = curve(middle[:, None] + np.array([-step, step]))
+        steepest = (ends[:, 1] - ends[:, 0]) / (2.0 * step)
     below, above = (_plateau(curve, middle, value, steepest, side * width) for side in (-1.0, 1.0))
     jump = np.abs(above.at(middle) - below.at(middle))
     ends = curve(np.array([low, high]))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from sma_bayes.assess.transformation import temperatures_of_curves, transformation_channel
+from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats, per
@@ -129,7 +129,7 @@ def _transformation(record: RecordDraws) -> Iterator[Feature]:
     channel = transformation_channel(record.record)
     if channel is None:
         return
-    found = temperatures_of_curves(lambda t: record.curve(channel, t), record.record, channel)
+    found = temperatures_of_draws(record.curves, channel)
     for t in found:
         doubt = "" if t.within_data else "; beyond what was measured, so the model's word alone"
         yield Feature(
