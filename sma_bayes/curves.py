@@ -118,7 +118,9 @@ class CurveDraws:
         return np.asarray(gain[:, None] * value + shift[:, None])
 
 
-def calibrated_parameters(posterior: Posterior, theta: Floats, calibration: Errors, record: int = 0) -> Floats:
+def calibrated_parameters(
+    posterior: Posterior, theta: Floats, calibration: Errors, record: int = 0
+) -> Floats:
     """Draws (S, P) with the errors of calibrations carried into the parameters that stand for them.
 
     Those of force and displacement go into spans, offsets and slopes, those of the thermometer into midpoints and rates.

@@ -221,9 +221,7 @@ class Posterior:
         theta = np.atleast_2d(theta)
         return tuple(
             {
-                channel: self.noise.innovations(
-                    e, theta[:, self.layout[i].noise[channel][1:]], self.steps[i]
-                )
+                channel: self.noise.innovations(e, theta[:, self.layout[i].noise[channel][1:]], self.steps[i])
                 for channel, e, _ in self._standardised(theta, i, weights)
             }
             for i in range(len(self.records))
@@ -264,7 +262,9 @@ class Posterior:
         with np.errstate(over="ignore", invalid="ignore"):
             out = self.model.predict(np.asarray(theta)[..., self.layout[record].model], inputs)
         for channel, own in _of(weights, record).items():
-            out[channel] = out[channel] + self.discrepancy[record][channel].function(own, inputs["temperature"])
+            out[channel] = out[channel] + self.discrepancy[record][channel].function(
+                own, inputs["temperature"]
+            )
         return out
 
     def slope(
@@ -348,9 +348,7 @@ class Posterior:
             relative[channel] = np.hypot(scale, spread.get(channel, 0.0))[0] / sd
         return {c: y[0] for c, y in mean.items()}, relative
 
-    def _moments(
-        self, theta: Floats, record: int
-    ) -> tuple[dict[str, Floats], dict[str, list[Floats]]]:
+    def _moments(self, theta: Floats, record: int) -> tuple[dict[str, Floats], dict[str, list[Floats]]]:
         """Mean response, and for each channel the parts of its deviation at each node of the quadrature."""
         r, model_theta = self.records[record], theta[:, self.layout[record].model]
         spread = self.temperature_sd(theta, record)
@@ -396,7 +394,9 @@ class Posterior:
                 row.append((_products(own, others) - _products(row, other_row)) / scale)
             scale = np.sqrt(sd * sd + _products(own, own) - _products(row, row))
             whitened = (residual - _products(row, [z for _, _, z, _ in before])) / scale
-            if not self.discrepancy[record]:  # with one, the residuals before still hold it: each stands for itself
+            if not self.discrepancy[
+                record
+            ]:  # with one, the residuals before still hold it: each stands for itself
                 before.append((own, row, whitened, scale))
             yield channel, whitened, scale
 

@@ -216,7 +216,9 @@ class _Signs:
         if not (np.isfinite(square) and square > 0.0 and n > 3):
             return _Signs()
         root = np.sqrt(n)
-        kurtosis = float(np.mean((e - e.mean()) ** 4)) / float(np.var(e)) ** 2 - 3.0 if np.var(e) > 0.0 else 0.0
+        kurtosis = (
+            float(np.mean((e - e.mean()) ** 4)) / float(np.var(e)) ** 2 - 3.0 if np.var(e) > 0.0 else 0.0
+        )
         spread = np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(square)))
         return _Signs(
             abs(float(lag1(e, steps))) * root > SIGN,
@@ -260,7 +262,9 @@ class _Residuals:
             for channel in record.channels:
                 for e in (description.innovations[i][channel], self.start.residual[i][channel]):
                     found = found.joined(
-                        _Signs.of(e, steps, self.response(i, channel), self.slope[i][channel], record.temperature_sd)
+                        _Signs.of(
+                            e, steps, self.response(i, channel), self.slope[i][channel], record.temperature_sd
+                        )
                     )
         return found
 
@@ -361,7 +365,12 @@ class _Slots:
 
 
 def _space(
-    priors: PriorSet, noise: NoiseModel, record: Record, channel: str, basis: DiscrepancyBasis | None, rmse: float
+    priors: PriorSet,
+    noise: NoiseModel,
+    record: Record,
+    channel: str,
+    basis: DiscrepancyBasis | None,
+    rmse: float,
 ) -> tuple[ParameterSpace, _Slots]:
     """Parameters of the noise of one channel of one record with their priors; that of ``sd`` is wide."""
     scales = RecordScales.of([record]).with_residual({channel: rmse})
@@ -478,10 +487,10 @@ class _ResidualDensity:
             if self.slots.size is not None:
                 theta[self.slots.size] = size
             if self.slots.temperature_sd is not None:
-                steepest = max(float(np.max(np.abs(self.slope))), 1e-300)
+                steepest = float(np.max(np.abs(self.slope))) or 1.0
                 theta[self.slots.temperature_sd] = felt * own[0] / steepest
             z = self.space.to_sampled(theta)
-            found.append(np.where(np.isfinite(z), z, self.space.prior_centre()))
+            found.append(np.asarray(np.where(np.isfinite(z), z, self.space.prior_centre())))
         return found
 
 
@@ -607,7 +616,9 @@ def noise_start(posterior: Posterior, start: WarmStart, choice: NoiseChoice | No
                 if channel in place.size:
                     theta[place.size[channel]] = known[channel][at.size]
             else:
-                theta[at] = posterior.noise.estimate(_solid(residual[channel], record.observed[channel]), steps)
+                theta[at] = posterior.noise.estimate(
+                    _solid(residual[channel], record.observed[channel]), steps
+                )
         if place.temperature_sd is not None and choice is not None and choice.temperature_sd:
             theta[place.temperature_sd] = choice.temperature_sd[i]
     z = space.to_sampled(theta)

@@ -151,7 +151,6 @@ class NormalEquations:
                 total[i, : i + 1] += gram[i, : i + 1] * per_variance
         return total, log_volume
 
-
     def _without_weights(
         self, rows: Floats, basis: Floats, shape: Floats, steps: Steps, ratio: Floats
     ) -> tuple[Floats, Floats]:

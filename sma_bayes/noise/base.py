@@ -170,10 +170,10 @@ class NoiseModel(ABC):
         """
         if not self.remembers:
             return np.asarray(self.location_information(shape)[:, None, None] * (rows @ rows.T))
-        white = self.decorrelate(
-            np.broadcast_to(rows, (len(shape), *rows.shape)), shape[:, None, :], steps
+        white = self.decorrelate(np.broadcast_to(rows, (len(shape), *rows.shape)), shape[:, None, :], steps)
+        return np.asarray(
+            self.location_information(shape)[:, None, None] * (white @ np.swapaxes(white, 1, 2))
         )
-        return np.asarray(self.location_information(shape)[:, None, None] * (white @ np.swapaxes(white, 1, 2)))
 
     def shape_candidates(self, steps: Steps) -> Floats:
         """Values (c, k) of the parameters after ``sd`` from which `estimate` chooses."""
@@ -187,7 +187,9 @@ class NoiseModel(ABC):
         best, found = -np.inf, np.array([size, *shape[0]])
         for each in shape:
             e = residual / sd[:, None]
-            likelihood = self.total_log_density(e, np.tile(each, (sd.size, 1)), steps) - residual.size * np.log(sd)
+            likelihood = self.total_log_density(
+                e, np.tile(each, (sd.size, 1)), steps
+            ) - residual.size * np.log(sd)
             at = int(np.nanargmax(likelihood))
             if likelihood[at] > best:
                 best, found = float(likelihood[at]), np.array([sd[at], *each])

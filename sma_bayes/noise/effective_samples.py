@@ -72,7 +72,6 @@ class EffectiveSamples(MemoryNoise):
         return np.array([np.sqrt(np.mean(residual**2)), memory_of(residual, steps)])
 
 
-
 def memory_of(residual: Floats, steps: Steps) -> float:
     """Samples that count as one: the integrated autocorrelation time of residuals within sweeps, at least 1.
 

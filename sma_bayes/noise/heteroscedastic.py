@@ -141,7 +141,12 @@ class Growing(Wrapped):
             f"ln of the ratio of the noise of {channel} at the top of its range to that at the bottom",
             "growth",
             channel,
-            prior={"family": "normal", "mean": 0.0, "sd": 1.0, "source": "a factor of 0.2 to 5 over the range, 90 %"},
+            prior={
+                "family": "normal",
+                "mean": 0.0,
+                "sd": 1.0,
+                "source": "a factor of 0.2 to 5 over the range, 90 %",
+            },
         )
         return (*self.series.parameters(channel, unit, time_unit), growth)
 

@@ -75,7 +75,9 @@ class StudentT(NoiseModel):
         norm = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(np.pi * nu)
         a = self.decorrelate(e, shape, steps)
         density = norm - 0.5 * (nu + 1.0) * np.log1p(a * a / nu)
-        if self.series.remembers:  # the Jacobian: what the Gaussian density has beyond that of its innovations
+        if (
+            self.series.remembers
+        ):  # the Jacobian: what the Gaussian density has beyond that of its innovations
             with np.errstate(invalid="ignore"):
                 density = density + (self.series.log_density(e, shape, steps) + 0.5 * a * a + HALF_LN_2PI)
             density = np.where(np.isnan(density), -np.inf, density)

@@ -24,7 +24,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -94,6 +94,14 @@ class PriorSet:
         below = "\n".join(f"# {line}".rstrip() for line in self.extended.splitlines())
         remark = "# What it extends: a table of the same name, above, takes the place of one of these."
         return f"{self.text.rstrip()}\n\n{remark}\n{below}\n"
+
+    def overridden_by(self, other: PriorSet) -> PriorSet:
+        """The same beliefs, but those of another set wherever it speaks of a parameter."""
+        entries = {
+            table: {**self.entries.get(table, {}), **other.entries.get(table, {})}
+            for table in {*self.entries, *other.entries}
+        }
+        return replace(self, title=other.title, source=other.source, entries=entries, file=other.file)
 
     def parameter(
         self, fact: ParameterFact, branch: Branch, scales: RecordScales, *, noise: bool = False

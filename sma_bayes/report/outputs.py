@@ -95,7 +95,8 @@ class StoredRecord:
         """Basis of what each curve misses, by channel."""
         at = self.inputs["temperature"]
         return {
-            c: DiscrepancyBasis.tabulated(nodes, values, at) for c, (nodes, values, _) in self.discrepancy.items()
+            c: DiscrepancyBasis.tabulated(nodes, values, at)
+            for c, (nodes, values, _) in self.discrepancy.items()
         }
 
 

@@ -1,5 +1,6 @@
 """Response models: what a spring does at a temperature."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from sma_bayes.catalogue import Catalogue
@@ -37,6 +38,16 @@ DEFAULT_MODEL = ModifiedSigmoid.name
 """Model that is fitted where none is named."""
 
 
+AUTO_MODEL = "auto"
+"""Name of the choice among the models of the ladder."""
+
+
+def ladder(channels: Sequence[str]) -> tuple[type[ResponseModel], ...]:
+    """Models that contain the published curve and can be fitted to these channels, simplest first."""
+    found = [m for m in RESPONSE_MODELS.values() if m.rung > 0 and not m.refusal(channels)]
+    return tuple(sorted(found, key=lambda m: m.rung))
+
+
 def priors_named(name: str | Path) -> PriorSet:
     """Priors by the name of a shipped set, or of a response model that brings its own, or by their file.
 
@@ -51,6 +62,7 @@ def priors_named(name: str | Path) -> PriorSet:
 
 
 __all__ = [
+    "AUTO_MODEL",
     "DEFAULT_MODEL",
     "RESPONSE_MODELS",
     "Asymptote",
@@ -64,5 +76,6 @@ __all__ = [
     "SinhArcsinhSlopes",
     "TiedSigmoid",
     "TwoStage",
+    "ladder",
     "priors_named",
 ]

@@ -99,6 +99,9 @@ class ResponseModel(ABC):
         Whether several channels can be predicted by one model.
     priors : str or Path
         Its default priors: the name of a shipped set, or a file; empty for the set of the model's own name.
+    rung : int
+        Place on the ladder of models that contain the published curve, from 1 for that itself; 0 for a model that is
+        not on it. ``--model auto`` climbs from the lowest, as far as each step is earned.
     linear : tuple of str
         Parameters that enter their channel linearly, jointly; the least-squares start solves for them.
     family : str
@@ -113,6 +116,7 @@ class ResponseModel(ABC):
     provides: ClassVar[tuple[str, ...]] = CHANNELS
     together: ClassVar[bool] = True
     priors: ClassVar[str | Path] = ""
+    rung: ClassVar[int] = 0
     linear: ClassVar[tuple[str, ...]] = ()
     family: ClassVar[str] = ""
     contends: ClassVar[tuple[Variant, ...] | None] = None

@@ -155,6 +155,7 @@ class ModifiedSigmoid(ResponseModel):
 
     channels: tuple[str, ...] = CHANNELS
     name = "modified_sigmoid"
+    rung = 1
     reference = "Eqs. (2), (4) and (7) of the published model"
     linear = ("A1", "A4", "B1", "B4")
     contends = (Variant("modified_sigmoid", "modified sigmoid, Eqs. (2), (4) and (7)"),)

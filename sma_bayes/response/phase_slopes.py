@@ -24,6 +24,7 @@ class PhaseSlopes(LogisticArgument):
     """Logistic transformation between two sloped phases; see `PhaseLines`."""
 
     name = "phase_slopes"
+    rung = 2
     reference = "Eqs. (2) and (4) with a slope of each phase; K = F'/X'"
 
     def passed(self, p: Parameters, u: Floats) -> Floats:

@@ -31,6 +31,7 @@ class SinhArcsinhSlopes(LogisticArgument):
     """Asymmetric transformation with free tails between two sloped phases; see `PhaseLines`."""
 
     name = "sinh_arcsinh_slopes"
+    rung = 3
     reference = "Eqs. (2) and (4) with the sinh-arcsinh transformation and a slope of each phase; K = F'/X'"
     shape = (Role.SKEW, Role.TAIL)
     meanings = {Role.SKEW: "asymmetry of the transformation", Role.TAIL: "weight of the tails"}  # noqa: RUF012
@@ -66,6 +67,7 @@ class SinhArcsinh(SinhArcsinhSlopes):
     """Asymmetric transformation with free tails between two level phases; see `PhaseLines`."""
 
     name = "sinh_arcsinh"
+    rung = 2
     reference = "Eqs. (2) and (4) with the sinh-arcsinh transformation; K = F'/X'"
     sloped = False
 

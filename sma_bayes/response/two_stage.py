@@ -23,6 +23,7 @@ class TwoStage(PhaseLines):
     """Two logistic stages between two sloped phases; see `PhaseLines`."""
 
     name = "two_stage"
+    rung = 4
     reference = "Eqs. (2) and (4) with two stages and a slope of each phase; K = F'/X'"
     shape = (Role.SHARE, Role.GAP, Role.SECOND_RATE)
     meanings = {  # noqa: RUF012

@@ -11,6 +11,7 @@ import numpy as np
 from sma_bayes.account import Account
 from sma_bayes.curves import CurveDraws, calibrated_parameters
 from sma_bayes.inference.ensembles import Draws
+from sma_bayes.inference.model_choice import ModelChoice
 from sma_bayes.inference.noise_choice import NoiseChoice
 from sma_bayes.inference.warm_start import WarmStart
 from sma_bayes.posterior import Posterior, Weights
@@ -39,6 +40,8 @@ class Fit:
         Time that warm start and sampling took.
     chosen : bool
         Whether the noise model was chosen from the data rather than named by the user.
+    model_choice : ModelChoice or None
+        The response model and why, where it was chosen from the ladder.
     z : ndarray, shape (G, N, D)
         Kept draws in sampled coordinates, evenly thinned.
     theta : ndarray, shape (G, N, P)
@@ -53,6 +56,7 @@ class Fit:
     seed: int
     account: Account = field(default_factory=Account)
     chosen: bool = True
+    model_choice: ModelChoice | None = None
     z: Floats = field(init=False, repr=False)
     theta: Floats = field(init=False, repr=False)
 

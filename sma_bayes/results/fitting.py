@@ -11,14 +11,14 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.inference.ensembles import Plan, sample
-from sma_bayes.inference.noise_choice import choose_noise, noise_start, posterior_with
-from sma_bayes.inference.warm_start import WarmStart, warm_start
-from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.inference.model_choice import choose_model, prepare
+from sma_bayes.inference.noise_choice import noise_start, posterior_with
+from sma_bayes.inference.warm_start import WarmStart
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.posterior import build_posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.results.fit import Fit
 
 AUTO = "auto"
@@ -30,6 +30,7 @@ def fit_records(
     priors: PriorSet,
     *,
     model: ResponseModel | None = None,
+    ladder: Sequence[tuple[ResponseModel, PriorSet]] = (),
     noise: str = AUTO,
     discrepancy: bool = True,
     seed: int = 0,
@@ -46,6 +47,8 @@ def fit_records(
     priors : PriorSet
     model : ResponseModel, optional
         By default the modified sigmoid that predicts the observed channels.
+    ladder : sequence of tuple of ResponseModel and PriorSet
+        Models to choose from, simplest first, each with its priors; instead of `model` and `priors`.
     noise : str
         Name of a noise model, or ``"auto"``.
     discrepancy : bool
@@ -67,17 +70,20 @@ def fit_records(
     account = Account()
     with threadpool_limits(limits=1):  # linear algebra on several threads may round differently
         with account.timed("warm_start"):
-            first = build_posterior(records, NOISE_MODELS["independent"], priors, model=model)
             root = _seed(records, seed)
             start_seed, sample_seed = root.spawn(2)
-            start = warm_start(first, np.random.default_rng(start_seed))
-            choice = None
-            if noise == AUTO or NOISE_MODELS[noise].is_density:
-                only = None if noise == AUTO else noise
-                choice = choose_noise(first, start, priors, noise=only, discrepancy=discrepancy)
+            only = None if noise == AUTO else noise
+            prepared = [
+                prepare(records, m, p, np.random.default_rng(start_seed), noise=only, discrepancy=discrepancy)
+                for m, p in (ladder or [(model or ModifiedSigmoid(records[0].channels), priors)])
+            ]
+            best, model_choice = prepared[0], None
+            if len(prepared) > 1:
+                best, model_choice = choose_model(prepared)
+            first, start, choice = best.posterior, best.start, best.noise
         name = choice.name if choice else noise
         with account.timed("sample"):
-            posterior = posterior_with(name, first, start, priors, choice)
+            posterior = posterior_with(name, first, start, best.priors, choice)
             z = noise_start(posterior, start, choice)
             draws = sample(
                 posterior,
@@ -98,6 +104,7 @@ def fit_records(
         seed,
         account,
         chosen=noise == AUTO,
+        model_choice=model_choice,
     )
 
 

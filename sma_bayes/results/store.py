@@ -224,7 +224,10 @@ def _discrepancy_weights(fit: Fit, record: int) -> dict[str, Any]:
         f"{channel}{WEIGHTS}": (
             ("chain", "draw", f"{channel}{FUNCTION}"),
             weights.reshape(groups, kept, -1),
-            {"unit": fit.records[record].units[channel], "long_name": f"weights of what the curve of {channel} misses"},
+            {
+                "unit": fit.records[record].units[channel],
+                "long_name": f"weights of what the curve of {channel} misses",
+            },
         )
         for channel, weights in own.items()
     }
@@ -243,7 +246,8 @@ def _constants(fit: Fit, record: int, points: Mapping[str, Any]) -> Any:
     r, bases = fit.records[record], fit.posterior.discrepancy[record]
     coords = {"obs": np.arange(r.n), **_functions(fit, record)}
     coords |= {
-        f"{c}{NODE}": (f"{c}{NODE}", b.temperature, {"unit": r.units["temperature"]}) for c, b in bases.items()
+        f"{c}{NODE}": (f"{c}{NODE}", b.temperature, {"unit": r.units["temperature"]})
+        for c, b in bases.items()
     }
     values = {f"{c}{FUNCTIONS}": ((f"{c}{NODE}", f"{c}{FUNCTION}"), b.values) for c, b in bases.items()}
     return xr.Dataset({**points, **values}, coords)

@@ -18,12 +18,11 @@ from sma_bayes.assess.summary import record_summary
 from sma_bayes.errors import OutputError, SmaBayesError
 from sma_bayes.inference.jobs import run
 from sma_bayes.records.types import Branch, Record
-from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.results.documents import MARK
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import fit_records
 from sma_bayes.results.store import plain, write_csv, write_posterior
-from sma_bayes.workflow.options import FitOptions
+from sma_bayes.workflow.options import FitOptions, models_of
 from sma_bayes.workflow.parts import Part, part_path, read_part, write_part
 
 WHOLE_CONDITIONS = 20
@@ -55,9 +54,14 @@ def sample_task(task: FitTask) -> Fit:
     if task.folder is not None:
         name = task.records[0].key if len(task.records) == 1 else f"all-{task.records[0].branch.value}"
         checkpoint = task.folder / "checkpoints" / f"{name}.h5"
-    model = RESPONSE_MODELS[o.model].made_for(task.records)
     return fit_records(
-        task.records, o.priors, model=model, noise=o.noise, seed=o.seed, plan=o.plan, checkpoint=checkpoint
+        task.records,
+        o.priors,
+        ladder=models_of(task.records, o),
+        noise=o.noise,
+        seed=o.seed,
+        plan=o.plan,
+        checkpoint=checkpoint,
     )
 
 

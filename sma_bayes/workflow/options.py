@@ -15,8 +15,9 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Branch, Campaign, Record
-from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS, priors_named
+from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS, ladder, priors_named
 from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD, Arrangement, BiasSpring
+from sma_bayes.response.base import ResponseModel
 from sma_bayes.results.fitting import AUTO
 
 Pool = Literal["none", "campaign"]
@@ -30,7 +31,7 @@ class FitOptions:
     ----------
     seed : int
     model : str
-        Name of a response model.
+        Name of a response model, or ``auto``: the best supported of the ladder.
     noise : str
         Name of a noise model, or ``auto``.
     priors : PriorSet
@@ -63,7 +64,7 @@ def prior_set(priors: str | Path | PriorSet | None, model: str = DEFAULT_MODEL) 
     PriorError
         If there are no such priors; see `read_priors`.
     """
-    own = RESPONSE_MODELS[model]
+    own = RESPONSE_MODELS[DEFAULT_MODEL if model == AUTO_MODEL else model]
     if priors is None:
         return own.default_priors()
     found = priors if isinstance(priors, PriorSet) else priors_named(priors)
@@ -78,7 +79,7 @@ def model_named(name: str) -> str:
     UnknownNameError
         If there is none of that name.
     """
-    return RESPONSE_MODELS[name].name
+    return name if name == AUTO_MODEL else RESPONSE_MODELS[name].name
 
 
 def pool_named(name: str) -> Pool:
@@ -130,6 +131,20 @@ def bias_spring(
     )
 
 
+def models_of(records: Sequence[Record], options: FitOptions) -> list[tuple[ResponseModel, PriorSet]]:
+    """Response models to choose from for records that share a posterior, simplest first, each with its priors.
+
+    One unless the model is ``auto``; then those of the ladder that can be fitted to the channels, with the user's priors
+    for all parameters that these speak of.
+    """
+    if options.model != AUTO_MODEL:
+        return [(RESPONSE_MODELS[options.model].made_for(records), options.priors)]
+    return [
+        (m.made_for(records), m.default_priors().overridden_by(options.priors))
+        for m in ladder(records[0].channels)
+    ]
+
+
 def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
     """Refuse, before anything is written or sampled, what no record could be fitted with.
 
@@ -162,9 +177,9 @@ def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
         )
     for group in groups:
         one = [dict.fromkeys(record.channels, 1.0) for record in group]  # stands for residual and memory
-        model = RESPONSE_MODELS[options.model].made_for(group)
-        build_posterior(group, NOISE_MODELS["independent"], options.priors, model=model)
-        build_posterior(group, noise, options.priors, model=model, residual=one, memory=one)
+        for model, priors in models_of(group, options):
+            build_posterior(group, NOISE_MODELS["independent"], priors, model=model)
+            build_posterior(group, noise, priors, model=model, residual=one, memory=one)
 
 
 def groups_of(campaign: Campaign, pool: Pool) -> list[tuple[Record, ...]]:
