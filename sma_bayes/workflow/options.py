@@ -134,8 +134,8 @@ def bias_spring(
 def models_of(records: Sequence[Record], options: FitOptions) -> list[tuple[ResponseModel, PriorSet]]:
     """Response models to choose from for records that share a posterior, simplest first, each with its priors.
 
-    One unless the model is ``auto``; then those of the ladder that can be fitted to the channels, with the user's priors
-    for all parameters that these speak of.
+    One unless the model is ``auto``; then those of the ladder that can be fitted to the channels, with the user's
+    priors for all parameters that these speak of.
     """
     if options.model != AUTO_MODEL:
         return [(RESPONSE_MODELS[options.model].made_for(records), options.priors)]
