@@ -34,12 +34,11 @@ current_A = {current}
 """
 STUDY = """\
 [study]
-campaign = "bench"
+campaign = "one"
 out = "study"
 model = "gompertz"
 figures = "none"
 [fit]
-[compare]
 [[ask]]
 force = "1.5 N"
 """
@@ -80,13 +79,14 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (points,) = (text for kind, text in found if kind == "toml")
     points = re.sub(r'\[project\.entry-points\."(.+)"\]', r"[\1]", points).replace('"', "")
     (metadata / "entry_points.txt").write_text(points, encoding="utf-8")
-    bench = folder / "bench"
-    bench.mkdir()
-    text = CAMPAIGN
-    for i, current in enumerate((1.0, 1.5, 2.0)):
-        sweep(bench / f"c{i}.csv", 2.0 * i, i)
-        text += CONDITION.format(name=f"c{i}", current=current)
-    (bench / "campaign.toml").write_text(text, encoding="utf-8")
+    for name, currents in (("bench", (1.0, 1.5, 2.0)), ("one", (1.0,))):
+        bench = folder / name
+        bench.mkdir()
+        text = CAMPAIGN
+        for i, current in enumerate(currents):
+            sweep(bench / f"c{i}.csv", 2.0 * i, i)
+            text += CONDITION.format(name=f"c{i}", current=current)
+        (bench / "campaign.toml").write_text(text, encoding="utf-8")
     (folder / "study.toml").write_text(STUDY, encoding="utf-8")
     return folder
 
@@ -139,7 +139,7 @@ def test_a_fit_finds_the_parameters_that_made_the_data(fitted: dict[str, Any]) -
 def test_its_priors_can_be_edited_and_given_back(place: Path, fitted: dict[str, Any]) -> None:
     text = run(place, "priors", "gompertz").replace("median = 15.0", "median = 14.0")
     (place / "mine.toml").write_text(text, encoding="utf-8")
-    again = told(place, "fit", "bench", "--model", "gompertz", "--priors", "mine.toml", "--out", "again",
+    again = told(place, "fit", "one", "--model", "gompertz", "--priors", "mine.toml", "--out", "again",
                  "--figures", "none")  # fmt: skip
     first, second = (f["records"][0]["parameters"]["force_rate"] for f in (fitted, again))
     assert first["prior"] != second["prior"]
@@ -158,7 +158,7 @@ def test_a_finished_fit_answers_and_tells_what_the_current_does(place: Path, fit
 
 
 def test_it_takes_part_in_a_comparison(place: Path) -> None:
-    found = told(place, "compare", "bench", "--model", "gompertz", "--out", "comparison", "--figures", "all")
+    found = told(place, "compare", "one", "--model", "gompertz", "--out", "comparison", "--figures", "all")
     best = {m for g in found["overall"] for m in (g["preferred"],)}
     assert best == {"gompertz"}
 
