@@ -27,8 +27,8 @@ pool = "campaign"
 priors = "paper"
 
 [gap]
-model = "phase_slopes"
 figures = "none"
+model = "phase_slopes"
 
 [conditions]
 at = ["current_A=2"]
