@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from sma_bayes.assess.identifiability import IDENTIFIED, contraction, free_direc
 from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.assess.path import path_remark
 from sma_bayes.assess.transformation import transformation_temperatures
+from sma_bayes.inference.audit import Audit
 from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.response.modified_sigmoid import channel_unit, shape_of
 from sma_bayes.results.fit import Fit
@@ -89,6 +90,7 @@ def record_summary(
             "modes": len(fit.draws.modes),
             "draws": int(np.prod(fit.draws.z.shape[:3])),
         },
+        "sampling": {"method": fit.draws.method, **_audit(fit.draws.audit)},
         "ln_evidence": fit.draws.ln_evidence,
         "ln_evidence_sd": fit.draws.ln_evidence_sd,
         "shares_parameters_with": [x.key for i, x in enumerate(fit.records) if i != record],
@@ -96,6 +98,13 @@ def record_summary(
         "wall_s": float(sum(fit.account.wall.values())),
         **fit.account.document(),
     }
+
+
+def _audit(audit: Audit | None) -> dict[str, Any]:
+    """What the audit of a proposal found; nothing but null where there was none to be audited."""
+    if audit is None:
+        return dict.fromkeys((f.name for f in fields(Audit)), None)
+    return asdict(audit)
 
 
 def _parameters(fit: Fit, record: int) -> dict[str, dict[str, Any]]:

@@ -21,7 +21,16 @@ from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import write_text
 from sma_bayes.workflow.fit_tasks import FitTask, fitted, sample_task
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of, prior_set
+from sma_bayes.workflow.options import (
+    DEFAULT_PRIORS,
+    DEFAULT_SAMPLER,
+    FitOptions,
+    Pool,
+    check_call,
+    groups_of,
+    plan_with,
+    prior_set,
+)
 from sma_bayes.workflow.output_folder import claimed_folder
 from sma_bayes.workflow.parts import remove_parts
 from sma_bayes.workflow.under_way import UnderWay
@@ -34,6 +43,7 @@ def fit(
     noise: str = AUTO,
     priors: str | Path | PriorSet = DEFAULT_PRIORS,
     pool: Pool = "none",
+    sampler: str = DEFAULT_SAMPLER,
     jobs: int | None = None,
 ) -> dict[str, Fit]:
     """Fit every record of a campaign, in memory.
@@ -50,6 +60,9 @@ def fit(
         Name of a shipped set or path of a priors file.
     pool : {'none', 'campaign'}
         With ``campaign`` one set of A and B a branch serves all conditions.
+    sampler : str
+        ``independence``, or to cross-check it ``de`` (differential evolution) or ``stretch``, which take hundreds of
+        times as long.
     jobs : int, optional
         Processes; by default one for each core.
 
@@ -58,7 +71,7 @@ def fit(
     dict of str to Fit
         By the key of the record, ``<condition>-<branch>``. Pooled records share one `Fit`.
     """
-    options = FitOptions(prior_set(priors), seed, noise, pool)
+    options = FitOptions(prior_set(priors), seed, noise, pool, plan=plan_with(sampler))
     groups = groups_of(campaign, pool)
     tasks = [FitTask(g, options, None) for g in groups]
     out: dict[str, Fit] = {}
@@ -75,6 +88,7 @@ def fit_campaign(
     noise: str = AUTO,
     priors: str | Path | PriorSet = DEFAULT_PRIORS,
     pool: Pool = "none",
+    sampler: str = DEFAULT_SAMPLER,
     jobs: int | None = None,
     extrapolate: float = 0.0,
     bias: BiasSpring | None = None,
@@ -87,7 +101,7 @@ def fit_campaign(
 
     Parameters
     ----------
-    campaign, seed, noise, priors, pool, jobs
+    campaign, seed, noise, priors, pool, sampler, jobs
         See `fit`.
     out : str or Path
         Folder for the results. It must be new or empty, unless `resume` is set and it holds the same run.
@@ -123,6 +137,7 @@ def fit_campaign(
         noise,
         pool,
         extrapolate,
+        plan=plan_with(sampler),
         bias=bias,
     )
     drawn = figures_for(figures, len(campaign.records))
@@ -142,6 +157,7 @@ def fit_campaign(
         "options": {
             "noise": noise,
             "pool": pool,
+            "sampler": sampler,
             "extrapolate": extrapolate,
             "priors": options.priors.title,
             "bias_spring": None if bias is None else asdict(bias),

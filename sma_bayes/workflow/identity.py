@@ -30,6 +30,7 @@ def run_identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
         "priors": hashlib.sha256(options.priors.text.encode()).hexdigest(),
         "seed": options.seed,
         "noise": options.noise,
+        "sampler": options.plan.sampler.name,
         "pool": options.pool,
         "extrapolate": options.extrapolate,
         "bias_spring": None if options.bias is None else asdict(options.bias),
