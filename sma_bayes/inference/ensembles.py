@@ -166,8 +166,11 @@ Walkers that start near a mode and creep along a bent ridge agree with each othe
 ends, and the more walkers there are the sooner they add up to the target: of 20 runs on a narrow banana all had
 reached it, with standard deviations a fifth too small."""
 
-LONGEST = 96
-"""Steps of independence moves, at most."""
+LONGEST = 384
+"""Steps of independence moves, at most. Of skewed parameters the outer quantiles take some thirty thousand draws, which
+other moves would take a hundred times as long to make."""
+HEAVIER_FROM = 48
+"""Steps from which the greatest weight that is let pass grows with their number."""
 HOPED = 1.37
 """Draws that must count for each effective one that is asked for, so that the first block of steps mostly does: each of
 some thirty effective sample sizes is an estimate, and the least of them decides."""
@@ -418,7 +421,7 @@ class _Run:
             self.tell(f"independence moves, from step {group.length + 1}")
             group.advance(more)
             weights = Weights(group.log_weight)
-            most = plan.greatest_weight * max(1.0, 2.0 * group.length / LONGEST)
+            most = plan.greatest_weight * max(1.0, group.length / HEAVIER_FROM)
             if weights.efficiency < USABLE:
                 return None
             convergence = assess(group.chains, plan.target)
