@@ -18,7 +18,7 @@ Options:
 
 It prints, as Markdown, how many converged records have a 2.5 or 97.5 % quantile off by more than 0.2 sd, a standard
 deviation off by more than 7 %, or ln Z off by more than three stated errors; each limit is widened by two standard
-errors of the reference.
+errors of the reference. What is interrupted prints the table of what was measured so far.
 """
 
 from __future__ import annotations
@@ -293,6 +293,8 @@ def table(rows: Sequence[Row], slack: float) -> str:
         "| noise | records | converged | decided | quantile | sd | ln Z | after an audit or DE | median s |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
+    if not rows:
+        return "\n".join(lines)
     for name in ["all", *sorted({r.noise for r in rows})]:
         own = [r for r in rows if name in ("all", r.noise)]
         good = [r for r in own if r.converged]
@@ -307,6 +309,16 @@ def table(rows: Sequence[Row], slack: float) -> str:
     return "\n".join(lines)
 
 
+def _tell(row: Row) -> None:
+    print(
+        f"{row.number} {row.curve}, {row.channels}, {row.noise}: {row.method}, off {row.quantile_off:.3f} sd "
+        f"({row.at}, {100 * row.beyond:.1f} % beyond), sd {100 * row.sd_off:.1f} %, ln Z {row.ln_z_off:.1f}; "
+        f"reference {row.reference_error:.3f}; {row.sample_s:.2f} s, {row.reference_s:.1f} s",
+        file=sys.stderr,
+        flush=True,
+    )
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the measurement."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -319,23 +331,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.records < 1 or options.first < 0 or options.seed < 0:
         parser.error("--records must be at least 1, --first and --seed at least 0")
     length = QUICK if options.quick else LONG
-    rows = []
-    with threadpool_limits(limits=1):
-        for number in range(options.first, options.first + options.records):
-            row = measured(number, options.seed, length)
-            rows.append(row)
-            print(
-                f"{number} {row.curve}, {row.channels}, {row.noise}: {row.method}, off {row.quantile_off:.3f} sd "
-                f"({row.at}, {100 * row.beyond:.1f} % beyond), sd {100 * row.sd_off:.1f} %, ln Z {row.ln_z_off:.1f}; "
-                f"reference {row.reference_error:.3f}; {row.sample_s:.2f} s, {row.reference_s:.1f} s",
-                file=sys.stderr,
-                flush=True,
-            )
+    rows: list[Row] = []
     options.out.mkdir(parents=True, exist_ok=True)
-    with (options.out / "tails.csv").open("w", newline="", encoding="utf-8") as file:
+    with (
+        (options.out / "tails.csv").open("w", newline="", encoding="utf-8") as file,
+        threadpool_limits(limits=1),
+    ):
         writer = csv.DictWriter(file, [f.name for f in fields(Row)])
         writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+        try:
+            for number in range(options.first, options.first + options.records):
+                rows.append(measured(number, options.seed, length))
+                writer.writerow(asdict(rows[-1]))
+                file.flush()
+                _tell(rows[-1])
+        except KeyboardInterrupt:
+            print(f"interrupted: {len(rows)} records", file=sys.stderr)
     print(table(rows, 2.0))
     return 0
 

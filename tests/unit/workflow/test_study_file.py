@@ -56,7 +56,8 @@ def test_paths_are_relative_to_the_file_and_steps_inherit(tmp_path: Path) -> Non
     mine = str(tmp_path / "mine.toml")
     assert study.steps == {
         "fit": {
-            "priors": mine, "pool": "none", "figures": "auto", "noise": "student_t", "extrapolate": 0.0,
+            "priors": mine, "pool": "none", "figures": "auto", "noise": "student_t",
+            "sampler": "independence", "extrapolate": 0.0,
             "arrangement": "parallel", "bias": 120.0,
         },
         "compare": {"priors": "paper", "pool": "campaign", "figures": "auto", "noise": "ar1"},
