@@ -1,12 +1,14 @@
 """The published parameters of any curve: those of the published sigmoid that is nearest to it.
 
-Whatever model was fitted, and whatever stands beside it, force and displacement have a nearest curve of Eqs. (2) and (4),
+Whatever model was fitted, and whatever stands beside it, force and displacement have a nearest curve of Eqs. (2)
+and (4),
 
     A1 to A4 = argmin of the mean over the samples of (X(T) - A4 - A1/(1 + exp(-A2 (T - A3))))**2,
 
-and B1 to B4 likewise for the force. The norm is the mean square over the temperatures that were measured. Its parameters are a
-property of the true curve, not of a model for it, and each draw of the curve has its own: their intervals
-hold also where the published curve does not describe the specimen (R. Tuo and C. F. J. Wu, Ann. Stat. 43 (2015) 2331).
+and B1 to B4 likewise for the force. The norm is the mean square over the temperatures that were measured. Its
+parameters are a property of the true curve, not of a model for it, and each draw of the curve has its own: their
+intervals hold also where the published curve does not describe the specimen (R. Tuo and C. F. J. Wu, Ann. Stat. 43
+(2015) 2331).
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ class Nearest:
 
 
 def nearest_parameters(fit: Fit, record: int = 0) -> tuple[Nearest, ...]:
-    """Parameters of the nearest published curves of one record, for force and displacement as far as they were measured.
+    """Parameters of the nearest published curves of one record, for force and displacement where they were measured.
 
     Parameters
     ----------
@@ -164,10 +166,14 @@ def _start(x: Floats, y: Floats) -> Floats:
     """Nearest sigmoid of one curve on [0, 1]: span, ln rate, midpoint, offset; from several rates, the best."""
     sign = 1.0 if y[-1] >= y[0] else -1.0
     middle = float(np.clip(x[np.argmin(np.abs(y - 0.5 * (y[0] + y[-1])))], 0.1, 0.9))
+
+    def missed(p: Floats) -> Floats:
+        return np.asarray(_sigmoid(x, p[None])[0] - y)
+
     best = None
     for rate in (5.0, 15.0, 50.0):
         p = np.array([sign, np.log(rate), middle, y[0]])
-        found = least_squares(lambda p: _sigmoid(x, p[None])[0] - y, p, max_nfev=200)
+        found = least_squares(missed, p, max_nfev=200)
         if best is None or found.cost < best.cost:
             best = found
     assert best is not None  # there are three starts

@@ -475,8 +475,8 @@ class _ResidualDensity:
     def starts(self) -> list[Floats]:
         """Where to climb from: what is left is noise of one kind, or mostly smooth with a little noise."""
         own = self.noise.estimate(self.residual, self.steps)
-        small = float(np.clip(_scatter(self.residual, self.steps), 1e-3 * own[0], own[0]))
-        smooth = float(np.sqrt(max(np.mean(self.residual**2) - small**2, (0.1 * small) ** 2)))
+        small = min(max(_scatter(self.residual, self.steps), 1e-3 * float(own[0])), float(own[0]))
+        smooth = max(float(np.mean(self.residual**2)) - small**2, (0.1 * small) ** 2) ** 0.5
         found = []
         for sd, size, felt in ((float(own[0]), 0.2 * float(own[0]), 0.1), (small, smooth, 1.0)):
             theta = self.space.to_physical(self.space.prior_centre())

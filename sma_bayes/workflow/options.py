@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
-from sma_bayes.errors import SmaBayesError, near_matches
+from sma_bayes.errors import SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.inference.ensembles import Plan
+from sma_bayes.inference.moves import SAMPLERS
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
@@ -20,6 +21,7 @@ from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD, Ar
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.results.fitting import AUTO
 
+DEFAULT_SAMPLER: Final = "independence"
 Pool = Literal["none", "campaign"]
 
 
@@ -95,6 +97,23 @@ def pool_named(name: str) -> Pool:
     if name == "campaign":
         return "campaign"
     raise SmaBayesError(f"--pool {name!r}", expected="'none' or 'campaign'")
+
+
+def plan_with(sampler: str) -> Plan:
+    """Plan of ensembles with a sampler of `SAMPLERS`, by its name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such sampler.
+    """
+    if sampler not in SAMPLERS:
+        raise UnknownNameError(
+            f"--sampler {sampler!r}",
+            expected=near_matches(sampler, SAMPLERS),
+            remedy=f"choose one of {', '.join(SAMPLERS)}",
+        )
+    return Plan(sampler=SAMPLERS[sampler])
 
 
 def bias_spring(
