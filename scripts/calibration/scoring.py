@@ -149,7 +149,7 @@ def nearest_scores(fit: Fit, case: Case) -> dict[str, Any]:
 
 
 def nearest_intervals(fit: Fit) -> dict[str, tuple[float, float, float]]:
-    """Quantiles at 5, 50 and 95 % of the published parameters by name: of the nearest published curve, or of the model."""
+    """5, 50 and 95 % quantiles of the published parameters by name: of the nearest such curve, else of the model."""
     names = fit.posterior.model.parameter_names
     draws = fit.calibrated(0)[:, fit.posterior.layout[0].model]
     return {name: tuple(np.quantile(draws[:, i], (0.05, 0.5, 0.95)).tolist()) for i, name in enumerate(names)}

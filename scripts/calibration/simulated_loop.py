@@ -51,7 +51,7 @@ def isobaric_cycle(stress: float, n: float, width: float) -> dict[str, Curve]:
         "flag": 0.0, "E_A": 67.5e3, "E_M": 42.0e3, "nu_A": 0.35, "nu_M": 0.35, "alpha_A": 1.1e-5, "alpha_M": 6.6e-6,
         "H_min": 0.0, "H_max": 0.045, "k": 0.021, "sigma_crit": 0.0, "C_A": 8.0, "C_M": 7.0,
         "Ms": 300.0, "Mf": 300.0 - width, "As": 308.0, "Af": 308.0 + width, "n1": n, "n2": n, "n3": n, "n4": n,
-        "sigma_calibration": 150.0, "b_Prager": 1.4, "n_Prager": 2.0,
+        "sigma_calibration": 150.0, "b_Prager": 0.0, "n_Prager": 2.0,
         "c_lambda": 1e-6, "p0_lambda": 1e-3, "n_lambda": 1.0, "alpha_lambda": 1e8,
     }  # fmt: skip
 
