@@ -60,7 +60,7 @@ def run(
     trials = [Trial(name, i, model, noise) for i in range(repeats) for name in possible]
     todo = to_do(trials, out)
     typer.echo(f"{len(todo)} of {len(trials)} to do", err=True)
-    cut_off = out.exists() and not out.read_text(encoding="utf-8").endswith(("\n", ""))
+    cut_off = out.exists() and out.read_text(encoding="utf-8")[-1:] not in ("", "\n")
     with out.open("a", encoding="utf-8") as file:
         if cut_off:
             file.write("\n")

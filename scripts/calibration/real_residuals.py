@@ -1,7 +1,8 @@
 """Residuals of real sweeps, put back on smooth curves that were fitted to them.
 
 The sweeps are those of the worked examples whose response is a curve of temperature: the wire in water is left out, and
-so are the heating halves without samples in the transformation. To each sweep two logistics with a slope for each
+so are the heating halves without samples in the transformation, and the raw NiTi, which transforms in more steps than
+the smooth curve has. To each sweep two logistics with a slope for each
 phase are fitted by least squares; they leave what a reading scatters, and they are the truth. A repeat shifts the
 residuals along the sweep, cyclically, and turns their sign at random, so that each repeat has other data with the
 memory, the tails and the rounding of the instrument.
@@ -28,7 +29,6 @@ USED = (
     "smareact_nitico_isobaric",
     "smareact_isobaric_7cycle",
     "nitihf_sparse_isobaric",
-    "niti_raw_isobaric",
     "guarneros_spring_force",
 )
 EMPTY = ("150MPa-heating", "200MPa-heating")

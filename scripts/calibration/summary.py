@@ -58,12 +58,11 @@ def quantities(line: Mapping[str, Any]) -> dict[str, float | None]:
 def share(values: Sequence[float]) -> tuple[float, float]:
     """Mean of the shares of repeats and its standard error, from their scatter.
 
-    Where all repeats agree the scatter says nothing, and the error is that of a binomial at the nominal 90 %.
+    Where all repeats agree, or there is but one, the scatter says nothing, and the error is that of a binomial at the
+    nominal 90 %.
     """
     x = np.asarray(values, dtype=float)
-    if x.size < 2:
-        return float(x.mean()), float("nan")
-    scatter = float(np.std(x, ddof=1))
+    scatter = float(np.std(x, ddof=1)) if x.size > 1 else 0.0
     if scatter == 0.0:
         scatter = float(np.sqrt(NOMINAL * (1.0 - NOMINAL)))
     return float(x.mean()), scatter / float(np.sqrt(x.size))
