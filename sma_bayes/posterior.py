@@ -1,15 +1,18 @@
-"""The posterior: records, model, noise and priors joined into one density.
+"""The posterior: records, model, discrepancy, noise and priors joined into one density.
 
-    log p(z | data) = log prior(z) + sum over records, channels and samples of log density(residual)
+    log p(z | data) = log prior(z) + sum over records and channels of log density(measured - response)
 
 One posterior serves one record (each condition and branch its own A and B), or several that share A and B.
 What is shared is a layout of positions in the parameter vector; the sampler never knows the difference.
 
-A temperature error of standard deviation ``s_T`` moves all channels of a sample together. To first order each
-residual has the covariance ``diag(sd**2) + s_T**2 g g'`` with ``g = d(response)/dT``; residuals are whitened
-channel by channel by conditioning on what the channels before say about the temperature error. What is left
-has unit variance and is handed to the noise model, so that a memory in the noise extends to the temperature
-error as well.
+An error of the thermometer, declared or estimated, moves all channels of a sample together. The true temperature is normal
+about the reading with standard deviation ``s_T``; mean and covariance of the response under it are found by Gauss-Hermite
+quadrature, which holds to any order of ``s_T`` times the slope. Residuals are whitened channel by channel by
+conditioning on those before. What is left has unit variance and is handed to the noise model, so that a memory in the noise
+extends to the error of temperature as well.
+
+Where a discrepancy stands beside the curve (`sma_bayes.discrepancy`) its weights are integrated out of the density. Curves,
+residuals and replicated data are those of given weights, which `draw_discrepancy` draws.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 
@@ -25,18 +28,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.batches import batches
+from sma_bayes.discrepancy import DiscrepancyBasis, Whitened, size_fact
 from sma_bayes.errors import PriorError
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
+from sma_bayes.noise.heteroscedastic import temperature_sd_fact
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parameters.scales import RecordScales
-from sma_bayes.parameters.space import Parameter, ParameterSpace
+from sma_bayes.parameters.space import Parameter, ParameterFact, ParameterSpace
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
+from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
-from sma_bayes.response.types import ResponseModel
 
 CHUNK = 1 << 15
 """Samples times parameter vectors that are evaluated at a time, so that intermediate arrays stay in cache."""
+
+
+QUADRATURE = np.polynomial.hermite_e.hermegauss(7)
+"""Nodes and weights under a standard normal (up to a factor); exact for polynomials of degree 13."""
+
+Weights = tuple[Mapping[str, Floats], ...]
+"""For each record, channel to weights (W, m) of its discrepancy; channels without one are left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,10 +61,21 @@ class Place:
         Positions of the model's parameters.
     noise : mapping of str to ndarray of int
         Positions of each channel's noise parameters.
+    size : mapping of str to int
+        Position of the size of each channel's discrepancy, where it has one.
+    temperature_sd : int or None
+        Position of the standard deviation of an error of the thermometer, where it is estimated.
     """
 
     model: NDArray[np.intp]
     noise: Mapping[str, NDArray[np.intp]]
+    size: Mapping[str, int] = field(default_factory=dict)
+    temperature_sd: int | None = None
+
+    def blocks(self) -> list[NDArray[np.intp]]:
+        """Positions that belong together beside the model's: noise and discrepancy of each channel, the thermometer."""
+        found = [np.append(at, self.size[c]) if c in self.size else at for c, at in self.noise.items()]
+        return found if self.temperature_sd is None else [*found, np.array([self.temperature_sd])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +90,8 @@ class Posterior:
     space : ParameterSpace
     layout : tuple of Place
         One for each record.
+    discrepancy : tuple of mapping
+        For each record, channel to the basis of what the curve misses; empty where nothing stands beside the curve.
     steps : tuple of Steps
         How the samples of each record follow each other.
     """
@@ -76,10 +101,16 @@ class Posterior:
     noise: NoiseModel
     space: ParameterSpace
     layout: tuple[Place, ...]
+    discrepancy: tuple[Mapping[str, DiscrepancyBasis], ...] = ()
     steps: tuple[Steps, ...] = field(init=False, repr=False)
+    _range: tuple[Mapping[str, tuple[float, float]], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "steps", tuple(Steps.of(r) for r in self.records))
+        if not self.discrepancy:
+            object.__setattr__(self, "discrepancy", tuple({} for _ in self.records))
+        ranges = tuple({c: _observed_range(r.observed[c]) for c in r.channels} for r in self.records)
+        object.__setattr__(self, "_range", ranges)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -90,6 +121,21 @@ class Posterior:
     def n(self) -> int:
         """Number of samples over all records."""
         return sum(r.n for r in self.records)
+
+    @property
+    def has_discrepancy(self) -> bool:
+        """Whether anything stands beside the curve."""
+        return any(self.discrepancy)
+
+    def observed_range(self, record: int, channel: str) -> tuple[float, float]:
+        """Bottom of the observed range of a channel of a record, and its width [unit of the channel]."""
+        return self._range[record][channel]
+
+    @property
+    def near_least_squares(self) -> bool:
+        """Whether the mode is all but the least-squares optimum: nothing beside the curve but noise without memory."""
+        alone = not (self.noise.remembers or self.noise.feels_temperature or self.has_discrepancy)
+        return alone and self.noise.is_plain
 
     @property
     def sampled_model(self) -> NDArray[np.intp]:
@@ -124,111 +170,244 @@ class Posterior:
         return np.where(np.isnan(value), -np.inf, value)
 
     def log_likelihood(self, theta: Floats) -> Floats:
-        """Log likelihood of parameter vectors ``theta`` (W, P), shape (W,)."""
+        """Log likelihood of parameter vectors ``theta`` (W, P), shape (W,); weights of discrepancies integrated out."""
         theta = np.atleast_2d(theta)
         total = np.zeros(len(theta))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            for record, place, steps in zip(self.records, self.layout, self.steps, strict=True):
+            for i, record in enumerate(self.records):
                 for part in batches(len(theta), record.n, CHUNK):
-                    for channel, e, log_scale in self._whitened(theta[part], record, place):
-                        shape = theta[part][:, place.noise[channel][1:]]
-                        counts = self.noise.information(shape)
-                        total[part] += counts * (self.noise.total_log_density(e, shape, steps) - log_scale)
+                    for channel, e, scale in self._standardised(theta[part], i):
+                        shape = theta[part][:, self.layout[i].noise[channel][1:]]
+                        if channel in self.discrepancy[i]:
+                            whitened = self._whitened(theta[part], i, channel, e, scale)
+                            total[part] += whitened.marginal_log_density()
+                            continue
+                        density = self.noise.total_log_density(e, shape, self.steps[i])
+                        total[part] += self.noise.information(shape) * (density - _log_sum(scale, record.n))
         return np.where(np.isnan(total), -np.inf, total)
 
-    def pointwise_log_likelihood(self, theta: Floats) -> tuple[dict[str, Floats], ...]:
-        """Log density of each observation given those before it.
+    def pointwise_log_likelihood(self, theta: Floats, weights: Weights = ()) -> tuple[dict[str, Floats], ...]:
+        """Log density of each observation given those before it and the discrepancy.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (W, P)
+        weights : tuple of mapping
+            Of the discrepancies.
 
         Returns
         -------
         tuple of dict
-            For each record, channel to array of shape (W, n). Their sum is `log_likelihood`.
+            For each record, channel to array of shape (W, n). Without discrepancies their sum is `log_likelihood`.
         """
         theta = np.atleast_2d(theta)
         out = []
-        for record, place, steps in zip(self.records, self.layout, self.steps, strict=True):
+        for i, record in enumerate(self.records):
             found: dict[str, Floats] = {c: np.empty((len(theta), record.n)) for c in record.channels}
             for part in batches(len(theta), record.n, CHUNK):
-                for channel, e, _, scale in self._whitening(theta[part], record, place):
-                    shape = theta[part][:, place.noise[channel][1:]]
-                    density = self.noise.log_density(e, shape, steps) - np.log(scale)
+                own = _part(weights, part)
+                for channel, e, scale in self._standardised(theta[part], i, own):
+                    shape = theta[part][:, self.layout[i].noise[channel][1:]]
+                    density = self.noise.log_density(e, shape, self.steps[i]) - np.log(scale)
                     found[channel][part] = self.noise.information(shape)[:, None] * density
             out.append(found)
         return tuple(out)
 
-    def residuals(self, theta: Floats) -> tuple[dict[str, Floats], ...]:
+    def residuals(self, theta: Floats, weights: Weights = ()) -> tuple[dict[str, Floats], ...]:
         """Whitened residuals with the memory of the noise taken out, for each record: channel to (W, n).
 
         If model and noise are right they are independent and of unit variance.
         """
         theta = np.atleast_2d(theta)
+        return tuple(
+            {
+                channel: self.noise.innovations(
+                    e, theta[:, self.layout[i].noise[channel][1:]], self.steps[i]
+                )
+                for channel, e, _ in self._standardised(theta, i, weights)
+            }
+            for i in range(len(self.records))
+        )
+
+    def draw_discrepancy(self, rng: np.random.Generator, theta: Floats) -> Weights:
+        """Weights of the discrepancies, drawn given the measurements and everything else.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        theta : ndarray, shape (W, P)
+
+        Returns
+        -------
+        tuple of dict
+            For each record, channel to array of shape (W, m) [unit of the channel].
+        """
+        theta = np.atleast_2d(theta)
         out = []
-        for record, place, steps in zip(self.records, self.layout, self.steps, strict=True):
-            out.append({
-                channel: self.noise.innovations(e, theta[:, place.noise[channel][1:]], steps)
-                for channel, e, _, _ in self._whitening(theta, record, place)
-            })  # fmt: skip
+        for i, record in enumerate(self.records):
+            found: dict[str, Floats] = {
+                c: np.zeros((len(theta), basis.count)) for c, basis in self.discrepancy[i].items()
+            }
+            if found:
+                for part in batches(len(theta), record.n, CHUNK):
+                    for channel, e, scale in self._standardised(theta[part], i):
+                        if channel in found:
+                            whitened = self._whitened(theta[part], i, channel, e, scale)
+                            found[channel][part] = whitened.draw_weights(rng)
+            out.append(found)
         return tuple(out)
 
-    def predict(self, theta: Floats, inputs: Mapping[str, Floats], *, record: int = 0) -> dict[str, Floats]:
-        """Response of each channel at other inputs, shape (..., n)."""
+    def predict(
+        self, theta: Floats, inputs: Mapping[str, Floats], *, record: int = 0, weights: Weights = ()
+    ) -> dict[str, Floats]:
+        """Response of each channel at other inputs, shape (..., n), discrepancy of given weights included."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return self.model.predict(np.asarray(theta)[..., self.layout[record].model], inputs)
+            out = self.model.predict(np.asarray(theta)[..., self.layout[record].model], inputs)
+        for channel, own in _of(weights, record).items():
+            out[channel] = out[channel] + self.discrepancy[record][channel].function(own, inputs["temperature"])
+        return out
 
-    def replicate(self, rng: np.random.Generator, theta: Floats, *, record: int = 0) -> dict[str, Floats]:
+    def slope(
+        self, theta: Floats, inputs: Mapping[str, Floats], *, record: int = 0, weights: Weights = ()
+    ) -> dict[str, Floats]:
+        """Derivative of `predict` with respect to temperature, shape (..., n)."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            out = self.model.slope(np.asarray(theta)[..., self.layout[record].model], inputs)
+        for channel, own in _of(weights, record).items():
+            basis = self.discrepancy[record][channel]
+            out[channel] = out[channel] + basis.function_slope(own, inputs["temperature"])
+        return out
+
+    def replicate(
+        self, rng: np.random.Generator, theta: Floats, *, record: int = 0, weights: Weights = ()
+    ) -> dict[str, Floats]:
         """New measurements at the record's own inputs, one for each parameter vector: channel to (W, n)."""
         theta = np.atleast_2d(theta)
         r, place = self.records[record], self.layout[record]
-        clean = self.predict(theta, r.inputs, record=record)
+        inputs = dict(r.inputs)
+        spread = self.temperature_sd(theta, record)
+        if spread is not None:
+            shape = (len(theta), r.n)
+            inputs["temperature"] = r.temperature + spread[:, None] * rng.standard_normal(shape)
+        clean = self.predict(theta, inputs, record=record, weights=weights)
         out = {}
-        slope = self.model.slope(theta[..., place.model], r.inputs) if r.temperature_sd > 0 else {}
-        mean: Floats = np.zeros(1)  # of the temperature error, given the channels so far, as in `_whitening`
-        variance: Floats = np.ones(1)
         for channel in r.channels:
             at = place.noise[channel]
-            sd = theta[:, at[0], None]
             series = self.noise.draw(rng, theta[:, at[1:]], self.steps[record])
-            if not slope:
-                out[channel] = clean[channel] + sd * series
-                continue
-            gain = slope[channel] * r.temperature_sd
-            total = sd * sd + gain * gain * variance
-            residual = np.sqrt(total) * series
-            out[channel] = clean[channel] + gain * mean + residual
-            share = gain * variance / total
-            mean = mean + share * residual
-            variance = variance * (1.0 - share * gain)
+            scale = self.noise_scale(theta, record, channel, clean[channel])
+            out[channel] = clean[channel] + scale * series
         return out
 
-    def _whitened(self, theta: Floats, record: Record, place: Place) -> Iterator[tuple[str, Floats, Floats]]:
-        """Channel, whitened residual (W, n) and the sum of the logarithms of their scales (W,)."""
-        for channel, e, log_scale, _ in self._whitening(theta, record, place):
-            yield channel, e, log_scale
+    def temperature_sd(self, theta: Floats, record: int = 0) -> Floats | None:
+        """Standard deviation (W,) of the error of the thermometer; None where there is none."""
+        at, declared = self.layout[record].temperature_sd, self.records[record].temperature_sd
+        if at is not None:
+            return np.asarray(np.hypot(theta[:, at], declared))
+        return np.full(len(theta), declared) if declared > 0.0 else None
 
-    def _whitening(
-        self, theta: Floats, record: Record, place: Place
-    ) -> Iterator[tuple[str, Floats, Floats, Floats]]:
-        mu = self.model.predict(theta[:, place.model], record.inputs)
-        if record.temperature_sd == 0.0:
-            for channel in record.channels:
-                sd = theta[:, place.noise[channel][0], None]
-                e = record.observed[channel] - mu[channel]
-                e *= 1.0 / sd
-                yield channel, e, record.n * np.log(sd[:, 0]), sd
-            return
-        slope = self.model.slope(theta[:, place.model], record.inputs)
-        mean: Floats = np.zeros(1)  # of the temperature error, given the channels so far [sd of the error]
-        variance: Floats = np.ones(1)
-        for channel in record.channels:
-            sd = theta[:, place.noise[channel][0], None]
-            gain = slope[channel] * record.temperature_sd
-            residual = record.observed[channel] - mu[channel] - gain * mean
-            total = sd * sd + gain * gain * variance
-            share = gain * variance / total
-            mean = mean + share * residual
-            variance = variance * (1.0 - share * gain)
-            scale = np.sqrt(total)
-            yield channel, residual / scale, np.log(scale).sum(axis=-1), scale
+    def noise_scale(self, theta: Floats, record: int, channel: str, response: Floats) -> Floats:
+        """Standard deviation of the noise of a channel where it responds so, shape (W, n) or (W, 1)."""
+        at = self.layout[record].noise[channel]
+        sd = theta[:, at[0], None]
+        low, span = self._range[record][channel]
+        relative = self.noise.relative_scale(theta[:, at[1:]], (response - low) / span)
+        return np.asarray(sd if relative is None else sd * relative)
+
+    def expected(self, theta: Floats, record: int = 0) -> tuple[dict[str, Floats], dict[str, Floats]]:
+        """Mean response and its standard deviation at the samples of a record, under errors of the thermometer.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (W, P)
+
+        Returns
+        -------
+        mean, sd : dict of str to ndarray, shape (W, n)
+            `sd` is empty where the thermometer has no error.
+        """
+        mean, root = self._moments(theta, record)
+        return mean, {c: np.sqrt(sum(x * x for x in rows)) for c, rows in root.items()}
+
+    def moments_of_noise(self, theta: Floats, record: int) -> tuple[dict[str, Floats], dict[str, Floats]]:
+        """Mean response at the samples of a record, and how much wider than ``sd`` measurements scatter there.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (P,)
+
+        Returns
+        -------
+        mean, relative : dict of str to ndarray, shape (n,) or (1,)
+            [unit of the channel] and [1].
+        """
+        mean, spread = self.expected(theta[None], record)
+        relative = {}
+        for channel, response in mean.items():
+            sd = theta[self.layout[record].noise[channel][0]]
+            scale = self.noise_scale(theta[None], record, channel, response)
+            relative[channel] = np.hypot(scale, spread.get(channel, 0.0))[0] / sd
+        return {c: y[0] for c, y in mean.items()}, relative
+
+    def _moments(
+        self, theta: Floats, record: int
+    ) -> tuple[dict[str, Floats], dict[str, list[Floats]]]:
+        """Mean response, and for each channel the parts of its deviation at each node of the quadrature."""
+        r, model_theta = self.records[record], theta[:, self.layout[record].model]
+        spread = self.temperature_sd(theta, record)
+        if spread is None:
+            return self.model.predict(model_theta, r.inputs), {}
+        nodes, weights = QUADRATURE
+        weights = weights / weights.sum()
+        at_nodes = [
+            self.model.predict(
+                model_theta, {**r.inputs, "temperature": r.temperature + (x * spread)[:, None]}
+            )
+            for x in nodes
+        ]
+        mean, parts = {}, {}
+        for channel in r.channels:
+            mean[channel] = sum(w * y[channel] for w, y in zip(weights, at_nodes, strict=True))
+            parts[channel] = [
+                np.sqrt(w) * (y[channel] - mean[channel]) for w, y in zip(weights, at_nodes, strict=True)
+            ]
+        return mean, parts
+
+    def _standardised(
+        self, theta: Floats, record: int, weights: Weights = ()
+    ) -> Iterator[tuple[str, Floats, Floats]]:
+        """Channel, whitened residual (W, n), and the scale (W, n) or (W, 1) by which it was divided."""
+        r = self.records[record]
+        mean, parts = self._moments(theta, record)
+        given = _of(weights, record)
+        before: list[tuple[list[Floats], list[Floats], Floats, Floats]] = []
+        for channel in r.channels:
+            residual = r.observed[channel] - mean[channel]
+            if channel in given:
+                residual = residual - given[channel] @ self.discrepancy[record][channel].rows
+            sd = self.noise_scale(theta, record, channel, mean[channel])
+            if not parts:
+                residual *= 1.0 / sd
+                yield channel, residual, sd
+                continue
+            # a row of the Cholesky factor of the covariance of the channels
+            own, row = parts[channel], []
+            for others, other_row, _, scale in before:
+                shared = sum(x * y for x, y in zip(own, others, strict=True))
+                shared = shared - sum(x * y for x, y in zip(row, other_row, strict=False))
+                row.append(shared / scale)
+            variance = sd * sd + sum(x * x for x in own) - sum(x * x for x in row)
+            scale = np.sqrt(variance)
+            whitened = (residual - sum(x * b[2] for x, b in zip(row, before, strict=True))) / scale
+            if not self.discrepancy[record]:  # with one, the residuals before still hold it: each stands for itself
+                before.append((own, row, whitened, scale))
+            yield channel, whitened, scale
+
+    def _whitened(self, theta: Floats, record: int, channel: str, e: Floats, scale: Floats) -> Whitened:
+        place = self.layout[record]
+        shape = theta[:, place.noise[channel][1:]]
+        rows = self.discrepancy[record][channel].rows
+        size = theta[:, place.size[channel], None]
+        return Whitened(self.noise, shape, self.steps[record], e, scale, rows, size)
 
     def fingerprint(self) -> str:
         """Digest of data, priors, model, noise and versions: what must agree for a run to be resumed."""
@@ -239,6 +418,10 @@ class Posterior:
                 digest.update(name.encode())
                 digest.update(np.ascontiguousarray(values).tobytes())
         digest.update(repr(self.space.parameters).encode())
+        for bases in self.discrepancy:
+            for channel, basis in sorted(bases.items()):
+                digest.update(channel.encode())
+                digest.update(np.ascontiguousarray(basis.rows).tobytes())
         digest.update(f"{self.model.name} {self.model.channels} {self.noise.name}".encode())
         digest.update(repr(sorted(versions().items())).encode())
         return digest.hexdigest()
@@ -256,6 +439,29 @@ def _versions() -> tuple[tuple[str, str], ...]:
     return (("python", platform.python_version()), *((name, version(name)) for name in packages))
 
 
+def _observed_range(values: Floats) -> tuple[float, float]:
+    """Bottom of the range of a channel and its width, which is never zero."""
+    low, high = (float(v) for v in np.quantile(values, (0.01, 0.99)))
+    return low, (high - low) or float(np.ptp(values)) or max(abs(low), 1.0)
+
+
+def _log_sum(scale: Floats, n: int) -> Floats:
+    """Sum over the samples of the logarithm of their scales (W, n), or of one scale for all (W, 1)."""
+    if scale.shape[1] == 1:
+        return np.asarray(n * np.log(scale[:, 0]))
+    return np.asarray(np.log(scale).sum(axis=-1))
+
+
+def _of(weights: Weights, record: int) -> Mapping[str, Floats]:
+    """Weights of the discrepancies of one record; none where none are given."""
+    return weights[record] if weights else {}
+
+
+def _part(weights: Weights, part: slice) -> Weights:
+    """Weights of some of the parameter vectors."""
+    return tuple({channel: w[part] for channel, w in own.items()} for own in weights)
+
+
 def build_posterior(
     records: Sequence[Record],
     noise: NoiseModel,
@@ -264,6 +470,7 @@ def build_posterior(
     model: ResponseModel | None = None,
     residual: Sequence[Mapping[str, float]] | None = None,
     memory: Sequence[Mapping[str, float]] | None = None,
+    discrepancy: Sequence[Mapping[str, DiscrepancyBasis]] | None = None,
 ) -> Posterior:
     """Join records of one branch with a noise model and priors.
 
@@ -281,6 +488,8 @@ def build_posterior(
         noise. Without it the noise is measured by the span of the channel.
     memory : sequence of mapping, optional
         For each record, how many samples of each channel count as one; needed by `EffectiveSamples`.
+    discrepancy : sequence of mapping, optional
+        For each record, channel to the basis of what the curve misses; none by default.
 
     Raises
     ------
@@ -298,8 +507,9 @@ def build_posterior(
             )
     scales = RecordScales.of(records)
     facts = model.parameters(first.units)
-    noise_keys = {f.prior_key for n in NOISE_MODELS.values() for f in n.parameters("force", "N", "s")}
-    priors.check_names({*ModifiedSigmoid().parameter_names, *model.parameter_names}, noise_keys)
+    noise_keys = {"growth", "temperature_sd", "discrepancy"}
+    noise_keys |= {f.prior_key for n in NOISE_MODELS.values() for f in n.parameters("force", "N", "s")}
+    priors.check_names(model.spoken_of(), noise_keys)
     parameters: list[Parameter] = [priors.parameter(f, first.branch, scales) for f in facts]
     shared = np.arange(len(parameters))
     layout = []
@@ -307,23 +517,23 @@ def build_posterior(
         own = RecordScales.of([record]) if len(records) > 1 else scales
         own = own.with_residual(residual[i]) if residual is not None else own
         own = own.with_memory(memory[i]) if memory is not None else own
-        places = {}
+        bases = discrepancy[i] if discrepancy is not None else {}
+        places, sizes = {}, {}
+
+        def add(fact: ParameterFact, record: Record = record, own: RecordScales = own) -> int:
+            parameter = priors.parameter(fact, record.branch, own, noise=True)
+            name = f"{fact.name}[{record.condition.id}]" if len(records) > 1 else fact.name
+            parameters.append(replace(parameter, name=name))
+            return len(parameters) - 1
+
         for channel in record.channels:
-            noise_facts = noise.parameters(channel, record.units[channel], record.units.get("time", "s"))
-            at = len(parameters) + np.arange(len(noise_facts))
-            for fact in noise_facts:
-                parameter = priors.parameter(fact, record.branch, own, noise=True)
-                name = f"{fact.name}[{record.condition.id}]" if len(records) > 1 else fact.name
-                parameters.append(
-                    Parameter(
-                        name,
-                        parameter.unit,
-                        parameter.meaning,
-                        parameter.prior,
-                        parameter.source,
-                        parameter.fixed,
-                    )
-                )
-            places[channel] = at
-        layout.append(Place(shared, places))
-    return Posterior(tuple(records), model, noise, ParameterSpace(tuple(parameters)), tuple(layout))
+            facts_of_noise = noise.parameters(channel, record.units[channel], record.units.get("time", "s"))
+            places[channel] = np.array([add(fact) for fact in facts_of_noise], dtype=np.intp)
+            if channel in bases:
+                sizes[channel] = add(size_fact(channel, record.units[channel]))
+        felt = add(temperature_sd_fact(record.units["temperature"])) if noise.feels_temperature else None
+        layout.append(Place(shared, places, sizes, felt))
+    own_bases = tuple(dict(b) for b in discrepancy) if discrepancy is not None else ()
+    return Posterior(
+        tuple(records), model, noise, ParameterSpace(tuple(parameters)), tuple(layout), own_bases
+    )

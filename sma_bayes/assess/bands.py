@@ -12,8 +12,7 @@ from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import ARBITRARY, Floats, convert
 from sma_bayes.records.types import Ints, Record
 from sma_bayes.response.arrangement import BiasSpring, overall_stiffness
-from sma_bayes.response.modified_sigmoid import channel_unit, stiffness
-from sma_bayes.response.types import ResponseModel
+from sma_bayes.response.modified_sigmoid import channel_unit
 from sma_bayes.results.fit import Fit
 
 QUANTILES = {"q025": 0.025, "q05": 0.05, "q25": 0.25, "q50": 0.5, "q75": 0.75, "q95": 0.95, "q975": 0.975}
@@ -90,13 +89,7 @@ def curve_draws(fit: Fit, channel: str, temperature: Floats, record: int = 0) ->
                 if gain is not None and shift is not None:
                     curve = gain[:, None] * curve + shift[:, None]
         return curve
-    return path_stiffness(model, theta, temperature)
-
-
-def path_stiffness(model: ResponseModel, theta: Floats, temperature: Floats) -> Floats:
-    """Stiffness of Eq. (7) from the parameters of force and displacement; shape (..., m)."""
-    at = {name: theta[..., i, None] for i, name in enumerate(model.parameter_names)}
-    return stiffness(temperature, at["A1"], at["A2"], at["A3"], at["B1"], at["B2"], at["B3"])
+    return model.stiffness(theta, {"temperature": temperature})
 
 
 def credible_band(fit: Fit, channel: str, record: int = 0, extrapolate: float = 0.0) -> Band:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.noise import Steps
-from sma_bayes.noise.types import lag1
+from sma_bayes.noise.base import lag1
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints, Record
 from sma_bayes.results.fit import Fit

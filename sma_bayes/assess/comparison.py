@@ -19,7 +19,6 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.assess.contenders import (
     CONTENDERS,
-    FREQUENCY,
     PLUGGED_IN,
     Contender,
     copy_of,
@@ -39,13 +38,12 @@ from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.inference.weighted import resampled, weighted_quantiles
 from sma_bayes.noise import NOISE_MODELS, NoiseModel
 from sma_bayes.noise.effective_samples import EffectiveSamples, memory_of
-from sma_bayes.noise.types import lag1
+from sma_bayes.noise.base import lag1
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
-from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
-from sma_bayes.response.polynomial import least_squares
+from sma_bayes.response.polynomial import FREQUENCY, least_squares
 
 AUTO: Final = "auto"
 SCREENED: Final = 3000
@@ -258,7 +256,7 @@ def _modes(posterior: Posterior, contender: Contender, rng: np.random.Generator)
     z = z[np.isfinite(z).all(axis=1)]
     z = z[np.argsort(-posterior.log_prob(z), kind="stable")]
     starts: list[Floats] = []
-    if isinstance(model, ModifiedSigmoid):
+    if model.linear:  # what is solved for leads to optima that no draw of the prior need come near
         found = warm_start(posterior, rng)
         for optimum in found.optima:
             centre = space.prior_centre()

@@ -17,20 +17,17 @@ import numpy as np
 from sma_bayes.errors import MeasurementError
 from sma_bayes.noise import NoiseModel
 from sma_bayes.parameters.distributions import Normal
-from sma_bayes.parameters.priors_file import PriorEntry, PriorSet, read_priors
-from sma_bayes.parameters.scales import RecordScales
+from sma_bayes.parameters.priors_file import PriorEntry, PriorSet
 from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Branch, Condition, Record
-from sma_bayes.response.bounded_logistic import BoundedLogistic
-from sma_bayes.response.logistic import Logistic, printed_constants
+from sma_bayes.response import RESPONSE_MODELS
+from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.logistic import printed_constants
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
-from sma_bayes.response.polynomial import Polynomial, frequencies_of
+from sma_bayes.response.polynomial import FREQUENCY, frequencies_of
 from sma_bayes.response.tied_sigmoid import TiedSigmoid
-from sma_bayes.response.types import ResponseModel
 
-FREQUENCY: Final = "frequency"
-"""Input that is added for Eq. (11): frequency of the drive [mHz]."""
 CONDITION: Final = "condition"
 """Input that is added where conditions are joined: their number."""
 ALL: Final = "all"
@@ -45,6 +42,8 @@ class Contender:
     ----------
     name, family, variant, title : str
         The variant is empty where there is only one.
+    model : str
+        Name of its response model.
     extra : bool
         Whether it stands beside the models that the paper compares, without a vote.
     """
@@ -53,21 +52,39 @@ class Contender:
     family: str
     variant: str
     title: str
+    model: str
     extra: bool = False
 
 
+SIGMOID: Final = ModifiedSigmoid.name
 CONTENDERS: Final = (
-    Contender("modified_sigmoid", "modified_sigmoid", "", "modified sigmoid, Eqs. (2), (4) and (7)"),
-    Contender("modified_sigmoid_tied", "modified_sigmoid", "", "modified sigmoid with A2 = B2", True),
-    Contender("logistic_published", "logistic", "published", "logistic, Eqs. (9) and (10) as printed"),
-    Contender("logistic_corrected", "logistic", "corrected", "logistic, centre (As + Af)/2"),
-    Contender("logistic_refitted", "logistic", "refitted", "logistic, all four parameters inferred"),
-    Contender("polynomial_published", "polynomial", "published", "polynomial, Eq. (11) as printed"),
-    Contender("polynomial_corrected", "polynomial", "corrected", "polynomial, what the data determine of it"),
+    Contender("modified_sigmoid", SIGMOID, "", "modified sigmoid, Eqs. (2), (4) and (7)", SIGMOID),
+    Contender("modified_sigmoid_tied", SIGMOID, "", "modified sigmoid with A2 = B2", TiedSigmoid.name, True),
     Contender(
-        "polynomial_refitted", "polynomial", "refitted", "polynomial, across frequencies where there are"
+        "logistic_published", "logistic", "published", "logistic, Eqs. (9) and (10) as printed", "logistic"
     ),
-    Contender("bounded_logistic", "logistic", "", "bounded four-parameter logistic"),
+    Contender("logistic_corrected", "logistic", "corrected", "logistic, centre (As + Af)/2", "logistic"),
+    Contender(
+        "logistic_refitted", "logistic", "refitted", "logistic, all four parameters inferred", "logistic"
+    ),
+    Contender(
+        "polynomial_published", "polynomial", "published", "polynomial, Eq. (11) as printed", "polynomial"
+    ),
+    Contender(
+        "polynomial_corrected",
+        "polynomial",
+        "corrected",
+        "polynomial, what the data determine of it",
+        "polynomial",
+    ),
+    Contender(
+        "polynomial_refitted",
+        "polynomial",
+        "refitted",
+        "polynomial, across frequencies where there are",
+        "polynomial",
+    ),
+    Contender("bounded_logistic", "logistic", "", "bounded four-parameter logistic", "bounded_logistic"),
 )
 PLUGGED_IN: Final = ("logistic_published", "logistic_corrected")
 """Contenders whose levels are the extremes of the data, as in the paper, rather than inferred."""
@@ -156,19 +173,7 @@ def curve_of(contender: Contender, record: Record) -> str:
 
 def model_of(contender: Contender, record: Record) -> ResponseModel:
     """The response model of a contender, for a record of one channel."""
-    channels = record.channels
-    direction = RecordScales.of([record]).trend[channels[0]]
-    if contender.name == "modified_sigmoid":
-        return ModifiedSigmoid(channels)
-    if contender.name == "modified_sigmoid_tied":
-        return TiedSigmoid(channels)
-    if contender.name == "bounded_logistic":
-        return BoundedLogistic(channels, direction)
-    if contender.family == "logistic":
-        return Logistic(channels, direction)
-    middle = 0.5 * float(record.temperature.min() + record.temperature.max())
-    frequencies = np.unique(record.inputs.get(FREQUENCY, np.empty(0))).tolist()
-    return Polynomial(channels, middle, tuple(frequencies))
+    return RESPONSE_MODELS[contender.model].made_for([record])
 
 
 def constants_of(contender: Contender, record: Record) -> dict[str, float]:
@@ -189,9 +194,9 @@ def model_priors(model: ResponseModel, base: PriorSet) -> PriorSet:
     base : PriorSet
         Of the modified sigmoid.
     """
-    if model.name.startswith("modified_sigmoid"):
+    own = model.default_priors()
+    if own.model == base.model:
         return base
-    own = read_priors(model.name)
     entries: dict[str, Mapping[str, tuple[PriorEntry, ...]]] = {
         table: {k: v for k, v in beliefs.items() if k in model.parameter_names}
         for table, beliefs in own.entries.items()

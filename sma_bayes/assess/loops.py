@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
+from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import channel_unit
 from sma_bayes.results.fit import Fit
-
-MIDPOINT = {"force": "B3", "displacement": "A3"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +71,10 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
     for channel in band_channels(h):
         if channel not in band_channels(c):
             continue
-        if channel in MIDPOINT and MIDPOINT[channel] in heating.posterior.model.parameter_names:
-            a, b = (f.flat[:, f.posterior.space.index(MIDPOINT[channel])] for f in (heating, cooling))
+        middle = heating.posterior.model.position(Role.MIDPOINT, channel)
+        if middle is not None:
+            a, b = (f.flat[:, f.posterior.layout[i].model[middle]]
+                    for f, i in zip((heating, cooling), records, strict=True))  # fmt: skip
             size = min(a.size, b.size)
             width = a[:size] - b[:size]
             out.append(_interval(

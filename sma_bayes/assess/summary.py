@@ -16,8 +16,12 @@ from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.assess.path import path_remark
 from sma_bayes.assess.transformation import transformation_temperatures
 from sma_bayes.parameters.distributions import family_name, numbers
-from sma_bayes.response.modified_sigmoid import channel_unit, shape_of
+from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.modified_sigmoid import channel_unit
 from sma_bayes.results.fit import Fit
+
+NOISE = "noise"
+"""Role of the parameters of the noise."""
 
 
 def record_summary(
@@ -105,7 +109,9 @@ def _parameters(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
     diagnostics = dict(zip(space.free_index.tolist(), range(space.dimension), strict=True))
     place = fit.posterior.layout[record]
     out = {}
-    for i in [*place.model.tolist(), *(int(k) for at in place.noise.values() for k in at)]:
+    parts = dict(zip(place.model.tolist(), _parts(fit.posterior.model), strict=True))
+    parts |= {int(k): (channel, NOISE) for channel, at in place.noise.items() for k in at}
+    for i, (channel, role) in parts.items():
         p = space.parameters[i]
         q05, median, q95 = (float(v) for v in np.quantile(theta[:, i], (0.05, 0.5, 0.95)))
         k = diagnostics.get(i)
@@ -113,6 +119,8 @@ def _parameters(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
         out[p.name.partition("[")[0]] = {
             "unit": p.unit,
             "meaning": p.meaning,
+            "channel": channel,
+            "role": role,
             "warm_start": float(fit.start[i]),
             "warm_start_sd": float(fit.warm_start.sd[i]) if i < fit.warm_start.sd.size else None,
             "mean": float(theta[:, i].mean()),
@@ -129,6 +137,11 @@ def _parameters(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
             "prior": {"family": family_name(p.prior), **numbers(p.prior), "source": p.source},
         }
     return out
+
+
+def _parts(model: ResponseModel) -> list[tuple[str, str]]:
+    """Channel and role of each parameter of a model, in its order."""
+    return [(f.channel, str(f.role or "")) for f in model.facts]
 
 
 def _transformation(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
@@ -149,10 +162,12 @@ def _transformation(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
 
 
 def _shape(fit: Fit, record: int) -> dict[str, float]:
-    """Posterior probability of each behaviour of Eq. (7) far from the midpoints."""
-    names = fit.posterior.model.parameter_names
-    if not {"A2", "B2"} <= set(names):
-        return {}
+    """Posterior probability of each behaviour of the stiffness far from the transformation."""
     theta = fit.flat[:, fit.posterior.layout[record].model]
-    shapes = shape_of(theta[:, names.index("A2")], theta[:, names.index("B2")])
-    return {kind: shapes.count(kind) / len(shapes) for kind in ("hump", "unbounded", "sigmoid")}
+    limits = fit.posterior.model.limits(theta).get("stiffness")
+    if limits is None:
+        return {}
+    ends = np.abs(np.stack([line.value for line in limits]))
+    hump, unbounded = np.all(ends == 0.0, axis=0), np.any(np.isinf(ends), axis=0)
+    share = {"hump": hump, "unbounded": unbounded, "sigmoid": ~(hump | unbounded)}
+    return {kind: float(np.mean(found)) for kind, found in share.items()}

@@ -19,10 +19,15 @@ import numpy as np
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.errors import MeasurementError
 from sma_bayes.parameters.distributions import Distribution
+from sma_bayes.parameters.roles import Role
+from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
+from sma_bayes.response.base import ResponseModel
 
-LEVELS = {"A4": "A1", "B4": "B1"}
-"""Levels far below the midpoint, with the span that leads to the level far above it."""
+LOGARITHMIC = frozenset({Role.SPAN, Role.RATE, Role.SECOND_RATE, Role.WIDTH, Role.TAIL, Role.GAP})
+"""Roles that are taken as logarithms: what differs between conditions multiplies them."""
+JOINED = (Role.SPAN, Role.RATE, Role.MIDPOINT)
+"""Roles whose mean and difference over displacement and force are taken, in place of both."""
 TEN_TO_NINETY = 2.0 * float(np.log(9.0))
 """Width of a sigmoid of rate 1 from 10 to 90 %: 4.39."""
 PRIOR_DRAWS = 4000
@@ -40,34 +45,40 @@ class Coordinates:
         Sign of those that are taken as logarithms (spans and rates), 0 for the others.
     hot : tuple of str
         Levels that are taken far above the midpoint: any of A4, B4.
+    model : ResponseModel
+        Whose parameters they are.
     """
 
     names: tuple[str, ...]
     signs: Floats
     hot: tuple[str, ...]
+    model: ResponseModel
     mixing: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mixing", _mixing(self.names))
+        mixing = np.eye(len(self.names))
+        for i, j in _joined(self.model):
+            mixing[i, [i, j]] = 0.5, 0.5
+            mixing[j, [i, j]] = -1.0, 1.0
+        object.__setattr__(self, "mixing", mixing)
 
     @property
     def labels(self) -> tuple[str, ...]:
         """What each coordinate is."""
         single = [f"ln {n}" if self.signs[i] else n for i, n in enumerate(self.names)]
-        single = [f"{n} + {LEVELS[n]}" if n in self.hot else n for n in single]
+        spans = _levels(self.model)
+        single = [f"{n} + {spans[n]}" if n in self.hot else n for n in single]
         out = list(single)
-        for i, name in enumerate(self.names):
-            twin = _twin(name)
-            if name[0] == "A" and twin in self.names and name[1] != "4":
-                a, b = single[i], single[self.names.index(twin)]
-                out[i], out[self.names.index(twin)] = f"({a} + {b})/2", f"{b} - {a}"
+        for i, j in _joined(self.model):
+            out[i], out[j] = f"({single[i]} + {single[j]})/2", f"{single[j]} - {single[i]}"
         return tuple(out)
 
     def to_coordinates(self, theta: Floats) -> Floats:
         """Coordinates (..., P) of parameters (..., P)."""
         x = np.array(theta, dtype=float)
+        spans = _levels(self.model)
         for name in self.hot:
-            x[..., self._at(name)] += x[..., self._at(LEVELS[name])]
+            x[..., self._at(name)] += x[..., self._at(spans[name])]
         logs = self.signs != 0.0
         x[..., logs] = np.log(x[..., logs] * self.signs[logs])
         return np.asarray(x @ self.mixing.T)
@@ -78,8 +89,9 @@ class Coordinates:
         logs = self.signs != 0.0
         with np.errstate(over="ignore"):
             x[..., logs] = self.signs[logs] * np.exp(x[..., logs])
+        spans = _levels(self.model)
         for name in self.hot:
-            x[..., self._at(name)] -= x[..., self._at(LEVELS[name])]
+            x[..., self._at(name)] -= x[..., self._at(spans[name])]
         return np.asarray(x)
 
     def log_prior(self, priors: Sequence[Distribution], theta: Floats) -> Floats:
@@ -105,32 +117,55 @@ class Coordinates:
         1 for logarithms, 4.4/rate (from 10 to 90 % of the transformation) for midpoints, the span for levels; medians
         over the conditions, and of A and B the geometric mean where they are joined.
         """
-        size = {n: float(np.median([np.median(np.abs(r.parameter(n))) for r in records])) for n in self.names}
-        own = {"1": lambda a: 1.0, "2": lambda a: 1.0, "3": lambda a: TEN_TO_NINETY / size[f"{a}2"],
-               "4": lambda a: size[f"{a}1"]}  # fmt: skip
-        single = {n: own[n[1]](n[0]) for n in self.names}
-        return np.array([
-            single[n] if n[1] == "4" else np.sqrt(single[n] * single.get(_twin(n), single[n])) for n in self.names
-        ])  # fmt: skip
+        single = np.array([self._yardstick(fact, records) for fact in self.model.facts])
+        out = single.copy()
+        for i, j in _joined(self.model):
+            out[i] = out[j] = np.sqrt(single[i] * single[j])
+        return out
+
+    def _yardstick(self, fact: ParameterFact, records: Sequence[RecordDraws]) -> float:
+        def size(role: Role) -> float | None:
+            name = self.model.with_role(role, fact.channel)
+            return None if name is None else _typical(records, name)
+
+        width, span, rate = size(Role.WIDTH), size(Role.SPAN), size(Role.RATE)
+        if width is None and rate:
+            width = TEN_TO_NINETY / rate
+        if fact.role in LOGARITHMIC:
+            return 1.0
+        if fact.role is Role.MIDPOINT and width:
+            return width
+        if fact.role in (Role.OFFSET, Role.LEVEL, Role.EFFECT) and span:
+            return span
+        if fact.role in (Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE) and span and width:
+            return span / width
+        if fact.role in (Role.SKEW, Role.SHARE):
+            return 1.0
+        return _typical(records, fact.name) or 1.0
 
     def _at(self, name: str) -> int:
         return self.names.index(name)
 
 
-def _twin(name: str) -> str:
-    return ("B" if name[0] == "A" else "A") + name[1]
+def _typical(records: Sequence[RecordDraws], name: str) -> float:
+    """Magnitude of a parameter: median over the conditions of its median."""
+    return float(np.median([np.median(np.abs(r.parameter(name))) for r in records]))
 
 
-def _mixing(names: tuple[str, ...]) -> Floats:
-    """Matrix that turns A and B into mean and difference; of determinant 1 in magnitude."""
-    mixing = np.eye(len(names))
-    for i, name in enumerate(names):
-        twin = _twin(name)
-        if name[0] == "A" and twin in names and name[1] != "4":
-            j = names.index(twin)
-            mixing[i, [i, j]] = 0.5, 0.5
-            mixing[j, [i, j]] = -1.0, 1.0
-    return mixing
+def _joined(model: ResponseModel) -> tuple[tuple[int, int], ...]:
+    """Positions of the parameters of displacement and force that are joined."""
+    pairs = [[model.position(role, c) for c in ("displacement", "force")] for role in JOINED]
+    return tuple((i, j) for i, j in pairs if i is not None and j is not None)
+
+
+def _levels(model: ResponseModel) -> dict[str, str]:
+    """Levels far below the midpoint, with the span that leads to the level far above it."""
+    out = {}
+    for fact in model.facts:
+        span = model.with_role(Role.SPAN, fact.channel)
+        if fact.role is Role.OFFSET and span is not None:
+            out[fact.name] = span
+    return out
 
 
 def coordinates_for(records: Sequence[RecordDraws]) -> Coordinates:
@@ -146,10 +181,11 @@ def coordinates_for(records: Sequence[RecordDraws]) -> Coordinates:
     MeasurementError
         If a span or rate is positive in one record and negative in another.
     """
-    names = records[0].names
+    names, model = records[0].names, records[0].posterior.model
     signs = np.zeros(len(names))
-    for i, name in enumerate(names):
-        if name[1] in "12":
+    for i, fact in enumerate(model.facts):
+        name = fact.name
+        if fact.role in LOGARITHMIC:
             found = {float(s) for r in records for s in np.unique(np.sign(r.theta[:, i]))}
             if len(found) > 1 or 0.0 in found:
                 raise MeasurementError(
@@ -158,8 +194,9 @@ def coordinates_for(records: Sequence[RecordDraws]) -> Coordinates:
                     remedy="leave conditions of another kind out of the campaign",
                 )
             signs[i] = found.pop()
-    hot = tuple(n for n in LEVELS if n in names and _spread(records, n, LEVELS[n]) < _spread(records, n))
-    return Coordinates(names, signs, hot)
+    spans = _levels(model)
+    hot = tuple(n for n, span in spans.items() if _spread(records, n, span) < _spread(records, n))
+    return Coordinates(names, signs, hot, model)
 
 
 def _spread(records: Sequence[RecordDraws], *names: str) -> float:

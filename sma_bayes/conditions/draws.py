@@ -8,14 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
-from sma_bayes.assess.bands import band_channels, path_stiffness
+from sma_bayes.assess.bands import band_channels
 from sma_bayes.assess.path import path_remark
 from sma_bayes.parameters.distributions import Distribution
+from sma_bayes.parameters.roles import Role
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import channel_unit
-from sma_bayes.response.types import ResponseModel
 from sma_bayes.results.fit import Fit
 
 GRID = 161
@@ -120,6 +121,11 @@ class RecordDraws:
         """Highest measured temperature [unit of temperature]."""
         return float(self.record.temperature.max())
 
+    def with_role(self, role: Role, channel: str) -> Floats | None:
+        """Draws of the parameter of a role in a channel, shape (S,); None where the model has none."""
+        at = self.posterior.model.position(role, channel)
+        return None if at is None else np.asarray(self.curve_theta[:, at])
+
     def parameter(self, name: str) -> Floats:
         """Draws of one parameter of the model, shape (S,)."""
         return np.asarray(self.curve_theta[:, self.names.index(name)])
@@ -152,7 +158,7 @@ def curve_of(model: ResponseModel, theta: Floats, channel: str, temperature: Flo
     ndarray, shape (S, m)
     """
     if channel not in model.channels:
-        return path_stiffness(model, theta, temperature)
+        return model.stiffness(theta, {"temperature": temperature})
     with np.errstate(over="ignore"):
         return model.predict(theta, {"temperature": temperature})[channel]
 

@@ -14,14 +14,14 @@ from scipy.special import expit
 
 from sma_bayes.assess.transformation import temperatures_of_curves, transformation_channel
 from sma_bayes.conditions.draws import RecordDraws
+from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats, per
 from sma_bayes.records.types import Branch, Condition
 
 BOTH = "both"
 """Branch of what heating and cooling make together."""
-SPAN = {"force": "B1", "displacement": "A1"}
-RATE = {"force": "B2", "displacement": "A2"}
-MIDPOINT = {"force": "B3", "displacement": "A3"}
+CHANNELS = ("force", "displacement")
+"""Channels whose parameters are compared between conditions, in the order in which they are listed."""
 AT_EDGE = 0.02
 """Share of the measured range next to its ends in which an extreme counts as lying at the end."""
 
@@ -99,24 +99,26 @@ def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:
 def _of_branch(record: RecordDraws) -> Iterator[Feature]:
     branch, condition, units = record.branch.value, record.condition, record.units
     degrees = units["temperature"]
-    for channel, name in MIDPOINT.items():
-        if name in record.names:
-            what = record.quantities.get(channel, channel)
+    model = record.posterior.model
+    for channel in CHANNELS:
+        midpoint, rate = (record.with_role(role, channel) for role in (Role.MIDPOINT, Role.RATE))
+        what = record.quantities.get(channel, channel)
+        if midpoint is not None:
             yield Feature(
-                "midpoint", condition, branch, channel, degrees, record.parameter(name),
-                f"temperature of the midpoint of {what}, {name}",
+                "midpoint", condition, branch, channel, degrees, midpoint,
+                f"temperature of the midpoint of {what}, {model.with_role(Role.MIDPOINT, channel)}",
             )  # fmt: skip
+        if midpoint is not None and rate is not None:
             yield Feature(
                 "share_left", condition, branch, channel, "1",
-                expit(np.abs(record.parameter(RATE[channel])) * (record.parameter(name) - record.hottest)),
+                expit(np.abs(rate) * (midpoint - record.hottest)),
                 f"share of the transformation of {what} that is left at the highest measured temperature", on_log=True,
             )  # fmt: skip
         if channel in record.channels:
-            slope = np.abs(record.parameter(SPAN[channel]) * record.parameter(RATE[channel])) / 4.0
+            slope, words = model.greatest_slope(record.curve_theta, channel, record.grid())
             yield Feature(
                 "greatest_slope", condition, branch, channel, slope_unit(units[channel], degrees), slope,
-                f"slope of {record.quantities[channel]} at its midpoint, |{SPAN[channel]} {RATE[channel]}|/4",
-                on_log=True,
+                f"slope of {record.quantities[channel]} {words}", on_log=True,
             )  # fmt: skip
     yield from _transformation(record)
     yield from _stiffness(record)
@@ -194,11 +196,11 @@ def _of_loop(condition: Condition, branches: Mapping[Branch, RecordDraws]) -> It
         return
     heating, cooling = branches[Branch.HEATING], branches[Branch.COOLING]
     size = min(heating.size, cooling.size)
-    for channel, name in MIDPOINT.items():
-        if all(name in r.names for r in branches.values()):
+    for channel in CHANNELS:
+        up, down = (r.with_role(Role.MIDPOINT, channel) for r in (heating, cooling))
+        if up is not None and down is not None:
             yield Feature(
-                "hysteresis_width", condition, BOTH, channel, degrees,
-                heating.parameter(name)[:size] - cooling.parameter(name)[:size],
+                "hysteresis_width", condition, BOTH, channel, degrees, up[:size] - down[:size],
                 f"temperature of the midpoint of {heating.quantities.get(channel, channel)}, heating less cooling",
             )  # fmt: skip
     if all("stiffness" in r.units for r in branches.values()):

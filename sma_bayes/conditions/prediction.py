@@ -10,8 +10,9 @@ import numpy as np
 from sma_bayes.assess.bands import PREDICTIVE, QUANTILES, Band, noise_of_samples, simultaneous_band
 from sma_bayes.conditions.design import Design
 from sma_bayes.conditions.draws import GRID, RecordDraws, curve_of
-from sma_bayes.conditions.features import MIDPOINT, Feature, ratio
+from sma_bayes.conditions.features import CHANNELS, Feature, ratio
 from sma_bayes.conditions.population import Population
+from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Condition
 
@@ -160,14 +161,15 @@ def parameters_by_hand(
 def predicted_features(prediction: Prediction) -> tuple[Feature, ...]:
     """Midpoints, and least and greatest stiffness over the temperatures at which every condition was measured."""
     reference, condition = prediction.reference, prediction.condition
-    branch, names = reference.branch.value, reference.names
+    branch, model = reference.branch.value, reference.posterior.model
+    midpoints = {c: model.with_role(Role.MIDPOINT, c) for c in CHANNELS}
     out = [
         Feature(
             "midpoint", condition, branch, channel, reference.units["temperature"],
-            prediction.theta[:, names.index(name)],
+            prediction.theta[:, reference.names.index(name)],
             f"temperature of the midpoint of {reference.quantities.get(channel, channel)}, {name}",
         )
-        for channel, name in MIDPOINT.items() if name in names
+        for channel, name in midpoints.items() if name is not None
     ]  # fmt: skip
     low, high = prediction.covered()
     if "stiffness" not in reference.quantities or not low < high:

@@ -13,12 +13,13 @@ from sma_bayes.assess.bands import Band
 from sma_bayes.conditions.design import SETTINGS, Design, designs
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.conditions.effects import Effect, operating_effects
-from sma_bayes.conditions.features import SPAN, Feature, condition_features
+from sma_bayes.conditions.features import CHANNELS, Feature, condition_features
 from sma_bayes.conditions.leave_out import HeldOut, leave_out
 from sma_bayes.conditions.population import SCATTER, Population, population_of
 from sma_bayes.conditions.prediction import Prediction, predict
 from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.inference.jobs import run
+from sma_bayes.parameters.roles import Role
 from sma_bayes.progress import Progress
 from sma_bayes.records.types import Branch, Condition
 
@@ -160,7 +161,8 @@ def complete(design: Design, condition: Condition) -> Condition:
 def _groups(records: Sequence[RecordDraws]) -> tuple[list[Group], list[str]]:
     kinds: dict[tuple[object, ...], list[RecordDraws]] = {}
     for r in records:
-        rises = tuple(float(np.sign(np.median(r.parameter(n)))) for n in SPAN.values() if n in r.names)
+        spans = [r.with_role(Role.SPAN, channel) for channel in CHANNELS]
+        rises = tuple(float(np.sign(np.median(s))) for s in spans if s is not None)
         kinds.setdefault((r.branch, r.channels, tuple(sorted(r.units.items())), rises), []).append(r)
     groups: list[Group] = []
     remarks = []

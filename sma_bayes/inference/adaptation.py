@@ -49,6 +49,8 @@ GRID = np.linspace(-5.0, 5.0, 41)
 """Where the marginal of a single noise parameter is looked at, in standard deviations of the Laplace approximation."""
 POINTS = 441
 """Points of such a grid for several noise parameters of a channel."""
+ON_A_GRID = 2
+"""Noise parameters of a channel, at most, for which there is a grid."""
 NEARLY_NORMAL = 30.0
 """Degrees of freedom of what is normal where the response is linear."""
 HELD = 100.0
@@ -297,7 +299,7 @@ def _start(
     m = coordinates.count
     place = {int(f): i for i, f in enumerate(posterior.space.free_index)}
     centre = mode.z[m:]
-    channels = [at for record_place in posterior.layout for at in record_place.noise.values()]
+    channels = [at for record_place in posterior.layout for at in record_place.blocks()]
     noise = [np.array([place[int(i)] for i in at if int(i) in place], dtype=np.int64) for at in channels]
     noise = [block for block in noise if block.size]
     alone = [int(block[0]) for block in noise if block.size == 1]
@@ -351,14 +353,21 @@ def _fit_together(
     The marginal is looked at on a grid along the axes of its covariance, which is that of the Laplace approximation
     at first, then that of the grid before.
     """
-    axis = np.linspace(GRID[0], GRID[-1], max(5, round(POINTS ** (1.0 / block.size))))
-    grid = np.stack(np.meshgrid(*[axis] * block.size), axis=-1).reshape(-1, block.size)
+    if block.size <= ON_A_GRID:
+        axis = np.linspace(GRID[0], GRID[-1], round(POINTS ** (1.0 / block.size)))
+        grid = np.stack(np.meshgrid(*[axis] * block.size), axis=-1).reshape(-1, block.size)
+        log_q = np.zeros(len(grid))
+    else:  # a grid would be too coarse: points drawn from heavy tails, each by its weight
+        heavy = StudentMixture(np.ones(1), np.zeros((1, block.size)), np.eye(block.size)[None], 4.0)
+        grid = heavy.draw(rng, POINTS)
+        log_q = heavy.log_density(grid)
     mean = centre[block]
     for _ in range(3):
         x = mean + grid @ np.linalg.cholesky(covariance).T
         noise_z = np.tile(centre, (len(x), 1))
         noise_z[:, block] = x
-        weight = Weights(coordinates.log_noise_marginal(noise_z)).normalised
+        weights = Weights(coordinates.log_noise_marginal(noise_z) - log_q)
+        weight = weights.normalised if block.size <= ON_A_GRID else tempered(weights)
         mean = weight @ x
         covariance = ((x - mean) * weight[:, None]).T @ (x - mean) + 1e-3 * covariance
     first = StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], 5.0)

@@ -243,30 +243,28 @@ class NoiseScaledCoordinates:
     def about(linearised: Linearised, inner: Coordinates) -> NoiseScaledCoordinates:
         """About the point of a linearised response, such as a mode; `inner` about the same."""
         posterior, count, theta = linearised.posterior, linearised.count, linearised.theta
-        space, model = posterior.space, posterior.model
+        space = posterior.space
         centre = linearised.z[:count]
         slope, start = np.eye(count), centre
         if isinstance(inner, PredictiveCoordinates):
             slope, start = inner.model_derivative, inner.model_start
         rows: list[dict[str, Floats]] = []
-        for record, place, by_channel in zip(
-            posterior.records, posterior.layout, linearised.slopes, strict=True
-        ):
-            mu = model.predict(theta[place.model], record.inputs)
-            spread = record.temperature_sd
-            steep = model.slope(theta[place.model], record.inputs) if spread > 0.0 else {}
-            blocks = {}
+        bases: list[dict[str, Floats]] = []
+        for r, (record, by_channel) in enumerate(zip(posterior.records, linearised.slopes, strict=True)):
+            blocks, own = {}, {}
+            mean, scales = posterior.moments_of_noise(theta, r)
             for channel, down in by_channel.items():
-                sd = theta[place.noise[channel][0]]
-                relative = np.sqrt(1.0 + (steep.get(channel, 0.0) * spread / sd) ** 2)
-                residual = record.observed[channel] - mu[channel]
-                blocks[channel] = np.concatenate([(down @ slope).T, residual[None]]) / relative
+                residual = record.observed[channel] - mean[channel]
+                blocks[channel] = np.concatenate([(down @ slope).T, residual[None]]) / scales[channel]
+                if channel in posterior.discrepancy[r]:
+                    own[channel] = posterior.discrepancy[r][channel].rows / scales[channel]
             rows.append(blocks)
+            bases.append(own)
         sd = space.prior_sd()[:count]
         precision = slope.T @ (slope / sd[:, None] ** 2)
         pull = slope.T @ ((space.prior_centre()[:count] - centre) / sd**2)
         return NoiseScaledCoordinates(
-            inner, NormalEquations(posterior, count, tuple(rows), precision, pull), start
+            inner, NormalEquations(posterior, count, tuple(rows), tuple(bases), precision, pull), start
         )
 
     def _physical(self, noise_z: Floats) -> tuple[Floats, Floats]:
@@ -281,9 +279,9 @@ class NoiseScaledCoordinates:
         """
         with np.errstate(all="ignore"):
             z, theta = self._physical(noise_z)
-            normal, squares = self.equations.solved(theta)
+            normal, squares, log_volume = self.equations.solved(theta)
             posterior = self.equations.posterior
-            value = posterior.log_prior(z) - 0.5 * squares
+            value = posterior.log_prior(z) - 0.5 * squares - log_volume
             for rows, at, steps in self.equations.channels():
                 shape, n = theta[:, at[1:]], rows.shape[1]
                 density = posterior.noise.total_log_density(np.zeros((len(z), n)), shape, steps)
@@ -295,14 +293,14 @@ class NoiseScaledCoordinates:
         """Coordinates, log Jacobian, and whether `inverse` leads back to the same point."""
         m = self.count
         w, log_jacobian, back = self.inner.forward(z)
-        normal, _ = self.equations.solved(self._physical(z[:, m:])[1])
+        normal, *_ = self.equations.solved(self._physical(z[:, m:])[1])
         v = normal.whiten(w[:, :m] - self.start)
         return np.concatenate([v, z[:, m:]], axis=1), log_jacobian + normal.log_volume, back & normal.usable
 
     def inverse(self, u: Floats) -> tuple[Floats, Floats, Bools]:
         """Points, log Jacobian there, and which were found."""
         m = self.count
-        normal, _ = self.equations.solved(self._physical(u[:, m:])[1])
+        normal, *_ = self.equations.solved(self._physical(u[:, m:])[1])
         w = self.start + normal.colour(u[:, :m])
         z, log_jacobian, found = self.inner.inverse(np.concatenate([w, u[:, m:]], axis=1))
         reached = found & normal.usable & np.isfinite(z).all(axis=1)

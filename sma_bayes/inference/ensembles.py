@@ -297,7 +297,7 @@ class _Run:
         Where noise has no memory that optimum is so near the mode that climbing to it makes no better proposal.
         """
         density = self.density
-        if len(starts) != 1 or not isinstance(density, Posterior) or density.noise.remembers:
+        if len(starts) != 1 or not isinstance(density, Posterior) or not density.near_least_squares:
             return None
         (start,) = starts
         if isinstance(start, Mode):

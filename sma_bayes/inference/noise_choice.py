@@ -1,32 +1,54 @@
-"""Choose the noise model from the residuals of the warm start, and say why."""
+"""Choose what stands beside the curve: the noise model, and where the curve misses the data a discrepancy.
+
+Both are chosen together, since a misfit that is given no place passes for noise with a memory. What the least-squares
+curve leaves is described, channel by channel, by each noise model with and without a discrepancy; what a small change of the
+parameters could describe is integrated out. The evidence of each description is found by Laplace's method over the few
+parameters that it has.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
+from sma_bayes.discrepancy import DiscrepancyBasis, Whitened, build_basis, nodes_of, size_fact
 from sma_bayes.inference.laplace import climb
 from sma_bayes.inference.warm_start import WarmStart
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
-from sma_bayes.noise.effective_samples import EffectiveSamples, memory_of
-from sma_bayes.noise.types import lag1
+from sma_bayes.noise.base import lag1
+from sma_bayes.noise.effective_samples import memory_of
+from sma_bayes.noise.heteroscedastic import WRAPPERS, temperature_sd_fact
+from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.parameters.scales import RecordScales
+from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
 
-TAKEOVER = 1.25
-"""Ratio of residuals from which a memory is taken for misfit; see `choose_noise`. On synthetic records whose noise was
-AR(1) with correlations up to 0.97 the ratio was at most 1.07 at the mode (320 records) and 1.12 for the median
-curve (48 records)."""
 EVEN = 0.05
 """Relative spread of the time steps below which samples count as evenly spaced."""
+EARNED = 1.0
+"""What a discrepancy, or a noise model other than the simplest, must gain in ln evidence to be taken."""
+EARNED_BEYOND = 2.0
+"""What growth and an error of the thermometer must gain: they are looked at last, beside the best of the others."""
+REACH = 10.0
+"""Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
+FINE = 2001
+"""Temperatures at which a curve is looked at to lay out the basis of its discrepancy."""
+WIDE = 2.0
+"""Standard deviation of ln sd a priori where descriptions are compared: how much of the residuals is noise is open."""
+SIMPLEST = "independent"
+
+Bases = tuple[Mapping[str, DiscrepancyBasis], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseChoice:
-    """A noise model and the reason for it.
+    """A noise model, where a discrepancy stands beside the curve, and the reason.
 
     Attributes
     ----------
@@ -35,24 +57,43 @@ class NoiseChoice:
         One sentence for people.
     lag1 : mapping of str to float
         Correlation of neighbouring residuals of the warm start, by channel.
-    bic : mapping of str to float
-        Bayesian information criterion of each noise model on those residuals, less that of the best.
+    ln_evidence : mapping of str to float
+        Of each noise model that was looked at, with discrepancies where they earn their place, less that of the best.
+    discrepancy : mapping of str to float
+        What a discrepancy gains in ln evidence, by channel (the sum over records), under the chosen noise model;
+        channels of which none is taken are negative or below `EARNED`.
+    bases : tuple of mapping
+        For each record, channel to the basis of its discrepancy, where one is taken.
+    estimate : tuple of mapping
+        For each record, channel to the likeliest parameters of its noise, then the size of its discrepancy.
+    temperature_sd : tuple of float
+        For each record, likeliest standard deviation of an error of the thermometer; zero where none is estimated.
     """
 
     name: str
     reason: str
     lag1: Mapping[str, float]
-    bic: Mapping[str, float]
+    ln_evidence: Mapping[str, float]
+    discrepancy: Mapping[str, float] = field(default_factory=dict)
+    bases: Bases = ()
+    estimate: tuple[Mapping[str, Floats], ...] = ()
+    temperature_sd: tuple[float, ...] = ()
 
 
-def choose_noise(posterior: Posterior, start: WarmStart, priors: PriorSet) -> NoiseChoice:
-    """Choose a noise model.
+def choose_noise(
+    posterior: Posterior,
+    start: WarmStart,
+    priors: PriorSet,
+    *,
+    noise: str | None = None,
+    discrepancy: bool = True,
+) -> NoiseChoice:
+    """Choose a noise model, and for each channel whether a discrepancy stands beside the curve.
 
-    First the noise models are compared on the least-squares residuals by the Bayesian information criterion;
-    those that need time are left out where time was not recorded or its steps are even. Where one with a memory
-    wins, its posterior mode is looked up: if the curve there leaves residuals more than `TAKEOVER` times those of
-    least squares, the memory has taken the place of the curve, what it describes is misfit rather than noise, and
-    `EffectiveSamples` is chosen instead. After sampling the same is asked of the median curve (`taken_over`).
+    Noise models that are a density of the data compete; those that need time are left out where time was not recorded
+    or its steps are even. The simplest, independent normal noise, is kept unless another gains `EARNED`; likewise the
+    curve is left alone unless a discrepancy does. Growth with the response and an error of the thermometer are tried
+    beside the best.
 
     Parameters
     ----------
@@ -60,58 +101,413 @@ def choose_noise(posterior: Posterior, start: WarmStart, priors: PriorSet) -> No
         With any noise model; its records count.
     start : WarmStart
     priors : PriorSet
+    noise : str, optional
+        The only noise model to consider.
+    discrepancy : bool
+        Whether discrepancies are considered.
     """
-    bic = {
-        name: _criterion(noise, posterior, start)
-        for name, noise in NOISE_MODELS.items()
-        if noise.is_density and (not noise.needs_time or all(_uneven(s) for s in posterior.steps))
-    }
-    best = min(bic, key=lambda name: bic[name])
+    residuals = _Residuals(posterior, start, priors, discrepancy)
+    found: dict[str, _Description] = {}
+
+    def look(name: str) -> _Description:
+        if name not in found:
+            found[name] = residuals.described(NOISE_MODELS[name])
+        return found[name]
+
+    if noise is not None:
+        best = noise
+        look(noise)
+    else:
+        names = [
+            name
+            for name, model in NOISE_MODELS.items()
+            if model.is_density and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
+        ]
+        best = max(names, key=lambda n: look(n).ln_evidence + (EARNED if n == SIMPLEST else 0.0))
+        for suffix in WRAPPERS:
+            if suffix == "temperature_error" and not residuals.sloped:
+                continue
+            extended = f"{best}+{suffix}"
+            if look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
+                best = extended
+    chosen = found[best]
+    top = max(d.ln_evidence for d in found.values())
+    rivals = {name: d.ln_evidence - top for name, d in found.items()}
     neighbours = neighbour_correlation(posterior, start)
-    correlations = ", ".join(f"{value:.2f} ({channel})" for channel, value in neighbours.items())
-    rivals = {name: value - bic[best] for name, value in bic.items()}
-    second = min((v, k) for k, v in rivals.items() if k != best)
-    reason = (
-        f"neighbouring residuals of the least-squares fit are correlated by {correlations}; "
-        f"the criterion BIC prefers {NOISE_MODELS[best].title} to {NOISE_MODELS[second[1]].title} by {second[0]:.1f}"
+    return NoiseChoice(
+        best,
+        _reason(best, noise is None, rivals, neighbours, chosen),
+        neighbours,
+        rivals,
+        chosen.gain,
+        chosen.bases,
+        chosen.estimate,
+        chosen.temperature_sd,
     )
-    choice = NoiseChoice(best, f"{NOISE_MODELS[best].title}: {reason}", neighbours, rivals)
-    if NOISE_MODELS[best].remembers:
-        trial = posterior_with(best, posterior, start, priors)
-        mode = climb(trial, noise_start(trial, start), trial.space.prior_sd())
-        if mode is None:
-            return taken_over(choice, np.inf)
-        return taken_over(choice, residual_growth(trial, start, trial.space.to_physical(mode.z)[None]))
-    return choice
 
 
-def taken_over(choice: NoiseChoice, left: float) -> NoiseChoice:
-    """The choice, or `EffectiveSamples` where a memory takes the place of the curve.
+def _reason(
+    name: str,
+    chosen: bool,
+    rivals: Mapping[str, float],
+    neighbours: Mapping[str, float],
+    description: _Description,
+) -> str:
+    title = NOISE_MODELS[name].title
+    parts = []
+    if chosen:
+        second = max((v, k) for k, v in rivals.items() if k != name)
+        ahead = rivals[name] - second[0]
+        correlations = ", ".join(f"{value:.2f} ({channel})" for channel, value in neighbours.items())
+        parts.append(
+            f"neighbouring residuals of the least-squares fit are correlated by {correlations}; "
+            f"{NOISE_MODELS[second[1]].title} comes second, ln evidence {abs(ahead):.1f} {'less' if ahead >= 0 else 'more'}"
+        )
+    taken = sorted({channel for bases in description.bases for channel in bases})
+    if taken:
+        gains = ", ".join(f"{description.gain[c]:.1f} ({c})" for c in taken)
+        parts.append(f"a smooth discrepancy beside the curve gains {gains} in ln evidence")
+    return f"{title}: {'; '.join(parts)}" if parts else title
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Description:
+    """What a noise model, with or without discrepancies, makes of the residuals."""
+
+    ln_evidence: float
+    gain: Mapping[str, float]
+    bases: Bases
+    estimate: tuple[Mapping[str, Floats], ...]
+    temperature_sd: tuple[float, ...]
+
+
+class _Residuals:
+    """Residuals of the warm start, to be described by noise models and discrepancies."""
+
+    def __init__(self, posterior: Posterior, start: WarmStart, priors: PriorSet, discrepancy: bool) -> None:
+        self.posterior = posterior
+        self.start = start
+        self.priors = priors
+        model, theta = posterior.model, start.theta
+        with np.errstate(all="ignore"):
+            self.slope = [model.slope(theta, r.inputs) for r in posterior.records]
+            self.mean = [model.predict(theta, r.inputs) for r in posterior.records]
+            self.tangents = [model.jacobian(theta, r.inputs) for r in posterior.records]
+        self.bases: Bases = tuple({} for _ in posterior.records)
+        if discrepancy:
+            self.bases = discrepancy_bases(posterior, theta)
+            self.bases = discrepancy_bases(posterior, theta, self._smooth())
+
+    @property
+    def sloped(self) -> bool:
+        """Whether an error of the thermometer would show, and none was declared."""
+        return all(r.temperature_sd == 0.0 for r in self.posterior.records)
+
+    def _smooth(self) -> tuple[Mapping[str, Curve], ...]:
+        """What the first bases find the curves to miss under the simplest noise: the second lie closer where it changes."""
+        found = []
+        for i, own in enumerate(self.bases):
+            curves: dict[str, Curve] = {}
+            for channel, basis in own.items():
+                look = self._look(NOISE_MODELS[SIMPLEST], i, channel, basis)
+                if look.weights is not None:
+                    curves[channel] = partial(basis.function, look.weights[None])
+            found.append(curves)
+        return tuple(found)
+
+    def described(self, noise: NoiseModel) -> _Description:
+        total, gain = 0.0, dict.fromkeys(self.posterior.records[0].channels, 0.0)
+        found: dict[tuple[int, str], tuple[_Found, _Found | None]] = {}
+        for i, record in enumerate(self.posterior.records):
+            for channel in record.channels:
+                alone = self._look(noise, i, channel, None)
+                basis = self.bases[i].get(channel) if noise.is_density else None
+                beside = None if basis is None else self._look(noise, i, channel, basis)
+                found[i, channel] = (alone, beside)
+                gain[channel] += -np.inf if beside is None else beside.ln_evidence - alone.ln_evidence
+        bases: list[dict[str, DiscrepancyBasis]] = []
+        estimate: list[dict[str, Floats]] = []
+        spread = []
+        for i, record in enumerate(self.posterior.records):
+            own, values, errors = {}, {}, [0.0]
+            for channel in record.channels:
+                alone, beside = found[i, channel]
+                taken = alone
+                if beside is not None and gain[channel] > EARNED:
+                    taken = beside
+                    own[channel] = self.bases[i][channel]
+                total += taken.ln_evidence - (EARNED if taken is beside else 0.0)
+                values[channel] = taken.theta
+                errors.append(taken.temperature_sd)
+            bases.append(own)
+            estimate.append(values)
+            spread.append(max(errors))
+        return _Description(total, gain, tuple(bases), tuple(estimate), tuple(spread))
+
+    def _look(self, noise: NoiseModel, i: int, channel: str, basis: DiscrepancyBasis | None) -> _Found:
+        record = self.posterior.records[i]
+        space, slots = _space(self.priors, noise, record, channel, basis, self.start.fit[i][channel].rmse)
+        low, span = self.posterior.observed_range(i, channel)
+        residual = _solid(self.start.residual[i][channel], record.observed[channel])
+        tangents = self.tangents[i][channel][:, self.posterior.sampled_model]
+        density = _ResidualDensity(
+            space, noise, self.posterior.steps[i], residual, _orthonormal(tangents), basis, slots,
+            self.slope[i][channel], record.temperature_sd, (self.mean[i][channel] - low) / span,
+            REACH * span * np.sqrt(record.n),
+        )  # fmt: skip
+        best: _Found | None = None
+        for z in density.starts():
+            mode = climb(density, z, space.prior_sd())
+            if mode is None:
+                continue
+            volume = float(np.linalg.slogdet(2.0 * np.pi * mode.covariance)[1])
+            value = mode.log_prob + 0.5 * volume
+            if best is None or value > best.ln_evidence:
+                theta = space.to_physical(mode.z)
+                felt_at = slots.temperature_sd
+                own = theta if felt_at is None else np.delete(theta, felt_at)
+                felt = 0.0 if felt_at is None else float(theta[felt_at])
+                best = _Found(value, own, felt, density.weights(mode.z))
+        if best is None:
+            return _Found(-np.inf, space.to_physical(space.prior_centre()), 0.0)
+        return best
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    ln_evidence: float
+    theta: Floats
+    temperature_sd: float
+    weights: Floats | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Slots:
+    """Positions among the parameters of one channel: the size of a discrepancy, the error of the thermometer."""
+
+    size: int | None
+    temperature_sd: int | None
+
+
+def _space(
+    priors: PriorSet, noise: NoiseModel, record: Record, channel: str, basis: DiscrepancyBasis | None, rmse: float
+) -> tuple[ParameterSpace, _Slots]:
+    """Parameters of the noise of one channel of one record with their priors; that of ``sd`` is wide."""
+    scales = RecordScales.of([record]).with_residual({channel: rmse})
+    facts = list(noise.parameters(channel, record.units[channel], record.units.get("time", "s")))
+    size = felt = None
+    if basis is not None:
+        size = len(facts)
+        facts.append(size_fact(channel, record.units[channel]))
+    if noise.feels_temperature:
+        felt = len(facts)
+        facts.append(temperature_sd_fact(record.units["temperature"]))
+    parameters = [priors.parameter(fact, record.branch, scales, noise=True) for fact in facts]
+    wide = LogNormal(0.5 * scales.residual[channel], WIDE)
+    parameters[0] = replace(parameters[0], prior=wide, fixed=None)
+    return ParameterSpace(tuple(parameters)), _Slots(size, felt)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ResidualDensity:
+    """Density of the noise of one channel of one record, given what the least-squares curve leaves.
+
+    Changes of the curve along its tangents, and the weights of a discrepancy, are integrated out.
+
+    Attributes
+    ----------
+    space : ParameterSpace
+    noise : NoiseModel
+    steps : Steps
+    residual : ndarray, shape (n,)
+        [unit of the channel]
+    tangents : ndarray, shape (p, n)
+        Orthonormal.
+    basis : DiscrepancyBasis or None
+    slots : _Slots
+    slope : ndarray, shape (n,)
+        Of the response with respect to temperature.
+    declared : float
+        Standard deviation of the error of the thermometer that was declared.
+    response : ndarray, shape (n,)
+        Response as a share of its observed range.
+    reach : float
+        Standard deviation of the amount of each tangent [unit of the channel].
+    """
+
+    space: ParameterSpace
+    noise: NoiseModel
+    steps: Steps
+    residual: Floats
+    tangents: Floats
+    basis: DiscrepancyBasis | None
+    slots: _Slots
+    slope: Floats
+    declared: float
+    response: Floats
+    reach: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return tuple(p.name for p in self.space.free)
+
+    def draw_prior(self, rng: np.random.Generator, size: int) -> Floats:
+        """Draws from the prior (size, D)."""
+        return self.space.draw(rng, size)
+
+    def log_prob(self, z: Floats) -> Floats:
+        """Log of the density (W,); never NaN."""
+        theta = self.space.to_physical(np.atleast_2d(z))
+        with np.errstate(all="ignore"):
+            value = self.space.log_prior(z) + self._whitened(theta).marginal_log_density()
+        return np.where(np.isnan(value), -np.inf, value)
+
+    def weights(self, z: Floats) -> Floats | None:
+        """Likeliest weights (m,) of the discrepancy at a point (D,); None where there is none."""
+        if self.basis is None:
+            return None
+        with np.errstate(all="ignore"):
+            found = self._whitened(self.space.to_physical(z[None])).likeliest_weights()[0, : self.basis.count]
+        return found if np.isfinite(found).all() else None
+
+    def _whitened(self, theta: Floats) -> Whitened:
+        scale = theta[:, :1]
+        shape = theta[:, 1:]
+        relative = self.noise.relative_scale(shape, self.response)
+        if relative is not None:
+            scale = scale * relative
+        felt = self.slots.temperature_sd
+        spread = self.declared if felt is None else theta[:, felt, None]
+        if felt is not None or self.declared > 0.0:
+            scale = np.sqrt(scale * scale + (spread * self.slope) ** 2)
+        rows, sizes = self.tangents, np.full((len(theta), len(self.tangents)), self.reach)
+        if self.basis is not None and self.slots.size is not None:
+            rows = np.concatenate([self.basis.rows, rows])
+            size = np.repeat(theta[:, self.slots.size, None], self.basis.count, axis=1)
+            sizes = np.concatenate([size, sizes], axis=1)
+        return Whitened(self.noise, shape, self.steps, self.residual / scale, scale, rows, sizes)
+
+    def starts(self) -> list[Floats]:
+        """Where to climb from: what is left is noise of one kind, or mostly smooth with a little noise."""
+        own = self.noise.estimate(self.residual, self.steps)
+        small = float(np.clip(_scatter(self.residual, self.steps), 1e-3 * own[0], own[0]))
+        smooth = float(np.sqrt(max(np.mean(self.residual**2) - small**2, (0.1 * small) ** 2)))
+        found = []
+        for sd, size, felt in ((own[0], 0.2 * own[0], 0.1), (small, smooth, 1.0)):
+            theta = self.space.to_physical(self.space.prior_centre())
+            theta[: own.size] = own
+            if sd is small and self.noise.remembers:  # the memory was that of what is smooth
+                theta[1 : own.size] = theta[1 : own.size] if own.size < 2 else _forgetful(self.noise, self.steps, own)
+            theta[0] = sd
+            if self.slots.size is not None:
+                theta[self.slots.size] = size
+            if self.slots.temperature_sd is not None:
+                steepest = max(float(np.max(np.abs(self.slope))), 1e-300)
+                theta[self.slots.temperature_sd] = felt * own[0] / steepest
+            z = self.space.to_sampled(theta)
+            found.append(np.where(np.isfinite(z), z, self.space.prior_centre()))
+        return found
+
+
+def _forgetful(noise: NoiseModel, steps: Steps, own: Floats) -> Floats:
+    """Parameters after ``sd`` of a noise model, estimated from a series without memory of the same scale."""
+    white = own[0] * np.random.default_rng(0).standard_normal(steps.first.size)
+    return noise.estimate(white, steps)[1:]
+
+
+def _scatter(residual: Floats, steps: Steps) -> float:
+    """Scatter from reading to reading: robust standard deviation of second differences within sweeps, over sqrt 6."""
+    inner = ~steps.first
+    usable = inner[1:-1] & inner[2:]
+    second = (residual[2:] - 2.0 * residual[1:-1] + residual[:-2])[usable]
+    if second.size < 4:
+        return float(np.std(residual))
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+
+
+def _orthonormal(tangents: Floats) -> Floats:
+    """Orthonormal rows (r, n) that span the tangents (n, p)."""
+    usable = np.isfinite(tangents).all(axis=0)
+    scaled = tangents[:, usable] / np.maximum(np.abs(tangents[:, usable]).max(axis=0), 1e-300)
+    u, singular, _ = np.linalg.svd(scaled, full_matrices=False)
+    return np.asarray(u[:, singular > 1e-10 * max(float(singular.max(initial=0.0)), 1e-300)].T)
+
+
+Curve = Callable[[Floats], Floats]
+"""Temperatures (g,) to values (1, g)."""
+
+
+def discrepancy_bases(
+    posterior: Posterior, theta: Floats, beside: Sequence[Mapping[str, Curve]] | None = None
+) -> Bases:
+    """Basis of a discrepancy for each channel of each record, kept off the tangents of the curve at parameters (P,).
+
+    Channels with too few samples for one are left out.
 
     Parameters
     ----------
-    choice : NoiseChoice
-    left : float
-        `residual_growth` under the chosen model: at its mode before, over its posterior after sampling.
+    posterior : Posterior
+    theta : ndarray, shape (P,)
+    beside : sequence of mapping, optional
+        For each record, channel to what is known already of its discrepancy: the basis lies closer where curve and
+        discrepancy together change faster.
     """
-    if not NOISE_MODELS[choice.name].remembers or left <= TAKEOVER or choice.name == EffectiveSamples.name:
-        return choice
-    reason = (
-        f"{NOISE_MODELS[EffectiveSamples.name].title}: {choice.reason.partition(': ')[2]}, but with it the curve "
-        f"would leave residuals {left:.1f} times those of least squares: the memory would take the place of the "
-        "curve, so it is misfit rather than noise; only as many samples are counted as are independent"
-    )
-    return replace(choice, name=EffectiveSamples.name, reason=reason)
+    model, free = posterior.model, posterior.sampled_model
+    found = []
+    for i, record in enumerate(posterior.records):
+        low, high = float(record.temperature.min()), float(record.temperature.max())
+        own: dict[str, DiscrepancyBasis] = {}
+        if high > low:
+            fine = np.linspace(low, high, FINE)
+            with np.errstate(all="ignore"):
+                curve = model.predict(theta, {**_constant(record), "temperature": fine})
+                tangents = model.jacobian(theta, record.inputs)
+            for channel in record.channels:
+                known = (beside or [{}] * (i + 1))[i].get(channel)
+                whole = curve[channel] if known is None else curve[channel] + known(fine)[0]
+                nodes = nodes_of(low, high, fine, whole)
+                at_nodes = {**_constant(record), "temperature": nodes}
+                with np.errstate(all="ignore"):
+                    basis = build_basis(
+                        record.temperature,
+                        nodes,
+                        np.interp(nodes, fine, whole),
+                        tangents[channel][:, free],
+                        model.jacobian(theta, at_nodes)[channel][:, free],
+                    )
+                if basis is not None:
+                    own[channel] = basis
+        found.append(own)
+    return tuple(found)
 
 
-def posterior_with(name: str, posterior: Posterior, start: WarmStart, priors: PriorSet) -> Posterior:
-    """The posterior of the same records with another noise model, its priors scaled to the residuals."""
+def _constant(record: Record) -> dict[str, Floats]:
+    """Inputs of a record that are the same for all its samples."""
+    return {name: values[:1] for name, values in record.inputs.items() if np.ptp(values) == 0.0}
+
+
+def posterior_with(
+    name: str, posterior: Posterior, start: WarmStart, priors: PriorSet, choice: NoiseChoice | None = None
+) -> Posterior:
+    """The posterior of the same records with another noise model, its priors scaled to the residuals.
+
+    With a `choice` also with its discrepancies, and with priors scaled to the noise that it found beside them.
+    """
     left = [{channel: g.rmse for channel, g in fit.items()} for fit in start.fit]
+    if choice is not None and choice.estimate:
+        left = [{c: float(values[0]) for c, values in own.items()} for own in choice.estimate]
     memory = [
         {c: memory_of(r[c], s) for c in r} for r, s in zip(start.residual, posterior.steps, strict=True)
     ]
     return build_posterior(
-        posterior.records, NOISE_MODELS[name], priors, model=posterior.model, residual=left, memory=memory
+        posterior.records,
+        NOISE_MODELS[name],
+        priors,
+        model=posterior.model,
+        residual=left,
+        memory=memory,
+        discrepancy=choice.bases if choice is not None and any(choice.bases) else None,
     )
 
 
@@ -121,42 +517,24 @@ def neighbour_correlation(posterior: Posterior, start: WarmStart) -> dict[str, f
     return {c: float(np.median([lag1(r[c], s) for r, s in pairs])) for c in posterior.records[0].channels}
 
 
-def _criterion(noise: NoiseModel, posterior: Posterior, start: WarmStart) -> float:
-    total = 0.0
-    for record, steps, residual in zip(posterior.records, posterior.steps, start.residual, strict=True):
-        for channel in record.channels:
-            r = _solid(residual[channel], record.observed[channel])
-            estimate = noise.estimate(r, steps)
-            likelihood = noise.total_log_density(r[None] / estimate[0], estimate[None, 1:], steps)[0]
-            total += -2.0 * (float(likelihood) - record.n * np.log(estimate[0]))
-            total += len(estimate) * np.log(record.n)
-    return total
-
-
-def residual_growth(posterior: Posterior, start: WarmStart, theta: Floats) -> float:
-    """Greatest ratio, over channels, of the residuals of the median curve of `theta` (N, P) to least squares'."""
-    after: dict[str, float] = dict.fromkeys(posterior.records[0].channels, 0.0)
-    before = dict(after)
-    for i, record in enumerate(posterior.records):
-        curve = posterior.predict(theta, record.inputs, record=i)
-        for channel in record.channels:
-            after[channel] += float(
-                np.sum((record.observed[channel] - np.median(curve[channel], axis=0)) ** 2)
-            )
-            before[channel] += float(np.sum(start.residual[i][channel] ** 2))
-    return max(float(np.sqrt(after[c] / before[c])) if before[c] > 0 else 1.0 for c in after)
-
-
-def noise_start(posterior: Posterior, start: WarmStart) -> Floats:
-    """Sampled coordinates (D,) of the warm start, with the noise parameters estimated from its residuals."""
+def noise_start(posterior: Posterior, start: WarmStart, choice: NoiseChoice | None = None) -> Floats:
+    """Sampled coordinates (D,) of the warm start, with what stands beside the curve as estimated from its residuals."""
     space = posterior.space
     theta = space.to_physical(space.prior_centre())
     theta[: start.theta.size] = start.theta
-    for record, place, steps, residual in zip(
-        posterior.records, posterior.layout, posterior.steps, start.residual, strict=True
+    for i, (record, place, steps, residual) in enumerate(
+        zip(posterior.records, posterior.layout, posterior.steps, start.residual, strict=True)
     ):
+        known = choice.estimate[i] if choice is not None and choice.estimate else {}
         for channel, at in place.noise.items():
-            theta[at] = posterior.noise.estimate(_solid(residual[channel], record.observed[channel]), steps)
+            if channel in known:
+                theta[at] = known[channel][: at.size]
+                if channel in place.size:
+                    theta[place.size[channel]] = known[channel][at.size]
+            else:
+                theta[at] = posterior.noise.estimate(_solid(residual[channel], record.observed[channel]), steps)
+        if place.temperature_sd is not None and choice is not None and choice.temperature_sd:
+            theta[place.temperature_sd] = choice.temperature_sd[i]
     z = space.to_sampled(theta)
     return np.where(np.isfinite(z), z, space.prior_centre())
 

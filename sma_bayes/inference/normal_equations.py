@@ -4,6 +4,8 @@ With the response linear in the coordinates ``w`` of the model, and the paramete
 normal with precision ``H = J' R**-1 J + P`` and mean ``H**-1 b``, ``b = J' R**-1 r + p``, where J is the derivative
 of the response, r the residual at ``w0``, R the covariance of the noise, and P, p the prior's part.
 
+A discrepancy beside the curve is integrated out: what the samples tell of its weights is eliminated from the equations.
+
 For each value of the noise that is a system of its own (`Systems`). Where noise is without memory, the
 information of each channel is one matrix in changing amounts, and where these matrices have their axes in common,
 as when each parameter of the model belongs to one channel, one set of axes serves all values (`CommonAxes`).
@@ -17,6 +19,7 @@ from typing import Protocol
 
 import numpy as np
 
+from sma_bayes.discrepancy import safe_cholesky
 from sma_bayes.inference.proposals import Bools
 from sma_bayes.noise import Steps
 from sma_bayes.posterior import Posterior
@@ -68,6 +71,9 @@ class NormalEquations:
     rows : tuple of dict
         For each record, channel to rows of ``J'`` with the residual as the last row, (m + 1, n), each divided
         by the scale of the whitened residual at the mode relative to the sd of its noise.
+    bases : tuple of dict
+        For each record, channel to the basis of its discrepancy (k, n), divided likewise; channels without one are
+        left out.
     precision, pull : ndarray, shape (m, m) and (m,)
         P and p of the prior.
     """
@@ -75,6 +81,7 @@ class NormalEquations:
     posterior: Posterior
     count: int
     rows: tuple[Mapping[str, Floats], ...]
+    bases: tuple[Mapping[str, Floats], ...]
     precision: Floats
     pull: Floats
     _axes: _Axes | None = field(init=False, repr=False)
@@ -82,7 +89,7 @@ class NormalEquations:
     def __post_init__(self) -> None:
         object.__setattr__(self, "_axes", _Axes.of(self))
 
-    def solved(self, theta: Floats) -> tuple[Conditional, Floats]:
+    def solved(self, theta: Floats) -> tuple[Conditional, Floats, Floats]:
         """Solve for values of the noise.
 
         Parameters
@@ -94,10 +101,15 @@ class NormalEquations:
         -------
         Conditional
         squares : ndarray, shape (W,)
-            ``r' R**-1 r``.
+            ``r' R**-1 r``, with the covariance of discrepancies in R.
+        log_volume : ndarray, shape (W,)
+            Half the logarithm of the determinant by which discrepancies increase that of R.
         """
         with np.errstate(all="ignore"):
-            return Systems.of(self._bordered(theta)) if self._axes is None else self._axes.given(theta)
+            if self._axes is not None:
+                return *self._axes.given(theta), np.zeros(len(theta))
+            total, log_volume = self._bordered(theta)
+            return *Systems.of(total), log_volume
 
     def channels(self) -> Iterator[tuple[Floats, Ints, Steps]]:
         """Rows, positions of the noise and steps of each channel of each record."""
@@ -105,23 +117,62 @@ class NormalEquations:
             for channel, rows in blocks.items():
                 yield rows, place.noise[channel], steps
 
-    def _bordered(self, theta: Floats) -> Floats:
-        """Precision, pull and sum of squares of each value of the noise.
+    def _channels_with_bases(self) -> Iterator[tuple[Floats, Floats | None, Ints, int, Steps]]:
+        """The same with the basis of the discrepancy, if there is one, and the position of its size."""
+        layout, steps = self.posterior.layout, self.posterior.steps
+        for blocks, bases, place, own in zip(self.rows, self.bases, layout, steps, strict=True):
+            for channel, rows in blocks.items():
+                yield rows, bases.get(channel), place.noise[channel], place.size.get(channel, -1), own
+
+    def _bordered(self, theta: Floats) -> tuple[Floats, Floats]:
+        """Precision, pull and sum of squares of each value of the noise, and the volume of discrepancies.
 
         Returns
         -------
         ndarray, shape (m + 1, m + 1, W)
             Lower triangle of the precision bordered by the pull; the sum of squares in the corner. The rows of
             `theta` come last, so that what is done to one entry is done to all of them at once.
+        ndarray, shape (W,)
         """
         prior = np.block([[self.precision, self.pull[:, None]], [self.pull, np.zeros(1)]])
         total = np.repeat(prior[..., None], len(theta), axis=2)
-        for rows, at, steps in self.channels():
-            gram = np.moveaxis(self.posterior.noise.weighted_gram(rows, theta[:, at[1:]], steps), 0, -1)
+        log_volume = np.zeros(len(theta))
+        for rows, basis, at, size, steps in self._channels_with_bases():
             per_variance = 1.0 / theta[:, at[0]] ** 2
+            every = rows if basis is None else np.concatenate([rows, basis])
+            gram = self.posterior.noise.weighted_gram(every, theta[:, at[1:]], steps)
+            if basis is not None:
+                gram, volume = _eliminated(gram, self.count + 1, per_variance * theta[:, size] ** 2)
+                log_volume += volume
+            gram = np.moveaxis(gram, 0, -1)
             for i in range(self.count + 1):  # by rows, which stay in the processor's cache
                 total[i, : i + 1] += gram[i, : i + 1] * per_variance
-        return total
+        return total, log_volume
+
+
+def _eliminated(gram: Floats, kept: int, ratio: Floats) -> tuple[Floats, Floats]:
+    """Inner products of the first rows with the weights of the last ones integrated out.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (W, kept + k, kept + k)
+    kept : int
+    ratio : ndarray, shape (W,)
+        Variance of the weights over that of the noise.
+
+    Returns
+    -------
+    ndarray, shape (W, kept, kept)
+    half_log_determinant : ndarray, shape (W,)
+        Of ``1 + ratio * gram`` of the last rows.
+    """
+    first, across, last = gram[:, :kept, :kept], gram[:, kept:, :kept], gram[:, kept:, kept:]
+    with np.errstate(invalid="ignore"):
+        factor, usable = safe_cholesky(ratio[:, None, None] * last)
+    root = np.sqrt(np.where(usable, ratio, 0.0))[:, None, None]
+    shared = np.linalg.solve(factor, root * across)
+    log_volume = np.log(np.einsum("wkk->wk", factor)).sum(axis=1)
+    return first - np.swapaxes(shared, 1, 2) @ shared, np.where(usable, log_volume, np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +207,7 @@ class _Axes:
     @staticmethod
     def of(equations: NormalEquations) -> _Axes | None:
         """Find them; None where noise remembers, or where there are none."""
-        if equations.posterior.noise.remembers or equations.count == 0:
+        if equations.posterior.noise.remembers or equations.count == 0 or any(equations.bases):
             return None
         m = equations.count
         grams = np.stack([rows @ rows.T for rows, _, _ in equations.channels()])

@@ -11,19 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.special import expit
 
 from sma_bayes.errors import MeasurementError
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
-from sma_bayes.response.modified_sigmoid import log_stiffness_shape
 
 SCREENED = 512
-"""Prior draws of rates and midpoints that are screened, amplitudes and offsets solved for."""
+"""Prior draws that are screened, what the model can solve for solved for."""
 STARTS = 3
 """Best screened draws that are refined."""
-APART = 0.5
-"""Least distance of starts, in standard deviations of the draws of ln rate or midpoint."""
 SCREEN_SAMPLES = 128
 """Samples of a record that the screening looks at, evenly spaced; refinement uses all."""
 OVERFLOW = 1e30
@@ -245,10 +241,7 @@ class _Problem:
         names = self.model.parameter_names
         estimated = {names[i] for i in self.free}
         for channel, r in residual.items():
-            letter = {"force": "B", "displacement": "A", "stiffness": ""}[channel]
-            p = sum(1 for name in estimated if name.startswith(letter))
-            if channel == "stiffness":
-                p = sum(1 for name in estimated if name[1] != "4")
+            p = len(estimated & set(self.model.by_channel(channel)))
             y = self.posterior.records[record].observed[channel]
             sse, sst, n = float(r @ r), float(np.sum((y - y.mean()) ** 2)), r.size
             varies = sst > 0.0  # a constant channel has no variance to explain
@@ -291,111 +284,18 @@ def _direction(vector: Floats, names: tuple[str, ...], posterior: Posterior) -> 
 
 
 def _screen(posterior: Posterior, rng: np.random.Generator) -> list[Floats]:
-    """Starting points: the best of many prior draws, with amplitudes and offsets solved for in closed form."""
+    """Starting points: the best of many prior draws, once the model has improved them."""
     model, space = posterior.model, posterior.space
-    names = model.parameter_names
-    theta = space.to_physical(space.draw(rng, SCREENED))[:, : len(names)]
-    column = {name: theta[:, i].copy() for i, name in enumerate(names)}
-    fixed = {p.name: p.fixed for p in space.parameters if p.fixed is not None}
-    series = {"temperature": np.concatenate([r.temperature for r in posterior.records])}
-    for channel in posterior.records[0].channels:
-        series[channel] = np.concatenate([r.observed[channel] for r in posterior.records])
+    count = len(model.parameter_names)
+    theta = space.to_physical(space.draw(rng, SCREENED))[:, :count]
+    fixed = np.array([p.fixed is not None for p in space.parameters[:count]], dtype=bool)
+    records = posterior.records
+    shared = [name for name in records[0].inputs if all(name in r.inputs for r in records)]
+    series = {name: np.concatenate([r.inputs[name] for r in records]) for name in shared}
+    for channel in records[0].channels:
+        series[channel] = np.concatenate([r.observed[channel] for r in records])
     stride = max(1, series["temperature"].size // SCREEN_SAMPLES)
     series = {k: v[::stride] for k, v in series.items()}
-    for letter, channel in (("A", "displacement"), ("B", "force")):
-        if channel in series:
-            _profile_sigmoid(column, letter, series["temperature"], series[channel], fixed)
-    if "stiffness" in series:
-        _profile_stiffness(column, series, fixed)
-    z = space.to_sampled(_assemble(column, posterior))[:, : posterior.sampled_model.size]
-    return list(z[:STARTS])
-
-
-def _assemble(column: Mapping[str, Floats], posterior: Posterior) -> Floats:
-    names = posterior.model.parameter_names
-    centre = posterior.space.to_physical(posterior.space.prior_centre())
-    theta = np.tile(centre, (STARTS, 1))
-    for i, name in enumerate(names):
-        theta[:, i] = column[name][:STARTS]
-    return theta
-
-
-def _sort_by(column: dict[str, Floats], names: list[str], sse: Floats) -> None:
-    """Sort draws by their sum of squares, but put draws that differ in shape first, so that starts are apart."""
-    order = np.argsort(np.where(np.isnan(sse), np.inf, sse), kind="stable")
-    shapes = [column[n][order] for n in names if n[1] in "23"]
-    scaled = np.stack([np.log(s) if np.all(s > 0) else s for s in shapes], axis=1)
-    scaled = scaled / np.maximum(scaled.std(axis=0), 1e-300)
-    chosen = [0]
-    for i in range(1, len(order)):
-        if len(chosen) == STARTS:
-            break
-        if all(np.max(np.abs(scaled[i] - scaled[k])) > APART for k in chosen):
-            chosen.append(i)
-    rest = np.setdiff1d(np.arange(len(order)), chosen)
-    order = order[np.concatenate([np.array(chosen), rest])]
-    for name in names:
-        column[name] = column[name][order]
-
-
-def _profile_sigmoid(
-    column: dict[str, Floats],
-    letter: str,
-    t: Floats,
-    y: Floats,
-    fixed: Mapping[str, float | None],
-) -> None:
-    """Solve amplitude and offset of one sigmoid for every draw, and sort the draws by their sum of squares."""
-    size, rate, middle, offset = (f"{letter}{i}" for i in (1, 2, 3, 4))
-    s = expit(column[rate][:, None] * (t - column[middle][:, None]))
-    sign = np.sign(column[size][0])
-    if offset in fixed:
-        amplitude = (s @ (y - column[offset][0])) / np.einsum("ij,ij->i", s, s)
-    else:
-        deviation = s - s.mean(axis=1, keepdims=True)
-        amplitude = (deviation @ (y - y.mean())) / np.maximum(
-            np.einsum("ij,ij->i", deviation, deviation), 1e-300
-        )
-    if size in fixed:
-        amplitude = column[size]
-    spread = float(np.ptp(y))
-    amplitude = (
-        sign * np.clip(sign * amplitude, 1e-3 * spread, 1e3 * spread) if size not in fixed else amplitude
-    )
-    column[size] = amplitude
-    if offset not in fixed:
-        column[offset] = y.mean() - amplitude * s.mean(axis=1)
-    r = y - column[offset][:, None] - amplitude[:, None] * s
-    _sort_by(column, [size, rate, middle, offset], np.einsum("ij,ij->i", r, r))
-
-
-def _profile_stiffness(
-    column: dict[str, Floats], series: Mapping[str, Floats], fixed: Mapping[str, float | None]
-) -> None:
-    """Solve the scale of Eq. (7) for every draw; force or displacement, where observed, are settled already."""
-    t, k = series["temperature"], series["stiffness"]
-    settled = {"A": "displacement" in series, "B": "force" in series}
-    if all(settled.values()):
-        return
-    for letter, done in settled.items():
-        if done:  # the best of them, for every draw of the other sigmoid
-            for i in (1, 2, 3):
-                column[f"{letter}{i}"][:] = column[f"{letter}{i}"][0]
-    log_shape = log_stiffness_shape(t, *(column[name][:, None] for name in ("A2", "A3", "B2", "B3")))
-    peak = log_shape.max(axis=1, keepdims=True)
-    shape = np.exp(log_shape - peak)
-    sign = np.sign(column["B1"] * column["B2"]) * np.sign(column["A1"] * column["A2"])
-    ratio = np.maximum(sign * (shape @ k) / np.einsum("ij,ij->i", shape, shape), 1e-6 * np.abs(k).max())
-    r = k - (sign * ratio)[:, None] * shape
-    with np.errstate(over="ignore", under="ignore"):
-        wanted = ratio * np.exp(-peak[:, 0]) * np.abs(column["A2"] / column["B2"])  # |B1/A1|
-        wanted = np.clip(wanted, 1e-200, 1e200)
-    now = np.abs(column["B1"] / column["A1"])
-    movable = [
-        name for name, done in (("A1", settled["A"]), ("B1", settled["B"])) if not done and name not in fixed
-    ]
-    for name in movable:
-        power = (1.0 if name == "B1" else -1.0) / len(movable)
-        column[name] = column[name] * (wanted / now) ** power
-    names = [f"{letter}{i}" for letter in "AB" for i in (1, 2, 3)]
-    _sort_by(column, names, np.einsum("ij,ij->i", r, r))
+    start = np.tile(space.to_physical(space.prior_centre()), (STARTS, 1))
+    start[:, :count] = model.screen(theta, fixed, series)[:STARTS]
+    return list(space.to_sampled(start)[:, : posterior.sampled_model.size])

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.noise.independent import HALF_LN_2PI
-from sma_bayes.noise.types import NoiseModel, Steps, sd_fact
+from sma_bayes.noise.base import HALF_LN_2PI, NoiseModel, Steps, sd_fact
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 
@@ -38,9 +38,9 @@ def memory_innovations(e: Floats, phi: Floats) -> Floats:
     return np.asarray(step / np.sqrt(1.0 - phi * phi))
 
 
-def memory_draw(rng: np.random.Generator, phi: Floats) -> Floats:
-    """Stationary series of unit variance with memory `phi` (..., n)."""
-    e = rng.standard_normal(phi.shape)
+def memory_series(innovation: Floats, phi: Floats) -> Floats:
+    """Stationary series with memory `phi` (..., n) from its innovations (..., n): the inverse of `memory_innovations`."""
+    e = np.array(np.broadcast_to(innovation, np.broadcast_shapes(innovation.shape, phi.shape)))
     scale = np.sqrt(1.0 - phi * phi)
     for i in range(1, phi.shape[-1]):
         e[..., i] = phi[..., i] * e[..., i - 1] + scale[..., i] * e[..., i]
@@ -57,12 +57,44 @@ def best_memory(noise: NoiseModel, residual: Floats, candidates: Floats, steps: 
     return np.array([sd[best], candidates[best]])
 
 
+class MemoryNoise(NoiseModel):
+    """Gaussian series whose samples remember the one before: ``corr(e[i], e[i-1]) = phi[i]``."""
+
+    remembers = True
+    is_gaussian = True
+
+    @abstractmethod
+    def phi(self, shape: Floats, steps: Steps) -> Floats:
+        """Correlation (..., n) of each sample with the one before it; zero where a sweep starts."""
+        ...
+
+    def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return memory_log_density(e, self.phi(shape, steps))
+
+    def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return memory_innovations(e, self.phi(shape, steps))
+
+    def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
+        phi = self.phi(shape, steps)
+        scaled = series / np.sqrt(1.0 - phi * phi)
+        back = scaled.copy()
+        back[..., :-1] -= (phi * scaled)[..., 1:]
+        return np.asarray(back)
+
+    def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
+        return memory_series(innovation, self.phi(shape, steps))
+
+    def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
+        phi = self.phi(shape, steps)
+        return memory_series(rng.standard_normal(phi.shape), phi)
+
+
 def _dot(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
 @dataclass(frozen=True)
-class AR1:
+class AR1(MemoryNoise):
     """``e[i] = phi e[i-1] + sqrt(1 - phi**2) N(0, 1)``; `sd` is the standard deviation of the series itself.
 
     For samples at equal steps. Each sweep starts afresh.
@@ -70,9 +102,6 @@ class AR1:
 
     name = "ar1"
     title = "AR(1) in sample index"
-    needs_time = False
-    remembers = True
-    is_density = True
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         phi = ParameterFact(
@@ -80,14 +109,8 @@ class AR1:
         )
         return (sd_fact(channel, unit), phi)
 
-    def _phi(self, shape: Floats, steps: Steps) -> Floats:
+    def phi(self, shape: Floats, steps: Steps) -> Floats:
         return np.where(steps.first, 0.0, shape[..., 0, None])
-
-    def information(self, shape: Floats) -> Floats:
-        return np.ones(shape.shape[:-1])
-
-    def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        return memory_log_density(e, self._phi(shape, steps))
 
     def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         # sums of squares and of neighbouring products are all that a constant memory needs
@@ -109,9 +132,6 @@ class AR1:
             value = -0.5 * quadratic - 0.5 * m * np.log(variance) - n * HALF_LN_2PI
         return np.where(variance > 0.0, value, -np.inf)
 
-    def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        return memory_innovations(e, self._phi(shape, steps))
-
     def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
         phi = shape[:, 0]
         variance = np.maximum(1.0 - phi * phi, 1e-300)
@@ -125,6 +145,3 @@ class AR1:
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
         return best_memory(self, residual, np.tanh(np.linspace(-1.0, 4.0, 201)), steps)
-
-    def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
-        return memory_draw(rng, self._phi(shape, steps))

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.noise.ar1 import best_memory, memory_draw, memory_innovations, memory_log_density
-from sma_bayes.noise.types import Steps, sd_fact
+from sma_bayes.noise.ar1 import MemoryNoise, best_memory
+from sma_bayes.noise.base import Steps, sd_fact
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)
-class AR1Time:
+class AR1Time(MemoryNoise):
     """``corr(e(t), e(t + dt)) = exp(-dt/tau)``; `sd` is the standard deviation of the series itself.
 
     For samples at unequal steps. Two samples at the same instant would be the same sample, so a step of zero
@@ -23,8 +23,6 @@ class AR1Time:
     name = "ar1_time"
     title = "AR(1) in time"
     needs_time = True
-    remembers = True
-    is_density = True
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         tau = ParameterFact(
@@ -32,32 +30,11 @@ class AR1Time:
         )
         return (sd_fact(channel, unit), tau)
 
-    def _phi(self, shape: Floats, steps: Steps) -> Floats:
+    def phi(self, shape: Floats, steps: Steps) -> Floats:
         lapse = np.maximum(steps.dt / shape[..., 0, None], 1e-6)
         return np.where(steps.first, 0.0, np.exp(-lapse))
-
-    def information(self, shape: Floats) -> Floats:
-        return np.ones(shape.shape[:-1])
-
-    def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        return memory_log_density(e, self._phi(shape, steps))
-
-    def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        return np.asarray(self.log_density(e, shape, steps).sum(axis=-1))
-
-    def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        return memory_innovations(e, self._phi(shape, steps))
-
-    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
-        white = memory_innovations(
-            np.broadcast_to(rows, (len(shape), *rows.shape)), self._phi(shape, steps)[:, None, :]
-        )
-        return np.asarray(white @ np.swapaxes(white, 1, 2))
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
         step = steps.dt[~steps.first]
         typical = float(np.median(step[step > 0])) if np.any(step > 0) else 1.0
         return best_memory(self, residual, typical * np.geomspace(0.1, 3e3, 201), steps)
-
-    def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
-        return memory_draw(rng, self._phi(shape, steps))

@@ -27,15 +27,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from sma_bayes.noise.ar1 import memory_draw, memory_innovations
-from sma_bayes.noise.independent import HALF_LN_2PI
-from sma_bayes.noise.types import Steps, sd_fact
+from sma_bayes.noise.ar1 import MemoryNoise
+from sma_bayes.noise.base import HALF_LN_2PI, Steps, sd_fact
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)
-class EffectiveSamples:
+class EffectiveSamples(MemoryNoise):
     """Independent Gaussian likelihood raised to the power ``1/memory``.
 
     It is not a density of the data, so evidences that use it can't be compared with others. Replicated data and
@@ -44,9 +43,8 @@ class EffectiveSamples:
 
     name = "effective_samples"
     title = "Gaussian with effective samples"
-    needs_time = False
-    remembers = True
     is_density = False
+    is_gaussian = False
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         memory = ParameterFact(
@@ -54,7 +52,7 @@ class EffectiveSamples:
         )
         return (replace(sd_fact(channel, unit), prior_key="spread"), memory)
 
-    def _phi(self, shape: Floats, steps: Steps) -> Floats:
+    def phi(self, shape: Floats, steps: Steps) -> Floats:
         memory = shape[..., 0, None]
         return np.where(steps.first, 0.0, (memory - 1.0) / (memory + 1.0))
 
@@ -67,17 +65,12 @@ class EffectiveSamples:
     def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return np.asarray(-0.5 * np.einsum("...i,...i->...", e, e) - HALF_LN_2PI * e.shape[-1])
 
-    def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        return memory_innovations(e, self._phi(shape, steps))
-
     def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
         return np.asarray((rows @ rows.T) / shape[:, 0, None, None])
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
         return np.array([np.sqrt(np.mean(residual**2)), memory_of(residual, steps)])
 
-    def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
-        return memory_draw(rng, self._phi(shape, steps))
 
 
 def memory_of(residual: Floats, steps: Steps) -> float:

@@ -1,4 +1,8 @@
-"""Independent noise with heavy tails."""
+"""Heavy tails: independent Student t noise, and a memory whose innovations are Student t.
+
+A Gaussian series is decorrelated into independent innovations ``a``; each is then Student t of unit scale instead of
+normal, ``p(a) = t(a; nu)``. Since decorrelating is linear the Jacobian is that of the Gaussian series.
+"""
 
 from __future__ import annotations
 
@@ -7,63 +11,116 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln, ndtri, stdtr
 
-from sma_bayes.noise.types import Steps, sd_fact
+from sma_bayes.noise.base import HALF_LN_2PI, NoiseModel, Steps
+from sma_bayes.noise.independent import Independent
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)
-class StudentT:
-    """Samples scatter independently as Student's t with `nu` degrees of freedom; `sd` is its scale.
+class StudentT(NoiseModel):
+    """Innovations scatter as Student's t with ``nu`` degrees of freedom; ``sd`` is their scale.
 
     Suited to records with occasional outliers that the quality checks let pass. The scale equals the standard
-    deviation only for large `nu`.
+    deviation only for large ``nu``.
+
+    Attributes
+    ----------
+    series : NoiseModel
+        Gaussian series whose innovations these are; independent samples by default.
     """
 
-    name = "student_t"
-    title = "independent Student t"
-    needs_time = False
-    remembers = False
-    is_density = True
+    series: NoiseModel = Independent()  # noqa: RUF009 (it is frozen and holds nothing)
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """``student_t``, or that of the series before it."""
+        return "student_t" if not self.series.remembers else f"{self.series.name}_student_t"
+
+    @property
+    def title(self) -> str:  # type: ignore[override]
+        """For people."""
+        return (
+            "independent Student t"
+            if not self.series.remembers
+            else f"{self.series.title} with Student t innovations"
+        )
+
+    @property
+    def needs_time(self) -> bool:  # type: ignore[override]
+        """As the series."""
+        return self.series.needs_time
+
+    @property
+    def remembers(self) -> bool:  # type: ignore[override]
+        """As the series."""
+        return self.series.remembers
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         nu = ParameterFact(
             f"{channel}_nu", "1", f"degrees of freedom of the noise of {channel}", "nu", channel
         )
-        return (sd_fact(channel, unit), nu)
+        return (*self.series.parameters(channel, unit, time_unit), nu)
 
-    def information(self, shape: Floats) -> Floats:
-        return np.ones(shape.shape[:-1])
+    @property
+    def _at(self) -> int:
+        """Position of ``nu`` among the parameters after ``sd``."""
+        return len(self.series.parameters("", "", "")) - 1
+
+    def _nu(self, shape: Floats) -> Floats:
+        return shape[..., self._at, None]
 
     def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        nu = shape[..., 0, None]
+        nu = self._nu(shape)
         norm = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(np.pi * nu)
-        return np.asarray(norm - 0.5 * (nu + 1.0) * np.log1p(e * e / nu))
+        a = self.decorrelate(e, shape, steps)
+        density = norm - 0.5 * (nu + 1.0) * np.log1p(a * a / nu)
+        if self.series.remembers:  # the Jacobian: what the Gaussian density has beyond that of its innovations
+            with np.errstate(invalid="ignore"):
+                density = density + (self.series.log_density(e, shape, steps) + 0.5 * a * a + HALF_LN_2PI)
+            density = np.where(np.isnan(density), -np.inf, density)
+        return np.asarray(density)
 
-    def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        return np.asarray(self.log_density(e, shape, steps).sum(axis=-1))
+    def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.decorrelate(e, shape, steps)
+
+    def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.decorrelate_adjoint(series, shape, steps)
+
+    def score(self, innovation: Floats, shape: Floats) -> Floats:
+        nu = self._nu(shape)
+        return np.asarray((nu + 1.0) * innovation / (nu + innovation * innovation))
+
+    def location_information(self, shape: Floats) -> Floats:
+        nu = self._nu(shape)[..., 0]
+        return np.asarray((nu + 1.0) / (nu + 3.0))
 
     def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         # by probability, so that they are unit normal if the model is right; from the lower tail for its digits
-        return np.asarray(-np.sign(e) * ndtri(stdtr(shape[..., 0, None], -np.abs(e))))
+        a = self.decorrelate(e, shape, steps)
+        return np.asarray(-np.sign(a) * ndtri(stdtr(self._nu(shape), -np.abs(a))))
 
     def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
-        nu = shape[:, 0, None, None]
-        return np.asarray((nu + 1.0) / (nu + 3.0) * (rows @ rows.T))  # Fisher information of a t location
+        gram = self.series.weighted_gram(rows, shape, steps)
+        return np.asarray(self.location_information(shape)[:, None, None] * gram)
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
+        first = self.series.estimate(residual, steps)  # the memory is told nearly as well with light tails
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a = self.series.decorrelate(residual, first[1:], steps)
         nu = np.array([1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0, 200.0])[:, None]
-        variance = np.full(nu.shape, np.mean(residual**2))
+        variance = np.full(nu.shape, np.mean(a**2))
         for _ in range(50):  # expectation-maximisation for the scale, at each number of degrees of freedom
-            weight = (nu + 1.0) / (nu + residual**2 / variance)
-            variance = np.mean(weight * residual**2, axis=1, keepdims=True)
-        likelihood = self.log_density(residual / np.sqrt(variance), nu, steps).sum(axis=1)
+            weight = (nu + 1.0) / (nu + a**2 / variance)
+            variance = np.mean(weight * a**2, axis=1, keepdims=True)
+        shape = np.concatenate([np.tile(first[1:], (len(nu), 1)), nu], axis=1)
+        likelihood = self.log_density(residual / np.sqrt(variance), shape, steps).sum(axis=1)
         likelihood -= 0.5 * residual.size * np.log(variance[:, 0])
         best = int(np.argmax(likelihood))
-        return np.array([np.sqrt(variance[best, 0]), nu[best, 0]])
+        return np.array([np.sqrt(variance[best, 0]), *shape[best]])
 
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
-        n = steps.dt.size
-        nu = shape[..., 0, None]
+        n, nu = steps.dt.size, self._nu(shape)
         normal = rng.standard_normal((*shape.shape[:-1], n))
-        return np.asarray(normal / np.sqrt(rng.standard_gamma(0.5 * nu, (*shape.shape[:-1], n)) / (0.5 * nu)))
+        a = normal / np.sqrt(rng.standard_gamma(0.5 * nu, (*shape.shape[:-1], n)) / (0.5 * nu))
+        return self.series.correlate(a, shape, steps)

@@ -89,8 +89,11 @@ class PriorSet:
             If there is no prior, its unit is of the wrong kind, or its numbers are wrong.
         """
         tables = ("noise",) if noise else (branch.value, "both")
-        for table in tables:
-            beliefs = self.entries.get(table, {}).get(fact.prior_key, ())
+        said = [self.entries.get(table, {}).get(fact.prior_key, ()) for table in tables]
+        if not any(said) and fact.prior is not None:
+            where = f"prior of {fact.name} where no file speaks of it"
+            said = [(_entry(self.file, where, fact.prior),)]
+        for beliefs in said:
             for belief in beliefs:
                 try:
                     scale, shift = _yardstick(belief, fact, scales)
@@ -284,7 +287,7 @@ def parse_priors(text: str, file: str) -> PriorSet:
 
 
 def _entry(file: str, where: str, belief: Any) -> PriorEntry:
-    if not isinstance(belief, dict):
+    if not isinstance(belief, Mapping):
         raise PriorError(
             f"is {belief!r}", file=file, column=where, expected="a table with family and numbers"
         )

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.errors import PriorError, near_matches
 from sma_bayes.parameters.distributions import Distribution, LogNormal, Normal
+from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
 
 _HALF_LN_2PI = 0.9189385332046727
@@ -30,6 +32,10 @@ class ParameterFact:
         Name under which a priors file speaks of it; ``B3``, or ``sd`` for ``force_sd``.
     channel : str
         Channel that the parameter belongs to, empty for none.
+    role : Role, optional
+        What it does to the curve of that channel.
+    prior : mapping of str to object, optional
+        Belief in force where a priors file does not speak of the parameter, written as in such a file.
     """
 
     name: str
@@ -37,6 +43,8 @@ class ParameterFact:
     meaning: str
     prior_key: str = ""
     channel: str = ""
+    role: Role | None = None
+    prior: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -88,6 +88,8 @@ class ParameterResult:
     Attributes
     ----------
     name, meaning, unit : str
+    channel : str
+        Channel that it belongs to, empty for none.
     of_noise : bool
         True for the parameters of the noise.
     warm_start, warm_start_sd, mean, sd : float or None
@@ -107,6 +109,7 @@ class ParameterResult:
     name: str
     meaning: str
     unit: str
+    channel: str
     of_noise: bool
     warm_start: float | None
     warm_start_sd: float | None
@@ -553,3 +556,12 @@ class Content:
         if not all(r.converged for r in self.branches(condition)):
             return ()
         return tuple(q for q in self.loops if q.condition == condition)
+
+
+def parameters_by_channel(records: Iterable[RecordContent]) -> dict[str, tuple[str, ...]]:
+    """Names of the parameters of the response in any of the records, by channel, in the order of the model."""
+    found: dict[str, dict[str, None]] = {}
+    for record in records:
+        for p in record.model_parameters:
+            found.setdefault(p.channel, {})[p.name] = None
+    return {channel: tuple(found[channel]) for channel in sorted(found)}

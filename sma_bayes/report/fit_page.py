@@ -17,6 +17,7 @@ from sma_bayes.report.content import (
     Content,
     Estimate,
     RecordContent,
+    parameters_by_channel,
 )
 from sma_bayes.report.figures import FigureFiles
 from sma_bayes.report.figures.sheet import numbered
@@ -141,15 +142,12 @@ def _has_arbitrary_unit(record: RecordContent) -> bool:
 
 
 def parameter_overview(content: Content) -> tuple[Table, ...]:
-    """Median and interval of the response's parameters of the converged records, a table for A and one for B."""
+    """Median and interval of the response's parameters of the converged records, a table for each channel."""
     out = []
-    for letter, what in (("A", "displacement"), ("B", "force")):
-        names = sorted(
-            {p.name for r in content.converged for p in r.model_parameters if p.name.startswith(letter)}
-        )
-        if names:
-            name = next((c.name for c in content.channels if c.channel == what), what)
-            out.append(_overview(content.converged, names, f"Parameters of {name}"))
+    for channel, names in parameters_by_channel(content.converged).items():
+        name = next((c.name for c in content.channels if c.channel == channel), channel)
+        title = f"Parameters of {name}" if name else "Parameters of the response"
+        out.append(_overview(content.converged, list(names), title))
     return tuple(out)
 
 

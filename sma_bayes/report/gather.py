@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from sma_bayes.assess.correlation import FACTORS
+from sma_bayes.assess.summary import NOISE
 from sma_bayes.paper.twin import printed_values
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.types import setting_unit
@@ -199,7 +200,8 @@ def _parameter(
         name=name,
         meaning=_renamed(p.get("meaning", ""), names),
         unit=p["unit"],
-        of_noise=any(name.startswith(f"{channel}_") for channel in r["channels"]),
+        channel=p["channel"],
+        of_noise=p["role"] == NOISE,
         warm_start=p.get("warm_start"),
         warm_start_sd=p.get("warm_start_sd"),
         mean=p.get("mean"),

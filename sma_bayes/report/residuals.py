@@ -12,7 +12,7 @@ from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.report.content import RecordContent
 from sma_bayes.report.outputs import StoredRecord
-from sma_bayes.response import RESPONSE_MODELS
+from sma_bayes.response import RESPONSE_MODELS, ResponseModel
 
 CURVES: Final = 400
 """Draws whose curves are looked at."""
@@ -20,7 +20,7 @@ CURVES: Final = 400
 
 def median_curves(stored: StoredRecord) -> dict[str, Floats]:
     """Median over the posterior of each observed channel at each sample, shape (n,) [unit of the channel]."""
-    model = RESPONSE_MODELS[stored.model](tuple(stored.observed))
+    model = _model(stored)
     flat = np.stack([stored.draws[name].ravel() for name in model.parameter_names], axis=-1)
     some = flat[:: max(1, len(flat) // CURVES)]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -50,7 +50,7 @@ def standardised_residuals(
         By observed channel [1].
     """
     noise = NOISE_MODELS[stored.noise]
-    steps = Steps.of(_as_record(record, stored))
+    steps = Steps.of(_as_record(stored))
     slope = _median_slope(stored) if record.temperature_sd > 0 else {}
     out = {}
     for channel, curve in curves.items():
@@ -63,15 +63,20 @@ def standardised_residuals(
 
 
 def _median_slope(stored: StoredRecord) -> dict[str, Floats]:
-    model = RESPONSE_MODELS[stored.model](tuple(stored.observed))
+    model = _model(stored)
     middle = np.array([np.median(stored.draws[name]) for name in model.parameter_names])
     return model.slope(middle, stored.inputs)
 
 
-def _as_record(record: RecordContent, stored: StoredRecord) -> Record:
+def _model(stored: StoredRecord) -> ResponseModel:
+    return RESPONSE_MODELS[stored.model].made_for([_as_record(stored)])
+
+
+def _as_record(stored: StoredRecord) -> Record:
+    """What was measured, for what depends neither on condition and branch nor on units."""
     return Record(
-        condition=Condition(record.condition),
-        branch=Branch(record.branch),
+        condition=Condition("stored"),
+        branch=Branch.HEATING,
         inputs=stored.inputs,
         observed=stored.observed,
         row=stored.row,

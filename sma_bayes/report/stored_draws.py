@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -18,12 +18,9 @@ from sma_bayes.posterior import Place, Posterior
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
 from sma_bayes.report.outputs import StoredRecord, StoredRun, posterior_path, read_record, read_run
-from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.results.documents import FINISH
 from sma_bayes.results.fit import calibration_errors
-
-FIRST_NOISE: Final = "_sd"
-"""End of the name of the first noise parameter of a channel."""
 
 
 def stored_draws(folder: str | Path) -> tuple[RecordDraws, ...]:
@@ -84,19 +81,18 @@ def draws_of(run: StoredRun, summary: Mapping[str, Any]) -> RecordDraws:
 
 def _posterior(summary: Mapping[str, Any], stored: StoredRecord) -> Posterior:
     record = _record(summary, stored)
-    model = ModifiedSigmoid(record.channels)
+    model = RESPONSE_MODELS[stored.model].made_for([record])
+    noise = NOISE_MODELS[stored.noise]
     parameters = summary["parameters"]
     names = list(model.parameter_names)
     at = {}
     for channel in record.channels:
-        own = sorted(
-            (n for n in parameters if n.startswith(f"{channel}_")), key=lambda n: not n.endswith(FIRST_NOISE)
-        )
-        at[channel] = len(names) + np.arange(len(own))
-        names += own
+        facts = noise.parameters(channel, record.units[channel], record.units.get("time", "s"))
+        at[channel] = len(names) + np.arange(len(facts))
+        names += [f.name for f in facts]
     space = ParameterSpace(tuple(_parameter(n, parameters[n]) for n in names))
     place = Place(np.arange(len(model.parameter_names)), at)
-    return Posterior((record,), model, NOISE_MODELS[stored.noise], space, (place,))
+    return Posterior((record,), model, noise, space, (place,))
 
 
 def _record(summary: Mapping[str, Any], stored: StoredRecord) -> Record:

@@ -3,32 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from sma_bayes.quantities import Floats
-from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.response.base import ResponseModel
 
 
 @dataclass(frozen=True)
 class BothBranches:
-    """The modified sigmoid with parameters of its own on each branch.
+    """A response model with parameters of its own on each branch.
 
     ``theta`` (..., 2 P): first the parameters of the heating branch, then those of the cooling branch.
 
     Attributes
     ----------
-    channels : tuple of str
-        What is predicted; see `ModifiedSigmoid`.
+    model : ResponseModel
+        Of either branch.
     """
 
-    channels: tuple[str, ...]
-    model: ModifiedSigmoid = field(init=False)
-    name = "modified_sigmoid"
+    model: ResponseModel
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "model", ModifiedSigmoid(self.channels))
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.model.name
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What is predicted."""
+        return self.model.channels
 
     def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         """Response along a history.

@@ -9,18 +9,23 @@ parameter: there the modified sigmoid *is* this curve, and no measurement can pr
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.special import expit
 
+from sma_bayes.parameters.roles import Role
+from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats, per
+from sma_bayes.records.types import Record
+from sma_bayes.response.base import ResponseModel
 
 
 @dataclass(frozen=True)
-class BoundedLogistic:
+class BoundedLogistic(ResponseModel):
     """Four-parameter logistic curve of one channel.
 
     Attributes
@@ -35,18 +40,25 @@ class BoundedLogistic:
     direction: float = 1.0
     name = "bounded_logistic"
     reference = "four-parameter logistic curve"
+    together = False
     parameter_names = ("cold", "span", "rate", "midpoint")
+
+    @classmethod
+    def made_for(cls, records: Sequence[Record]) -> Self:
+        """The curve of the one channel of some records, in the direction in which it goes."""
+        channels = records[0].channels
+        return cls(channels, RecordScales.of(records).trend.get(next(iter(channels), ""), 1.0))
 
     def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
         """Facts about the parameters, for the units of temperature and of the channel."""
         (channel,) = self.channels
         rows = (
-            ("cold", units[channel], f"{channel} far below the midpoint"),
-            ("span", units[channel], f"distance of the asymptotes of {channel}"),
-            ("rate", per(units["temperature"]), "rate of the transition"),
-            ("midpoint", units["temperature"], "temperature of the midpoint"),
+            ("cold", units[channel], f"{channel} far below the midpoint", Role.OFFSET),
+            ("span", units[channel], f"distance of the asymptotes of {channel}", Role.SPAN),
+            ("rate", per(units["temperature"]), "rate of the transition", Role.RATE),
+            ("midpoint", units["temperature"], "temperature of the midpoint", Role.MIDPOINT),
         )
-        return tuple(ParameterFact(n, u, m, prior_key=n, channel=channel) for n, u, m in rows)
+        return tuple(ParameterFact(n, u, m, prior_key=n, channel=channel, role=r) for n, u, m, r in rows)
 
     def _share(self, theta: Floats, inputs: Mapping[str, Floats]) -> tuple[Floats, Floats, Floats]:
         """Parameters (P, ..., 1), distance from the midpoint, and the share of the span that has passed."""

@@ -13,16 +13,20 @@ Holanda et al. (2014) as cited by the paper; the paper, lines 334 to 341, where 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.special import expit
 
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
+from sma_bayes.parameters.roles import Role
+from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Branch
+from sma_bayes.records.types import Branch, Record
+from sma_bayes.response.base import ResponseModel
 
 STEEPNESS = 6.2
 """Rate times width, as printed."""
@@ -30,7 +34,7 @@ _ENDS = {Branch.HEATING: ("As", "Af"), Branch.COOLING: ("Mf", "Ms")}
 
 
 @dataclass(frozen=True)
-class Logistic:
+class Logistic(ResponseModel):
     """The logistic curve of Eqs. (9) and (10) for one channel.
 
     Attributes
@@ -45,7 +49,14 @@ class Logistic:
     direction: float = 1.0
     name = "logistic"
     reference = "Eqs. (9) and (10)"
+    together = False
     parameter_names = ("K_min", "K_max", "centre", "width")
+
+    @classmethod
+    def made_for(cls, records: Sequence[Record]) -> Self:
+        """The curve of the one channel of some records, in the direction in which it goes."""
+        channels = records[0].channels
+        return cls(channels, RecordScales.of(records).trend.get(next(iter(channels), ""), 1.0))
 
     def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
         """Facts about the parameters, for the units of temperature and of the channel."""
@@ -57,9 +68,10 @@ class Logistic:
             "distance of start and finish of the transformation",
         )
         unit = (units[channel], units[channel], units["temperature"], units["temperature"])
+        role = (Role.LEVEL, Role.LEVEL, Role.MIDPOINT, Role.WIDTH)
         return tuple(
-            ParameterFact(name, u, m, prior_key=name, channel=channel)
-            for name, u, m in zip(self.parameter_names, unit, meaning, strict=True)
+            ParameterFact(name, u, m, prior_key=name, channel=channel, role=r)
+            for name, u, m, r in zip(self.parameter_names, unit, meaning, role, strict=True)
         )
 
     def _share(self, theta: Floats, inputs: Mapping[str, Floats]) -> tuple[Floats, Floats, Floats]:

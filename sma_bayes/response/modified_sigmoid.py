@@ -24,8 +24,10 @@ from functools import cached_property
 import numpy as np
 from scipy.special import expit
 
+from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import ARBITRARY, CHANNELS, Floats, per
+from sma_bayes.response.base import Asymptote, Bools, ResponseModel, in_order
 
 
 def sigmoid(temperature: Floats, amplitude: Floats, rate: Floats, midpoint: Floats, offset: Floats) -> Floats:
@@ -114,6 +116,8 @@ def stiffness(
         return np.asarray(sign * np.exp(log_stiffness(temperature, a1, a2, a3, b1, b2, b3)))
 
 
+SAME_RATE = 1e-6
+"""Rates that differ by a smaller share count as equal: Eq. (7) is then bounded at every temperature that matters."""
 _MEANING = {
     "A1": "span of the displacement sigmoid",
     "A2": "rate of the displacement sigmoid",
@@ -124,6 +128,13 @@ _MEANING = {
     "B3": "temperature of the midpoint of the force sigmoid",
     "B4": "force far below B3",
 }
+_ROLE = {
+    "1": Role.SPAN,
+    "2": Role.RATE,
+    "3": Role.MIDPOINT,
+    "4": Role.OFFSET,
+}
+_LETTER = {"displacement": "A", "force": "B"}
 _NEEDS = {
     "displacement": ("A1", "A2", "A3", "A4"),
     "force": ("B1", "B2", "B3", "B4"),
@@ -132,7 +143,7 @@ _NEEDS = {
 
 
 @dataclass(frozen=True)
-class ModifiedSigmoid:
+class ModifiedSigmoid(ResponseModel):
     """The modified sigmoid for a given set of channels.
 
     Attributes
@@ -145,6 +156,7 @@ class ModifiedSigmoid:
     channels: tuple[str, ...] = CHANNELS
     name = "modified_sigmoid"
     reference = "Eqs. (2), (4) and (7) of the published model"
+    linear = ("A1", "A4", "B1", "B4")
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
@@ -175,6 +187,7 @@ class ModifiedSigmoid:
                 _MEANING[name],
                 prior_key=name,
                 channel="displacement" if name[0] == "A" else "force",
+                role=_ROLE[name[1]],
             )
             for name in self.parameter_names
         )
@@ -255,6 +268,129 @@ class ModifiedSigmoid:
             out[channel] = j
         return out
 
+    def stiffness(self, theta: Floats, inputs: Mapping[str, Floats]) -> Floats:
+        """Stiffness of Eq. (7), shape (..., n), also where force and displacement gave its parameters."""
+        p = self._get(theta)
+        return stiffness(inputs["temperature"], p["A1"], p["A2"], p["A3"], p["B1"], p["B2"], p["B3"])
+
+    def curvature(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Second derivative of each channel with respect to temperature, shape (..., n)."""
+        t = inputs["temperature"]
+        p = self._get(theta)
+        out = {}
+        for channel in self.channels:
+            if channel == "stiffness":
+                k = stiffness(t, p["A1"], p["A2"], p["A3"], p["B1"], p["B2"], p["B3"])
+                a, b = (np.tanh(0.5 * p[f"{x}2"] * (t - p[f"{x}3"])) for x in "AB")
+                first = p["A2"] * a - p["B2"] * b
+                second = 0.5 * (p["A2"] ** 2 * (1.0 - a * a) - p["B2"] ** 2 * (1.0 - b * b))
+                out[channel] = k * (first * first + second)
+            else:
+                size, rate, middle = (p[f"{_LETTER[channel]}{i}"] for i in (1, 2, 3))
+                s = expit(rate * (t - middle))
+                out[channel] = size * rate * rate * s * (1.0 - s) * (1.0 - 2.0 * s)
+        return out
+
+    def limits(self, theta: Floats) -> dict[str, tuple[Asymptote, Asymptote]]:
+        """Level lines of force and displacement; of stiffness what Eq. (7) tends to: zero, infinite, or between."""
+        p = {name: x[..., 0] for name, x in self._get(theta).items()}
+        out = {}
+        for channel, letter in _LETTER.items():
+            if channel in self.channels:
+                size, rate, middle, offset = (p[f"{letter}{i}"] for i in (1, 2, 3, 4))
+                level, falls = np.zeros_like(size), rate < 0.0
+                ends = (np.where(falls, offset + size, offset), np.where(falls, offset, offset + size))
+                out[channel] = (Asymptote(middle, ends[0], level), Asymptote(middle, ends[1], level))
+        if set(_NEEDS["stiffness"]) <= set(p):
+            out["stiffness"] = _stiffness_limits(p)
+        return out
+
+    def greatest_slope(self, theta: Floats, channel: str, temperature: Floats) -> tuple[Floats, str]:
+        """Slope of a sigmoid at its midpoint, a quarter of span times rate; of the stiffness, that of the curve."""
+        if channel not in _LETTER:
+            return super().greatest_slope(theta, channel, temperature)
+        size, rate = (f"{_LETTER[channel]}{i}" for i in (1, 2))
+        p = self._get(theta)
+        return np.abs(p[size] * p[rate])[..., 0] / 4.0, f"at its midpoint, |{size} {rate}|/4"
+
+    def screen(self, theta: Floats, fixed: Bools, data: Mapping[str, Floats]) -> Floats:
+        """Spans and offsets, and the scale of Eq. (7), in closed form; see `ResponseModel.screen`."""
+        theta = np.array(theta, dtype=float)
+        at = {name: i for i, name in enumerate(self.parameter_names)}
+        held = {name for name, i in at.items() if fixed[i]}
+        for channel, letter in _LETTER.items():
+            if channel in self.channels:
+                theta = _solve_sigmoid(theta, at, letter, data["temperature"], data[channel], held)
+        if "stiffness" in self.channels and not set(_LETTER) <= set(self.channels):
+            settled = {letter for channel, letter in _LETTER.items() if channel in self.channels}
+            theta = _solve_scale(theta, at, data["temperature"], data["stiffness"], held, settled)
+        return theta
+
+
+def _stiffness_limits(p: Mapping[str, Floats]) -> tuple[Asymptote, Asymptote]:
+    scale = np.log(np.abs(p["B1"] * p["B2"])) - np.log(np.abs(p["A1"] * p["A2"]))
+    sign = np.sign(p["B1"]) * np.sign(p["B2"]) * np.sign(p["A1"]) * np.sign(p["A2"])
+    a2, b2 = np.abs(p["A2"]), np.abs(p["B2"])
+    apart = np.where(np.abs(a2 - b2) <= SAME_RATE * np.maximum(a2, b2), 0.0, a2 - b2)
+    lines = []
+    for side in (-1.0, 1.0):
+        end = scale + side * (b2 * p["B3"] - a2 * p["A3"])
+        end = np.where(apart == 0.0, end, np.copysign(np.inf, apart))
+        with np.errstate(over="ignore"):
+            lines.append(Asymptote(p["B3"], sign * np.exp(end), np.zeros_like(end)))
+    return lines[0], lines[1]
+
+
+def _solve_sigmoid(
+    theta: Floats, at: Mapping[str, int], letter: str, t: Floats, y: Floats, held: set[str]
+) -> Floats:
+    """Solve span and offset of one sigmoid for every draw, and sort the draws by their sum of squares."""
+    size, rate, middle, offset = (at[f"{letter}{i}"] for i in (1, 2, 3, 4))
+    free_size, free_offset = (f"{letter}{i}" not in held for i in (1, 4))
+    s = expit(theta[:, rate][:, None] * (t - theta[:, middle][:, None]))
+    sign = np.sign(theta[0, size])
+    if free_offset:
+        deviation = s - s.mean(axis=1, keepdims=True)
+        span = (deviation @ (y - y.mean())) / np.maximum(np.einsum("ij,ij->i", deviation, deviation), 1e-300)
+    else:
+        span = (s @ (y - theta[0, offset])) / np.einsum("ij,ij->i", s, s)
+    spread = float(np.ptp(y))
+    if free_size:
+        theta[:, size] = sign * np.clip(sign * span, 1e-3 * spread, 1e3 * spread)
+    span = theta[:, size]
+    if free_offset:
+        theta[:, offset] = y.mean() - span * s.mean(axis=1)
+    r = y - theta[:, offset, None] - span[:, None] * s
+    return in_order(theta, np.array([size, rate, middle, offset]), np.array([rate, middle]),
+                    np.einsum("ij,ij->i", r, r))  # fmt: skip
+
+
+def _solve_scale(
+    theta: Floats, at: Mapping[str, int], t: Floats, k: Floats, held: set[str], settled: set[str]
+) -> Floats:
+    """Solve the scale of Eq. (7) for every draw; force or displacement, where observed, are settled already."""
+    for letter in settled:  # the best of them, for every draw of the other sigmoid
+        for i in (1, 2, 3):
+            theta[:, at[f"{letter}{i}"]] = theta[0, at[f"{letter}{i}"]]
+    column = {name: theta[:, i] for name, i in at.items()}
+    log_shape = log_stiffness_shape(t, *(column[name][:, None] for name in ("A2", "A3", "B2", "B3")))
+    peak = log_shape.max(axis=1, keepdims=True)
+    shape = np.exp(log_shape - peak)
+    sign = np.sign(column["B1"] * column["B2"]) * np.sign(column["A1"] * column["A2"])
+    ratio = np.maximum(sign * (shape @ k) / np.einsum("ij,ij->i", shape, shape), 1e-6 * np.abs(k).max())
+    r = k - (sign * ratio)[:, None] * shape
+    with np.errstate(over="ignore", under="ignore"):
+        wanted = ratio * np.exp(-peak[:, 0]) * np.abs(column["A2"] / column["B2"])  # |B1/A1|
+        wanted = np.clip(wanted, 1e-200, 1e200)
+    now = np.abs(column["B1"] / column["A1"])
+    movable = [n for n in ("A1", "B1") if n[0] not in settled and n not in held]
+    for name in movable:
+        power = (1.0 if name == "B1" else -1.0) / len(movable)
+        theta[:, at[name]] = column[name] * (wanted / now) ** power
+    own = np.array([at[f"{letter}{i}"] for letter in "AB" for i in (1, 2, 3)])
+    shapes = np.array([at[name] for name in ("A2", "A3", "B2", "B3")])
+    return in_order(theta, own, shapes, np.einsum("ij,ij->i", r, r))
+
 
 def channel_unit(units: Mapping[str, str], channel: str) -> str:
     """Unit of a channel, worked out from the unit of stiffness where it was not observed itself.
@@ -282,7 +418,7 @@ def channel_unit(units: Mapping[str, str], channel: str) -> str:
     return {"force": force, "displacement": displacement}[channel]
 
 
-def shape_of(a2: Floats, b2: Floats, tolerance: float = 1e-6) -> Sequence[str]:
+def shape_of(a2: Floats, b2: Floats, tolerance: float = SAME_RATE) -> Sequence[str]:
     """What Eq. (7) does far from the midpoints: a bounded sigmoid only where A2 equals B2.
 
     Returns

@@ -19,15 +19,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final, Self
 
 import numpy as np
 
+from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import ARBITRARY, Floats
+from sma_bayes.records.types import Record
+from sma_bayes.response.base import ResponseModel
+
+FREQUENCY: Final = "frequency"
+"""Input that Eq. (11) reads: frequency of the drive [mHz]."""
 
 
 @dataclass(frozen=True)
-class Polynomial:
+class Polynomial(ResponseModel):
     """Eq. (11) for one channel, with as many parameters as the frequencies determine.
 
     Attributes
@@ -46,6 +53,16 @@ class Polynomial:
     frequencies: tuple[float, ...] = ()
     name = "polynomial"
     reference = "Eq. (11)"
+    together = False
+
+    @classmethod
+    def made_for(cls, records: Sequence[Record]) -> Self:
+        """Eq. (11) about the middle of the temperatures of some records, with the frequencies that are their input."""
+        temperature = np.concatenate([r.temperature for r in records])
+        middle = 0.5 * float(temperature.min() + temperature.max())
+        known = [r.inputs[FREQUENCY] for r in records if FREQUENCY in r.inputs]
+        frequencies = np.unique(np.concatenate(known)).tolist() if known else []
+        return cls(records[0].channels, middle, tuple(frequencies))
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -59,13 +76,18 @@ class Polynomial:
         unit, kelvin = units[channel], units["temperature"]
         steep = ARBITRARY if ARBITRARY in (unit, kelvin) else f"{unit}/{kelvin}"
         rows = {
-            "level": (unit, f"{channel} at the middle temperature and the mean frequency"),
-            "a4": (steep, f"slope of {channel} with temperature"),
-            "linear": (unit, f"change of {channel} from the least to the greatest frequency, linear part"),
-            "square": (unit, f"curvature of {channel} over the range of frequencies"),
+            "level": (Role.LEVEL, unit, f"{channel} at the middle temperature and the mean frequency"),
+            "a4": (Role.SLOPE, steep, f"slope of {channel} with temperature"),
+            "linear": (
+                Role.EFFECT,
+                unit,
+                f"change of {channel} from the least to the greatest frequency, linear part",
+            ),
+            "square": (Role.EFFECT, unit, f"curvature of {channel} over the range of frequencies"),
         }
         return tuple(
-            ParameterFact(name, *rows[name], prior_key=name, channel=channel) for name in self.parameter_names
+            ParameterFact(name, *rows[name][1:], prior_key=name, channel=channel, role=rows[name][0])
+            for name in self.parameter_names
         )
 
     def design(self, inputs: Mapping[str, Floats]) -> Floats:
@@ -80,9 +102,9 @@ class Polynomial:
         columns = [np.ones_like(away), away]
         if len(self.parameter_names) > 2:
             f = np.unique(self.frequencies)
-            g = (inputs["frequency"] - f.mean()) / np.ptp(f)
+            g = (inputs[FREQUENCY] - f.mean()) / np.ptp(f)
             columns += [g, g * g][: len(self.parameter_names) - 2]
-        return np.stack(columns, axis=-1)
+        return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
     def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         """Response of the channel, shape (..., n)."""
@@ -97,7 +119,8 @@ class Polynomial:
     def jacobian(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         """Derivative with respect to each parameter, shape (..., n, P)."""
         design = self.design(inputs)
-        return {self.channels[0]: np.broadcast_to(design, (*np.shape(theta)[:-1], *design.shape)).copy()}
+        leading = np.broadcast_shapes(np.shape(theta)[:-1], design.shape[:-2])
+        return {self.channels[0]: np.broadcast_to(design, (*leading, *design.shape[-2:])).copy()}
 
 
 @dataclass(frozen=True, slots=True)

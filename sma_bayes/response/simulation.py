@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from sma_bayes.quantities import Floats
+from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.both_branches import BothBranches
 from sma_bayes.response.joule_heating import JouleHeating
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
 
 @dataclass(frozen=True)
@@ -23,15 +25,18 @@ class Simulation:
     ----------
     channels : tuple of str
         Any of force, displacement, stiffness, temperature.
+    make : type of ResponseModel
+        Model of either branch, made of the mechanical channels among them.
     """
 
     channels: tuple[str, ...]
+    make: Callable[[tuple[str, ...]], ResponseModel] = ModifiedSigmoid
     mechanical: BothBranches | None = field(init=False)
     thermal: JouleHeating | None = field(init=False)
 
     def __post_init__(self) -> None:
         mechanical = tuple(c for c in self.channels if c != "temperature")
-        object.__setattr__(self, "mechanical", BothBranches(mechanical) if mechanical else None)
+        object.__setattr__(self, "mechanical", BothBranches(self.make(mechanical)) if mechanical else None)
         object.__setattr__(self, "thermal", JouleHeating() if "temperature" in self.channels else None)
 
     @property

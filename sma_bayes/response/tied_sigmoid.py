@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.response.base import Asymptote, ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
 
 @dataclass(frozen=True)
-class TiedSigmoid:
+class TiedSigmoid(ResponseModel):
     """The modified sigmoid with one rate for force and displacement, called A2.
 
     Attributes
@@ -33,8 +34,10 @@ class TiedSigmoid:
     _source: NDArray[np.intp] = field(init=False, repr=False, compare=False)
     name = "modified_sigmoid_tied"
     reference = "Eqs. (2), (4) and (7) with A2 = B2"
+    priors = "modified_sigmoid"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         free = ModifiedSigmoid(self.channels)
         object.__setattr__(self, "free", free)
         kept = self.parameter_names
@@ -70,3 +73,19 @@ class TiedSigmoid:
                 tied[..., target] += j[..., column]
             out[channel] = tied
         return out
+
+    def stiffness(self, theta: Floats, inputs: Mapping[str, Floats]) -> Floats:
+        """Stiffness of Eq. (7), shape (..., n); see `ModifiedSigmoid.stiffness`."""
+        return self.free.stiffness(np.asarray(theta)[..., self._source], inputs)
+
+    def curvature(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
+        """Second derivative of each channel with respect to temperature, shape (..., n)."""
+        return self.free.curvature(np.asarray(theta)[..., self._source], inputs)
+
+    def limits(self, theta: Floats) -> dict[str, tuple[Asymptote, Asymptote]]:
+        """Lines that the curves approach; the stiffness is bounded."""
+        return self.free.limits(np.asarray(theta)[..., self._source])
+
+    def spoken_of(self) -> frozenset[str]:
+        """The parameters of `ModifiedSigmoid`, whose priors it shares."""
+        return self.free.spoken_of()

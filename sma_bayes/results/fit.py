@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from sma_bayes.account import Account
 from sma_bayes.inference.ensembles import Draws
 from sma_bayes.inference.noise_choice import NoiseChoice
 from sma_bayes.inference.warm_start import WarmStart
-from sma_bayes.posterior import Posterior
+from sma_bayes.posterior import Posterior, Weights
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Calibration, Record
 
@@ -31,10 +32,12 @@ class Fit:
         Parameters at the warm start, those of the noise estimated from its residuals.
     draws : Draws
     noise_choice : NoiseChoice or None
-        None where the noise model was the user's choice.
+        What stands beside the curve and why; None where the noise is no density of the data.
     seed : int
     account : Account
         Time that warm start and sampling took.
+    chosen : bool
+        Whether the noise model was chosen from the data rather than named by the user.
     z : ndarray, shape (G, N, D)
         Kept draws in sampled coordinates, evenly thinned.
     theta : ndarray, shape (G, N, P)
@@ -48,6 +51,7 @@ class Fit:
     noise_choice: NoiseChoice | None
     seed: int
     account: Account = field(default_factory=Account)
+    chosen: bool = True
     z: Floats = field(init=False, repr=False)
     theta: Floats = field(init=False, repr=False)
 
@@ -74,6 +78,15 @@ class Fit:
         """Kept draws of all parameters, shape (G N, P)."""
         return self.theta.reshape(-1, self.theta.shape[-1])
 
+    @cached_property
+    def discrepancy(self) -> Weights:
+        """Weights of what the curve misses, one set for each kept draw: for each record, channel to (G N, m)."""
+        if not self.posterior.has_discrepancy:
+            return ()
+        keys = "\n".join(r.key for r in self.records)
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, 6, *keys.encode()]))
+        return self.posterior.draw_discrepancy(rng, self.flat)
+
     def calibration_draws(self, record: int = 0) -> dict[str, tuple[Floats, Floats]]:
         """Gain and shift of each channel whose calibration is uncertain, one for each kept draw.
 
@@ -92,14 +105,10 @@ class Fit:
     def calibrated(self, record: int = 0) -> Floats:
         """Kept draws (G N, P) with the uncertainty of the calibration carried into spans and offsets."""
         theta = self.flat.copy()
-        at = {name: i for i, name in enumerate(self.posterior.model.parameter_names)}
+        model, at = self.posterior.model, self.posterior.layout[record].model
         for channel, (gain, shift) in self.calibration_draws(record).items():
-            letter = {"displacement": "A", "force": "B"}.get(channel)
-            if letter is None:
-                continue
-            size, offset = at[f"{letter}1"], at[f"{letter}4"]
-            theta[:, size] *= gain
-            theta[:, offset] = gain * theta[:, offset] + shift
+            if channel != "stiffness":  # its curve is moved instead, see `curve_draws`
+                theta[:, at] = model.calibrated(theta[:, at], channel, gain, shift)
         return theta
 
 

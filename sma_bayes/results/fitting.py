@@ -11,13 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.inference.ensembles import Plan, sample
-from sma_bayes.inference.noise_choice import (
-    choose_noise,
-    noise_start,
-    posterior_with,
-    residual_growth,
-    taken_over,
-)
+from sma_bayes.inference.noise_choice import choose_noise, noise_start, posterior_with
 from sma_bayes.inference.warm_start import WarmStart, warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
@@ -27,7 +21,7 @@ from sma_bayes.records.types import Record
 from sma_bayes.results.fit import Fit
 
 AUTO = "auto"
-"""Name of the choice of the noise model from the residuals of the warm start."""
+"""Name of the choice of the noise model from what the warm start leaves."""
 
 
 def fit_records(
@@ -35,6 +29,7 @@ def fit_records(
     priors: PriorSet,
     *,
     noise: str = AUTO,
+    discrepancy: bool = True,
     seed: int = 0,
     plan: Plan | None = None,
     checkpoint: Path | None = None,
@@ -49,6 +44,8 @@ def fit_records(
     priors : PriorSet
     noise : str
         Name of a noise model, or ``"auto"``.
+    discrepancy : bool
+        Whether a smooth function of temperature may stand beside the curve, where it earns its place.
     seed : int
         Decides every draw, together with the keys of the records; neither the other records of a campaign nor
         the number of processes matter.
@@ -70,28 +67,34 @@ def fit_records(
             root = _seed(records, seed)
             start_seed, sample_seed = root.spawn(2)
             start = warm_start(first, np.random.default_rng(start_seed))
-            choice = choose_noise(first, start, priors) if noise == AUTO else None
-        while True:
-            name = choice.name if choice else noise
-            with account.timed("sample"):
-                posterior = posterior_with(name, first, start, priors)
-                z = noise_start(posterior, start)
-                draws = sample(
-                    posterior,
-                    _starts(z, start),
-                    posterior.space.prior_sd(),
-                    sample_seed,
-                    plan,
-                    checkpoint=checkpoint and checkpoint.with_stem(f"{checkpoint.stem}-{name}"),
-                    fingerprint=posterior.fingerprint() if checkpoint else "",
-                    progress=progress,
-                )
-                found = Fit(posterior, start, posterior.space.to_physical(z), draws, choice, seed, account)
-                again = choice and taken_over(choice, residual_growth(posterior, start, found.flat[::4]))
-            if again == choice:
-                break
-            choice = again
-    return found
+            choice = None
+            if noise == AUTO or NOISE_MODELS[noise].is_density:
+                only = None if noise == AUTO else noise
+                choice = choose_noise(first, start, priors, noise=only, discrepancy=discrepancy)
+        name = choice.name if choice else noise
+        with account.timed("sample"):
+            posterior = posterior_with(name, first, start, priors, choice)
+            z = noise_start(posterior, start, choice)
+            draws = sample(
+                posterior,
+                _starts(z, start),
+                posterior.space.prior_sd(),
+                sample_seed,
+                plan,
+                checkpoint=checkpoint and checkpoint.with_stem(f"{checkpoint.stem}-{name}"),
+                fingerprint=posterior.fingerprint() if checkpoint else "",
+                progress=progress,
+            )
+    return Fit(
+        posterior,
+        start,
+        posterior.space.to_physical(z),
+        draws,
+        choice,
+        seed,
+        account,
+        chosen=noise == AUTO,
+    )
 
 
 def _starts(z: Floats, start: WarmStart) -> list[Floats]:

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from sma_bayes.assess.contenders import model_priors
-from sma_bayes.errors import PriorError
+from sma_bayes.errors import MeasurementError, PriorError
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Record
 from sma_bayes.response import RESPONSE_MODELS
+from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.polynomial import Polynomial
-from sma_bayes.response.types import ResponseModel
 
 UNITS = {"temperature": "degC", "force": "N", "displacement": "m", "stiffness": "N/m"}
 TYPICAL = {
@@ -90,3 +90,56 @@ def test_shipped_priors_cover_its_parameters(
 def test_a_prior_of_another_model_is_refused(make_record: Callable[..., Record]) -> None:
     with pytest.raises(PriorError, match="no parameter is called 'K_min'"):
         build_posterior([make_record(("force",))], NOISE_MODELS["independent"], read_priors("logistic"))
+
+
+@models
+def test_each_parameter_vector_may_have_temperatures_of_its_own(model: ResponseModel) -> None:
+    rng = np.random.default_rng(1)
+    theta = typical(model) * (1.0 + 0.01 * rng.standard_normal((3, 1)))
+    inputs = INPUTS | {"temperature": INPUTS["temperature"] + rng.standard_normal((3, 23))}
+    found = [
+        f(theta, inputs)["stiffness"] for f in (model.predict, model.slope, model.curvature, model.jacobian)
+    ]
+    assert [f.shape[:2] for f in found] == [(3, 23)] * 4
+    for i in range(3):
+        own = inputs | {"temperature": inputs["temperature"][i]}
+        alone = (model.predict, model.slope, model.curvature, model.jacobian)
+        for one, f in zip(found, alone, strict=True):
+            np.testing.assert_allclose(one[i], f(theta[i], own)["stiffness"], rtol=1e-6, atol=1e-9)
+
+
+@models
+def test_its_curvature_is_the_derivative_of_its_slope(model: ResponseModel) -> None:
+    up, down = (
+        model.slope(typical(model), INPUTS | {"temperature": INPUTS["temperature"] + s})["stiffness"]
+        for s in (1e-4, -1e-4)
+    )
+    np.testing.assert_allclose(
+        model.curvature(typical(model), INPUTS)["stiffness"], (up - down) / 2e-4, rtol=1e-5, atol=1e-5
+    )
+
+
+@models
+def test_derivatives_by_differences_serve_where_a_model_has_none_by_hand(model: ResponseModel) -> None:
+    theta = typical(model)
+    for by_hand, by_differences in (
+        (model.slope, ResponseModel.slope),
+        (model.jacobian, ResponseModel.jacobian),
+    ):
+        found = by_differences(model, theta, INPUTS)["stiffness"]
+        wanted = by_hand(theta, INPUTS)["stiffness"]
+        scale = np.abs(wanted).max(axis=0)
+        np.testing.assert_allclose(found / scale, wanted / scale, atol=1e-7)
+
+
+@models
+def test_every_parameter_has_a_role_and_a_channel(model: ResponseModel) -> None:
+    assert all(f.role is not None and f.channel for f in model.facts)
+    for fact in model.facts:
+        assert model.with_role(fact.role, fact.channel) in model.parameter_names
+
+
+@models
+def test_it_refuses_channels_that_it_does_not_have(model: ResponseModel) -> None:
+    with pytest.raises(MeasurementError, match="has no temperature"):
+        type(model)(("temperature",))

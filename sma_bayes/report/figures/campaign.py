@@ -17,6 +17,7 @@ from sma_bayes.report.content import (
     ParameterResult,
     PrintedComparison,
     RecordContent,
+    parameters_by_channel,
 )
 from sma_bayes.report.figures.sheet import (
     COLOURS,
@@ -119,10 +120,9 @@ def parameter_figure(content: Content, number: int = 1) -> Drawing:
     number : int
         Which of the parts it is, for the name of the file.
     """
-    names = _parameter_names(content)
-    letters = tuple(dict.fromkeys(name[0] for name in names))
-    columns = max(sum(name[0] == letter for name in names) for letter in letters)
-    sheet_rows = len(letters)
+    lines = parameters_by_channel(content.records)
+    columns = max(len(names) for names in lines.values())
+    sheet_rows = len(lines)
     conditions = content.conditions
     tall = 0.55 + 0.26 * len(conditions)
     left = label_width(conditions)
@@ -131,9 +131,11 @@ def parameter_figure(content: Content, number: int = 1) -> Drawing:
         figure, sheet_rows, columns, left=left, right=0.1, bottom=0.75, top=0.3, gap_x=0.15, gap_y=0.75
     )
     rows: list[tuple[Any, ...]] = []
-    free = {letter: list(line) for letter, line in zip(letters, axes, strict=True)}
-    for name in names:
-        ax = free[name[0]].pop(0)
+    for name, ax in (
+        pair
+        for names, line in zip(lines.values(), axes, strict=True)
+        for pair in zip(names, line, strict=False)
+    ):
         unit = ""
         for place, r, p in _places(content, name):
             unit = p.unit
@@ -143,8 +145,9 @@ def parameter_figure(content: Content, number: int = 1) -> Drawing:
                          p.estimate.q95, p.identified))  # fmt: skip
         _condition_axis(ax, conditions, labelled=ax in axes[:, 0])
         ax.set_title(f"{name} [{in_units_of(take_power(ax.xaxis), unit)}]")
-    for ax in (ax for line in free.values() for ax in line):
-        ax.remove()
+    for names, line in zip(lines.values(), axes, strict=True):
+        for ax in line[len(names) :]:
+            ax.remove()
     handles = [dot_handle(c, name) for name, c in COLOURS.items()]
     handles.append(dot_handle("#555555", "hollow: not identified by the data", hollow=True))
     figure.legend(handles=handles, loc="lower center", ncols=3, borderaxespad=0.2)
@@ -337,11 +340,6 @@ def _places(content: Content, name: str) -> Iterator[tuple[int, RecordContent, P
             for p in r.parameters:
                 if p.name == name:
                     yield place, r, p
-
-
-def _parameter_names(content: Content) -> tuple[str, ...]:
-    found = dict.fromkeys(p.name for r in content.records for p in r.model_parameters)
-    return tuple(sorted(found))
 
 
 def _agreement(r: RecordContent, channel: str) -> tuple[Estimate, Estimate] | None:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from sma_bayes.quantities import Floats
-from sma_bayes.report.content import PAPER_CORRELATION, TARGET, Content, RecordContent
+from sma_bayes.report.content import PAPER_CORRELATION, TARGET, Content, RecordContent, parameters_by_channel
 from sma_bayes.report.figures.sheet import (
     COLOURS,
     INK,
@@ -112,7 +112,7 @@ def parameters_of_many(content: Content, number: int = 1) -> Drawing:
     number : int
         Which of the parts it is, for the name of the file.
     """
-    names = sorted({p.name for r in content.records for p in r.model_parameters})
+    names = [name for own in parameters_by_channel(content.records).values() for name in own]
     across = min(ACROSS, len(names))
     down = math.ceil(len(names) / across)
     figure = empty_sheet(0.5 + 2.0 * across, 0.6 + 1.9 * down)

@@ -8,6 +8,7 @@ import pytest
 from sma_bayes.quantities import Floats
 from sma_bayes.response.both_branches import BothBranches
 from sma_bayes.response.joule_heating import JouleHeating
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.response.simulation import Simulation
 
 HEATING = (0.02, 0.30, 62.0, 0.01, 2.0, 0.25, 65.0, 1.0)
@@ -47,7 +48,7 @@ def sample(channel: str, t: float, p: tuple[float, ...]) -> float:
 
 @pytest.mark.parametrize("channel", ALL)
 def test_each_sample_is_on_the_curve_of_its_branch(channel: str, applied: dict[str, Floats]) -> None:
-    found = BothBranches(ALL).predict(THETA, applied)[channel]
+    found = BothBranches(ModifiedSigmoid(ALL)).predict(THETA, applied)[channel]
     exact = [
         sample(channel, t, HEATING if b > 0.0 else COOLING)
         for t, b in zip(applied["temperature"], applied["branch"], strict=True)
@@ -56,7 +57,7 @@ def test_each_sample_is_on_the_curve_of_its_branch(channel: str, applied: dict[s
 
 
 def test_a_batch_of_parameters_and_of_temperatures(applied: dict[str, Floats]) -> None:
-    model = BothBranches(ALL)
+    model = BothBranches(ModifiedSigmoid(ALL))
     theta = THETA * np.random.default_rng(0).uniform(0.95, 1.05, (4, 16))
     warmer = applied["temperature"] + np.arange(4.0)[:, None]
     batch = model.predict(theta, {**applied, "temperature": warmer})
@@ -74,7 +75,7 @@ def test_all_together_are_the_parts(applied: dict[str, Floats]) -> None:
     model = Simulation((*ALL, "temperature"))
     found = model.predict(np.array([*THETA, *THERMAL]), applied)
     assert tuple(found) == (*ALL, "temperature")
-    for channel, values in BothBranches(ALL).predict(THETA, applied).items():
+    for channel, values in BothBranches(ModifiedSigmoid(ALL)).predict(THETA, applied).items():
         np.testing.assert_array_equal(found[channel], values)
     warmed = JouleHeating().predict(np.array(THERMAL), applied)["temperature"]
     np.testing.assert_array_equal(found["temperature"], warmed)

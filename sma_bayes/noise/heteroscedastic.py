@@ -1,0 +1,192 @@
+"""Noise whose standard deviation is not the same everywhere: it grows with the response, or follows the slope.
+
+Both are wrapped around any noise model of a series, so that each can be had with every kind of memory and tail:
+``growing`` lets the standard deviation change from the cold to the hot end of the response, ``temperature_error``
+estimates an error of the thermometer that nobody declared. As an option they follow the name of the series after a
+plus sign: ``ar1+growing``, ``independent+temperature_error``, ``student_t+growing+temperature_error``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.noise.base import NoiseModel, Steps
+from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.quantities import Floats
+
+FURTHEST = 1.5
+"""How far from the middle of its observed range [ranges] a response goes on changing the standard deviation."""
+
+
+@dataclass(frozen=True)
+class Wrapped(NoiseModel):
+    """A noise model of a series, and something beside it.
+
+    Attributes
+    ----------
+    series : NoiseModel
+    """
+
+    series: NoiseModel
+
+    suffix = ""
+    """What follows the name of the series."""
+    clause = ""
+    """What follows its title."""
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """As an option."""
+        return f"{self.series.name}+{self.suffix}"
+
+    @property
+    def title(self) -> str:  # type: ignore[override]
+        """For people."""
+        return f"{self.series.title}{self.clause}"
+
+    @property
+    def needs_time(self) -> bool:  # type: ignore[override]
+        """As the series."""
+        return self.series.needs_time
+
+    @property
+    def remembers(self) -> bool:  # type: ignore[override]
+        """As the series."""
+        return self.series.remembers
+
+    @property
+    def is_density(self) -> bool:  # type: ignore[override]
+        """As the series."""
+        return self.series.is_density
+
+    @property
+    def is_gaussian(self) -> bool:  # type: ignore[override]
+        """As the series."""
+        return self.series.is_gaussian
+
+    @property
+    def feels_temperature(self) -> bool:
+        """As the series."""
+        return self.series.feels_temperature
+
+    @property
+    def is_plain(self) -> bool:
+        """As the series."""
+        return self.series.is_plain
+
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
+        return self.series.parameters(channel, unit, time_unit)
+
+    def information(self, shape: Floats) -> Floats:
+        return self.series.information(shape)
+
+    def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.log_density(e, shape, steps)
+
+    def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.total_log_density(e, shape, steps)
+
+    def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.decorrelate(e, shape, steps)
+
+    def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.decorrelate_adjoint(series, shape, steps)
+
+    def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.correlate(innovation, shape, steps)
+
+    def score(self, innovation: Floats, shape: Floats) -> Floats:
+        return self.series.score(innovation, shape)
+
+    def location_information(self, shape: Floats) -> Floats:
+        return self.series.location_information(shape)
+
+    def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.innovations(e, shape, steps)
+
+    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.weighted_gram(rows, shape, steps)
+
+    def estimate(self, residual: Floats, steps: Steps) -> Floats:
+        return self.series.estimate(residual, steps)
+
+    def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
+        return self.series.draw(rng, shape, steps)
+
+    def relative_scale(self, shape: Floats, response: Floats) -> Floats | None:
+        return self.series.relative_scale(shape, response)
+
+
+@dataclass(frozen=True)
+class Growing(Wrapped):
+    """The standard deviation is ``sd exp(growth (x - 1/2))`` where the response is ``x`` of its observed range.
+
+    ``sd`` is that in the middle of the range; ``exp(growth)`` is the ratio of that at the top to that at the bottom.
+    """
+
+    suffix = "growing"
+    clause = " that grows with the response"
+
+    @property
+    def is_plain(self) -> bool:
+        """It is not."""
+        return False
+
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
+        growth = ParameterFact(
+            f"{channel}_growth",
+            "1",
+            f"ln of the ratio of the noise of {channel} at the top of its range to that at the bottom",
+            "growth",
+            channel,
+            prior={"family": "normal", "mean": 0.0, "sd": 1.0, "source": "a factor of 0.2 to 5 over the range, 90 %"},
+        )
+        return (*self.series.parameters(channel, unit, time_unit), growth)
+
+    def estimate(self, residual: Floats, steps: Steps) -> Floats:
+        return np.append(self.series.estimate(residual, steps), 0.0)
+
+    def relative_scale(self, shape: Floats, response: Floats) -> Floats | None:
+        at = len(self.series.parameters("", "", "")) - 1
+        x = np.clip(response - 0.5, -FURTHEST, FURTHEST)
+        with np.errstate(over="ignore"):
+            own = np.exp(shape[..., at, None] * x)
+        inner = self.series.relative_scale(shape, response)
+        return np.asarray(own if inner is None else own * inner)
+
+
+@dataclass(frozen=True)
+class TemperatureError(Wrapped):
+    """An error of the thermometer that was not declared: its standard deviation is a parameter of the record."""
+
+    suffix = "temperature_error"
+    clause = " with an error of the thermometer"
+
+    @property
+    def feels_temperature(self) -> bool:
+        """It does."""
+        return True
+
+
+def temperature_sd_fact(unit: str) -> ParameterFact:
+    """The standard deviation of an error of the thermometer that was not declared."""
+    return ParameterFact(
+        "temperature_sd",
+        unit,
+        "standard deviation of the error of the thermometer",
+        "temperature_sd",
+        "temperature",
+        prior={
+            "family": "lognormal",
+            "median": 0.005,
+            "sigma": 1.2,
+            "relative_to": "span(temperature)",
+            "source": "0.07 to 3.6 % of the sweep, 90 %: a few tenths of a degree of a usual one",
+        },
+    )
+
+
+WRAPPERS: dict[str, type[Wrapped]] = {w.suffix: w for w in (Growing, TemperatureError)}
+"""What may follow the name of a series, in this order."""
