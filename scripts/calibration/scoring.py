@@ -51,12 +51,11 @@ def scores(fit: Fit, case: Case, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def chosen(fit: Fit) -> dict[str, Any]:
-    """Model, noise and discrepancy that the fit took."""
-    discrepancy = getattr(fit.posterior, "discrepancy", None)
+    """Model, noise and channels with a discrepancy that the fit took."""
     return {
         "model": fit.posterior.model.name,
         "noise": fit.posterior.noise.name,
-        "discrepancy": None if discrepancy is None else str(getattr(discrepancy, "name", True)),
+        "discrepancy": ", ".join(fit.posterior.discrepancy[0]) or None,
     }
 
 

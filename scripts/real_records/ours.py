@@ -11,9 +11,8 @@ import numpy as np
 import sma_bayes
 from real_records.prediction import Prediction, mixture
 from real_records.records import Measured, scatter_of_readings
-from sma_bayes.assess.bands import curve_draws, noise_of_samples
 from sma_bayes.noise import Steps
-from sma_bayes.noise.types import lag1
+from sma_bayes.noise.base import lag1
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.results.fit import Fit
@@ -42,37 +41,30 @@ class Ours:
         """Predict readings; each as if it followed no other."""
         fit = self.fit(train)
         (channel,) = train.channels
-        curve = curve_draws(fit, channel, test.temperature)
-        place = fit.posterior.layout[0]
-        own, theta = fit.flat[:, place.noise[channel]], fit.flat[:, place.model]
-        rng = np.random.default_rng(0)
-        noise = noise_of_samples(fit.posterior, channel, own, theta, test.temperature, rng)
-        density = log_noise_density(fit, channel, test.temperature, test.observed[channel] - curve)
-        return mixture(density, curve + noise)
+        return predicted(fit, channel, test.temperature, test.observed[channel])
 
 
-def log_noise_density(fit: Fit, channel: str, temperature: Floats, residual: Floats) -> Floats:
-    """Log density of the residuals of new readings that follow no other, one row for each draw of the fit.
+def predicted(fit: Fit, channel: str, temperature: Floats, readings: Floats) -> Prediction:
+    """Prediction of readings of one channel that follow no other.
+
+    Given the parameters and the discrepancy of a draw, a reading scatters about the curve at the temperature that was
+    really there; where the thermometer errs, that temperature is drawn, too, anew for each draw and reading.
 
     Parameters
     ----------
-    temperature : ndarray, shape (m,)
-    residual : ndarray, shape (S, m)
-        [unit of the channel].
-
-    Returns
-    -------
-    ndarray, shape (S, m)
+    temperature, readings : ndarray, shape (m,)
+        As logged [degC]; [unit of the channel].
     """
-    posterior, place, m = fit.posterior, fit.posterior.layout[0], temperature.size
-    own = fit.flat[:, place.noise[channel]]
-    scale = np.broadcast_to(own[:, :1], residual.shape)
-    temperature_sd = posterior.records[0].temperature_sd
-    if temperature_sd > 0.0:
-        slope = posterior.model.slope(fit.flat[:, place.model], {"temperature": temperature})[channel]
-        scale = np.hypot(scale, slope * temperature_sd)
-    alone = Steps(np.ones(m, dtype=bool), np.ones(m), False)
-    return np.asarray(posterior.noise.log_density(residual / scale, own[:, 1:], alone) - np.log(scale))
+    posterior, theta, rng = fit.posterior, fit.flat, np.random.default_rng(0)
+    spread = posterior.temperature_sd(theta)
+    there = np.broadcast_to(temperature, (len(theta), temperature.size))
+    if spread is not None:
+        there = there + spread[:, None] * rng.standard_normal(there.shape)
+    curve = posterior.predict(theta, {"temperature": there}, weights=fit.discrepancy)[channel]
+    scale = np.broadcast_to(posterior.noise_scale(theta, 0, channel, curve), curve.shape)
+    shape, apart = theta[:, posterior.layout[0].noise[channel][1:]], Steps.apart(temperature.size)
+    density = posterior.noise.log_density((readings - curve) / scale, shape, apart) - np.log(scale)
+    return mixture(density, curve + scale * posterior.noise.draw(rng, shape, apart))
 
 
 def described(measured: Measured, ours: Ours) -> dict[str, Any]:
@@ -81,18 +73,18 @@ def described(measured: Measured, ours: Ours) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``model``, ``noise``, ``discrepancy``, ``converged``; ``rmse`` of the median curve over the range; ``lag1`` of
-        the innovations, median over the draws; ``width`` of the 90 % predictive band, median over the samples, over
-        that of normal noise of the readings' own scatter; ``scatter`` of the readings over the range; ``seconds`` of
-        processor time.
+        ``model``, ``noise``, ``converged``; ``discrepancy``, its root mean square over the range, or None; ``rmse`` of
+        the median curve, discrepancy included, over the range; ``lag1`` of the innovations, median over the draws;
+        ``width`` of the 90 % predictive band, median over the samples, over that of normal noise of the readings' own
+        scatter; ``scatter`` of the readings over the range; ``seconds`` of processor time.
     """
     record, channel = measured.record, measured.channel
     began = time.process_time()
     fit = ours.fit(record)
     seconds = time.process_time() - began
-    curve = curve_draws(fit, channel, record.temperature)
+    curve = fit.posterior.predict(fit.flat, record.inputs, weights=fit.discrepancy)[channel]
     left = record.observed[channel] - np.median(curve, axis=0)
-    innovations = fit.posterior.residuals(fit.flat[:: max(1, len(fit.flat) // 200)])[0][channel]
+    innovations = fit.posterior.residuals(fit.flat, fit.discrepancy)[0][channel]
     band = sma_bayes.credible_band(fit, channel)
     wide = np.median(
         np.interp(
@@ -100,11 +92,10 @@ def described(measured: Measured, ours: Ours) -> dict[str, Any]:
         )
     )
     scatter = scatter_of_readings(record, channel)
-    discrepancy = getattr(fit.posterior, "discrepancy", None)
     return {
         "model": fit.posterior.model.name,
         "noise": fit.posterior.noise.name,
-        "discrepancy": None if discrepancy is None else str(getattr(discrepancy, "name", True)),
+        "discrepancy": _discrepancy(fit, measured),
         "converged": bool(fit.converged),
         "rmse": float(np.sqrt(np.mean(left * left))) / measured.size,
         "lag1": float(np.median(lag1(innovations, fit.posterior.steps[0]))),
@@ -112,6 +103,15 @@ def described(measured: Measured, ours: Ours) -> dict[str, Any]:
         "scatter": scatter / measured.size,
         "seconds": seconds,
     }
+
+
+def _discrepancy(fit: Fit, measured: Measured) -> float | None:
+    """Root mean square of the discrepancy over the samples and draws, over the range; None where there is none."""
+    basis = fit.posterior.discrepancy[0].get(measured.channel)
+    if basis is None:
+        return None
+    missed = basis.function(fit.discrepancy[0][measured.channel], measured.record.temperature)
+    return float(np.sqrt(np.mean(missed * missed))) / measured.size
 
 
 def without_calibration(record: Record) -> Record:

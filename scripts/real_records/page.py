@@ -158,13 +158,17 @@ def _fits(lines: Sequence[Line]) -> str:
             rows.append((name, str(line["n"]), line["failed"], *[""] * 7))
             continue
         rows.append((
-            name, str(line["n"]), line["model"], line["noise"], line["discrepancy"] or "–",
+            name, str(line["n"]), line["model"], line["noise"], _percent(line["discrepancy"]),
             f"{100 * line['rmse']:.2f}", f"{line['lag1']:.2f}", f"{line['width']:.2g}",
             "yes" if line["converged"] else "**no**", f"{line['seconds']:.1f}",
         ))  # fmt: skip
-    header = ("record", "n", "model", "noise", "discrepancy", "rmse, % of range", "correlation of innovations",
-              "width over scatter", "converged", "s")  # fmt: skip
+    header = ("record", "n", "model", "noise", "discrepancy, % of range", "rmse, % of range",
+              "correlation of innovations", "width over scatter", "converged", "s")  # fmt: skip
     return "## The fits\n\n" + _table(header, rows)
+
+
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{100 * value:.2g}"
 
 
 def _scores(lines: Sequence[Line], scheme: str) -> str:
