@@ -195,3 +195,14 @@ def per(unit: str) -> str:
     ('1/degC', '1')
     """
     return "1" if unit == "1" else f"1/{unit}"
+
+
+def quotient(unit: str, below: str) -> str:
+    """Unit of a quantity over another, such as that of a slope against temperature.
+
+    Examples
+    --------
+    >>> quotient("N", "degC"), quotient("1", "degC"), quotient("m", "arbitrary")
+    ('N/degC', '1/degC', 'arbitrary')
+    """
+    return ARBITRARY if ARBITRARY in (unit, below) else f"{unit}/{below}"

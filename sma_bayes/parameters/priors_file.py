@@ -1,5 +1,6 @@
 """Priors as TOML: what is believed about each parameter, on which branch, on whose word.
 
+A file may build on a set that ships (``extends = "modified_sigmoid"``) and then speak only of what is new or different.
 A priors file has a table a branch (``both``, ``heating``, ``cooling``; the branch's own wins), in it a table a
 parameter, and ``noise`` for the parameters of the noise. Where a parameter is given as an array of tables, the
 first whose yardstick was observed is used::
@@ -38,7 +39,8 @@ from sma_bayes.quantities import CHANNELS, convert
 from sma_bayes.records.types import Branch
 
 SCHEMA = "sma-bayes/priors/1"
-_TOP = ("schema", "model", "title", "source", "both", "heating", "cooling", "noise")
+_TOP = ("schema", "extends", "model", "title", "source", "both", "heating", "cooling", "noise")
+_TABLES = ("both", "heating", "cooling", "noise")
 _KEYS = ("family", "unit", "relative_to", "sign", "source", "fixed")
 
 
@@ -69,6 +71,10 @@ class PriorSet:
         Where it was read.
     text : str
         The file as it is, for `sma-bayes priors` and for the fingerprint.
+    extended : str
+        Text of the sets that it builds on; empty where it stands alone.
+    inherited : frozenset of tuple of str
+        Table and parameter of each entry that comes from them.
     """
 
     title: str
@@ -77,6 +83,17 @@ class PriorSet:
     entries: Mapping[str, Mapping[str, tuple[PriorEntry, ...]]]
     file: str
     text: str
+    extended: str = ""
+    inherited: frozenset[tuple[str, str]] = frozenset()
+
+    @property
+    def whole_text(self) -> str:
+        """The file, and as comments behind it those that it extends: tables in them may be taken over and changed."""
+        if not self.extended:
+            return self.text
+        below = "\n".join(f"# {line}".rstrip() for line in self.extended.splitlines())
+        remark = "# What it extends: a table of the same name, above, takes the place of one of these."
+        return f"{self.text.rstrip()}\n\n{remark}\n{below}\n"
 
     def parameter(
         self, fact: ParameterFact, branch: Branch, scales: RecordScales, *, noise: bool = False
@@ -192,7 +209,7 @@ class PriorSet:
         for table, beliefs in self.entries.items():
             names = known_noise if table == "noise" else known
             for name in beliefs:
-                if name not in names:
+                if name not in names and (table, name) not in self.inherited:
                     raise PriorError(
                         f"no parameter is called {name!r}",
                         file=self.file,
@@ -265,7 +282,8 @@ def parse_priors(text: str, file: str) -> PriorSet:
         if key not in _TOP:
             raise PriorError(f"unknown key {key!r}", file=file, column=key, expected=near_matches(key, _TOP))
     entries: dict[str, dict[str, tuple[PriorEntry, ...]]] = {}
-    for table in ("both", "heating", "cooling", "noise"):
+    base = _extended(document, file)
+    for table in _TABLES:
         said = document.get(table, {})
         if not isinstance(said, dict):
             raise PriorError(f"{table} = {said!r}", file=file, column=table, expected="a table of parameters")
@@ -276,6 +294,11 @@ def parse_priors(text: str, file: str) -> PriorSet:
             )
             for name, beliefs in said.items()
         }
+    inherited: frozenset[tuple[str, str]] = frozenset()
+    if base is not None:
+        whole = _over(base.entries, entries)
+        inherited = frozenset((t, name) for t in _TABLES for name in whole[t] if name not in entries[t])
+        entries = whole
     return PriorSet(
         str(document.get("title", "")),
         str(document.get("source", "")),
@@ -283,7 +306,42 @@ def parse_priors(text: str, file: str) -> PriorSet:
         entries,
         file,
         text,
+        "" if base is None else base.whole_text,
+        inherited,
     )
+
+
+def _extended(document: Mapping[str, Any], file: str) -> PriorSet | None:
+    """The shipped set that a file builds on; None where it stands alone."""
+    if "extends" not in document:
+        return None
+    name = document["extends"]
+    if name not in shipped_priors():
+        raise PriorError(
+            f"extends = {name!r}",
+            file=file,
+            column="extends",
+            expected="the name of a shipped set",
+            remedy=near_matches(str(name), shipped_priors()),
+        )
+    if Path(file).resolve() == (priors_folder() / f"{name}.toml").resolve():
+        raise PriorError(
+            f"extends = {name!r}", file=file, column="extends", expected="a set other than itself"
+        )
+    return read_priors(name)
+
+
+def _over(
+    base: Mapping[str, Mapping[str, tuple[PriorEntry, ...]]],
+    own: Mapping[str, dict[str, tuple[PriorEntry, ...]]],
+) -> dict[str, dict[str, tuple[PriorEntry, ...]]]:
+    """Beliefs of a file over those of the set that it extends: what it says of both branches holds for each."""
+    out = {}
+    for table in _TABLES:
+        hidden = set(own[table]) | (set(own["both"]) if table in ("heating", "cooling") else set())
+        kept = {name: beliefs for name, beliefs in base[table].items() if name not in hidden}
+        out[table] = {**kept, **own[table]}
+    return out
 
 
 def _entry(file: str, where: str, belief: Any) -> PriorEntry:

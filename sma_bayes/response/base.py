@@ -32,6 +32,8 @@ APART = 0.5
 """Least distance of starting points, in standard deviations of the draws of a parameter of shape."""
 SIZES = (1e-3, 1e3)
 """Range in which a linear parameter of known sign is kept, in spans of its channel."""
+HELD_BACK = 0.03
+"""Weight of the prior where linear parameters are solved for."""
 _LEVELS = frozenset({Role.OFFSET, Role.LEVEL})
 _SCALED = _LEVELS | {Role.SPAN, Role.EFFECT, Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE}
 _TEMPERATURES = frozenset({Role.MIDPOINT, Role.GAP, Role.WIDTH})
@@ -167,7 +169,7 @@ class ResponseModel(ABC):
         """Derivative of each channel with respect to each parameter, shape (..., n, P)."""
         theta = np.asarray(theta, dtype=float)
         columns: dict[str, list[Floats]] = {c: [] for c in self.channels}
-        for i, size in enumerate(self._sizes(inputs["temperature"])):
+        for i, size in enumerate(self._sizes(theta, inputs["temperature"])):
             step = STEP * np.maximum(np.abs(theta[..., i]), size)
             up, down = theta.copy(), theta.copy()
             up[..., i] += step
@@ -179,17 +181,25 @@ class ResponseModel(ABC):
                     columns[channel].append((above[channel] - below[channel]) / width)
         return {channel: np.stack(found, axis=-1) for channel, found in columns.items()}
 
-    def _sizes(self, temperature: Floats) -> list[float]:
+    def _sizes(self, theta: Floats, temperature: Floats) -> list[float]:
         """Magnitude of each parameter below which a step of finite differences need not go."""
         width = float(np.ptp(temperature)) or max(float(np.abs(temperature).max()), 1.0)
+        largest = [float(np.abs(theta[..., i]).max()) for i in range(theta.shape[-1])]
+        high: dict[str, float] = {}
+        for fact, size in zip(self.facts, largest, strict=True):
+            if fact.role in _LEVELS or fact.role in (Role.SPAN, Role.EFFECT):
+                high[fact.channel] = max(high.get(fact.channel, 0.0), size)
         out = []
         for fact in self.facts:
+            of_channel = high.get(fact.channel, 0.0) or 1.0
             if fact.role in _TEMPERATURES:
                 out.append(0.1 * width)
             elif fact.role in _RATES:
                 out.append(1.0 / width)
+            elif fact.role in (Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE):
+                out.append(of_channel / width)
             else:
-                out.append(1.0)
+                out.append(of_channel if fact.role in _SCALED else 1.0)
         return out
 
     def stiffness(self, theta: Floats, inputs: Mapping[str, Floats]) -> Floats:
@@ -342,8 +352,8 @@ class ResponseModel(ABC):
     ) -> tuple[Floats, Floats]:
         """Draws with the linear parameters of a channel solved for, and their sums of squares (W,).
 
-        Draws of the prior say how large a parameter may be: by as much as they scatter it is held back, with the
-        weight of one sample that is off by the span. A parameter of one sign keeps it.
+        Draws of the prior say how large a parameter may be: as far as they scatter counts as much as one sample that
+        is off by `HELD_BACK` spans. A parameter of one sign keeps it.
         """
         y = data[channel]
         where = {f.name: f for f in self.facts}
@@ -361,7 +371,7 @@ class ResponseModel(ABC):
             left = y - self.predict(base, data)[channel]
             scale = float(np.ptp(y)) or 1.0
             design = j * width
-            gram = np.einsum("wni,wnj->wij", design, design) + scale**2 * np.eye(len(columns))
+            gram = np.einsum("wni,wnj->wij", design, design) + (HELD_BACK * scale) ** 2 * np.eye(len(columns))
             solved = np.linalg.solve(gram, np.einsum("wni,wn->wi", design, left)[..., None])[..., 0]
             found = centre + width * np.nan_to_num(solved)
             for k, i in enumerate(columns):

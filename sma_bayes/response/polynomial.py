@@ -25,12 +25,14 @@ import numpy as np
 
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterFact
-from sma_bayes.quantities import ARBITRARY, Floats
+from sma_bayes.quantities import Floats, quotient
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
 
 FREQUENCY: Final = "frequency"
 """Input that Eq. (11) reads: frequency of the drive [mHz]."""
+
+_NAMES: Final = ("level", "a4", "linear", "square")
 
 
 @dataclass(frozen=True)
@@ -68,13 +70,17 @@ class Polynomial(ResponseModel):
     def parameter_names(self) -> tuple[str, ...]:
         """``level`` and ``a4``; ``linear`` from two different frequencies, ``square`` from three."""
         different = len(set(self.frequencies))
-        return ("level", "a4", "linear", "square")[: 2 + min(max(different - 1, 0), 2)]
+        return _NAMES[: 2 + min(max(different - 1, 0), 2)]
+
+    def spoken_of(self) -> frozenset[str]:
+        """All coefficients, also where too few frequencies determine them."""
+        return frozenset(_NAMES)
 
     def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
         """Facts about the parameters, for the units of temperature and of the channel."""
         (channel,) = self.channels
         unit, kelvin = units[channel], units["temperature"]
-        steep = ARBITRARY if ARBITRARY in (unit, kelvin) else f"{unit}/{kelvin}"
+        steep = quotient(unit, kelvin)
         rows = {
             "level": (Role.LEVEL, unit, f"{channel} at the middle temperature and the mean frequency"),
             "a4": (Role.SLOPE, steep, f"slope of {channel} with temperature"),

@@ -24,7 +24,14 @@ from sma_bayes.catalogue import Catalogue
 ROOT = Path(__file__).resolve().parents[2]
 
 SUPPORTING = {
-    "sma_bayes.response": {"arrangement", "both_branches", "joule_heating", "simulation", "base"},
+    "sma_bayes.response": {
+        "arrangement",
+        "both_branches",
+        "joule_heating",
+        "simulation",
+        "base",
+        "phase_lines",
+    },
     "sma_bayes.effects": {"types", "needs", "transformation", "memory", "stress"},
     "sma_bayes.noise": {"types"},
     "sma_bayes.records.formats": {"layout", "numbers", "table"},
