@@ -47,7 +47,13 @@ app = typer.Typer(
 
 Seed = Annotated[int, typer.Option(help="Decides every draw.", min=0)]
 Jobs = Annotated[int | None, typer.Option(help="Processes; by default one for each core.", min=1)]
-Priors = Annotated[str, typer.Option(help="Priors: the name of a shipped set, or a TOML file.")]
+Priors = Annotated[
+    str | None,
+    typer.Option(help="Priors: the name of a shipped set, or a TOML file; those of the model by default."),
+]
+Model = Annotated[
+    str, typer.Option(help="Response model: 'sma-bayes priors --list' names them.", metavar="NAME")
+]
 Noise = Annotated[
     str, typer.Option(help="Noise model, or 'auto': chosen from the residuals of the least-squares fit.")
 ]
@@ -164,17 +170,20 @@ def inspect(
 
 @app.command()
 def priors(
-    model: Annotated[str, typer.Argument(help="Name of a shipped set.")] = "modified_sigmoid",
-    list_all: Annotated[bool, typer.Option("--list", help="List the shipped sets.")] = False,
+    model: Annotated[
+        str, typer.Argument(help="Name of a response model, or of a shipped set.")
+    ] = "modified_sigmoid",
+    list_all: Annotated[bool, typer.Option("--list", help="List all of them.")] = False,
 ) -> None:
     """Print the priors in force as TOML, to edit and pass back with --priors FILE."""
-    from sma_bayes.parameters.priors_file import read_priors, shipped_priors
+    from sma_bayes.parameters.priors_file import shipped_priors
+    from sma_bayes.response import RESPONSE_MODELS, priors_named
 
     if list_all:
-        for name in shipped_priors():
-            typer.echo(f"{name}: {read_priors(name).title}")
+        for name in sorted({*shipped_priors(), *RESPONSE_MODELS}):
+            typer.echo(f"{name}: {priors_named(name).title}")
         return
-    typer.echo(read_priors(model).text, nl=False)
+    typer.echo(priors_named(model).whole_text, nl=False)
 
 
 @app.command()
@@ -184,7 +193,8 @@ def fit(
     data: Data = None,
     seed: Seed = 0,
     jobs: Jobs = None,
-    priors: Priors = "modified_sigmoid",
+    model: Model = "modified_sigmoid",
+    priors: Priors = None,
     noise: Noise = "auto",
     pool: PoolChoice = "none",
     extrapolate: Extrapolate = 0.0,
@@ -211,6 +221,7 @@ def fit(
             out,
             seed=seed,
             noise=noise,
+            model=model,
             priors=priors,
             pool=pool_named(pool),
             extrapolate=extrapolate,
@@ -229,7 +240,8 @@ def gap(
     data: Data = None,
     seed: Seed = 0,
     jobs: Jobs = None,
-    priors: Priors = "modified_sigmoid",
+    model: Model = "modified_sigmoid",
+    priors: Priors = None,
     noise: Annotated[
         str, typer.Option(help="Only 'auto': the study estimates the noise by itself.")
     ] = "auto",
@@ -254,6 +266,7 @@ def gap(
             out,
             seed=seed,
             noise=noise,
+            model=model,
             priors=priors,
             pool=pool_named(pool),
             resume=resume,
@@ -270,7 +283,8 @@ def compare(
     data: Data = None,
     seed: Seed = 0,
     jobs: Jobs = None,
-    priors: Priors = "modified_sigmoid",
+    model: Model = "modified_sigmoid",
+    priors: Priors = None,
     noise: Annotated[
         str,
         typer.Option(help="Noise model of all models, or 'auto': Gaussian, counting independent samples."),
@@ -297,6 +311,7 @@ def compare(
             out,
             seed=seed,
             noise=noise,
+            model=model,
             priors=priors,
             pool=pool_named(pool),
             resume=resume,
@@ -380,6 +395,12 @@ def conditions(
             help="Scatter between conditions to expect, as a share of span, rate and width of a curve."
         ),
     ] = 0.1,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="Response model that the fit must have been made with; any by default.", metavar="NAME"
+        ),
+    ] = None,
     seed: Seed = 0,
     jobs: Jobs = None,
     figures: Figures = "auto",
@@ -401,6 +422,7 @@ def conditions(
             at=at or (),
             leave_out=leave_out or (),
             scatter=scatter,
+            model=model,
             seed=seed,
             jobs=jobs,
             resume=resume,

@@ -81,6 +81,12 @@ class DiscrepancyBasis:
     values: Floats
     rows: Floats
 
+    @staticmethod
+    def tabulated(nodes: Floats, values: Floats, temperature: Floats) -> DiscrepancyBasis:
+        """Basis from its values (G, m) at nodes (G,), for samples at temperatures (n,)."""
+        at_samples = DiscrepancyBasis(nodes, values, np.empty((values.shape[1], 0))).at(temperature)
+        return DiscrepancyBasis(nodes, values, np.ascontiguousarray(at_samples.T))
+
     @property
     def count(self) -> int:
         """Number m of basis functions."""

@@ -109,7 +109,7 @@ class Posterior:
         object.__setattr__(self, "steps", tuple(Steps.of(r) for r in self.records))
         if not self.discrepancy:
             object.__setattr__(self, "discrepancy", tuple({} for _ in self.records))
-        ranges = tuple({c: _observed_range(r.observed[c]) for c in r.channels} for r in self.records)
+        ranges = tuple({c: observed_range(r.observed[c]) for c in r.channels} for r in self.records)
         object.__setattr__(self, "_range", ranges)
 
     @property
@@ -326,7 +326,7 @@ class Posterior:
             `sd` is empty where the thermometer has no error.
         """
         mean, root = self._moments(theta, record)
-        return mean, {c: np.sqrt(sum(x * x for x in rows)) for c, rows in root.items()}
+        return mean, {c: np.sqrt(_products(rows, rows)) for c, rows in root.items()}
 
     def moments_of_noise(self, theta: Floats, record: int) -> tuple[dict[str, Floats], dict[str, Floats]]:
         """Mean response at the samples of a record, and how much wider than ``sd`` measurements scatter there.
@@ -366,7 +366,7 @@ class Posterior:
         ]
         mean, parts = {}, {}
         for channel in r.channels:
-            mean[channel] = sum(w * y[channel] for w, y in zip(weights, at_nodes, strict=True))
+            mean[channel] = _products(weights, [y[channel] for y in at_nodes])
             parts[channel] = [
                 np.sqrt(w) * (y[channel] - mean[channel]) for w, y in zip(weights, at_nodes, strict=True)
             ]
@@ -389,15 +389,13 @@ class Posterior:
                 residual *= 1.0 / sd
                 yield channel, residual, sd
                 continue
+            own = parts[channel]
             # a row of the Cholesky factor of the covariance of the channels
-            own, row = parts[channel], []
+            row: list[Floats] = []
             for others, other_row, _, scale in before:
-                shared = sum(x * y for x, y in zip(own, others, strict=True))
-                shared = shared - sum(x * y for x, y in zip(row, other_row, strict=False))
-                row.append(shared / scale)
-            variance = sd * sd + sum(x * x for x in own) - sum(x * x for x in row)
-            scale = np.sqrt(variance)
-            whitened = (residual - sum(x * b[2] for x, b in zip(row, before, strict=True))) / scale
+                row.append((_products(own, others) - _products(row, other_row)) / scale)
+            scale = np.sqrt(sd * sd + _products(own, own) - _products(row, row))
+            whitened = (residual - _products(row, [z for _, _, z, _ in before])) / scale
             if not self.discrepancy[record]:  # with one, the residuals before still hold it: each stands for itself
                 before.append((own, row, whitened, scale))
             yield channel, whitened, scale
@@ -439,7 +437,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
     return (("python", platform.python_version()), *((name, version(name)) for name in packages))
 
 
-def _observed_range(values: Floats) -> tuple[float, float]:
+def observed_range(values: Floats) -> tuple[float, float]:
     """Bottom of the range of a channel and its width, which is never zero."""
     low, high = (float(v) for v in np.quantile(values, (0.01, 0.99)))
     return low, (high - low) or float(np.ptp(values)) or max(abs(low), 1.0)
@@ -450,6 +448,14 @@ def _log_sum(scale: Floats, n: int) -> Floats:
     if scale.shape[1] == 1:
         return np.asarray(n * np.log(scale[:, 0]))
     return np.asarray(np.log(scale).sum(axis=-1))
+
+
+def _products(one: Sequence[Floats], other: Sequence[Floats]) -> Floats:
+    """Sum of products of arrays, as far as both have them; zero of none."""
+    total: Floats = np.zeros(1)
+    for x, y in zip(one, other, strict=False):
+        total = total + x * y
+    return total
 
 
 def _of(weights: Weights, record: int) -> Mapping[str, Floats]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.curves import CurveDraws
 from sma_bayes.noise import Steps
-from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import ARBITRARY, Floats, convert
 from sma_bayes.records.types import Ints, Record
 from sma_bayes.response.arrangement import BiasSpring, overall_stiffness
@@ -79,17 +79,7 @@ def temperature_grid(record: Record, extrapolate: float = 0.0) -> Floats:
 
 def curve_draws(fit: Fit, channel: str, temperature: Floats, record: int = 0) -> Floats:
     """Curves of a channel, one for each kept draw, calibration included; shape (N, m)."""
-    theta = fit.calibrated(record)[:, fit.posterior.layout[record].model]
-    model = fit.posterior.model
-    if channel in model.channels:
-        with np.errstate(over="ignore"):
-            curve = model.predict(theta, {"temperature": temperature})[channel]
-        if channel == "stiffness":
-            for gain, shift in [fit.calibration_draws(record).get(channel, (None, None))]:
-                if gain is not None and shift is not None:
-                    curve = gain[:, None] * curve + shift[:, None]
-        return curve
-    return model.stiffness(theta, {"temperature": temperature})
+    return fit.curves(record).curve(channel, temperature)
 
 
 def credible_band(fit: Fit, channel: str, record: int = 0, extrapolate: float = 0.0) -> Band:
@@ -108,7 +98,7 @@ def credible_band(fit: Fit, channel: str, record: int = 0, extrapolate: float = 
     r = fit.records[record]
     t = temperature_grid(r, extrapolate)
     curve = curve_draws(fit, channel, t, record)
-    return _band(r, channel, t, curve, _predictive(fit, channel, t, curve, record))
+    return _band(r, channel, t, curve, _predictive(fit, channel, t, record))
 
 
 def _band(record: Record, channel: str, t: Floats, curve: Floats, predictive: dict[str, Floats]) -> Band:
@@ -189,55 +179,44 @@ def _simultaneous(order: Ints, in_order: Floats) -> dict[str, Floats]:
     return out
 
 
-def _predictive(fit: Fit, channel: str, t: Floats, curve: Floats, record: int) -> dict[str, Floats]:
-    r, place = fit.records[record], fit.posterior.layout[record]
+def _predictive(fit: Fit, channel: str, t: Floats, record: int) -> dict[str, Floats]:
+    r = fit.records[record]
     if channel not in r.channels:
         return _no_measurement(t)
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 1, *f"{r.key} {channel}".encode()]))
-    own, theta = fit.flat[:, place.noise[channel]], fit.flat[:, place.model]
-    noise = noise_of_samples(fit.posterior, channel, own, theta, t, rng, record=record)
-    values = np.quantile(curve + noise, list(PREDICTIVE.values()), axis=0)
+    new = new_samples(fit.curves(record), channel, t, rng)
+    values = np.quantile(new, list(PREDICTIVE.values()), axis=0)
     return dict(zip(PREDICTIVE, values, strict=True))
 
 
-def noise_of_samples(
-    posterior: Posterior,
-    channel: str,
-    own: Floats,
-    theta: Floats,
-    temperature: Floats,
-    rng: np.random.Generator,
-    *,
-    record: int = 0,
-) -> Floats:
-    """Noise of new samples that follow no other, that of the readings of temperature included.
+def new_samples(curves: CurveDraws, channel: str, temperature: Floats, rng: np.random.Generator) -> Floats:
+    """New samples that follow no other, errors of the readings of temperature included.
 
     Parameters
     ----------
-    posterior : Posterior
+    curves : CurveDraws
+        Of S draws.
     channel : str
-    own : ndarray, shape (S, k)
-        Parameters of the noise of the channel, the standard deviation first.
-    theta : ndarray, shape (S, P)
-        Parameters of the curve, whose slope turns errors of temperature into errors of the channel.
+        That was measured.
     temperature : ndarray, shape (m,)
+        Readings [unit of temperature].
     rng : numpy.random.Generator
-    record : int
-        Which of the records that share the posterior.
 
     Returns
     -------
     ndarray, shape (S, m)
         [unit of the channel].
     """
-    n, temperature_sd = temperature.size, posterior.records[record].temperature_sd
-    noise = own[:, :1] * posterior.noise.draw(
-        rng, own[:, 1:], Steps(np.ones(n, dtype=bool), np.ones(n), False)
-    )
-    if temperature_sd > 0.0:
-        steep = posterior.model.slope(theta, {"temperature": temperature})[channel]
-        noise = noise + steep * temperature_sd * rng.standard_normal(noise.shape)
-    return noise
+    posterior, record, theta = curves.posterior, curves.record, curves.theta
+    at = posterior.layout[record].noise[channel]
+    series = posterior.noise.draw(rng, theta[:, at[1:]], Steps.apart(temperature.size))
+    spread = posterior.temperature_sd(theta, record)
+    true: Floats = temperature
+    if spread is not None:
+        true = temperature + spread[:, None] * rng.standard_normal((len(theta), temperature.size))
+    clean = curves.curve(channel, true)
+    scale = posterior.noise_scale(theta, record, channel, clean)
+    return np.asarray(clean + scale * series)
 
 
 def _no_measurement(t: Floats) -> dict[str, Floats]:

@@ -57,7 +57,8 @@ def predictive_checks(fit: Fit, record: int = 0) -> list[Check]:
     every = max(1, len(fit.flat) // CHECKED)
     theta = fit.flat[::every]
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 2, *r.key.encode()]))
-    measured = fit.posterior.residuals(theta)[record]
+    weights = tuple({c: w[::every] for c, w in own.items()} for own in fit.discrepancy)
+    measured = fit.posterior.residuals(theta, weights)[record]
     out = []
     order = np.argsort(r.temperature, kind="stable")
     blocks = np.array_split(order, max(4, min(12, r.n // 8)))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -18,9 +18,9 @@ from scipy.special import logsumexp
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.assess.contenders import (
-    CONTENDERS,
     PLUGGED_IN,
     Contender,
+    contenders,
     copy_of,
     curve_of,
     posterior_of,
@@ -43,6 +43,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
+from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.polynomial import FREQUENCY, least_squares
 
 AUTO: Final = "auto"
@@ -136,6 +137,10 @@ class Comparison:
     temperature : ndarray, shape (m,)
         Grid of the curves.
     wall_s : float
+    entrants : tuple of Contender
+        All that were asked for.
+    rank : int
+        Of Eq. (11) on the record.
     """
 
     record: Record
@@ -149,6 +154,7 @@ class Comparison:
     verdict: Verdict
     temperature: Floats
     wall_s: float
+    entrants: tuple[Contender, ...]
     rank: int = field(default=2)
 
     @property
@@ -178,6 +184,7 @@ def compare_record(
     noise: str = AUTO,
     seed: int = 0,
     only: Sequence[str] = (),
+    model: str = DEFAULT_MODEL,
 ) -> Comparison:
     """Fit all contenders to a record, predict what was held out, and judge.
 
@@ -192,6 +199,8 @@ def compare_record(
     seed : int
     only : sequence of str
         Names of contenders to compare; all by default.
+    model : str
+        Name of the response model that was asked for; it takes part in any case.
 
     Raises
     ------
@@ -203,28 +212,25 @@ def compare_record(
     clock = time.perf_counter()
     (channel,) = record.channels
     root = np.random.SeedSequence([seed, 17, *f"{record.key} {channel}".encode()])
-    entrants = [c for c in CONTENDERS if not only or c.name in only]
+    entrants = tuple(c for c in contenders(model) if not only or c.name in only)
     missing = {c.name: why for c in entrants if (why := unavailable(c, record))}
     copies = {c.name: other for c in entrants if c.name not in missing and (other := copy_of(c, record))}
     running = [c for c in entrants if c.name not in missing and c.name not in copies]
     with threadpool_limits(limits=1):
-        model = NOISE_MODELS[EffectiveSamples.name if noise == AUTO else noise]
+        scatter = NOISE_MODELS[EffectiveSamples.name if noise == AUTO else noise]
         start_seed, *seeds = root.spawn(len(running) + 1)
         rng = np.random.default_rng(start_seed)
-        modes = {c.name: _modes(posterior_of(c, record, model, priors), c, rng) for c in running}
-        memory = _memory(record, model, running, priors, modes)
+        modes = {c.name: _modes(posterior_of(c, record, scatter, priors), c, rng) for c in running}
+        memory = _memory(record, scatter, running, priors, modes)
         folds = folds_of(record)
-        task = _Task(record, model, priors, memory, folds)
+        task = _Task(record, scatter, priors, memory, folds)
         fitted = {c.name: task.fit(c, modes[c.name], own) for c, own in zip(running, seeds, strict=True)}
     first = Comparison(
-        record, model, memory, folds, fitted, copies, missing, {}, _UNDECIDED, task.grid, 0.0, _rank(record)
-    )
-    weights = stacking_weights({name: f.folds.log_density for name, f in fitted.items()})
-    wall = time.perf_counter() - clock
-    return Comparison(
-        record, model, memory, folds, fitted, copies, missing, weights, judge(first.standings()), task.grid, wall,
-        first.rank,
+        record, scatter, memory, folds, fitted, copies, missing, {}, _UNDECIDED, task.grid, 0.0, entrants, _rank(record)
     )  # fmt: skip
+    weights = stacking_weights({name: f.folds.log_density for name, f in fitted.items()})
+    verdict = judge(first.standings())
+    return replace(first, weights=weights, verdict=verdict, wall_s=time.perf_counter() - clock)
 
 
 _UNDECIDED: Final = Verdict("", "", False, 0.0, "", 0.0, (), "")

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from sma_bayes.assess.comparison import Comparison, Fitted
-from sma_bayes.assess.contenders import CONTENDERS, Contender, curve_of
+from sma_bayes.assess.contenders import Contender, curve_of
 from sma_bayes.assess.correlation import Agreement, factors, joined
 from sma_bayes.assess.correlation_average import Scored, averages
 from sma_bayes.assess.verdict import Standing, difference, judge
@@ -41,7 +41,7 @@ def record_document(comparison: Comparison) -> dict[str, Any]:
         "held_out": {"kind": comparison.folds.kind, "folds": list(comparison.folds.labels)},
         **asdict(verdict),
         "same_curve": _classes(comparison),
-        "models": {c.name: _model(comparison, c) for c in CONTENDERS if _takes_part(comparison, c)},
+        "models": {c.name: _model(comparison, c) for c in comparison.entrants if _takes_part(comparison, c)},
         "converged": comparison.converged,
         "wall_s": comparison.wall_s,
     }
@@ -65,7 +65,7 @@ def _resolved(comparison: Comparison, contender: Contender) -> Fitted | None:
 def _classes(comparison: Comparison) -> list[list[str]]:
     """Models that are the same curve, where there is more than one."""
     classes: dict[str, list[str]] = {}
-    for c in CONTENDERS:
+    for c in comparison.entrants:
         if _takes_part(comparison, c) and c.name not in comparison.unavailable:
             classes.setdefault(curve_of(c, comparison.record), []).append(c.name)
     return [names for names in classes.values() if len(names) > 1]
@@ -177,7 +177,7 @@ def overall(comparisons: Sequence[Comparison]) -> list[dict[str, Any]]:
 
 
 def _overall(channel: str, unit: str, group: Sequence[Comparison]) -> dict[str, Any]:
-    standings = [s for c in CONTENDERS if (s := _summed(c, group)) is not None]
+    standings = [s for c in group[0].entrants if (s := _summed(c, group)) is not None]
     verdict = judge(standings)
     best = next(s for s in standings if s.name == verdict.preferred)
     return {
@@ -203,7 +203,7 @@ def _overall(channel: str, unit: str, group: Sequence[Comparison]) -> dict[str, 
 
 def _averages(name: str, group: Sequence[Comparison]) -> dict[str, list[dict[str, Any]]]:
     """Averages of the correlation factors of one model over the records of a channel."""
-    (contender,) = (c for c in CONTENDERS if c.name == name)
+    (contender,) = (c for c in group[0].entrants if c.name == name)
     found = [(c, f) for c in group if (f := _resolved(c, contender)) is not None]
     return {
         "in_sample": averages([_scored(c, f, f.agreement) for c, f in found]),

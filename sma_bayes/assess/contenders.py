@@ -21,12 +21,10 @@ from sma_bayes.parameters.priors_file import PriorEntry, PriorSet
 from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Branch, Condition, Record
-from sma_bayes.response import RESPONSE_MODELS
-from sma_bayes.response.base import ResponseModel
+from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
+from sma_bayes.response.base import ResponseModel, Variant
 from sma_bayes.response.logistic import printed_constants
-from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.response.polynomial import FREQUENCY, frequencies_of
-from sma_bayes.response.tied_sigmoid import TiedSigmoid
 
 CONDITION: Final = "condition"
 """Input that is added where conditions are joined: their number."""
@@ -56,36 +54,30 @@ class Contender:
     extra: bool = False
 
 
-SIGMOID: Final = ModifiedSigmoid.name
-CONTENDERS: Final = (
-    Contender("modified_sigmoid", SIGMOID, "", "modified sigmoid, Eqs. (2), (4) and (7)", SIGMOID),
-    Contender("modified_sigmoid_tied", SIGMOID, "", "modified sigmoid with A2 = B2", TiedSigmoid.name, True),
-    Contender(
-        "logistic_published", "logistic", "published", "logistic, Eqs. (9) and (10) as printed", "logistic"
-    ),
-    Contender("logistic_corrected", "logistic", "corrected", "logistic, centre (As + Af)/2", "logistic"),
-    Contender(
-        "logistic_refitted", "logistic", "refitted", "logistic, all four parameters inferred", "logistic"
-    ),
-    Contender(
-        "polynomial_published", "polynomial", "published", "polynomial, Eq. (11) as printed", "polynomial"
-    ),
-    Contender(
-        "polynomial_corrected",
-        "polynomial",
-        "corrected",
-        "polynomial, what the data determine of it",
-        "polynomial",
-    ),
-    Contender(
-        "polynomial_refitted",
-        "polynomial",
-        "refitted",
-        "polynomial, across frequencies where there are",
-        "polynomial",
-    ),
-    Contender("bounded_logistic", "logistic", "", "bounded four-parameter logistic", "bounded_logistic"),
-)
+def contenders(model: str = DEFAULT_MODEL) -> tuple[Contender, ...]:
+    """All that take part in a comparison, in the order of the catalogue.
+
+    Parameters
+    ----------
+    model : str
+        Name of the response model that was asked for; it takes part, too, if it does not always.
+
+    Raises
+    ------
+    UnknownNameError
+        If no response model has that name.
+    """
+    asked = RESPONSE_MODELS[model]
+    out: list[Contender] = []
+    last: list[Contender] = []
+    for name, kind in RESPONSE_MODELS.items():
+        own = (Variant(name, kind.reference or name),)
+        variants = own if kind.contends is None or (kind is asked and not kind.contends) else kind.contends
+        found = [Contender(v.name, kind.family or name, v.variant, v.title, name, v.extra) for v in variants]
+        (out if kind.contends else last).extend(found)
+    return (*out, *last)
+
+
 PLUGGED_IN: Final = ("logistic_published", "logistic_corrected")
 """Contenders whose levels are the extremes of the data, as in the paper, rather than inferred."""
 
@@ -145,7 +137,7 @@ def unavailable(contender: Contender, record: Record) -> str:
     unit = record.units["temperature"]
     if contender.name in PLUGGED_IN and unit != "degC":
         return f"its transformation temperatures are printed in degC, the record has {unit!r}"
-    return ""
+    return RESPONSE_MODELS[contender.model].refusal(record.channels)
 
 
 def copy_of(contender: Contender, record: Record) -> str:
@@ -186,16 +178,16 @@ def constants_of(contender: Contender, record: Record) -> dict[str, float]:
 
 
 def model_priors(model: ResponseModel, base: PriorSet) -> PriorSet:
-    """Priors of a model: those in force for the modified sigmoid, else those that ship; the noise's are shared.
+    """Priors of a model: those in force where they are of this model, else its own; the noise's are shared.
 
     Parameters
     ----------
     model : ResponseModel
     base : PriorSet
-        Of the modified sigmoid.
+        In force; without the name of a model they are those of the modified sigmoid.
     """
     own = model.default_priors()
-    if own.model == base.model:
+    if own.model == (base.model or DEFAULT_MODEL):
         return base
     entries: dict[str, Mapping[str, tuple[PriorEntry, ...]]] = {
         table: {k: v for k, v in beliefs.items() if k in model.parameter_names}
@@ -221,7 +213,7 @@ def posterior_of(
     noise : NoiseModel
         Its standard deviation is measured by the span of the channel, for every contender alike.
     priors : PriorSet
-        Of the modified sigmoid and of the noise.
+        In force, see `model_priors`.
     memory : float
         Samples that count as one, for `EffectiveSamples`.
     """

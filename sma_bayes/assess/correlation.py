@@ -214,7 +214,7 @@ def correlation_factors(
     record : int
     """
     r = fit.records[record]
-    curve = fit.posterior.predict(fit.flat, r.inputs, record=record)
+    curve = fit.posterior.predict(fit.flat, r.inputs, record=record, weights=fit.discrepancy)
     p = {channel: goodness.p for channel, goodness in fit.warm_start.fit[record].items()}
     measured = {c: agreement(r.observed[c], curve[c], p[c]) for c in r.channels}
     again = {c: agreement(replicated[c], curve[c][: len(replicated[c])], p[c]) for c in r.channels}

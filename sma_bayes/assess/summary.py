@@ -64,6 +64,7 @@ def record_summary(
         "held": {c: {"mean": h.mean, "sd": h.sd, "unit": unit(c, "")} for c, h in r.held.items()},
         "calibration": {c: asdict(k) for c, k in r.calibration.items()},
         "converged": fit.converged,
+        "model": fit.posterior.model.name,
         "parameters": _parameters(fit, record),
         "fit": {c: {k: v for k, v in asdict(g).items()} for c, g in start.fit[record].items()},
         "jacobian_rank": start.rank,
@@ -80,10 +81,10 @@ def record_summary(
         "noise": {
             "name": fit.posterior.noise.name,
             "title": fit.posterior.noise.title,
-            "chosen_by": "residuals of the warm start" if fit.noise_choice else "the user",
+            "chosen_by": "evidence" if fit.chosen else "the user",
             "reason": fit.noise_choice.reason if fit.noise_choice else "",
             "lag1": dict(fit.noise_choice.lag1) if fit.noise_choice else {},
-            "bic": dict(fit.noise_choice.bic) if fit.noise_choice else {},
+            "ln_evidence": dict(fit.noise_choice.ln_evidence) if fit.noise_choice else {},
         },
         "sampler": {
             "method": fit.draws.method,
@@ -111,6 +112,9 @@ def _parameters(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
     out = {}
     parts = dict(zip(place.model.tolist(), _parts(fit.posterior.model), strict=True))
     parts |= {int(k): (channel, NOISE) for channel, at in place.noise.items() for k in at}
+    parts |= {k: (channel, NOISE) for channel, k in place.size.items()}
+    if place.temperature_sd is not None:
+        parts[place.temperature_sd] = ("temperature", NOISE)
     for i, (channel, role) in parts.items():
         p = space.parameters[i]
         q05, median, q95 = (float(v) for v in np.quantile(theta[:, i], (0.05, 0.5, 0.95)))

@@ -140,10 +140,10 @@ def transformation_temperatures(fit: Fit, record: int = 0) -> tuple[Temperature,
     channel = transformation_channel(r)
     if channel is None:
         return ()
-    model, theta = fit.posterior.model, fit.calibrated(record)[:, fit.posterior.layout[record].model]
+    curves = fit.curves(record)
 
     def curve(temperature: Floats) -> Floats:
-        return model.predict(theta, {"temperature": temperature})[channel]
+        return curves.curve(channel, temperature)
 
     return temperatures_of_curves(curve, r, channel)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from sma_bayes.assess.bands import band_channels
 from sma_bayes.assess.path import path_remark
+from sma_bayes.curves import CurveDraws, Errors
 from sma_bayes.parameters.distributions import Distribution
 from sma_bayes.parameters.roles import Role
 from sma_bayes.posterior import Posterior
@@ -34,15 +35,17 @@ class RecordDraws:
     theta : ndarray, shape (S, P)
         Draws of all its parameters, those of the noise behind those of the model; errors of a calibration included.
     converged : bool
-    stiffness_error : tuple of ndarray, shape (S,), optional
-        Gain and shift that the uncertain calibration of a measured stiffness adds to each draw; that of force and
-        displacement is in `theta`.
+    weights : mapping of str to ndarray, shape (S, m)
+        Channel to weights of what its curve misses.
+    calibration : mapping
+        Gain and shift of each uncertain calibration, for each draw; see `CurveDraws`.
     """
 
     posterior: Posterior
     theta: Floats
     converged: bool
-    stiffness_error: tuple[Floats, Floats] | None = None
+    weights: Mapping[str, Floats] = field(default_factory=dict)
+    calibration: Errors = field(default_factory=dict)
 
     @property
     def record(self) -> Record:
@@ -134,13 +137,14 @@ class RecordDraws:
         """Even temperatures over what was measured, shape (m,)."""
         return np.linspace(self.coldest, self.hottest, GRID)
 
+    @cached_property
+    def curves(self) -> CurveDraws:
+        """Curves, discrepancy and calibration included."""
+        return CurveDraws(self.posterior, self.theta, self.weights, self.calibration)
+
     def curve(self, channel: str, temperature: Floats) -> Floats:
-        """Curve of a channel for each draw, shape (S, m), calibration included; see `curve_of`."""
-        curve = curve_of(self.posterior.model, self.curve_theta, channel, temperature)
-        if channel == "stiffness" and self.stiffness_error is not None:
-            gain, shift = self.stiffness_error
-            return gain[:, None] * curve + shift[:, None]
-        return curve
+        """Curve of a channel for each draw, shape (S, m)."""
+        return self.curves.curve(channel, temperature)
 
 
 def curve_of(model: ResponseModel, theta: Floats, channel: str, temperature: Floats) -> Floats:
@@ -173,6 +177,13 @@ def record_draws(fit: Fit, record: int = 0) -> RecordDraws:
         Which of the records that share the posterior.
     """
     whole = fit.posterior
-    own = Posterior((whole.records[record],), whole.model, whole.noise, whole.space, (whole.layout[record],))
-    stiffness_error = fit.calibration_draws(record).get("stiffness")
-    return RecordDraws(own, fit.calibrated(record), fit.converged, stiffness_error)
+    own = Posterior(
+        (whole.records[record],),
+        whole.model,
+        whole.noise,
+        whole.space,
+        (whole.layout[record],),
+        (whole.discrepancy[record],),
+    )
+    curves = fit.curves(record)
+    return RecordDraws(own, curves.theta, fit.converged, curves.weights, curves.calibration)

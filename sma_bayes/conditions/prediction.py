@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.assess.bands import PREDICTIVE, QUANTILES, Band, noise_of_samples, simultaneous_band
+from sma_bayes.assess.bands import PREDICTIVE, QUANTILES, Band, new_samples, simultaneous_band
 from sma_bayes.conditions.design import Design
 from sma_bayes.conditions.draws import GRID, RecordDraws, curve_of
 from sma_bayes.conditions.features import CHANNELS, Feature, ratio
 from sma_bayes.conditions.population import Population
+from sma_bayes.curves import CurveDraws
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Condition
@@ -100,11 +101,10 @@ def _noise(prediction: Prediction, channel: str, temperature: Floats, rng: np.ra
     noise = np.empty((size, temperature.size))
     for i, record in enumerate(records):
         rows = np.flatnonzero(whose == i)
-        at = record.posterior.layout[0].noise[channel]
-        own = record.theta[rng.integers(record.size, size=rows.size)][:, at]
-        noise[rows] = noise_of_samples(
-            record.posterior, channel, own, prediction.theta[rows], temperature, rng
-        )
+        theta = record.theta[rng.integers(record.size, size=rows.size)]
+        theta[:, record.posterior.layout[0].model] = prediction.theta[rows]
+        curves = CurveDraws(record.posterior, theta)
+        noise[rows] = new_samples(curves, channel, temperature, rng) - curves.curve(channel, temperature)
     return noise
 
 

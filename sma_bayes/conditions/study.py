@@ -163,7 +163,8 @@ def _groups(records: Sequence[RecordDraws]) -> tuple[list[Group], list[str]]:
     for r in records:
         spans = [r.with_role(Role.SPAN, channel) for channel in CHANNELS]
         rises = tuple(float(np.sign(np.median(s))) for s in spans if s is not None)
-        kinds.setdefault((r.branch, r.channels, tuple(sorted(r.units.items())), rises), []).append(r)
+        kind = (r.posterior.model.name, r.branch, r.channels, tuple(sorted(r.units.items())), rises)
+        kinds.setdefault(kind, []).append(r)
     groups: list[Group] = []
     remarks = []
     for members in kinds.values():

@@ -16,6 +16,8 @@ from sma_bayes.parameters.space import Parameter, ParameterSpace
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 from sma_bayes.records.types import Branch, Campaign, Record
+from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.response.simulation import Simulation
 
 Positions = NDArray[np.intp]
@@ -116,7 +118,12 @@ class Hypothesis:
 
 
 def baseline(
-    campaign: Campaign, histories: Sequence[History], priors: PriorSet, *, pooled: bool
+    campaign: Campaign,
+    histories: Sequence[History],
+    priors: PriorSet,
+    *,
+    pooled: bool,
+    model: type[ResponseModel] = ModifiedSigmoid,
 ) -> Hypothesis:
     """The simulation without any effect.
 
@@ -128,6 +135,8 @@ def baseline(
     priors : PriorSet
     pooled : bool
         Whether one set of parameters a branch serves all conditions, or each condition has its own.
+    model : type of ResponseModel
+        Of the response of either branch.
 
     Raises
     ------
@@ -135,7 +144,9 @@ def baseline(
         If a parameter has no prior.
     """
     channels = tuple(c for c in histories[0].channels if all(c in h.channels for h in histories))
-    simulation = Simulation(channels)
+    mechanical = tuple(c for c in channels if c != "temperature")
+    shared = [replace(r, observed={c: r.observed[c] for c in mechanical}) for r in campaign.records]
+    simulation = Simulation(channels, model.made_for(shared) if mechanical else None)
     scales = Scales.of(histories)
     parameters: list[Parameter] = []
     layout = []

@@ -36,6 +36,8 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, Floats
 from sma_bayes.records.history import History
 from sma_bayes.records.types import Campaign
+from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.results.documents import GAP
 
 METRIC = (
@@ -90,6 +92,7 @@ def gap_outcome(
     campaign: Campaign,
     priors: PriorSet,
     *,
+    model: type[ResponseModel] = ModifiedSigmoid,
     pooled: bool = False,
     effects: Mapping[str, Effect] = EFFECTS,
     seed: int = 0,
@@ -102,7 +105,7 @@ def gap_outcome(
 
     Parameters
     ----------
-    campaign, priors, pooled, effects, seed
+    campaign, priors, model, pooled, effects, seed
         See `study_campaign`.
     jobs : int, optional
         Processes; by default one for each core.
@@ -119,6 +122,7 @@ def gap_outcome(
         study = study_campaign(
             campaign,
             priors,
+            model=model,
             pooled=pooled,
             effects=effects,
             seed=seed,

@@ -20,6 +20,8 @@ from sma_bayes.posterior import build_posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign
+from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
 SIGNIFICANT = 0.02
 """Global p-value up to which a disagreement counts as more than chance."""
@@ -110,6 +112,7 @@ def study_campaign(
     campaign: Campaign,
     priors: PriorSet,
     *,
+    model: type[ResponseModel] = ModifiedSigmoid,
     pooled: bool = False,
     effects: Mapping[str, Effect] = EFFECTS,
     seed: int = 0,
@@ -121,6 +124,8 @@ def study_campaign(
     ----------
     campaign : Campaign
     priors : PriorSet
+    model : type of ResponseModel
+        Of the response of either branch.
     pooled : bool
         Whether one set of A and B a branch serves all conditions.
     effects : mapping of str to Effect
@@ -132,7 +137,7 @@ def study_campaign(
     tell = progress or (lambda _: None)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 7]))
     tell("fitting the model without effects")
-    hypothesis = baseline(campaign, histories(campaign), priors, pooled=pooled)
+    hypothesis = baseline(campaign, histories(campaign), priors, model=model, pooled=pooled)
     first = fit_with_noise(hypothesis, baseline_start(hypothesis, campaign, priors, pooled=pooled, rng=rng))
     return study_from(first, effects, rng, tell)
 
@@ -278,7 +283,8 @@ def baseline_start(
         for branch in Branch:
             records = [r for r in campaign.records if r.branch is branch and group in (None, r.condition.id)]
             if records:
-                posterior = build_posterior(records, NOISE_MODELS["independent"], priors)
+                own = type(mechanical.model).made_for(records)
+                posterior = build_posterior(records, NOISE_MODELS["independent"], priors, model=own)
                 start = warm_start(posterior, rng)
                 for name, value in zip(names, start.theta, strict=True):
                     theta[space.index(f"{name} {branch.value}{tag}")] = value

@@ -31,8 +31,12 @@ from sma_bayes.records.types import Record
 
 EVEN = 0.05
 """Relative spread of the time steps below which samples count as evenly spaced."""
+SIGN = 1.3
+"""Standard errors from which a sign counts: one false sign in five, so that hardly any true one is overlooked."""
+DOUBTED = 1.0
+"""What a discrepancy may lose in ln evidence and still be taken."""
 EARNED = 1.0
-"""What a discrepancy, or a noise model other than the simplest, must gain in ln evidence to be taken."""
+"""What a noise model other than the simplest must gain in ln evidence to be taken."""
 EARNED_BEYOND = 2.0
 """What growth and an error of the thermometer must gain: they are looked at last, beside the best of the others."""
 REACH = 10.0
@@ -61,7 +65,7 @@ class NoiseChoice:
         Of each noise model that was looked at, with discrepancies where they earn their place, less that of the best.
     discrepancy : mapping of str to float
         What a discrepancy gains in ln evidence, by channel (the sum over records), under the chosen noise model;
-        channels of which none is taken are negative or below `EARNED`.
+        none is taken where it loses more than `DOUBTED`.
     bases : tuple of mapping
         For each record, channel to the basis of its discrepancy, where one is taken.
     estimate : tuple of mapping
@@ -91,9 +95,11 @@ def choose_noise(
     """Choose a noise model, and for each channel whether a discrepancy stands beside the curve.
 
     Noise models that are a density of the data compete; those that need time are left out where time was not recorded
-    or its steps are even. The simplest, independent normal noise, is kept unless another gains `EARNED`; likewise the
-    curve is left alone unless a discrepancy does. Growth with the response and an error of the thermometer are tried
-    beside the best.
+    or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth with the
+    response and an error of the thermometer are looked at only where what it leaves shows a sign of such a thing
+    (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler. A discrepancy is taken unless
+    the evidence speaks against it by more than `DOUBTED`: a misfit that is given no place makes intervals too narrow, a
+    place without a misfit only a little wider.
 
     Parameters
     ----------
@@ -118,17 +124,20 @@ def choose_noise(
         best = noise
         look(noise)
     else:
+        signs = residuals.signs(look(SIMPLEST))
         names = [
             name
             for name, model in NOISE_MODELS.items()
-            if model.is_density and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
+            if model.is_density
+            and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
+            and (signs.memory or not model.remembers)
+            and (signs.tails or model.is_gaussian)
         ]
         best = max(names, key=lambda n: look(n).ln_evidence + (EARNED if n == SIMPLEST else 0.0))
-        for suffix in WRAPPERS:
-            if suffix == "temperature_error" and not residuals.sloped:
-                continue
+        signs = signs.joined(residuals.signs(look(best)))
+        for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
             extended = f"{best}+{suffix}"
-            if look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
+            if sign and look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
                 best = extended
     chosen = found[best]
     top = max(d.ln_evidence for d in found.values())
@@ -136,7 +145,7 @@ def choose_noise(
     neighbours = neighbour_correlation(posterior, start)
     return NoiseChoice(
         best,
-        _reason(best, noise is None, rivals, neighbours, chosen),
+        _reason(best, rivals, neighbours, chosen),
         neighbours,
         rivals,
         chosen.gain,
@@ -148,26 +157,26 @@ def choose_noise(
 
 def _reason(
     name: str,
-    chosen: bool,
     rivals: Mapping[str, float],
     neighbours: Mapping[str, float],
     description: _Description,
 ) -> str:
     title = NOISE_MODELS[name].title
     parts = []
-    if chosen:
-        second = max((v, k) for k, v in rivals.items() if k != name)
-        ahead = rivals[name] - second[0]
-        correlations = ", ".join(f"{value:.2f} ({channel})" for channel, value in neighbours.items())
-        parts.append(
-            f"neighbouring residuals of the least-squares fit are correlated by {correlations}; "
-            f"{NOISE_MODELS[second[1]].title} comes second, ln evidence {abs(ahead):.1f} {'less' if ahead >= 0 else 'more'}"
-        )
+    correlations = ", ".join(f"{value:.2f} ({channel})" for channel, value in neighbours.items())
+    parts.append(f"neighbouring residuals of the least-squares fit are correlated by {correlations}")
+    others = sorted(((v, k) for k, v in rivals.items() if k != name), reverse=True)
+    if others:
+        ahead = rivals[name] - others[0][0]
+        less = "less" if ahead >= 0 else "more, which is too little to prefer it"
+        parts.append(f"{NOISE_MODELS[others[0][1]].title} comes second, ln evidence {abs(ahead):.1f} {less}")
+    elif name == SIMPLEST:
+        parts.append("what is left shows neither memory, heavy tails, growth nor a trace of the slope")
     taken = sorted({channel for bases in description.bases for channel in bases})
     if taken:
         gains = ", ".join(f"{description.gain[c]:.1f} ({c})" for c in taken)
         parts.append(f"a smooth discrepancy beside the curve gains {gains} in ln evidence")
-    return f"{title}: {'; '.join(parts)}" if parts else title
+    return f"{title}: {'; '.join(parts)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,6 +188,49 @@ class _Description:
     bases: Bases
     estimate: tuple[Mapping[str, Floats], ...]
     temperature_sd: tuple[float, ...]
+    innovations: tuple[Mapping[str, Floats], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Signs:
+    """What series of innovations show."""
+
+    memory: bool = False
+    tails: bool = False
+    growth: bool = False
+    slope: bool = False
+
+    def joined(self, other: _Signs) -> _Signs:
+        """What either shows."""
+        return _Signs(
+            self.memory or other.memory,
+            self.tails or other.tails,
+            self.growth or other.growth,
+            self.slope or other.slope,
+        )
+
+    @staticmethod
+    def of(e: Floats, steps: Steps, response: Floats, slope: Floats, declared: float) -> _Signs:
+        """Signs in one series (n,): neighbours alike, tails, squares that follow the response or the squared slope."""
+        n, square = e.size, float(np.mean(e**2))
+        if not (np.isfinite(square) and square > 0.0 and n > 3):
+            return _Signs()
+        root = np.sqrt(n)
+        kurtosis = float(np.mean((e - e.mean()) ** 4)) / float(np.var(e)) ** 2 - 3.0 if np.var(e) > 0.0 else 0.0
+        spread = np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(square)))
+        return _Signs(
+            abs(float(lag1(e, steps))) * root > SIGN,
+            kurtosis > SIGN * float(np.sqrt(24.0 / n)),
+            abs(_correlation(spread, response)) * root > SIGN,
+            declared == 0.0 and _correlation(spread, slope**2) * root > SIGN,
+        )
+
+
+def _correlation(x: Floats, y: Floats) -> float:
+    """Pearson's correlation; zero where one of the two does not vary or is not finite."""
+    a, b = x - x.mean(), y - y.mean()
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / size if np.isfinite(size) and size > 0.0 else 0.0
 
 
 class _Residuals:
@@ -196,12 +248,26 @@ class _Residuals:
         self.bases: Bases = tuple({} for _ in posterior.records)
         if discrepancy:
             self.bases = discrepancy_bases(posterior, theta)
-            self.bases = discrepancy_bases(posterior, theta, self._smooth())
+            smooth = self._smooth()
+            if any(smooth):
+                self.bases = discrepancy_bases(posterior, theta, smooth)
 
-    @property
-    def sloped(self) -> bool:
-        """Whether an error of the thermometer would show, and none was declared."""
-        return all(r.temperature_sd == 0.0 for r in self.posterior.records)
+    def signs(self, description: _Description) -> _Signs:
+        """What the innovations of a description, and the plain residuals, show."""
+        found = _Signs()
+        for i, record in enumerate(self.posterior.records):
+            steps = self.posterior.steps[i]
+            for channel in record.channels:
+                for e in (description.innovations[i][channel], self.start.residual[i][channel]):
+                    found = found.joined(
+                        _Signs.of(e, steps, self.response(i, channel), self.slope[i][channel], record.temperature_sd)
+                    )
+        return found
+
+    def response(self, i: int, channel: str) -> Floats:
+        """Response of the curve as a share of its observed range, shape (n,)."""
+        low, span = self.posterior.observed_range(i, channel)
+        return np.asarray((self.mean[i][channel] - low) / span)
 
     def _smooth(self) -> tuple[Mapping[str, Curve], ...]:
         """What the first bases find the curves to miss under the simplest noise: the second lie closer where it changes."""
@@ -227,32 +293,35 @@ class _Residuals:
                 gain[channel] += -np.inf if beside is None else beside.ln_evidence - alone.ln_evidence
         bases: list[dict[str, DiscrepancyBasis]] = []
         estimate: list[dict[str, Floats]] = []
+        innovations: list[dict[str, Floats]] = []
         spread = []
         for i, record in enumerate(self.posterior.records):
-            own, values, errors = {}, {}, [0.0]
+            own, values, series, errors = {}, {}, {}, [0.0]
             for channel in record.channels:
                 alone, beside = found[i, channel]
                 taken = alone
-                if beside is not None and gain[channel] > EARNED:
+                if beside is not None and gain[channel] > -DOUBTED:
                     taken = beside
                     own[channel] = self.bases[i][channel]
-                total += taken.ln_evidence - (EARNED if taken is beside else 0.0)
+                total += taken.ln_evidence
                 values[channel] = taken.theta
+                series[channel] = taken.innovations
                 errors.append(taken.temperature_sd)
             bases.append(own)
             estimate.append(values)
+            innovations.append(series)
             spread.append(max(errors))
-        return _Description(total, gain, tuple(bases), tuple(estimate), tuple(spread))
+        return _Description(total, gain, tuple(bases), tuple(estimate), tuple(spread), tuple(innovations))
 
     def _look(self, noise: NoiseModel, i: int, channel: str, basis: DiscrepancyBasis | None) -> _Found:
         record = self.posterior.records[i]
         space, slots = _space(self.priors, noise, record, channel, basis, self.start.fit[i][channel].rmse)
-        low, span = self.posterior.observed_range(i, channel)
+        _, span = self.posterior.observed_range(i, channel)
         residual = _solid(self.start.residual[i][channel], record.observed[channel])
         tangents = self.tangents[i][channel][:, self.posterior.sampled_model]
         density = _ResidualDensity(
             space, noise, self.posterior.steps[i], residual, _orthonormal(tangents), basis, slots,
-            self.slope[i][channel], record.temperature_sd, (self.mean[i][channel] - low) / span,
+            self.slope[i][channel], record.temperature_sd, self.response(i, channel),
             REACH * span * np.sqrt(record.n),
         )  # fmt: skip
         best: _Found | None = None
@@ -267,9 +336,10 @@ class _Residuals:
                 felt_at = slots.temperature_sd
                 own = theta if felt_at is None else np.delete(theta, felt_at)
                 felt = 0.0 if felt_at is None else float(theta[felt_at])
-                best = _Found(value, own, felt, density.weights(mode.z))
+                best = _Found(value, own, felt, *density.explained(mode.z))
         if best is None:
-            return _Found(-np.inf, space.to_physical(space.prior_centre()), 0.0)
+            centre = space.to_physical(space.prior_centre())
+            return _Found(-np.inf, centre, 0.0, None, residual)
         return best
 
 
@@ -278,7 +348,8 @@ class _Found:
     ln_evidence: float
     theta: Floats
     temperature_sd: float
-    weights: Floats | None = None
+    weights: Floats | None
+    innovations: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,13 +434,17 @@ class _ResidualDensity:
             value = self.space.log_prior(z) + self._whitened(theta).marginal_log_density()
         return np.where(np.isnan(value), -np.inf, value)
 
-    def weights(self, z: Floats) -> Floats | None:
-        """Likeliest weights (m,) of the discrepancy at a point (D,); None where there is none."""
-        if self.basis is None:
-            return None
+    def explained(self, z: Floats) -> tuple[Floats | None, Floats]:
+        """Likeliest weights (m,) of the discrepancy at a point (D,), if there is one, and innovations (n,) beside it."""
+        theta = self.space.to_physical(z[None])
         with np.errstate(all="ignore"):
-            found = self._whitened(self.space.to_physical(z[None])).likeliest_weights()[0, : self.basis.count]
-        return found if np.isfinite(found).all() else None
+            whitened = self._whitened(theta)
+            found = whitened.likeliest_weights()
+            e = whitened.e - found @ whitened.rows / whitened.scale
+            innovations = np.nan_to_num(self.noise.innovations(e, theta[:, 1:], self.steps)[0])
+        if self.basis is None or not np.isfinite(found).all():
+            return None, innovations
+        return found[0, : self.basis.count], innovations
 
     def _whitened(self, theta: Floats) -> Whitened:
         scale = theta[:, :1]
@@ -394,11 +469,11 @@ class _ResidualDensity:
         small = float(np.clip(_scatter(self.residual, self.steps), 1e-3 * own[0], own[0]))
         smooth = float(np.sqrt(max(np.mean(self.residual**2) - small**2, (0.1 * small) ** 2)))
         found = []
-        for sd, size, felt in ((own[0], 0.2 * own[0], 0.1), (small, smooth, 1.0)):
+        for sd, size, felt in ((float(own[0]), 0.2 * float(own[0]), 0.1), (small, smooth, 1.0)):
             theta = self.space.to_physical(self.space.prior_centre())
             theta[: own.size] = own
-            if sd is small and self.noise.remembers:  # the memory was that of what is smooth
-                theta[1 : own.size] = theta[1 : own.size] if own.size < 2 else _forgetful(self.noise, self.steps, own)
+            if size == smooth and self.noise.remembers:  # the memory was that of what is smooth
+                theta[1 : own.size] = _forgetful(self.noise, self.steps, own)
             theta[0] = sd
             if self.slots.size is not None:
                 theta[self.slots.size] = size

@@ -139,15 +139,36 @@ class NormalEquations:
         log_volume = np.zeros(len(theta))
         for rows, basis, at, size, steps in self._channels_with_bases():
             per_variance = 1.0 / theta[:, at[0]] ** 2
-            every = rows if basis is None else np.concatenate([rows, basis])
-            gram = self.posterior.noise.weighted_gram(every, theta[:, at[1:]], steps)
-            if basis is not None:
-                gram, volume = _eliminated(gram, self.count + 1, per_variance * theta[:, size] ** 2)
+            shape = theta[:, at[1:]]
+            if basis is None:
+                gram = self.posterior.noise.weighted_gram(rows, shape, steps)
+            else:
+                ratio = per_variance * theta[:, size] ** 2
+                gram, volume = self._without_weights(rows, basis, shape, steps, ratio)
                 log_volume += volume
             gram = np.moveaxis(gram, 0, -1)
             for i in range(self.count + 1):  # by rows, which stay in the processor's cache
                 total[i, : i + 1] += gram[i, : i + 1] * per_variance
         return total, log_volume
+
+
+    def _without_weights(
+        self, rows: Floats, basis: Floats, shape: Floats, steps: Steps, ratio: Floats
+    ) -> tuple[Floats, Floats]:
+        """Inner products (W, m + 1, m + 1) of rows with the weights of a basis integrated out; see `_eliminated`."""
+        noise = self.posterior.noise
+        if noise.remembers:
+            gram = noise.weighted_gram(np.concatenate([rows, basis]), shape, steps)
+            return _eliminated(gram, len(rows), ratio)
+        # without memory one set of axes serves all values of the noise
+        power, axes = np.linalg.eigh(basis @ basis.T)
+        across = axes.T @ (basis @ rows.T)
+        share = noise.location_information(shape)[:, None]
+        held = 1.0 + (share * ratio[:, None]) * np.maximum(power, 0.0)
+        products = np.einsum("ki,kj->kij", across, across).reshape(len(power), -1)
+        taken = (share * ratio[:, None] / held) @ products
+        gram = share[:, :, None] * ((rows @ rows.T) - taken.reshape(-1, len(rows), len(rows)))
+        return np.asarray(gram), np.asarray(0.5 * np.log(held).sum(axis=1))
 
 
 def _eliminated(gram: Floats, kept: int, ratio: Floats) -> tuple[Floats, Floats]:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from sma_bayes.assess.verdict import CANNOT_TELL
 from sma_bayes.report.comparison_outputs import StoredComparison
-from sma_bayes.report.comparison_tables import SHORT
+from sma_bayes.report.comparison_tables import short
 from sma_bayes.report.content import PAPER_CORRELATION
 from sma_bayes.report.figures import FigureFiles
 from sma_bayes.report.html import write_page
@@ -52,7 +52,7 @@ def headline(group: Mapping[str, Any]) -> str:
     if group["verdict"] == CANNOT_TELL:
         outcome = f"one can't tell: {group['why']}"
     else:
-        best = SHORT[group["preferred"]]
+        best = short(group["preferred"])
         outcome = f"the {group['verdict'].replace('_', ' ')} wins ({best}): {group['why']}"
     count = len(group["records"])
     together = f"{count} records together" if count > 1 else "one record"

@@ -22,7 +22,12 @@ SHORT: Final[Mapping[str, str]] = {
     "polynomial_refitted": "polynomial, refitted",
     "bounded_logistic": "bounded logistic",
 }
-"""Models, briefly."""
+"""Models of the paper and their variants, briefly."""
+
+
+def short(name: str) -> str:
+    """Name of a model in a few words."""
+    return SHORT.get(name, name.replace("_", " "))
 
 
 def comparison_tables(stored: StoredComparison) -> dict[str, Table]:
@@ -74,7 +79,7 @@ def model_average_table(stored: StoredComparison) -> Table:
             Column("rule", "rule"),
             *AVERAGE_COLUMNS,
         ),
-        tuple((a.name, SHORT[name], a.data, a.rule, *average_cells(a)) for name, a in found),
+        tuple((a.name, short(name), a.data, a.rule, *average_cells(a)) for name, a in found),
         grouped=2,
     )
 
@@ -122,7 +127,7 @@ def _correlation_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
                 for part in ("in_sample", "held_out")
             )
             yield (
-                r["condition"], r["branch"], r["quantity"], SHORT[name], inside["r"], out["r"], inside["r2"], out["r2"],
+                r["condition"], r["branch"], r["quantity"], short(name), inside["r"], out["r"], inside["r2"], out["r2"],
                 unit_label(r["unit"]) or "1", inside["rmse"], out["rmse"],
                 f"{c['folds_worse_than_their_mean']} of {folds}", f"{c['folds_without_r']} of {folds}",
             )  # fmt: skip
@@ -149,8 +154,8 @@ def verdict_table(stored: StoredComparison) -> Table:
         ),
         tuple(
             (
-                r["condition"], r["branch"], r["quantity"], r["verdict"], SHORT[r["preferred"]],
-                SHORT.get(r["rival"], ""), Number(r["ln_bayes_factor"], "1", 0.5), Number(r["memory"], "1", 0.5),
+                r["condition"], r["branch"], r["quantity"], r["verdict"], short(r["preferred"]),
+                short(r["rival"]), Number(r["ln_bayes_factor"], "1", 0.5), Number(r["memory"], "1", 0.5),
                 r["held_out"]["kind"], r["why"],
             )
             for r in stored.found["records"]
@@ -186,7 +191,7 @@ def _overall_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
         for name, m in ranked:
             behind = m["behind_preferred"]
             yield (
-                group["quantity"], group["verdict"], SHORT[name], Number(m["ln_evidence"], "1", 0.5),
+                group["quantity"], group["verdict"], short(name), Number(m["ln_evidence"], "1", 0.5),
                 Number(m["elpd_held_out"], "1", 0.5), *_behind(behind, name == group["preferred"]),
             )  # fmt: skip
 
@@ -231,10 +236,10 @@ def _model_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
     for r in stored.found["records"]:
         head = (r["condition"], r["branch"], r["quantity"])
         for name, m in r["models"].items():
-            remark = m["unavailable"] or (f"as {SHORT[m['same_as']]}" if m["same_as"] else "")
+            remark = m["unavailable"] or (f"as {short(m['same_as'])}" if m["same_as"] else "")
             unit = r["unit"]
             yield (
-                *head, SHORT[name],
+                *head, short(name),
                 Number(m["elpd"], "1", 0.5), Number(m["elpd_se"], "1", 0.5), Number(m["p_eff"], "1", 0.5),
                 Number(m["ln_evidence"], "1", 0.5), Number(m["weight"], "1", 0.05),
                 Number(m.get("elpd_held_out"), "1", 0.5), Number(m["rmse_held_out"], unit), unit,

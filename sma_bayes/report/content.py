@@ -238,8 +238,8 @@ class Noise:
     name, title, chosen_by, reason : str
     lag1 : mapping of str to float
         Correlation of neighbouring residuals of the warm start, by channel [1].
-    bic : mapping of str to float
-        Criterion of each noise model, less that of the best [1].
+    ln_evidence : mapping of str to float
+        Of each noise model that was looked at, less that of the best [1].
     """
 
     name: str
@@ -247,7 +247,7 @@ class Noise:
     chosen_by: str
     reason: str
     lag1: Mapping[str, float]
-    bic: Mapping[str, float]
+    ln_evidence: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)

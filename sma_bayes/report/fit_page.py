@@ -213,7 +213,7 @@ def noise_groups(content: Content) -> tuple[NoiseGroup, ...]:
             by,
             tuple(records),
             _ends([v for r in records for v in r.noise.lag1.values()]),
-            _ends([sorted(r.noise.bic.values())[1] for r in records if len(r.noise.bic) > 1]),
+            _ends([-sorted(r.noise.ln_evidence.values())[-2] for r in records if len(r.noise.ln_evidence) > 1]),
         )
         for (title, by), records in groups.items()
     )

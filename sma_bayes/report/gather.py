@@ -29,6 +29,7 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.report.outputs import StoredRun
+from sma_bayes.response import DEFAULT_MODEL
 
 TWIN_SOURCE: Final = "Tables 3 to 8 as printed"
 """How the source of the paper's twin campaign begins."""
@@ -263,7 +264,7 @@ def _noise(noise: Mapping[str, Any], names: Mapping[str, str]) -> Noise:
         chosen_by=noise.get("chosen_by", ""),
         reason=_renamed(noise.get("reason", ""), names),
         lag1={names.get(c, c): v for c, v in noise.get("lag1", {}).items()},
-        bic=dict(noise.get("bic", {})),
+        ln_evidence=dict(noise.get("ln_evidence", {})),
     )
 
 
@@ -327,6 +328,8 @@ def _command(summary: Mapping[str, Any], options: Mapping[str, str]) -> str:
         common.insert(0, f"--data {_quoted(str(summary['data_dir']))}")
     if is_twin(summary) and options.get("pool", "none") == "none":
         return " ".join(("sma-bayes demo --out NEW", *common))
+    if options.get("model", DEFAULT_MODEL) != DEFAULT_MODEL:
+        common.append(f"--model {options['model']}")
     if float(options.get("extrapolate") or 0.0):
         common.append(f"--extrapolate {options['extrapolate']}")
     source = _quoted(str(summary.get("source", "PATH")))

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import h5py
 import numpy as np
 
+from sma_bayes.discrepancy import DiscrepancyBasis
 from sma_bayes.errors import OutputError
 from sma_bayes.quantities import Floats
 from sma_bayes.results.documents import COMPARISON, CONDITIONS, FINISH, FIT, GAP, MARK, STUDY
+from sma_bayes.results.store import FUNCTIONS, NODE, WEIGHTS
 
 BAND_COLUMNS: Final = ("q05", "q25", "q50", "q75", "q95", "pred_q05", "pred_q95")
 """Quantiles of a band that figures show."""
@@ -75,6 +77,8 @@ class StoredRecord:
     prior_curves : mapping of str to ndarray, shape (S, m)
         Curves of draws from the prior.
     prior_temperature : ndarray, shape (m,)
+    discrepancy : mapping of str to tuple of ndarray
+        Channel to nodes (k,), values of the functions there (k, f), and weights (G N, f) of what the curve misses.
     """
 
     model: str
@@ -85,6 +89,14 @@ class StoredRecord:
     draws: Mapping[str, Floats]
     prior_curves: Mapping[str, Floats]
     prior_temperature: Floats
+    discrepancy: Mapping[str, tuple[Floats, Floats, Floats]] = field(default_factory=dict)
+
+    def bases(self) -> dict[str, DiscrepancyBasis]:
+        """Basis of what each curve misses, by channel."""
+        at = self.inputs["temperature"]
+        return {
+            c: DiscrepancyBasis.tabulated(nodes, values, at) for c, (nodes, values, _) in self.discrepancy.items()
+        }
 
 
 def posterior_path(folder: Path, key: str) -> Path:
@@ -239,7 +251,9 @@ def read_record(path: Path) -> StoredRecord:
                 model=str(file.attrs["model"]),
                 noise=str(file.attrs["noise"]),
                 observed=_variables(file["observed_data"], skip={"obs", *constant}),
-                inputs=_variables(constant, skip={"obs", "row"}),
+                inputs=_variables(
+                    constant, skip={"obs", "row", *(name for name in constant if "_discrepancy_" in name)}
+                ),
                 row=np.asarray(constant["row"][:], dtype=np.int64),
                 draws=_variables(file["posterior"], skip={"chain", "draw"}),
                 prior_curves={
@@ -247,6 +261,7 @@ def read_record(path: Path) -> StoredRecord:
                     _variables(prior, skip={"chain", "draw", "temperature"}).items()
                 },
                 prior_temperature=np.asarray(prior["temperature"][:], dtype=float),
+                discrepancy=_discrepancy(constant, file["sample_stats"]),
             )  # fmt: skip
     except (OSError, KeyError) as error:
         raise OutputError(
@@ -255,6 +270,21 @@ def read_record(path: Path) -> StoredRecord:
             expected="NetCDF as fit writes it",
             remedy=FINISH,
         ) from None
+
+
+def _discrepancy(constant: Any, stats: Any) -> dict[str, tuple[Floats, Floats, Floats]]:
+    """What each curve misses, by channel."""
+    found = {}
+    for name in constant:
+        if name.endswith(FUNCTIONS):
+            channel = name.removesuffix(FUNCTIONS)
+            weights = np.asarray(stats[f"{channel}{WEIGHTS}"][:], dtype=float)
+            found[channel] = (
+                np.asarray(constant[f"{channel}{NODE}"][:], dtype=float),
+                np.asarray(constant[name][:], dtype=float),
+                weights.reshape(-1, weights.shape[-1]),
+            )
+    return found
 
 
 def _variables(group: Any, skip: set[str]) -> dict[str, Floats]:

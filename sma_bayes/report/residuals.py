@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.noise import NOISE_MODELS, Steps
+from sma_bayes.posterior import observed_range
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.report.content import RecordContent
@@ -22,9 +23,11 @@ def median_curves(stored: StoredRecord) -> dict[str, Floats]:
     """Median over the posterior of each observed channel at each sample, shape (n,) [unit of the channel]."""
     model = _model(stored)
     flat = np.stack([stored.draws[name].ravel() for name in model.parameter_names], axis=-1)
-    some = flat[:: max(1, len(flat) // CURVES)]
+    every = max(1, len(flat) // CURVES)
     with np.errstate(over="ignore", invalid="ignore"):
-        curves = model.predict(some, stored.inputs)
+        curves = model.predict(flat[::every], stored.inputs)
+    for channel, basis in stored.bases().items():
+        curves[channel] = curves[channel] + stored.discrepancy[channel][2][::every] @ basis.rows
     return {channel: np.median(values, axis=0) for channel, values in curves.items()}
 
 
@@ -51,14 +54,21 @@ def standardised_residuals(
     """
     noise = NOISE_MODELS[stored.noise]
     steps = Steps.of(_as_record(stored))
-    slope = _median_slope(stored) if record.temperature_sd > 0 else {}
+    estimated = float(np.median(stored.draws["temperature_sd"])) if noise.feels_temperature else 0.0
+    spread = float(np.hypot(record.temperature_sd, estimated))
+    slope = _median_slope(stored) if spread > 0 else {}
     out = {}
     for channel, curve in curves.items():
         facts = noise.parameters(channel, "1", "s")
-        sd, *shape = (float(np.median(stored.draws[fact.name])) for fact in facts)
-        scale = np.hypot(sd, slope[channel] * record.temperature_sd) if slope else np.array(sd)
+        sd, *rest = (float(np.median(stored.draws[fact.name])) for fact in facts)
+        shape = np.array(rest)
+        low, span = observed_range(stored.observed[channel])
+        relative = noise.relative_scale(shape, (curve - low) / span)
+        scale = sd * (np.ones(1) if relative is None else relative)
+        if slope:
+            scale = np.hypot(scale, slope[channel] * spread)
         e = (stored.observed[channel] - curve) / scale
-        out[channel] = noise.innovations(e, np.array(shape), steps)
+        out[channel] = noise.innovations(e, shape, steps)
     return out
 
 

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.conditions.draws import RecordDraws
+from sma_bayes.discrepancy import size_fact
 from sma_bayes.errors import OutputError
 from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.noise.heteroscedastic import temperature_sd_fact
 from sma_bayes.parameters.distributions import FAMILIES
 from sma_bayes.parameters.space import Parameter, ParameterSpace
 from sma_bayes.posterior import Place, Posterior
@@ -20,7 +22,7 @@ from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel,
 from sma_bayes.report.outputs import StoredRecord, StoredRun, posterior_path, read_record, read_run
 from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.results.documents import FINISH
-from sma_bayes.results.fit import calibration_errors
+from sma_bayes.results.fit import calibration_errors, calibrations_of
 
 
 def stored_draws(folder: str | Path) -> tuple[RecordDraws, ...]:
@@ -74,9 +76,9 @@ def draws_of(run: StoredRun, summary: Mapping[str, Any]) -> RecordDraws:
             remedy=FINISH,
         ) from None
     record = posterior.records[0]
-    known = {c: k for c, k in record.calibration.items() if c in record.channels}
-    errors = calibration_errors(known, int(run.summary["seed"]), record.key, len(theta))
-    return RecordDraws(posterior, theta, bool(summary["converged"]), errors.get("stiffness"))
+    errors = calibration_errors(calibrations_of(record), int(run.summary["seed"]), record.key, len(theta))
+    weights = {c: w for c, (_, _, w) in stored.discrepancy.items()}
+    return RecordDraws(posterior, theta, bool(summary["converged"]), weights, errors)
 
 
 def _posterior(summary: Mapping[str, Any], stored: StoredRecord) -> Posterior:
@@ -85,14 +87,22 @@ def _posterior(summary: Mapping[str, Any], stored: StoredRecord) -> Posterior:
     noise = NOISE_MODELS[stored.noise]
     parameters = summary["parameters"]
     names = list(model.parameter_names)
-    at = {}
+    bases = stored.bases()
+    noises, sizes = {}, {}
     for channel in record.channels:
         facts = noise.parameters(channel, record.units[channel], record.units.get("time", "s"))
-        at[channel] = len(names) + np.arange(len(facts))
+        noises[channel] = len(names) + np.arange(len(facts))
         names += [f.name for f in facts]
+        if channel in bases:
+            sizes[channel] = len(names)
+            names.append(size_fact(channel, record.units[channel]).name)
+    felt = None
+    if noise.feels_temperature:
+        felt = len(names)
+        names.append(temperature_sd_fact(record.units["temperature"]).name)
     space = ParameterSpace(tuple(_parameter(n, parameters[n]) for n in names))
-    place = Place(np.arange(len(model.parameter_names)), at)
-    return Posterior((record,), model, noise, space, (place,))
+    place = Place(np.arange(len(model.parameter_names)), noises, sizes, felt)
+    return Posterior((record,), model, noise, space, (place,), (bases,))
 
 
 def _record(summary: Mapping[str, Any], stored: StoredRecord) -> Record:

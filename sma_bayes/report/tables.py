@@ -468,18 +468,18 @@ def _diagnostic_cells(r: RecordContent) -> tuple[Cell, ...]:
 def noise_table(records: Sequence[RecordContent]) -> Table:
     """The noise model of every record and why."""
     names = tuple(dict.fromkeys(c for r in records for c in r.noise.lag1))
-    rivals = tuple(dict.fromkeys(c for r in records for c in r.noise.bic))
+    rivals = tuple(dict.fromkeys(c for r in records for c in r.noise.ln_evidence))
     return Table(
         "noise",
         "Noise models",
-        "Correlation of neighbouring residuals (lag 1) of the least-squares fit, by channel, and the Bayesian "
-        "information criterion (BIC) of each noise model less that of the best: 0 marks the chosen one.",
+        "Correlation of neighbouring residuals (lag 1) of the least-squares fit, by channel, and the "
+        "logarithm of the evidence of each noise model less that of the best, with a discrepancy where one earns its place.",
         (
             *_RECORD,
             Column("noise model", "noise"),
             Column("chosen by", "chosen_by"),
             *(Column(f"lag 1, {name}", f"lag1_{name}", "1") for name in names),
-            *(Column(f"BIC, {name}", f"bic_{name}", "1") for name in rivals),
+            *(Column(f"ln evidence, {name}", f"ln_evidence_{name}", "1") for name in rivals),
         ),
         tuple(
             (
@@ -487,7 +487,7 @@ def noise_table(records: Sequence[RecordContent]) -> Table:
                 r.noise.title or r.noise.name,
                 r.noise.chosen_by,
                 *(Number(r.noise.lag1.get(name), "1", 0.1) for name in names),
-                *(Number(r.noise.bic.get(name), "1", 1.0) for name in rivals),
+                *(Number(r.noise.ln_evidence.get(name), "1", 1.0) for name in rivals),
             )
             for r in records
         ),

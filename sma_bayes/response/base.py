@@ -38,6 +38,7 @@ _LEVELS = frozenset({Role.OFFSET, Role.LEVEL})
 _SCALED = _LEVELS | {Role.SPAN, Role.EFFECT, Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE}
 _TEMPERATURES = frozenset({Role.MIDPOINT, Role.GAP, Role.WIDTH})
 _RATES = frozenset({Role.RATE, Role.SECOND_RATE})
+_PER_TEMPERATURE = _RATES | {Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE}
 _UNITS = {"temperature": "degC", "time": "s", "force": "N", "displacement": "m", "stiffness": "N/m"}
 
 
@@ -62,6 +63,26 @@ class Asymptote:
             return np.asarray(value + slope * (temperature - middle))
 
 
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """How a model takes part in a comparison of models.
+
+    Attributes
+    ----------
+    name, title : str
+        In files, and in full.
+    variant : str
+        Such as ``published``; empty where there is only one.
+    extra : bool
+        Whether it stands beside the others without a vote.
+    """
+
+    name: str
+    title: str
+    variant: str = ""
+    extra: bool = False
+
+
 @dataclass(frozen=True)
 class ResponseModel(ABC):
     """Response of a spring or specimen.
@@ -80,6 +101,11 @@ class ResponseModel(ABC):
         Its default priors: the name of a shipped set, or a file; empty for the set of the model's own name.
     linear : tuple of str
         Parameters that enter their channel linearly, jointly; the least-squares start solves for them.
+    family : str
+        Models of one family count as one where models are compared; empty for a family of its own.
+    contends : tuple of Variant, optional
+        How it takes part in every comparison of models: by default as it is. An empty tuple: only where it is the
+        model that was asked for.
     """
 
     name: ClassVar[str]
@@ -88,6 +114,8 @@ class ResponseModel(ABC):
     together: ClassVar[bool] = True
     priors: ClassVar[str | Path] = ""
     linear: ClassVar[tuple[str, ...]] = ()
+    family: ClassVar[str] = ""
+    contends: ClassVar[tuple[Variant, ...] | None] = None
 
     channels: tuple[str, ...] = CHANNELS
 
@@ -278,9 +306,10 @@ class ResponseModel(ABC):
             names |= set(replace(self, channels=self.provides).parameter_names)
         return frozenset(names)
 
-    def default_priors(self) -> PriorSet:
+    @classmethod
+    def default_priors(cls) -> PriorSet:
         """Priors of its parameters and of the noise, where a user gives none."""
-        return shipped_with(self.priors or self.name)
+        return shipped_with(cls.priors or cls.name)
 
     def calibrated(self, theta: Floats, channel: str, gain: Floats, shift: Floats) -> Floats:
         """Parameters whose curve of one channel is ``gain y + shift`` where it was ``y``.
@@ -305,6 +334,29 @@ class ResponseModel(ABC):
                 out[..., i] *= gain
             if fact.role in _LEVELS:
                 out[..., i] += shift
+        return out
+
+    def with_thermometer(self, theta: Floats, gain: Floats, shift: Floats) -> Floats:
+        """Parameters of the same curves against a temperature that is ``gain T + shift`` where ``T`` was read.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (N, P)
+        gain, shift : ndarray, shape (N,)
+
+        Returns
+        -------
+        ndarray, shape (N, P)
+            A new array.
+        """
+        out = np.array(theta, dtype=float)
+        for i, fact in enumerate(self.facts):
+            if fact.role is Role.MIDPOINT:
+                out[..., i] = gain * out[..., i] + shift
+            elif fact.role in _TEMPERATURES:
+                out[..., i] *= gain
+            elif fact.role in _PER_TEMPERATURE:
+                out[..., i] /= gain
         return out
 
     def screen(self, theta: Floats, fixed: Bools, data: Mapping[str, Floats]) -> Floats:

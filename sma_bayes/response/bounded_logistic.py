@@ -21,7 +21,7 @@ from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats, per
 from sma_bayes.records.types import Record
-from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.base import ResponseModel, Variant
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,8 @@ class BoundedLogistic(ResponseModel):
     name = "bounded_logistic"
     reference = "four-parameter logistic curve"
     together = False
+    family = "logistic"
+    contends = (Variant("bounded_logistic", "bounded four-parameter logistic"),)
     parameter_names = ("cold", "span", "rate", "midpoint")
 
     @classmethod

@@ -26,7 +26,7 @@ from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Record
-from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.base import ResponseModel, Variant
 
 STEEPNESS = 6.2
 """Rate times width, as printed."""
@@ -50,6 +50,11 @@ class Logistic(ResponseModel):
     name = "logistic"
     reference = "Eqs. (9) and (10)"
     together = False
+    contends = (
+        Variant("logistic_published", "logistic, Eqs. (9) and (10) as printed", "published"),
+        Variant("logistic_corrected", "logistic, centre (As + Af)/2", "corrected"),
+        Variant("logistic_refitted", "logistic, all four parameters inferred", "refitted"),
+    )
     parameter_names = ("K_min", "K_max", "centre", "width")
 
     @classmethod

@@ -27,7 +27,7 @@ from scipy.special import expit
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import ARBITRARY, CHANNELS, Floats, per
-from sma_bayes.response.base import Asymptote, Bools, ResponseModel, in_order
+from sma_bayes.response.base import Asymptote, Bools, ResponseModel, Variant, in_order
 
 
 def sigmoid(temperature: Floats, amplitude: Floats, rate: Floats, midpoint: Floats, offset: Floats) -> Floats:
@@ -157,6 +157,7 @@ class ModifiedSigmoid(ResponseModel):
     name = "modified_sigmoid"
     reference = "Eqs. (2), (4) and (7) of the published model"
     linear = ("A1", "A4", "B1", "B4")
+    contends = (Variant("modified_sigmoid", "modified sigmoid, Eqs. (2), (4) and (7)"),)
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:

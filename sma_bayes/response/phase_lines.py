@@ -93,6 +93,7 @@ class PhaseLines(ResponseModel):
         What those are, by role.
     """
 
+    contends = ()
     sloped: ClassVar[bool] = True
     shape: ClassVar[tuple[Role, ...]] = ()
     meanings: ClassVar[Mapping[str, str]] = {}

@@ -27,7 +27,7 @@ from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats, quotient
 from sma_bayes.records.types import Record
-from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.base import ResponseModel, Variant
 
 FREQUENCY: Final = "frequency"
 """Input that Eq. (11) reads: frequency of the drive [mHz]."""
@@ -56,6 +56,11 @@ class Polynomial(ResponseModel):
     name = "polynomial"
     reference = "Eq. (11)"
     together = False
+    contends = (
+        Variant("polynomial_published", "polynomial, Eq. (11) as printed", "published"),
+        Variant("polynomial_corrected", "polynomial, what the data determine of it", "corrected"),
+        Variant("polynomial_refitted", "polynomial, across frequencies where there are", "refitted"),
+    )
 
     @classmethod
     def made_for(cls, records: Sequence[Record]) -> Self:

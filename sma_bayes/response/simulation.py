@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,18 +25,19 @@ class Simulation:
     ----------
     channels : tuple of str
         Any of force, displacement, stiffness, temperature.
-    make : type of ResponseModel
-        Model of either branch, made of the mechanical channels among them.
+    model : ResponseModel, optional
+        Of the mechanical channels among them, on either branch; the modified sigmoid by default.
     """
 
     channels: tuple[str, ...]
-    make: Callable[[tuple[str, ...]], ResponseModel] = ModifiedSigmoid
+    model: ResponseModel | None = None
     mechanical: BothBranches | None = field(init=False)
     thermal: JouleHeating | None = field(init=False)
 
     def __post_init__(self) -> None:
         mechanical = tuple(c for c in self.channels if c != "temperature")
-        object.__setattr__(self, "mechanical", BothBranches(self.make(mechanical)) if mechanical else None)
+        response = BothBranches(self.model or ModifiedSigmoid(mechanical)) if mechanical else None
+        object.__setattr__(self, "mechanical", response)
         object.__setattr__(self, "thermal", JouleHeating() if "temperature" in self.channels else None)
 
     @property

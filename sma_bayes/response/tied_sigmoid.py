@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import CHANNELS, Floats
-from sma_bayes.response.base import Asymptote, ResponseModel
+from sma_bayes.response.base import Asymptote, ResponseModel, Variant
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
 
@@ -34,7 +34,8 @@ class TiedSigmoid(ResponseModel):
     _source: NDArray[np.intp] = field(init=False, repr=False, compare=False)
     name = "modified_sigmoid_tied"
     reference = "Eqs. (2), (4) and (7) with A2 = B2"
-    priors = "modified_sigmoid"
+    priors = family = ModifiedSigmoid.name
+    contends = (Variant("modified_sigmoid_tied", "modified sigmoid with A2 = B2", extra=True),)
 
     def __post_init__(self) -> None:
         super().__post_init__()

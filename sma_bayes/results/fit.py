@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from sma_bayes.account import Account
+from sma_bayes.curves import CurveDraws, calibrated_parameters
 from sma_bayes.inference.ensembles import Draws
 from sma_bayes.inference.noise_choice import NoiseChoice
 from sma_bayes.inference.warm_start import WarmStart
@@ -99,17 +100,22 @@ class Fit:
             Channel to two arrays of shape (G N,).
         """
         r = self.records[record]
-        known = {channel: c for channel, c in r.calibration.items() if channel in r.channels}
-        return calibration_errors(known, self.seed, r.key, len(self.flat))
+        return calibration_errors(calibrations_of(r), self.seed, r.key, len(self.flat))
 
     def calibrated(self, record: int = 0) -> Floats:
-        """Kept draws (G N, P) with the uncertainty of the calibration carried into spans and offsets."""
-        theta = self.flat.copy()
-        model, at = self.posterior.model, self.posterior.layout[record].model
-        for channel, (gain, shift) in self.calibration_draws(record).items():
-            if channel != "stiffness":  # its curve is moved instead, see `curve_draws`
-                theta[:, at] = model.calibrated(theta[:, at], channel, gain, shift)
-        return theta
+        """Kept draws (G N, P) with the uncertainty of the calibration carried into the parameters that stand for it."""
+        return calibrated_parameters(self.posterior, self.flat, self.calibration_draws(record), record)
+
+    def curves(self, record: int = 0) -> CurveDraws:
+        """Curves of one record, one for each kept draw: model, discrepancy and calibration together."""
+        weights = self.discrepancy[record] if self.discrepancy else {}
+        calibration = self.calibration_draws(record)
+        return CurveDraws(self.posterior, self.calibrated(record), weights, calibration, record)
+
+
+def calibrations_of(record: Record) -> dict[str, Calibration]:
+    """Calibrations that matter for the curves of a record: of its channels and of the thermometer."""
+    return {c: k for c, k in record.calibration.items() if c in record.channels or c == "temperature"}
 
 
 def calibration_errors(

@@ -18,6 +18,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
+from sma_bayes.response.base import ResponseModel
 from sma_bayes.results.fit import Fit
 
 AUTO = "auto"
@@ -28,6 +29,7 @@ def fit_records(
     records: Sequence[Record],
     priors: PriorSet,
     *,
+    model: ResponseModel | None = None,
     noise: str = AUTO,
     discrepancy: bool = True,
     seed: int = 0,
@@ -42,6 +44,8 @@ def fit_records(
     records : sequence of Record
         Of one branch.
     priors : PriorSet
+    model : ResponseModel, optional
+        By default the modified sigmoid that predicts the observed channels.
     noise : str
         Name of a noise model, or ``"auto"``.
     discrepancy : bool
@@ -63,7 +67,7 @@ def fit_records(
     account = Account()
     with threadpool_limits(limits=1):  # linear algebra on several threads may round differently
         with account.timed("warm_start"):
-            first = build_posterior(records, NOISE_MODELS["independent"], priors)
+            first = build_posterior(records, NOISE_MODELS["independent"], priors, model=model)
             root = _seed(records, seed)
             start_seed, sample_seed = root.spawn(2)
             start = warm_start(first, np.random.default_rng(start_seed))

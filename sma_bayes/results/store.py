@@ -24,6 +24,10 @@ from sma_bayes.results.netcdf import write_tree
 PRIOR_DRAWS = 500
 PRIOR_GRID = 81
 """Draws from the prior that are stored, and temperatures of the curves that they give."""
+WEIGHTS, FUNCTIONS = "_discrepancy_weights", "_discrepancy_functions"
+"""How the names of variables end that hold what a curve misses."""
+NODE, FUNCTION = "_discrepancy_node", "_discrepancy_function"
+"""And those of their dimensions: temperatures between which natural cubic splines run, and numbers of functions."""
 PREDICTIVE_DRAWS = 250
 """Draws of each ensemble for which pointwise likelihood and replicated data are stored."""
 
@@ -164,15 +168,20 @@ def _tree(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> Any:
             "lp": (("chain", "draw"), log_prior + log_likelihood),
             "log_prior": (("chain", "draw"), log_prior),
             "log_likelihood": (("chain", "draw"), log_likelihood),
+            **_discrepancy_weights(fit, record),
         },
-        coords={"chain": chain, "draw": draw},
+        coords={"chain": chain, "draw": draw, **_functions(fit, record)},
     )
     points = {
         "row": ("obs", r.row),
         **{k: ("obs", v, {"unit": r.units.get(k, "1")}) for k, v in r.inputs.items()},
     }
     some = fit.theta[:, ::stride].reshape(-1, fit.theta.shape[-1])
-    pointwise = fit.posterior.pointwise_log_likelihood(some)[record]
+    few_weights = tuple(
+        {c: w.reshape(groups, kept, -1)[:, ::stride].reshape(len(some), -1) for c, w in own.items()}
+        for own in fit.discrepancy
+    )
+    pointwise = fit.posterior.pointwise_log_likelihood(some, few_weights)[record]
     shape = (groups, few.size, r.n)
     dims = ("chain", "draw", "obs")
     few_coords = {"chain": chain, "draw": few, "obs": np.arange(r.n), **points}
@@ -202,9 +211,42 @@ def _tree(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> Any:
             ),
             "prior": prior,
             "prior_predictive": prior_predictive,
-            "constant_data": xr.Dataset(points, {"obs": np.arange(r.n)}),
+            "constant_data": _constants(fit, record, points),
         }
     )
+
+
+def _discrepancy_weights(fit: Fit, record: int) -> dict[str, Any]:
+    """Weights of what the curve misses, for each kept draw."""
+    groups, kept, _ = fit.theta.shape
+    own = fit.discrepancy[record] if fit.discrepancy else {}
+    return {
+        f"{channel}{WEIGHTS}": (
+            ("chain", "draw", f"{channel}{FUNCTION}"),
+            weights.reshape(groups, kept, -1),
+            {"unit": fit.records[record].units[channel], "long_name": f"weights of what the curve of {channel} misses"},
+        )
+        for channel, weights in own.items()
+    }
+
+
+def _functions(fit: Fit, record: int) -> dict[str, Any]:
+    """Numbers of these functions, the coordinates of their dimension."""
+    bases = fit.posterior.discrepancy[record]
+    return {f"{channel}{FUNCTION}": np.arange(basis.count) for channel, basis in bases.items()}
+
+
+def _constants(fit: Fit, record: int, points: Mapping[str, Any]) -> Any:
+    """Inputs of the model, and the functions of temperature of which what a curve misses is made."""
+    import xarray as xr
+
+    r, bases = fit.records[record], fit.posterior.discrepancy[record]
+    coords = {"obs": np.arange(r.n), **_functions(fit, record)}
+    coords |= {
+        f"{c}{NODE}": (f"{c}{NODE}", b.temperature, {"unit": r.units["temperature"]}) for c, b in bases.items()
+    }
+    values = {f"{c}{FUNCTIONS}": ((f"{c}{NODE}", f"{c}{FUNCTION}"), b.values) for c, b in bases.items()}
+    return xr.Dataset({**points, **values}, coords)
 
 
 def _prior_groups(fit: Fit, record: int, own: Mapping[str, int]) -> tuple[Any, Any]:
@@ -232,7 +274,7 @@ def _prior_groups(fit: Fit, record: int, own: Mapping[str, int]) -> tuple[Any, A
 def _own_parameters(fit: Fit, record: int) -> dict[str, int]:
     """Names and positions of the parameters that concern one record: shared ones, and its own noise."""
     place = fit.posterior.layout[record]
-    positions = [*place.model.tolist(), *(int(i) for at in place.noise.values() for i in at)]
+    positions = [*place.model.tolist(), *(int(i) for at in place.blocks() for i in at)]
     return {fit.posterior.space.parameters[i].name.partition("[")[0]: i for i in positions}
 
 

@@ -14,6 +14,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import figures_for
+from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.arrangement import BiasSpring
 from sma_bayes.results.documents import FIT
 from sma_bayes.results.fit import Fit
@@ -21,7 +22,7 @@ from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import write_text
 from sma_bayes.workflow.fit_tasks import FitTask, fitted, sample_task
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of, prior_set
+from sma_bayes.workflow.options import FitOptions, Pool, check_call, groups_of, prior_set
 from sma_bayes.workflow.output_folder import claimed_folder
 from sma_bayes.workflow.parts import remove_parts
 from sma_bayes.workflow.under_way import UnderWay
@@ -32,7 +33,8 @@ def fit(
     *,
     seed: int = 0,
     noise: str = AUTO,
-    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    priors: str | Path | PriorSet | None = None,
+    model: str = DEFAULT_MODEL,
     pool: Pool = "none",
     jobs: int | None = None,
 ) -> dict[str, Fit]:
@@ -46,8 +48,10 @@ def fit(
         Decides every draw.
     noise : str
         Name of a noise model, or ``auto``: chosen from the residuals of the warm start.
-    priors : str, Path or PriorSet
-        Name of a shipped set or path of a priors file.
+    priors : str, Path or PriorSet, optional
+        Name of a shipped set or of a model, or path of a priors file; those of the model by default.
+    model : str
+        Name of a response model.
     pool : {'none', 'campaign'}
         With ``campaign`` one set of A and B a branch serves all conditions.
     jobs : int, optional
@@ -58,8 +62,9 @@ def fit(
     dict of str to Fit
         By the key of the record, ``<condition>-<branch>``. Pooled records share one `Fit`.
     """
-    options = FitOptions(prior_set(priors), seed, noise, pool)
+    options = FitOptions(prior_set(priors, model), seed, noise, pool, model=model)
     groups = groups_of(campaign, pool)
+    check_call(groups, options)
     tasks = [FitTask(g, options, None) for g in groups]
     out: dict[str, Fit] = {}
     for group, found in zip(groups, run(sample_task, tasks, jobs), strict=True):
@@ -73,7 +78,8 @@ def fit_campaign(
     *,
     seed: int = 0,
     noise: str = AUTO,
-    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    priors: str | Path | PriorSet | None = None,
+    model: str = DEFAULT_MODEL,
     pool: Pool = "none",
     jobs: int | None = None,
     extrapolate: float = 0.0,
@@ -87,7 +93,7 @@ def fit_campaign(
 
     Parameters
     ----------
-    campaign, seed, noise, priors, pool, jobs
+    campaign, seed, noise, priors, model, pool, jobs
         See `fit`.
     out : str or Path
         Folder for the results. It must be new or empty, unless `resume` is set and it holds the same run.
@@ -118,12 +124,13 @@ def fit_campaign(
     """
     folder = Path(out).absolute()  # workers of a cluster stand elsewhere
     options = FitOptions(
-        prior_set(priors),
+        prior_set(priors, model),
         seed,
         noise,
         pool,
         extrapolate,
         bias=bias,
+        model=model,
     )
     drawn = figures_for(figures, len(campaign.records))
     work = UnderWay(FIT, jobs, drawn, progress or silent, account or Account())
@@ -132,7 +139,7 @@ def fit_campaign(
     with claimed_folder(folder, run_identity(campaign, options), resume):
         records, averages, loops = _fitted(groups, options, folder, work)
     with work.account.timed("write"):
-        write_text(folder / "priors.toml", options.priors.text)
+        write_text(folder / "priors.toml", options.priors.whole_text)
     summary = {
         "schema": FIT.schema,
         "campaign": campaign.name,
@@ -140,6 +147,7 @@ def fit_campaign(
         **({"data_dir": campaign.data_dir} if campaign.data_dir else {}),
         "seed": seed,
         "options": {
+            "model": model,
             "noise": noise,
             "pool": pool,
             "extrapolate": extrapolate,

@@ -17,7 +17,7 @@ from sma_bayes.assess.comparison_document import (
     stem_of,
 )
 from sma_bayes.assess.contenders import (
-    CONTENDERS,
+    contenders,
     copy_of,
     joined,
     observables,
@@ -33,10 +33,11 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import figures_for
+from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.results.documents import COMPARISON
 from sma_bayes.results.store import plain, write_csv, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, prior_set
+from sma_bayes.workflow.options import FitOptions, Pool, prior_set
 from sma_bayes.workflow.under_way import UnderWay
 
 FEWEST_CONDITIONS = 2
@@ -49,7 +50,8 @@ def compare(
     *,
     seed: int = 0,
     noise: str = AUTO,
-    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    priors: str | Path | PriorSet | None = None,
+    model: str = DEFAULT_MODEL,
     pool: Pool = "none",
     jobs: int | None = None,
     resume: bool = False,
@@ -57,7 +59,7 @@ def compare(
     progress: Progress | None = None,
     account: Account | None = None,
 ) -> dict[str, Any]:
-    """Compare the modified sigmoid with the logistic and polynomial baselines.
+    """Compare the modified sigmoid with the logistic and polynomial baselines, and with any other response model.
 
     Parameters
     ----------
@@ -69,8 +71,10 @@ def compare(
     noise : str
         Name of a noise model, the same for all models; ``auto``: Gaussian, with only as many samples counted as are
         independent.
-    priors : str, Path or PriorSet
-        Of the modified sigmoid and of the noise; those of the baselines ship with the package.
+    priors : str, Path or PriorSet, optional
+        Of `model` and of the noise; every other model has its own.
+    model : str
+        Name of a response model that takes part beside those that always do.
     pool : {'none', 'campaign'}
         With ``campaign`` one curve a branch serves all conditions, conditions are left out in turn, and the
         polynomial may use the frequency of the drive.
@@ -98,7 +102,7 @@ def compare(
     OutputError, ResumeError
         If `out` can't be used.
     """
-    options = FitOptions(prior_set(priors), seed, noise, pool)
+    options = FitOptions(prior_set(priors, model), seed, noise, pool, model=model)
     records = units_of(campaign, pool)
     check(records, options)
     drawn = figures_for(figures, len(records))
@@ -139,7 +143,7 @@ def check(records: Sequence[Record], options: FitOptions) -> None:
     """Refuse, before anything is written or sampled, what no contender could be fitted with."""
     noise = NOISE_MODELS[EffectiveSamples.name if options.noise == AUTO else options.noise]
     for record in records:
-        for contender in CONTENDERS:
+        for contender in contenders(options.model):
             if not unavailable(contender, record) and not copy_of(contender, record):
                 posterior = posterior_of(contender, record, noise, options.priors)
                 if record.n <= posterior.space.dimension:
@@ -158,7 +162,7 @@ class _Task:
 
 def _compare_task(task: _Task) -> Comparison:
     o = task.options
-    return compare_record(task.record, o.priors, noise=o.noise, seed=o.seed)
+    return compare_record(task.record, o.priors, noise=o.noise, seed=o.seed, model=o.model)
 
 
 def _compared(
@@ -183,7 +187,9 @@ def _compared(
         "campaign": campaign.name,
         "source": campaign.source,
         "seed": options.seed,
-        "options": {"noise": options.noise, "pool": options.pool, "priors": options.priors.title},
+        "options": {
+            "model": options.model, "noise": options.noise, "pool": options.pool, "priors": options.priors.title
+        },
         "versions": all_versions(),
         "data_sha256": campaign.sha256,
         "converged": all(c.converged for c in comparisons),
@@ -192,5 +198,5 @@ def _compared(
         "findings": [asdict(f) for f in campaign.findings],
     })  # fmt: skip
     if folder is not None:
-        write_text(folder / "priors.toml", options.priors.text)
+        write_text(folder / "priors.toml", options.priors.whole_text)
     return document

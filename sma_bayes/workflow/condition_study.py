@@ -19,6 +19,7 @@ from sma_bayes.conditions.document import (
 from sma_bayes.conditions.draws import RecordDraws
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.conditions.study import ConditionStudy, bands_of, study
+from sma_bayes.errors import OutputError
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Condition
 from sma_bayes.report.choice import figures_for
@@ -28,6 +29,7 @@ from sma_bayes.results.documents import CONDITIONS
 from sma_bayes.results.store import plain, write_csv
 from sma_bayes.workflow.condition_text import condition_at, text_of
 from sma_bayes.workflow.identity import all_versions
+from sma_bayes.workflow.options import model_named
 from sma_bayes.workflow.under_way import UnderWay
 
 
@@ -39,6 +41,7 @@ def study_conditions(
     leave_out: Sequence[str] = (),
     seed: int = 0,
     scatter: float = SCATTER,
+    model: str | None = None,
     jobs: int | None = None,
     resume: bool = False,
     figures: str | bool = "auto",
@@ -62,6 +65,8 @@ def study_conditions(
     scatter : float
         Median of the prior of the scatter between conditions, as a share of what a curve has by itself: see
         `sma_bayes.conditions.population`.
+    model : str, optional
+        Name of the response model that the fit must have been made with; by default whichever it was.
     jobs : int, optional
         Processes; by default one for each core.
     resume : bool
@@ -87,8 +92,17 @@ def study_conditions(
         If a setting or condition is not known.
     """
     source, spent = Path(folder), account or Account()
+    wanted = None if model is None else model_named(model)
     with spent.timed("read"):
         run, records = read_run(source), stored_draws(source)
+    found = sorted({r.posterior.model.name for r in records})
+    if wanted is not None and found != [wanted]:
+        raise OutputError(
+            f"holds a fit of {' and '.join(repr(name) for name in found)}",
+            file=source,
+            expected=f"a fit of the model {wanted!r}",
+            remedy=f"leave --model out, or fit anew with --model {wanted}",
+        )
     specimen = records[0].record.specimen
     asked = tuple(condition_at(a, specimen=specimen) if isinstance(a, str) else a for a in at)
     question = _Question(run, records, asked, tuple(leave_out), seed, scatter)
@@ -123,6 +137,7 @@ class _Question:
             "leave_out": list(self.left_out),
             "seed": self.seed,
             "scatter": self.scatter,
+            "models": sorted({r.posterior.model.name for r in self.records}),
             "versions": all_versions(),
         }
 

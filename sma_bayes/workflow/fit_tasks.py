@@ -18,6 +18,7 @@ from sma_bayes.assess.summary import record_summary
 from sma_bayes.errors import OutputError, SmaBayesError
 from sma_bayes.inference.jobs import run
 from sma_bayes.records.types import Branch, Record
+from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.results.documents import MARK
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import fit_records
@@ -54,7 +55,10 @@ def sample_task(task: FitTask) -> Fit:
     if task.folder is not None:
         name = task.records[0].key if len(task.records) == 1 else f"all-{task.records[0].branch.value}"
         checkpoint = task.folder / "checkpoints" / f"{name}.h5"
-    return fit_records(task.records, o.priors, noise=o.noise, seed=o.seed, plan=o.plan, checkpoint=checkpoint)
+    model = RESPONSE_MODELS[o.model].made_for(task.records)
+    return fit_records(
+        task.records, o.priors, model=model, noise=o.noise, seed=o.seed, plan=o.plan, checkpoint=checkpoint
+    )
 
 
 def fitted(
@@ -175,7 +179,7 @@ def _assess_record(
     options = task.options
     with account.timed("diagnose"):
         rng = np.random.default_rng(np.random.SeedSequence([options.seed, 4, *record.key.encode()]))
-        replicated = found.posterior.replicate(rng, found.flat, record=i)
+        replicated = found.posterior.replicate(rng, found.flat, record=i, weights=found.discrepancy)
         measured, again = correlation_factors(found, replicated, i)
         summary = record_summary(found, i, measured, again)
     with account.timed("bands"):

@@ -19,11 +19,12 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Campaign
 from sma_bayes.report.choice import Drawn, figures_for
+from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.results.documents import GAP
 from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import DEFAULT_PRIORS, FitOptions, Pool, check_call, groups_of, prior_set
+from sma_bayes.workflow.options import FitOptions, Pool, check_call, groups_of, prior_set
 from sma_bayes.workflow.under_way import UnderWay
 
 
@@ -33,7 +34,8 @@ def study_gap(
     *,
     seed: int = 0,
     noise: str = AUTO,
-    priors: str | Path | PriorSet = DEFAULT_PRIORS,
+    priors: str | Path | PriorSet | None = None,
+    model: str = DEFAULT_MODEL,
     pool: Pool = "none",
     jobs: int | None = None,
     resume: bool = False,
@@ -53,7 +55,7 @@ def study_gap(
     resume : bool
         Go on with this very study: sampling where it stopped, or, where `gap.json` is there already, only what is
         missing of the report. The search is repeated, to the same end; it takes seconds.
-    seed, priors, pool, jobs, figures, progress, account
+    seed, priors, model, pool, jobs, figures, progress, account
         See `fit_campaign`. With ``pool="campaign"`` one set of A and B a branch serves all conditions: what differs
         between conditions (stress, rate, lag) then shows instead of being swallowed.
 
@@ -78,7 +80,7 @@ def study_gap(
             "noise that is told from residuals would swallow the very disagreement that is looked for",
             remedy="leave --noise out; gap.json states the noise that was found",
         )
-    options = FitOptions(prior_set(priors), seed, pool=pool)
+    options = FitOptions(prior_set(priors, model), seed, pool=pool, model=model)
     can = comparable(campaign)
     check_call(groups_of(can.campaign, pool), options)
     drawn: Drawn = "none" if figures_for(figures, len(campaign.records)) == "none" else "all"
@@ -99,6 +101,7 @@ def _studied(
         outcome = gap_outcome(
             campaign,
             options.priors,
+            model=RESPONSE_MODELS[options.model],
             pooled=options.pool == "campaign",
             seed=options.seed,
             jobs=work.jobs,
@@ -113,6 +116,7 @@ def _studied(
             "campaign": campaign.name,
             "source": campaign.source,
             "seed": options.seed,
+            "model": options.model,
             "pool": options.pool,
             "priors": options.priors.title,
             "versions": all_versions(),
@@ -128,5 +132,5 @@ def _studied(
     if folder is not None:
         with work.account.timed("write"):
             write_study(folder, outcome, seed=options.seed)
-            write_text(folder / "priors.toml", options.priors.text)
+            write_text(folder / "priors.toml", options.priors.whole_text)
     return found

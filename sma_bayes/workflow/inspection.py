@@ -10,11 +10,10 @@ import numpy as np
 from sma_bayes.inference.noise_choice import choose_noise
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Campaign, Record
+from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.results.store import plain
-from sma_bayes.workflow.options import DEFAULT_PRIORS
 
 
 def inspect_campaign(campaign: Campaign) -> dict[str, Any]:
@@ -37,7 +36,7 @@ def inspect_campaign(campaign: Campaign) -> dict[str, Any]:
 
 
 def _described(record: Record) -> dict[str, Any]:
-    priors = read_priors(DEFAULT_PRIORS)
+    priors = RESPONSE_MODELS[DEFAULT_MODEL].default_priors()
     posterior = build_posterior([record], NOISE_MODELS["independent"], priors)
     start = warm_start(posterior, np.random.default_rng(0))
     choice = choose_noise(posterior, start, priors)

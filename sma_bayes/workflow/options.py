@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 
 from sma_bayes.errors import SmaBayesError, near_matches
 from sma_bayes.inference.ensembles import Plan
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.parameters.priors_file import PriorSet, read_priors
+from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Branch, Campaign, Record
+from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS, priors_named
 from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD, Arrangement, BiasSpring
 from sma_bayes.results.fitting import AUTO
 
-DEFAULT_PRIORS: Final = "modified_sigmoid"
 Pool = Literal["none", "campaign"]
 
 
@@ -29,6 +29,8 @@ class FitOptions:
     Attributes
     ----------
     seed : int
+    model : str
+        Name of a response model.
     noise : str
         Name of a noise model, or ``auto``.
     priors : PriorSet
@@ -48,11 +50,35 @@ class FitOptions:
     extrapolate: float = 0.0
     plan: Plan = field(default_factory=Plan)
     bias: BiasSpring | None = None
+    model: str = DEFAULT_MODEL
 
 
-def prior_set(priors: str | Path | PriorSet) -> PriorSet:
-    """Priors by the name of a shipped set, by their file, or as they are; see `read_priors`."""
-    return priors if isinstance(priors, PriorSet) else read_priors(priors)
+def prior_set(priors: str | Path | PriorSet | None, model: str = DEFAULT_MODEL) -> PriorSet:
+    """Priors by the name of a shipped set or of a model, by their file, or as they are; None for those of a model.
+
+    Raises
+    ------
+    UnknownNameError
+        If no response model has that name.
+    PriorError
+        If there are no such priors; see `read_priors`.
+    """
+    own = RESPONSE_MODELS[model]
+    if priors is None:
+        return own.default_priors()
+    found = priors if isinstance(priors, PriorSet) else priors_named(priors)
+    return found if found.model else replace(found, model=model)
+
+
+def model_named(name: str) -> str:
+    """Check the name of a response model.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none of that name.
+    """
+    return RESPONSE_MODELS[name].name
 
 
 def pool_named(name: str) -> Pool:
@@ -117,6 +143,8 @@ def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
     ------
     UnknownNameError
         If no noise model has that name.
+    MeasurementError
+        If a record has channels that the model can't be fitted to.
     PriorError
         If a prior is missing, has no parameter, or is wrong, or records can't share parameters.
     SmaBayesError
@@ -134,8 +162,9 @@ def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
         )
     for group in groups:
         one = [dict.fromkeys(record.channels, 1.0) for record in group]  # stands for residual and memory
-        build_posterior(group, NOISE_MODELS["independent"], options.priors)
-        build_posterior(group, noise, options.priors, residual=one, memory=one)
+        model = RESPONSE_MODELS[options.model].made_for(group)
+        build_posterior(group, NOISE_MODELS["independent"], options.priors, model=model)
+        build_posterior(group, noise, options.priors, model=model, residual=one, memory=one)
 
 
 def groups_of(campaign: Campaign, pool: Pool) -> list[tuple[Record, ...]]:

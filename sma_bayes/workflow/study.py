@@ -12,7 +12,6 @@ from typing import Any, Final
 
 from sma_bayes.errors import ResumeError, SmaBayesError
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import number_and_unit
 from sma_bayes.records.campaign import read_campaign
@@ -25,7 +24,7 @@ from sma_bayes.workflow.comparison import compare
 from sma_bayes.workflow.condition_study import study_conditions
 from sma_bayes.workflow.gap_study import study_gap
 from sma_bayes.workflow.identity import all_versions
-from sma_bayes.workflow.options import bias_spring
+from sma_bayes.workflow.options import bias_spring, model_named, prior_set
 from sma_bayes.workflow.output_folder import claimed_folder
 from sma_bayes.workflow.question import WANTED, ask
 from sma_bayes.workflow.study_file import Study, read_study
@@ -132,9 +131,11 @@ def _identity(campaign: Campaign) -> dict[str, Any]:
 def _check(study: Study) -> None:
     """Refuse names that no step could do with, before the campaign is read."""
     for name, options in study.steps.items():
-        if "priors" in options:
+        if "model" in options:
+            with _place(study, f"{name}.model"):
+                model_named(options["model"])
             with _place(study, f"{name}.priors"):
-                read_priors(options["priors"])
+                prior_set(options["priors"], options["model"])
         noise = options.get("noise", AUTO)
         with _place(study, f"{name}.noise"):
             NOISE_MODELS["independent" if noise == AUTO else noise]

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.errors import StudyError, near_matches
 from sma_bayes.records.toml_table import StrictTable, as_toml, checked, parsed_toml
+from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.workflow.question import PROBABILITY, TOLERANCE, WANTED
 
 Figures = Literal["auto", "all", "campaign", "none"]
@@ -30,8 +31,10 @@ class StudyTable(StrictTable):
         Folder of the data files, where it is not the campaign's own.
     seed : int
     jobs : int, optional
-    priors : str
-        Name of a shipped set, or a TOML file.
+    model : str
+        Name of the response model.
+    priors : str, optional
+        Name of a shipped set or of a model, or a TOML file; those of the model by default.
     noise : str
         Of fit and compare; a gap study estimates the noise by itself.
     pool : str
@@ -45,7 +48,8 @@ class StudyTable(StrictTable):
     data: str | None = None
     seed: int = Field(default=0, ge=0)
     jobs: int | None = Field(default=None, ge=1)
-    priors: str = "modified_sigmoid"
+    model: str = DEFAULT_MODEL
+    priors: str | None = None
     noise: str = "auto"
     pool: Literal["none", "campaign"] = "none"
     figures: Figures = "auto"
@@ -60,6 +64,7 @@ class DrawnTable(StrictTable):
 class StepTable(DrawnTable):
     """What a step on the records themselves may have otherwise than ``[study]`` says."""
 
+    model: str | None = None
     priors: str | None = None
     pool: Literal["none", "campaign"] | None = None
 
@@ -247,7 +252,7 @@ def _options(study: StudyTable, table: DrawnTable, path: Path) -> dict[str, Any]
     own = {name: value for name, value in table.model_dump().items() if value is not None}
     shared = {name: getattr(study, name) for name in type(table).model_fields if hasattr(study, name)}
     options = {**shared, **own}
-    priors = options.get("priors", "")
+    priors = options.get("priors") or ""
     if priors.endswith(".toml") or Path(priors).name != priors:
         options["priors"] = str(path.parent / priors)
     return options

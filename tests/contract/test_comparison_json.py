@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sma_bayes
-from sma_bayes.assess.contenders import CONTENDERS
+from sma_bayes.assess.contenders import contenders
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.build import build_report
 
@@ -45,7 +45,7 @@ def test_names_and_kinds_are_those_of_the_contract(found: Any) -> None:
     assert found["schema"] == "sma-bayes/comparison/1"
     assert [r["branch"] for r in found["records"]] == ["heating", "cooling"]
     for record in found["records"]:
-        assert set(record["models"]) == {c.name for c in CONTENDERS}
+        assert set(record["models"]) == {c.name for c in contenders()}
         assert record["preferred"] in record["models"]
         assert isinstance(record["decisive"], bool)
         assert (record["verdict"] == "cannot tell") == (not record["decisive"])

@@ -9,9 +9,9 @@ from typing import Any, Final
 from matplotlib.axes import Axes
 
 from sma_bayes.report.comparison_outputs import StoredComparison
-from sma_bayes.report.comparison_tables import SHORT, model_averages
+from sma_bayes.report.comparison_tables import model_averages, short
 from sma_bayes.report.content import PAPER_CORRELATION, AverageFactor, Content, Estimate
-from sma_bayes.report.figures.models import LOOKS
+from sma_bayes.report.figures.models import drawn_order, look
 from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
@@ -165,8 +165,8 @@ def model_average_figure(stored: StoredComparison) -> Drawing:
     """
     found = [(name, a) for name, a in model_averages(stored) if a.rule == "plain"]
     channels = list(dict.fromkeys((a.name, a.unit) for _, a in found))
-    models = [n for n in LOOKS if n in {name for name, _ in found}]
-    left = label_width(SHORT[n] for n in models)
+    models = drawn_order(dict.fromkeys(name for name, _ in found))
+    left = label_width(short(n) for n in models)
     figure = empty_sheet(left + max(2.7 * len(channels), 4.5) + 0.15, 1.15 + 0.26 * len(models))
     axes = panels(figure, 1, len(channels), left=left, right=0.15, bottom=0.75, top=0.35, gap_x=0.25)[0]
     for ax, channel in zip(axes, channels, strict=True):
@@ -174,14 +174,14 @@ def model_average_figure(stored: StoredComparison) -> Drawing:
             Mark(
                 models.index(name) + (-0.16 if a.data == "in sample" else 0.16),
                 a.factors["r"],
-                LOOKS[name][0],
+                look(name)[0],
                 a.data == "in sample",
             )
             for name, a in found
             if (a.name, a.unit) == channel
         ]
         correlation_axis(ax, marks)
-        row_names(ax, [SHORT[n] for n in models], labelled=ax is axes[0])
+        row_names(ax, [short(n) for n in models], labelled=ax is axes[0])
         ax.set_title(f"average r of {channel[0]}")
         _tell_apart(ax, channel, channels)
     figure.legend(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from sma_bayes.quantities import Floats
 from sma_bayes.report.comparison_outputs import StoredComparison
-from sma_bayes.report.comparison_tables import SHORT
+from sma_bayes.report.comparison_tables import short
 from sma_bayes.report.figures.sheet import (
     FAINT,
     INK,
@@ -35,7 +35,9 @@ LOOKS: Final[Mapping[str, tuple[str, str]]] = {
     "logistic_published": ("#20643c", ":"),
     "polynomial_corrected": ("#6a3d9a", "-"),
 }
-"""Colour and dashes of each model that has a curve of its own."""
+"""Colour and dashes of each model of the paper that has a curve of its own."""
+OTHERS: Final = ("#b0306a", "#7a5c1e", "#3f8f8f", "#8a8a00", "#444444")
+"""Colours of all other models."""
 BANDED: Final = ("modified_sigmoid", "logistic_refitted", "polynomial_corrected")
 """Models whose bands are drawn; more would hide each other."""
 TURN: Final = 10.0
@@ -45,6 +47,17 @@ TICKS: Final = tuple(
 )
 ROWS: Final = 9
 """Records on one page."""
+
+
+def look(name: str) -> tuple[str, str]:
+    """Colour and dashes of a model, the same in every figure."""
+    return LOOKS.get(name) or (OTHERS[sum(name.encode()) % len(OTHERS)], "-")
+
+
+def drawn_order(names: Iterable[str]) -> list[str]:
+    """Models in the order in which they are drawn: those of the paper first."""
+    there = list(names)
+    return [*(n for n in LOOKS if n in there), *(n for n in there if n not in LOOKS)]
 
 
 def curves_figure(stored: StoredComparison, record: Mapping[str, Any]) -> Drawing:
@@ -58,7 +71,7 @@ def curves_figure(stored: StoredComparison, record: Mapping[str, Any]) -> Drawin
     """
     curves, samples = stored.curves[record["key"]], stored.samples[record["key"]]
     temperature = f"temperature_{record['temperature_unit']}"
-    names = [n for n in LOOKS if f"{n}_q50" in curves]
+    names = drawn_order(c.removesuffix("_q50") for c in curves if c.endswith("_q50"))
     figure = empty_sheet(6.6, 5.2)
     axes = panels(figure, 2, 1, left=0.85, right=2.05, bottom=0.55, top=0.5, gap_y=0.3, tall=(2.2, 1.0))[:, 0]
     _curves(axes[0], curves, samples, temperature, names)
@@ -69,7 +82,7 @@ def curves_figure(stored: StoredComparison, record: Mapping[str, Any]) -> Drawin
     axes[0].set_xticklabels([])
     handles = [
         Line2D([], [], color=FAINT, marker="o", ms=3, ls="none", label="measured"),
-        *(Line2D([], [], color=LOOKS[n][0], ls=LOOKS[n][1], label=_legend(record, n)) for n in names),
+        *(Line2D([], [], color=look(n)[0], ls=look(n)[1], label=_legend(record, n)) for n in names),
     ]
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0 - 1.95 / 6.6, 0.93))
     heading(figure, f"{record['condition']}, {record['branch']}: {record['verdict']}", "")
@@ -87,8 +100,8 @@ def curves_figure(stored: StoredComparison, record: Mapping[str, Any]) -> Drawin
 
 
 def _legend(record: Mapping[str, Any], name: str) -> str:
-    same = [SHORT[n] for n, m in record["models"].items() if m["same_as"] == name]
-    return "\n".join([SHORT[name], *(f"  = {s}" for s in same)])
+    same = [short(n) for n, m in record["models"].items() if m["same_as"] == name]
+    return "\n".join([short(name), *(f"  = {s}" for s in same)])
 
 
 def _curves(
@@ -98,7 +111,7 @@ def _curves(
     t, y = curves[temperature], samples["measured"]
     margin = 0.25 * float(np.ptp(y))
     for name in names:
-        colour, dashes = LOOKS[name]
+        colour, dashes = look(name)
         if name in BANDED:
             ax.fill_between(t, curves[f"{name}_q05"], curves[f"{name}_q95"], color=colour, alpha=0.18, lw=0)
         ax.plot(t, curves[f"{name}_q50"], color=colour, ls=dashes, lw=1.1)
@@ -114,7 +127,7 @@ def _residuals(ax: Axes, samples: Mapping[str, Floats], temperature: str, names:
             left = samples["measured"] - samples[f"{name}_held_out"]
             drawn.append(left)
             ax.plot(
-                samples[temperature][order], left[order], ".", ms=2.4, color=LOOKS[name][0], rasterized=True
+                samples[temperature][order], left[order], ".", ms=2.4, color=look(name)[0], rasterized=True
             )
     if drawn:
         reach = 1.1 * float(np.quantile(np.abs(np.concatenate(drawn)), 0.995))
@@ -131,9 +144,9 @@ def differences_figure(stored: StoredComparison, number: int) -> Drawing:
         Page, from 1.
     """
     records = stored.found["records"][(number - 1) * ROWS : number * ROWS]
-    shown = [(r, [n for n in LOOKS if n in r["models"] and _counts(r, n)]) for r in records]
+    shown = [(r, [n for n in drawn_order(r["models"]) if _counts(r, n)]) for r in records]
     tall = [max(len(names), 1) for _, names in shown]
-    left = label_width(SHORT.values())
+    left = label_width(short(n) for _, names in shown for n in names)
     figure = empty_sheet(7.2, 0.95 + sum(0.16 * n + 0.34 for n in tall))
     axes = panels(figure, len(shown), 1, left=left, right=0.2, bottom=0.6, top=0.55, gap_y=0.34, tall=tall)[
         :, 0
@@ -177,14 +190,14 @@ def _differences(ax: Axes, record: Mapping[str, Any], names: list[str]) -> list[
     rows: list[tuple[Any, ...]] = []
     for place, name in enumerate(names):
         d = record["models"][name]["behind_preferred"]
-        colour = LOOKS[name][0]
+        colour = look(name)[0]
         low, high = (d["value"] if d[k] is None else d[k] for k in ("low", "high"))
         ax.plot([low, high], [place, place], color=colour, lw=1.4)
         ax.plot(d["value"], place, "o", ms=4, color=colour)
         rows.append((record["key"], name, d["value"], d["low"], d["high"]))
     ax.axvline(0.0, color=INK, lw=0.6)
     ax.set_xscale("symlog", linthresh=TURN)
-    ax.set_yticks(range(len(names)), [SHORT[n] for n in names])
+    ax.set_yticks(range(len(names)), [short(n) for n in names])
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.yaxis.set_label_coords(-0.1, 0.5)
     ax.set_title(f"{record['key']}: {record['verdict']}")

@@ -14,7 +14,7 @@ from scipy.stats import multivariate_normal
 from sma_bayes.assess import held_out
 from sma_bayes.assess.comparison import Comparison, Fitted, compare_record
 from sma_bayes.assess.comparison_document import record_document
-from sma_bayes.assess.contenders import CONTENDERS, observables, of_channel, posterior_of
+from sma_bayes.assess.contenders import contenders, observables, of_channel, posterior_of
 from sma_bayes.assess.contenders import joined as joined_records
 from sma_bayes.assess.correlation import joined
 from sma_bayes.assess.held_out import folds_of, part
@@ -25,7 +25,7 @@ from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
 
 PRIORS = read_priors("modified_sigmoid")
-LINE = next(c for c in CONTENDERS if c.name == "polynomial_corrected")
+LINE = next(c for c in contenders() if c.name == "polynomial_corrected")
 
 
 def noisy_line(n: int, seed: int) -> Record:

@@ -27,6 +27,7 @@ pool = "campaign"
 priors = "paper"
 
 [gap]
+model = "phase_slopes"
 figures = "none"
 
 [conditions]
@@ -56,11 +57,13 @@ def test_paths_are_relative_to_the_file_and_steps_inherit(tmp_path: Path) -> Non
     mine = str(tmp_path / "mine.toml")
     assert study.steps == {
         "fit": {
-            "priors": mine, "pool": "none", "figures": "auto", "noise": "student_t", "extrapolate": 0.0,
-            "arrangement": "parallel", "bias": 120.0,
+            "model": "modified_sigmoid", "priors": mine, "pool": "none", "figures": "auto", "noise": "student_t",
+            "extrapolate": 0.0, "arrangement": "parallel", "bias": 120.0,
         },
-        "compare": {"priors": "paper", "pool": "campaign", "figures": "auto", "noise": "ar1"},
-        "gap": {"priors": mine, "pool": "none", "figures": "none"},
+        "compare": {
+            "model": "modified_sigmoid", "priors": "paper", "pool": "campaign", "figures": "auto", "noise": "ar1",
+        },
+        "gap": {"model": "phase_slopes", "priors": mine, "pool": "none", "figures": "none"},
         "conditions": {"at": ("current_A=2",), "leave_out": (), "scatter": 0.1, "figures": "campaign"},
     }  # fmt: skip
     assert [a["stiffness"] or a["force"] for a in study.asks] == ["130 N/m", "2 N"]

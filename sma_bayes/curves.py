@@ -1,0 +1,128 @@
+"""Curves of a posterior, one for each draw: model, discrepancy and the uncertainty of calibrations together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+
+Errors = Mapping[str, tuple[Floats, Floats]]
+"""Channel, or ``temperature``, to gain and shift (S,) of its calibration: a true value is ``gain * value + shift``."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveDraws:
+    """Curves of one record, one for each of S draws.
+
+    Attributes
+    ----------
+    posterior : Posterior
+    theta : ndarray, shape (S, P)
+        Draws of all parameters, the errors of calibrations carried into them (`calibrated_parameters`).
+    weights : mapping of str to ndarray, shape (S, m)
+        Channel to weights of its discrepancy, as they are before calibration.
+    calibration : mapping
+        Errors of calibrations, as far as they are uncertain.
+    record : int
+        Which of the records that share the posterior.
+    """
+
+    posterior: Posterior
+    theta: Floats
+    weights: Mapping[str, Floats] = field(default_factory=dict)
+    calibration: Errors = field(default_factory=dict)
+    record: int = 0
+
+    @property
+    def model_theta(self) -> Floats:
+        """Draws of the parameters of the model, shape (S, number of them)."""
+        return np.asarray(self.theta[:, self.posterior.layout[self.record].model])
+
+    def curve(self, channel: str, temperature: Floats) -> Floats:
+        """Curves of a channel, stiffness also where it follows from force and displacement.
+
+        Parameters
+        ----------
+        channel : str
+        temperature : ndarray, shape (m,) or (S, m)
+            [unit of temperature]
+
+        Returns
+        -------
+        ndarray, shape (S, m)
+            [unit of the channel]
+        """
+        if channel not in self.posterior.model.channels:
+            return self._path_stiffness(temperature)
+        with np.errstate(over="ignore", invalid="ignore"):
+            value = self.posterior.model.predict(self.model_theta, {"temperature": temperature})[channel]
+        if channel in self.weights:
+            value = value + self._gain(channel) * self._missed(channel, temperature)
+        return self._of_observed_stiffness(channel, value)
+
+    def slope(self, channel: str, temperature: Floats) -> Floats:
+        """Derivatives of the curves of a measured channel with respect to temperature, shape (S, m)."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            slope = self.posterior.model.slope(self.model_theta, {"temperature": temperature})[channel]
+        if channel in self.weights:
+            basis = self.posterior.discrepancy[self.record][channel]
+            at = self._read(temperature)
+            change = basis.function_slope(self.weights[channel], at)
+            slope = slope + self._gain(channel) / self._gain("temperature") * change
+        if channel == "stiffness" and channel in self.calibration:
+            slope = self._gain(channel) * slope
+        return np.asarray(slope)
+
+    def _path_stiffness(self, temperature: Floats) -> Floats:
+        if not self.weights:
+            return self.posterior.model.stiffness(self.model_theta, {"temperature": temperature})
+        force, displacement = (self.slope(c, temperature) for c in ("force", "displacement"))
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            return np.asarray(force / displacement)
+
+    def discrepancy(self, channel: str, temperature: Floats) -> Floats:
+        """What the curve of the model misses, shape (S, m); zero where nothing stands beside it."""
+        if channel not in self.weights:
+            return np.zeros((len(self.theta), np.shape(temperature)[-1]))
+        return np.asarray(self._gain(channel) * self._missed(channel, temperature))
+
+    def _missed(self, channel: str, temperature: Floats) -> Floats:
+        basis = self.posterior.discrepancy[self.record][channel]
+        return basis.function(self.weights[channel], self._read(temperature))
+
+    def _read(self, temperature: Floats) -> Floats:
+        """What the thermometer reads at true temperatures, shape (m,) or (S, m)."""
+        if "temperature" not in self.calibration:
+            return temperature
+        gain, shift = self.calibration["temperature"]
+        return np.asarray((temperature - shift[:, None]) / gain[:, None])
+
+    def _gain(self, channel: str) -> Floats:
+        """Gain (S, 1) of a calibration, or one."""
+        return self.calibration[channel][0][:, None] if channel in self.calibration else np.ones((1, 1))
+
+    def _of_observed_stiffness(self, channel: str, value: Floats) -> Floats:
+        """Calibration of a stiffness that was measured itself: no parameter stands for its gain."""
+        if channel != "stiffness" or channel not in self.calibration:
+            return np.asarray(value)
+        gain, shift = self.calibration[channel]
+        return np.asarray(gain[:, None] * value + shift[:, None])
+
+
+def calibrated_parameters(posterior: Posterior, theta: Floats, calibration: Errors, record: int = 0) -> Floats:
+    """Draws (S, P) with the errors of calibrations carried into the parameters that stand for them.
+
+    Those of force and displacement go into spans, offsets and slopes, those of the thermometer into midpoints and rates.
+    """
+    out = np.array(theta, dtype=float)
+    model, at = posterior.model, posterior.layout[record].model
+    for channel, (gain, shift) in calibration.items():
+        if channel == "temperature":
+            out[:, at] = model.with_thermometer(out[:, at], gain, shift)
+        elif channel != "stiffness":
+            out[:, at] = model.calibrated(out[:, at], channel, gain, shift)
+    return out
