@@ -36,11 +36,12 @@ def with_outliers(record: Record) -> Record:
     return replace(record, observed=observed)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_white_residuals_are_independent(make_record: Callable[..., Record], seed: int) -> None:
-    choice = choice_for(make_record(n=300, seed=seed))
-    assert choice.name == "independent"
-    assert all(abs(r) < 0.25 for r in choice.lag1.values())
+def test_white_residuals_are_independent(make_record: Callable[..., Record]) -> None:
+    """Eleven of twelve at least: were another model taken in one record of fifty, it fails once in forty runs."""
+    choices = [choice_for(make_record(n=150, seed=seed)) for seed in range(12)]
+    assert sum(c.name == "independent" for c in choices) >= 11
+    assert sum(any(c.bases) for c in choices) <= 12
+    assert all(abs(r) < 0.3 for c in choices for r in c.lag1.values())
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -48,9 +49,9 @@ def test_residuals_with_a_memory_get_one(make_record: Callable[..., Record], see
     choice = choice_for(with_even_time(make_record(n=300, seed=seed, memory=0.8)))
     assert choice.name == "ar1"
     assert all(r > 0.5 for r in choice.lag1.values())
-    assert "ar1_time" not in choice.bic
-    assert choice.bic["ar1"] == 0.0
-    assert choice.bic["independent"] > 10.0
+    assert "ar1_time" not in choice.ln_evidence
+    assert choice.ln_evidence["ar1"] == 0.0
+    assert choice.ln_evidence["independent"] < -10.0
 
 
 def test_outliers_ask_for_heavy_tails(make_record: Callable[..., Record]) -> None:
@@ -79,11 +80,11 @@ def test_the_reason_names_model_rival_and_correlations(make_record: Callable[...
     assert choice.reason.startswith(NOISE_MODELS[choice.name].title)
     for channel, value in choice.lag1.items():
         assert f"{value:.2f} ({channel})" in choice.reason
-    assert sum(v == 0.0 for v in choice.bic.values()) == 1
+    assert sum(v == 0.0 for v in choice.ln_evidence.values()) == 1
 
 
 def test_what_is_no_density_of_the_data_is_not_compared(make_record: Callable[..., Record]) -> None:
-    assert all(NOISE_MODELS[name].is_density for name in choice_for(make_record(n=50)).bic)
+    assert all(NOISE_MODELS[name].is_density for name in choice_for(make_record(n=50)).ln_evidence)
 
 
 @pytest.mark.parametrize("name", list(NOISE_MODELS))
