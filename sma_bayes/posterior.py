@@ -219,7 +219,9 @@ class Posterior:
                     whole, by_channel = self._latent_log_density(theta[part], i)
                     for channel in others:
                         found[channel][part] = by_channel[channel]
-                    found[first][part] = whole - _products([by_channel[c] for c in others], [np.ones(1)] * len(others))
+                    found[first][part] = whole - _products(
+                        [by_channel[c] for c in others], [np.ones(1)] * len(others)
+                    )
                     continue
                 for channel, e, scale in self._standardised(theta[part], i, own):
                     shape = theta[part][:, self.layout[i].noise[channel][1:]]
@@ -296,21 +298,30 @@ class Posterior:
     def replicate(
         self, rng: np.random.Generator, theta: Floats, *, record: int = 0, weights: Weights = ()
     ) -> dict[str, Floats]:
-        """New measurements at the record's own inputs, one for each parameter vector: channel to (W, n)."""
+        """New measurements at the record's own inputs, one for each parameter vector: channel to (W, n).
+
+        They have the density of the likelihood: errors of the thermometer with its mean and covariance, and with the
+        memory that it gives them.
+        """
         theta = np.atleast_2d(theta)
-        r, place = self.records[record], self.layout[record]
-        inputs = dict(r.inputs)
-        spread = self.temperature_sd(theta, record)
-        if spread is not None:
-            shape = (len(theta), r.n)
-            inputs["temperature"] = r.temperature + spread[:, None] * rng.standard_normal(shape)
-        clean = self.predict(theta, inputs, record=record, weights=weights)
+        place = self.layout[record]
+        mean, parts = self._moments(theta, record)
+        given = _of(weights, record)
+        before: list[_Channel] = []
         out = {}
-        for channel in r.channels:
-            at = place.noise[channel]
-            series = self.noise.draw(rng, theta[:, at[1:]], self.steps[record])
-            scale = self.noise_scale(theta, record, channel, clean[channel])
-            out[channel] = clean[channel] + scale * series
+        for channel in self.records[record].channels:
+            series = self.noise.draw(rng, theta[:, place.noise[channel][1:]], self.steps[record])
+            centre = mean[channel]
+            if channel in given:
+                centre = centre + given[channel] @ self.discrepancy[record][channel].rows
+            sd = self.noise_scale(theta, record, channel, mean[channel])
+            if not parts:
+                out[channel] = centre + sd * series
+                continue
+            row, scale = _conditioned(parts[channel], sd, before)
+            out[channel] = centre + _products(row, [c.whitened for c in before]) + scale * series
+            if not self.discrepancy[record]:
+                before.append(_Channel(parts[channel], row, series, scale))
         return out
 
     def temperature_sd(self, theta: Floats, record: int = 0) -> Floats | None:
@@ -438,7 +449,7 @@ class Posterior:
         r = self.records[record]
         mean, parts = self._moments(theta, record)
         given = _of(weights, record)
-        before: list[tuple[list[Floats], list[Floats], Floats, Floats]] = []
+        before: list[_Channel] = []
         for channel in r.channels:
             residual = r.observed[channel] - mean[channel]
             if channel in given:
@@ -448,17 +459,11 @@ class Posterior:
                 residual *= 1.0 / sd
                 yield channel, residual, sd
                 continue
-            own = parts[channel]
-            # a row of the Cholesky factor of the covariance of the channels
-            row: list[Floats] = []
-            for others, other_row, _, scale in before:
-                row.append((_products(own, others) - _products(row, other_row)) / scale)
-            scale = np.sqrt(sd * sd + _products(own, own) - _products(row, row))
-            whitened = (residual - _products(row, [z for _, _, z, _ in before])) / scale
-            if not self.discrepancy[
-                record
-            ]:  # with one, the residuals before still hold it: each stands for itself
-                before.append((own, row, whitened, scale))
+            row, scale = _conditioned(parts[channel], sd, before)
+            whitened = (residual - _products(row, [c.whitened for c in before])) / scale
+            # with a discrepancy the residuals before still hold it: each stands for itself
+            if not self.discrepancy[record]:
+                before.append(_Channel(parts[channel], row, whitened, scale))
             yield channel, whitened, scale
 
     def _whitened(self, theta: Floats, record: int, channel: str, e: Floats, scale: Floats) -> Whitened:
@@ -509,6 +514,35 @@ def _log_sum(scale: Floats, n: int) -> Floats:
     if scale.shape[1] == 1:
         return np.asarray(n * np.log(scale[:, 0]))
     return np.asarray(np.log(scale).sum(axis=-1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Channel:
+    """A channel that others are conditioned on.
+
+    Attributes
+    ----------
+    parts : list of ndarray
+        Deviations of its response that an error of the thermometer makes.
+    row : list of ndarray
+        Its row of the Cholesky factor of the covariance of the channels, less the diagonal.
+    whitened : ndarray, shape (W, n)
+    scale : ndarray, shape (W, n)
+        The diagonal.
+    """
+
+    parts: list[Floats]
+    row: list[Floats]
+    whitened: Floats
+    scale: Floats
+
+
+def _conditioned(parts: list[Floats], sd: Floats, before: Sequence[_Channel]) -> tuple[list[Floats], Floats]:
+    """Row of the Cholesky factor of the covariance of the channels, and its diagonal, for one channel more."""
+    row: list[Floats] = []
+    for other in before:
+        row.append((_products(parts, other.parts) - _products(row, other.row)) / other.scale)
+    return row, np.sqrt(sd * sd + _products(parts, parts) - _products(row, row))
 
 
 def _products(one: Sequence[Floats], other: Sequence[Floats]) -> Floats:

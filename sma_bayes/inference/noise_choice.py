@@ -99,7 +99,8 @@ def choose_noise(
     Noise models that are a density of the data compete; those that need time are left out where time was not recorded
     or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth
     with the response and an error of the thermometer are looked at only where what it leaves shows a sign of such a
-    thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler. A discrepancy is
+    thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; of what was taken
+    before stays what still earns its place beside them. A discrepancy is
     taken unless the evidence speaks against it by more than `DOUBTED`: a misfit that is given no place makes
     intervals too narrow, a place without a misfit only a little wider.
 
@@ -148,6 +149,7 @@ def choose_noise(
                 extended = simple
             if look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
                 best = extended
+        best = _without_what_is_not_needed(best, names, lambda name: look(name).ln_evidence)
     chosen = found[best]
     top = max(d.ln_evidence for d in found.values())
     rivals = {name: d.ln_evidence - top for name, d in found.items()}
@@ -162,6 +164,22 @@ def choose_noise(
         chosen.estimate,
         chosen.temperature_sd,
     )
+
+
+def _without_what_is_not_needed(name: str, series: Sequence[str], ln_evidence: Callable[[str], float]) -> str:
+    """An extended noise model, less what it no longer earns: growth and errors of the thermometer look like heavy tails."""
+    while "+" in name:
+        first, *suffixes = name.split("+")
+        simpler = {"+".join([first, *(x for x in suffixes if x != s)]): EARNED_BEYOND for s in suffixes}
+        for other in series:
+            lighter = NOISE_MODELS[other].is_gaussian and not NOISE_MODELS[first].is_gaussian
+            if other != first and (lighter or other == SIMPLEST):
+                simpler["+".join([other, *suffixes])] = EARNED
+        kept = max(simpler, key=lambda s: ln_evidence(s) + simpler[s])
+        if ln_evidence(kept) + simpler[kept] < ln_evidence(name):
+            break
+        name = kept
+    return name
 
 
 def _reason(
