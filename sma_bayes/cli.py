@@ -61,6 +61,10 @@ PoolChoice = Annotated[
     str,
     typer.Option(help="'none': own A and B a condition; 'campaign': one set a branch for all conditions."),
 ]
+Sampler = Annotated[
+    str,
+    typer.Option(help="'independence', or to cross-check it 'de' (differential evolution) or 'stretch'."),
+]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the run that --out holds.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")]
 Json = Annotated[bool, typer.Option("--json", help="The summary as JSON on standard output.")]
@@ -197,6 +201,7 @@ def fit(
     priors: Priors = None,
     noise: Noise = "auto",
     pool: PoolChoice = "none",
+    sampler: Sampler = "independence",
     extrapolate: Extrapolate = 0.0,
     arrangement: Arranged = None,
     bias: Bias = None,
@@ -224,6 +229,7 @@ def fit(
             model=model,
             priors=priors,
             pool=pool_named(pool),
+            sampler=sampler,
             extrapolate=extrapolate,
             bias=bias_spring(arrangement, bias, bias_sd),
             resume=resume,

@@ -123,7 +123,8 @@ def calibrated_parameters(
 ) -> Floats:
     """Draws (S, P) with the errors of calibrations carried into the parameters that stand for them.
 
-    Those of force and displacement go into spans, offsets and slopes, those of the thermometer into midpoints and rates.
+    Those of force and displacement go into spans, offsets and slopes, those of the thermometer into midpoints and
+    rates.
     """
     out = np.array(theta, dtype=float)
     model, at = posterior.model, posterior.layout[record].model

@@ -2,20 +2,21 @@
 
 A measurement is ``y = mu(T; theta) + delta(T) + noise``. Were ``delta`` free to be anything smooth, curve and
 discrepancy could change places (M. C. Kennedy and A. O'Hagan, J. R. Stat. Soc. B 63 (2001) 425; J. Brynjarsdottir and
-A. O'Hagan, Inverse Problems 30 (2014) 114007). Here it is orthogonal, over the measured samples, to the derivatives of the
-curve with respect to its parameters (M. Plumlee, J. Am. Stat. Assoc. 112 (2017) 1274): what a change of the parameters could
-describe stays with them, and they are those of the curve of the model that is nearest to the truth (R. Tuo and
-C. F. J. Wu, Ann. Stat. 43 (2015) 2331).
+A. O'Hagan, Inverse Problems 30 (2014) 114007). Here it is orthogonal, over the measured samples, to the derivatives
+of the curve with respect to its parameters (M. Plumlee, J. Am. Stat. Assoc. 112 (2017) 1274): what a change of the
+parameters could describe stays with them, and they are those of the curve of the model that is nearest to the truth
+(R. Tuo and C. F. J. Wu, Ann. Stat. 43 (2015) 2331).
 
-``delta`` is a priori a smoothing spline, a little rougher than the cubic one (G. Wahba, J. R. Stat. Soc. B 40 (1978) 364): a Gaussian process without a
-length, whose size alone is a parameter, decided by evidence. It is smooth in a coordinate that runs evenly through both the
-range of temperature and the transformation, since misfit changes as fast as the curve does. Its leading eigenfunctions,
-less their share along the tangents, are the basis,
+``delta`` is a priori a smoothing spline, a little rougher than the cubic one (G. Wahba, J. R. Stat. Soc. B 40 (1978)
+364): a Gaussian process without a length, whose size alone is a parameter, decided by evidence. It is smooth in a
+coordinate that runs evenly through both the range of temperature and the transformation, since misfit changes as fast
+as the curve does. Its leading eigenfunctions, less their share along the tangents, are the basis,
 
     delta(T) = sum of w_k psi_k(T),    w_k ~ N(0, size**2),
 
-scaled so that ``size`` is the root mean square of ``delta`` over the samples. The weights ``w`` are integrated out of the
-likelihood (`marginal_log_density`) and drawn again, given everything else, where the curve is wanted (`draw_weights`).
+scaled so that ``size`` is the root mean square of ``delta`` over the samples. The weights ``w`` are integrated out of
+the likelihood (`marginal_log_density`) and drawn again, given everything else, where the curve is wanted
+(`draw_weights`).
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 
 FUNCTIONS = 30
-"""Eigenfunctions of the smoothing spline that are kept; the next would have 1/170 of the amplitude of the first."""
+"""Eigenfunctions of the smoothing spline that are kept; the next has 1/170 of the first."""
 ROUGHER = 0.5
-"""Power of their number by which eigenfunctions are larger than those of a cubic smoothing spline: their amplitudes fall as
+"""Power of their number by which eigenfunctions are larger than those of a cubic smoothing spline: amplitudes fall as
 ``k**-1.5`` for ``k**-2``. Intervals of the spline itself are too narrow where the misfit is local."""
 NODES = 161
 """Temperatures at which they are tabulated; a natural cubic spline runs between them and goes on straight beyond."""
@@ -214,8 +215,8 @@ def _spline_kernel(u: Floats) -> Floats:
     """Covariance (G, G) of a cubic smoothing spline on [0, 1], constant and straight parts included.
 
     With the Bernoulli polynomials ``k1 = u - 1/2``, ``k2 = (k1**2 - 1/12)/2`` and ``k4``, the covariance of what is
-    neither constant nor straight is ``k2(u) k2(v) - k4(|u - v|)`` (C. Gu, Smoothing Spline ANOVA Models, 2013, section 2.3);
-    it and the straight part are scaled to a mean variance of one.
+    neither constant nor straight is ``k2(u) k2(v) - k4(|u - v|)`` (C. Gu, Smoothing Spline ANOVA Models, 2013,
+    section 2.3); it and the straight part are scaled to a mean variance of one.
     """
     k1 = u - 0.5
     k2 = 0.5 * (k1 * k1 - 1.0 / 12.0)
@@ -312,7 +313,7 @@ class Whitened:
 
 
 def safe_cholesky(information: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Cholesky factors (W, m, m) of ``1 + H``, and which are usable: `H` finite and not beyond what rounding can hold."""
+    """Cholesky factors (W, m, m) of ``1 + H``, and which are usable: `H` finite, within what rounding holds."""
     diagonal = np.einsum("wmm->wm", information)
     usable = np.isfinite(information).all(axis=(1, 2)) & (diagonal.sum(axis=1) < GREATEST_INFORMATION)
     matrix = np.where(usable[:, None, None], information, 0.0)

@@ -5,14 +5,14 @@
 One posterior serves one record (each condition and branch its own A and B), or several that share A and B.
 What is shared is a layout of positions in the parameter vector; the sampler never knows the difference.
 
-An error of the thermometer, declared or estimated, moves all channels of a sample together. The true temperature is normal
-about the reading with standard deviation ``s_T``; mean and covariance of the response under it are found by Gauss-Hermite
-quadrature, which holds to any order of ``s_T`` times the slope. Residuals are whitened channel by channel by
-conditioning on those before. What is left has unit variance and is handed to the noise model, so that a memory in the noise
-extends to the error of temperature as well.
+An error of the thermometer, declared or estimated, moves all channels of a sample together. The true temperature is
+normal about the reading with standard deviation ``s_T``; mean and covariance of the response under it are found by
+Gauss-Hermite quadrature, which holds to any order of ``s_T`` times the slope. Residuals are whitened channel by
+channel by conditioning on those before. What is left has unit variance and is handed to the noise model, so that a
+memory in the noise extends to the error of temperature as well.
 
-Where a discrepancy stands beside the curve (`sma_bayes.discrepancy`) its weights are integrated out of the density. Curves,
-residuals and replicated data are those of given weights, which `draw_discrepancy` draws.
+Where a discrepancy stands beside the curve (`sma_bayes.discrepancy`) its weights are integrated out of the density.
+Curves, residuals and replicated data are those of given weights, which `draw_discrepancy` draws.
 """
 
 from __future__ import annotations

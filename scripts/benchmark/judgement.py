@@ -76,7 +76,7 @@ class Verdict:
     def none(dimension: int) -> Verdict:
         """Of no draws at all."""
         unknown = np.full(dimension, np.nan)
-        nothing = Convergence(unknown, unknown, unknown, False)
+        nothing = Convergence(unknown, unknown, unknown, False, unknown)
         return Verdict(0.0, nothing, np.full((LEVELS.size, dimension), np.nan), unknown, unknown)
 
     @property
@@ -140,4 +140,4 @@ def diagnose(chains: Floats) -> Convergence:
     rhat = np.maximum(rank_rhat(joined), rank_rhat(in_order))
     bulk, tail = ess_bulk(joined), ess_tail(joined)
     reached = np.all(rhat <= TARGET.rhat) and np.all(np.minimum(bulk, tail) >= TARGET.ess)
-    return Convergence(rhat, bulk, tail, bool(reached))
+    return Convergence(rhat, bulk, tail, bool(reached), np.full(dimension, np.nan))

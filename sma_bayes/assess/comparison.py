@@ -37,8 +37,8 @@ from sma_bayes.inference.laplace import Mode, climb
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.inference.weighted import resampled, weighted_quantiles
 from sma_bayes.noise import NOISE_MODELS, NoiseModel
-from sma_bayes.noise.effective_samples import EffectiveSamples, memory_of
 from sma_bayes.noise.base import lag1
+from sma_bayes.noise.effective_samples import EffectiveSamples, memory_of
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats

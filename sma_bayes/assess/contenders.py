@@ -190,7 +190,7 @@ def model_priors(model: ResponseModel, base: PriorSet) -> PriorSet:
     if own.model == (base.model or DEFAULT_MODEL):
         return base
     entries: dict[str, Mapping[str, tuple[PriorEntry, ...]]] = {
-        table: {k: v for k, v in beliefs.items() if k in model.parameter_names}
+        table: {k: v for k, v in beliefs.items() if k in model.spoken_of()}
         for table, beliefs in own.entries.items()
     }
     return replace(own, entries={**entries, "noise": base.entries["noise"]})

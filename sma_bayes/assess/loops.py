@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.assess.adequacy import led_by_prior
 from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
@@ -39,14 +40,14 @@ class Interval:
 def branch_quantities(fit: Fit, record: int = 0) -> list[Interval]:
     """Least and greatest stiffness over the observed temperatures, and their ratio."""
     r = fit.records[record]
-    if "stiffness" not in band_channels(r):
+    if "stiffness" not in band_channels(r) or led_by_prior(fit, record):
         return []
     unit = channel_unit(r.units, "stiffness")
     curve = np.abs(curve_draws(fit, "stiffness", temperature_grid(r), record))
     low, high = curve.min(axis=1), curve.max(axis=1)
     where = "over the observed temperatures"
-    with np.errstate(divide="ignore"):
-        ratio = high / low
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(np.isfinite(high), high / low, np.inf)
     return [
         _interval("least_stiffness", fit, record, "stiffness", unit, low, f"least stiffness {where}"),
         _interval("greatest_stiffness", fit, record, "stiffness", unit, high, f"greatest stiffness {where}"),

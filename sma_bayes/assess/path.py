@@ -17,6 +17,8 @@ from sma_bayes.response.modified_sigmoid import channel_unit
 
 STRAIGHT = 1.5
 """A path counts as a straight line where a line explains it within this many times the noise."""
+TOLD = 0.25
+"""Share of the range of the force that the noise may take for the shape of the path to be told at all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +76,7 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
     slope, intercept = np.polyfit(x, f, 1)
     residual = float(np.sqrt(np.mean((f - intercept - slope * x) ** 2)))
     noise = float(np.hypot(noise_sd["force"], slope * noise_sd["displacement"]))
-    if residual <= STRAIGHT * noise:
+    if residual <= STRAIGHT * noise and noise <= TOLD * float(np.ptp(f)):
         other = "an elastic constraint" if record.specimen else "a bias spring"
         return PathRemark(
             "straight_path",

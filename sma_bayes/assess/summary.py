@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
 
+from sma_bayes.assess.adequacy import missed, reasons
 from sma_bayes.assess.bands import band_channels
 from sma_bayes.assess.checks import predictive_checks
 from sma_bayes.assess.correlation import Agreement, factors
 from sma_bayes.assess.identifiability import IDENTIFIED, contraction, free_directions
 from sma_bayes.assess.loops import branch_quantities
+from sma_bayes.assess.nearest import nearest_parameters
 from sma_bayes.assess.path import path_remark
 from sma_bayes.assess.transformation import transformation_temperatures
+from sma_bayes.inference.audit import Audit
 from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import channel_unit
@@ -39,6 +42,8 @@ def record_summary(
     """
     r = fit.records[record]
     start = fit.warm_start
+    checks, of_curve = predictive_checks(fit, record), missed(fit, record)
+    why = reasons(fit, record, checks, of_curve)
     noise_sd = {
         c: float(np.median(fit.flat[:, at[0]])) for c, at in fit.posterior.layout[record].noise.items()
     }
@@ -64,7 +69,13 @@ def record_summary(
         "held": {c: {"mean": h.mean, "sd": h.sd, "unit": unit(c, "")} for c, h in r.held.items()},
         "calibration": {c: asdict(k) for c, k in r.calibration.items()},
         "converged": fit.converged,
+        "adequate": not why,
+        "why": [asdict(reason) for reason in why],
         "model": fit.posterior.model.name,
+        "rung": fit.posterior.model.rung,
+        "model_choice": None if fit.model_choice is None else asdict(fit.model_choice),
+        "nearest": _nearest(fit, record),
+        "discrepancy": {m.channel: {k: v for k, v in asdict(m).items() if k != "channel"} for m in of_curve},
         "parameters": _parameters(fit, record),
         "fit": {c: {k: v for k, v in asdict(g).items()} for c, g in start.fit[record].items()},
         "jacobian_rank": start.rank,
@@ -77,7 +88,7 @@ def record_summary(
         "path": asdict(path_remark(r, noise_sd)),
         "quantities_of_branch": [asdict(q) for q in branch_quantities(fit, record)],
         "transformation": _transformation(fit, record),
-        "checks": [asdict(c) for c in predictive_checks(fit, record)],
+        "checks": [asdict(c) for c in checks],
         "noise": {
             "name": fit.posterior.noise.name,
             "title": fit.posterior.noise.title,
@@ -94,6 +105,7 @@ def record_summary(
             "modes": len(fit.draws.modes),
             "draws": int(np.prod(fit.draws.z.shape[:3])),
         },
+        "sampling": {"method": fit.draws.method, **_audit(fit.draws.audit)},
         "ln_evidence": fit.draws.ln_evidence,
         "ln_evidence_sd": fit.draws.ln_evidence_sd,
         "shares_parameters_with": [x.key for i, x in enumerate(fit.records) if i != record],
@@ -101,6 +113,13 @@ def record_summary(
         "wall_s": float(sum(fit.account.wall.values())),
         **fit.account.document(),
     }
+
+
+def _audit(audit: Audit | None) -> dict[str, Any]:
+    """What the audit of a proposal found; nothing but null where there was none to be audited."""
+    if audit is None:
+        return dict.fromkeys((f.name for f in fields(Audit)), None)
+    return asdict(audit)
 
 
 def _parameters(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
@@ -141,6 +160,19 @@ def _parameters(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
             "prior": {"family": family_name(p.prior), **numbers(p.prior), "source": p.source},
         }
     return out
+
+
+def _nearest(fit: Fit, record: int) -> dict[str, dict[str, Any]]:
+    """Published parameters of the nearest curves: least mean square over the measured temperatures."""
+    return {
+        n.name: {
+            "unit": n.unit,
+            "channel": n.channel,
+            **dict(zip(("q05", "median", "q95"), n.interval, strict=True)),
+            "defined": n.defined,
+        }
+        for n in nearest_parameters(fit, record)
+    }
 
 
 def _parts(model: ResponseModel) -> list[tuple[str, str]]:

@@ -21,6 +21,11 @@ from sma_bayes.quantities import Floats
 
 FEW, SOME = 16, 32
 """Lags of an autocovariance to begin with, and to go on to by doubling them; up to there they are plain sums."""
+OUTER = (0.025, 0.975)
+"""Quantiles that are published as the ends of intervals."""
+NORMAL_ERROR = 3.5
+"""Standard error [sd] of these, of a normal distribution, times the root of the number of draws: 2.7, and a third more
+for the greatest of some twenty estimates."""
 LONG = 100
 """Steps from which the means over walkers are a series that an effective sample size can be taken of."""
 
@@ -35,10 +40,23 @@ class Target:
         Greatest R-hat of any parameter.
     ess : float
         Least bulk and tail effective sample size of any parameter.
+    quantile_error : float
+        Greatest Monte Carlo standard error of the 2.5 and 97.5 % quantiles of any parameter [posterior sd].
     """
 
     rhat: float = 1.01
     ess: float = 1000.0
+    quantile_error: float = math.inf
+
+    @property
+    def draws(self) -> float:
+        """Effective draws of a normal distribution that reach the target."""
+        return max(self.ess, (NORMAL_ERROR / self.quantile_error) ** 2)
+
+
+PUBLISHED = Target(quantile_error=0.06)
+"""Target of a posterior whose 2.5 and 97.5 % quantiles are published. The greatest of some twenty estimated errors is a
+third above the true ones, so that 0.2 sd are four standard errors and more: met by chance in one of 300 records."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,12 +69,16 @@ class Convergence:
         R-hat is the greater of the rank-normalised and the folded one.
     converged : bool
         Whether every parameter reached the target.
+    quantile_error : ndarray, shape (D,)
+        Greater of the Monte Carlo standard errors of the 2.5 and 97.5 % quantiles [sd]: the binomial standard error of
+        their levels, with `ess_tail` draws, times the mean slope of the quantiles from half to one and a half of them.
     """
 
     rhat: Floats
     ess_bulk: Floats
     ess_tail: Floats
     converged: bool
+    quantile_error: Floats
 
 
 def assess(draws: Floats, target: Target) -> Convergence:
@@ -89,10 +111,12 @@ def assess(draws: Floats, target: Target) -> Convergence:
         ess = np.minimum(ess, _ess_of_ensembles(np.concatenate([scores, *in_tails])))
     bulk, low, high = np.split(ess, 3)
     tail = np.minimum(low, high)
+    error = _quantile_error(values.reshape(len(values), -1), tail)
     with np.errstate(invalid="ignore"):
         finite = bool(np.all(np.isfinite(draws)))
         reached = np.all(rhat <= target.rhat) and np.all(np.minimum(bulk, tail) >= target.ess)
-    return Convergence(rhat, bulk, tail, finite and bool(reached))
+        reached &= np.all(error <= target.quantile_error)
+    return Convergence(rhat, bulk, tail, finite and bool(reached), error)
 
 
 def rank_rhat(chains: Floats) -> Floats:
@@ -177,6 +201,18 @@ def _ranked(values: Floats) -> tuple[Floats, Floats, Floats]:
         folded[k, order[outwards]] = _scores_in_order(distance[outwards], quantile)
         tails[:, k] = in_order[at] + part * (in_order[above] - in_order[at])
     return scores.reshape(values.shape), folded.reshape(values.shape), tails
+
+
+def _quantile_error(values: Floats, ess: Floats) -> Floats:
+    """Standard error [sd] of the outer quantiles of values (D, N) with so many effective draws (D,)."""
+    n = values.shape[1]
+    level = min(OUTER)
+    inner, outer = 1.5 * level, 0.5 * level
+    at = np.rint(np.array([outer, inner, 1.0 - inner, 1.0 - outer]) * (n - 1)).astype(np.int64)
+    ends = np.partition(values, at, axis=1)[:, at]
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        slope = np.maximum(ends[:, 1] - ends[:, 0], ends[:, 3] - ends[:, 2]) / level
+        return np.asarray(slope * np.sqrt(level * (1.0 - level) / ess) / values.std(axis=1))
 
 
 def _quantiles_of_ranks(size: int) -> Floats:

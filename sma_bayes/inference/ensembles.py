@@ -6,12 +6,15 @@ The plan of a run, each stage only where the one before does not suffice:
    the optima and fit a proposal to each (`adaptation`);
 2. independence moves with that proposal from its own weighted draws, in at least four groups that share nothing
    but the proposal;
-3. where the proposal does not carry (low efficiency, a single weight too large) or the target is missed,
+3. an audit of the proposal, which looks for what it hardly draws (`audit`); what fails is mended by what was met, and
+   run and audited again;
+4. where the proposal does not carry (low efficiency, a single weight too large), does not pass or misses the target,
    explore with differential evolution from dispersed starts and fit again to what was found;
-4. independence moves with that, or, where it does not carry either, both kinds of move together.
+5. independence moves with that, audited too, or, where it does not carry either, both kinds of move together.
 
-A run stops when every parameter has reached the target on R-hat and effective sample size, never on a count of
-steps. If the greatest allowed effort is spent first, the draws are returned and called not converged.
+A run stops when every parameter has reached the target on R-hat, effective sample size and the error of its outer
+quantiles, never on a count of steps. If the greatest allowed effort is spent first, the draws are returned and called
+not converged. To cross-check by hand a run can be made with differential evolution or stretch moves alone (`SAMPLERS`).
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -31,17 +34,26 @@ from emcee.state import State
 
 from sma_bayes.inference.adaptation import (
     GREATEST_SHARE,
+    LINEAR,
     USABLE,
     Adapted,
     adapt,
     at_a_look,
     with_wide_share,
 )
+from sma_bayes.inference.audit import Audit, Audited, audited
+from sma_bayes.inference.bridge import Evidence, bridge_evidence
 from sma_bayes.inference.checkpoint import Block, Checkpoint
-from sma_bayes.inference.convergence import Convergence, Target, assess
+from sma_bayes.inference.convergence import PUBLISHED, Convergence, Target, assess
 from sma_bayes.inference.laplace import Density, Mode, climb, near
 from sma_bayes.inference.linearised import Linearised
-from sma_bayes.inference.moves import IndependenceMove, MultipleProposalMove, differential_evolution
+from sma_bayes.inference.moves import (
+    SAMPLERS,
+    IndependenceMove,
+    MultipleProposalMove,
+    Sampler,
+    differential_evolution,
+)
 from sma_bayes.inference.refitting import adapt_to_draws
 from sma_bayes.inference.weighted import Weighed, Weights
 from sma_bayes.posterior import Posterior
@@ -67,15 +79,18 @@ class Plan:
         Greatest number of evaluations of the density.
     greatest_weight : float
         Greatest importance weight, as a multiple of the mean weight, with which independence moves go on.
+    sampler : Sampler
+        One of `SAMPLERS`.
     """
 
-    target: Target = field(default_factory=Target)
+    target: Target = PUBLISHED
     groups: int = 4
     walkers: int = 64
     block: int = 6
     explore_block: int = 250
     evaluations: int = 6_000_000
     greatest_weight: float = GREATEST_SHARE
+    sampler: Sampler = SAMPLERS["independence"]
 
     def __post_init__(self) -> None:
         if self.groups < 4:
@@ -97,13 +112,20 @@ class Draws:
     evaluations : int
         Evaluations of the density, all stages together.
     method : str
-        ``independence``, ``independence after differential evolution`` or ``independence and differential evolution``.
+        ``independence``, ``independence after an audit`` (with a proposal that an audit found wanting, mended),
+        ``independence after differential evolution``, ``independence and differential evolution``, or, where the plan
+        asks for it, ``differential evolution`` or ``stretch``.
     modes : tuple of Mode
     efficiency, greatest_weight : float
         Of the importance weights of all proposals (see `Weights`).
+        Not numbers where there were no such proposals.
     ln_evidence, ln_evidence_sd : float
-        Log of the integral of likelihood times prior, by importance sampling with the proposals of the run, and
-        its standard error.
+        Log of the integral of likelihood times prior, and its standard error: by importance sampling with the
+        proposals of the run, and with those of the audit where the run hardly draws; by bridge sampling from the
+        draws where moves of another kind made them.
+    audit : Audit or None
+        Of the proposal; None where differential evolution or stretch moves had a part in the draws, which don't depend
+        on what a proposal draws.
     """
 
     z: Floats
@@ -117,6 +139,7 @@ class Draws:
     greatest_weight: float
     ln_evidence: float
     ln_evidence_sd: float
+    audit: Audit | None
 
 
 AHEAD = 16
@@ -129,6 +152,11 @@ A draw far out in a tail may have weighed too much. It takes more draws to fit a
 try of the same size would be accepted the sooner the less it sees. Only what has coordinates of its own is tried a
 third time."""
 
+MENDINGS = 3
+"""How often a proposal that does not pass its audit is mended."""
+BRIDGED = 8000
+FEWEST = 500
+"""Draws, at most and at least, from which the evidence is bridged."""
 EXPLORED_RHAT = 1.05
 EXPLORED_TIMES = 10.0
 MIXED_TIMES = 20.0
@@ -138,13 +166,18 @@ Walkers that start near a mode and creep along a bent ridge agree with each othe
 ends, and the more walkers there are the sooner they add up to the target: of 20 runs on a narrow banana all had
 reached it, with standard deviations a fifth too small."""
 
-LONGEST = 96
-"""Steps of independence moves, at most."""
+LONGEST = 384
+"""Steps of independence moves, at most. Of skewed parameters the outer quantiles take some thirty thousand draws, which
+other moves would take a hundred times as long to make."""
+HEAVIER_FROM = 48
+"""Steps from which the greatest weight that is let pass grows with their number."""
 HOPED = 1.37
 """Draws that must count for each effective one that is asked for, so that the first block of steps mostly does: each of
 some thirty effective sample sizes is an estimate, and the least of them decides."""
 IN_HAND = 1.15
 """What is asked for beyond the effective draws that lack, whose number is itself an estimate."""
+MOST_BLOCKS = 3
+"""Blocks at once, at most."""
 LEAST_STEPS = 4
 """Steps at least of a further block of independence moves: of few proposals a walker has little to choose from."""
 
@@ -219,18 +252,21 @@ def dispersed_starts(
 def _steps_hoped(efficiency: float, chains: int, plan: Plan) -> int:
     """Steps with which a block should reach the target, where so large a share of the proposals count.
 
-    Twice the least number at most: what is lost with a run that is killed is the block that it is at.
+    `MOST_BLOCKS` times the least number at most: what is lost with a run that is killed is the block that it is at.
     """
-    hoped = math.ceil(HOPED * plan.target.ess / (chains * efficiency))
-    return min(2 * plan.block, max(plan.block, hoped))
+    hoped = math.ceil(HOPED * plan.target.draws / (chains * efficiency))
+    return min(MOST_BLOCKS * plan.block, max(plan.block, hoped))
 
 
 def _steps_lacking(convergence: Convergence, length: int, plan: Plan) -> int:
     """Steps to go on for, after so many: by what lacks in effective draws, as many again at most."""
     least = float(np.minimum(convergence.ess_bulk, convergence.ess_tail).min())
-    if not 0.0 < least < plan.target.ess:  # it is R-hat that lacks, or there is no telling
+    short = max(
+        plan.target.ess / least, float(np.max(convergence.quantile_error / plan.target.quantile_error)) ** 2
+    )
+    if not (least > 0.0 and short > 1.0):  # it is R-hat that lacks, or there is no telling
         return plan.block
-    lacking = length * (IN_HAND * plan.target.ess / least - 1.0)
+    lacking = length * (IN_HAND * short - 1.0)
     return min(length, max(LEAST_STEPS, math.ceil(lacking)))
 
 
@@ -271,8 +307,13 @@ class _Run:
         return self.density.log_prob(z)
 
     def go(self, starts: Sequence[Floats] | Sequence[Mode]) -> Draws:
-        first, explore_seed, *others = self.seed.spawn(8)
+        first, explore_seed, *others, self.audit_seed = self.seed.spawn(9)
         run_first, run_second, groups_seed, second, run_third, third = others
+        by_hand = self.plan.sampler
+        if by_hand.moves is not None:
+            modes, adapted = self._at_the_modes(starts, first)
+            moves = by_hand.moves(self.width.size)
+            return self._by_moves(by_hand.title, moves, adapted, modes, groups_seed)
         seeds = ((first, run_first), (second, run_second), (third, run_third))
         modes, adapted = self._near_a_mode(starts, first) or self._at_the_modes(starts, first)
         tries = list(EFFORTS.items())[: 3 if isinstance(self.density, Posterior) else 2]
@@ -283,7 +324,7 @@ class _Run:
             if adapted.misses or (effort == 1 and not adapted.carries):
                 break
             carrying = adapted if effort == 1 else with_wide_share(adapted)
-            draws = self._independence(name, carrying, modes, run_seed)
+            draws = self._audited_independence(name, carrying, modes, run_seed)
             if draws is not None:
                 return draws
         seeds_of_groups = groups_seed.spawn(self.plan.groups)
@@ -304,7 +345,8 @@ class _Run:
             return None
         linearised = Linearised.at(density, start)
         mode = near(linearised, self.width)
-        ahead = self.plan.block * self.plan.groups * self.walkers
+        chains = self.plan.groups * self.walkers
+        ahead = chains * _steps_hoped(LINEAR, chains, self.plan)
         adapted = at_a_look(linearised, mode, np.random.default_rng(seed), ahead)
         if adapted is None:
             return None
@@ -344,30 +386,72 @@ class _Run:
                 kept.append(mode)
         return tuple(kept)
 
-    def _independence(
+    def _audited_independence(
         self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seed: np.random.SeedSequence
     ) -> Draws | None:
-        """Independence moves alone; None if they turn out not to suffice.
+        """Independence moves that pass their audit, if need be with the proposal mended; None if they don't suffice."""
+        method = "independence" if name in EFFORTS else "independence after differential evolution"
+        draws = self._independence(name, adapted, modes, seed, method)
+        if not isinstance(draws, Audited):
+            return draws
+        for again, (mend_seed, run_seed) in enumerate((s.spawn(2) for s in seed.spawn(MENDINGS)), start=1):
+            self.tell("mending a proposal that did not pass its audit")
+            adapted = draws.mended(self.density, adapted.proposal, np.random.default_rng(mend_seed))
+            self.evaluations += adapted.evaluations
+            if not adapted.carries:
+                return None
+            method = method if name not in EFFORTS else "independence after an audit"
+            draws = self._independence(f"{name}-mended-{again}", adapted, modes, run_seed, method)
+            if not isinstance(draws, Audited):
+                return draws
+        return None
+
+    def _independence(
+        self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seed: np.random.SeedSequence, method: str
+    ) -> Draws | Audited | None:
+        """Independence moves alone; their audit if they don't pass it, None if they don't get so far.
 
         No walker's move looks at another walker, so that any of them are independent of the rest: all groups are
         run as one ensemble and told apart afterwards, which spares the work of a step for each of them.
         """
         plan = self.plan
-        method = "independence" if name in EFFORTS else "independence after differential evolution"
         more = _steps_hoped(adapted.weights.efficiency, plan.groups * self.walkers, plan)
         group = _Group(self, name, adapted, seed, None, more, copies=plan.groups)
         while group.length < LONGEST:
             self.tell(f"independence moves, from step {group.length + 1}")
             group.advance(more)
             weights = Weights(group.log_weight)
-            most = plan.greatest_weight * max(1.0, 2.0 * group.length / LONGEST)
-            if weights.efficiency < USABLE or weights.greatest > most:
+            most = plan.greatest_weight * max(1.0, group.length / HEAVIER_FROM)
+            if weights.efficiency < USABLE:
                 return None
             convergence = assess(group.chains, plan.target)
-            if convergence.converged:
-                return self._draws([group], 0, convergence, modes, weights, method)
+            if convergence.converged or weights.greatest > most:
+                z = group.chain.reshape(-1, self.width.size)
+                rng = np.random.default_rng(self.audit_seed)
+                found = audited(self.density, adapted.proposal, group.log_weight, z, self.width, rng, most)
+                self.evaluations += found.evaluations
+                if not found.audit.passed:
+                    return found
+                return self._draws([group], 0, convergence, modes, method, found.evidence, found.audit)
             more = _steps_lacking(convergence, group.length, plan)
         return None
+
+    def _by_moves(
+        self,
+        method: str,
+        moves: list[tuple[Move, float]],
+        adapted: Adapted,
+        modes: tuple[Mode, ...],
+        seed: np.random.SeedSequence,
+    ) -> Draws:
+        """Moves that look at other walkers alone, from starts dispersed about the modes."""
+        plan = self.plan
+        *seeds, evidence_seed = seed.spawn(plan.groups + 1)
+        groups = [
+            _Group(self, f"{plan.sampler.name}-{g}", adapted, s, moves, plan.explore_block, modes=modes)
+            for g, s in enumerate(seeds)
+        ]
+        return self._until_mixed(groups, modes, method, np.random.default_rng(evidence_seed))
 
     def _explore(
         self,
@@ -399,7 +483,7 @@ class _Run:
         fitted = adapt_to_draws(self.density, z, modes, rng)
         self.evaluations += fitted.evaluations
         if explored and fitted.carries:
-            draws = self._independence("refitted", fitted, modes, explore_seeds[0][2])
+            draws = self._audited_independence("refitted", fitted, modes, explore_seeds[0][2])
             if draws is not None:
                 return draws
         thin = math.ceil(len(z) / 4000)
@@ -414,23 +498,33 @@ class _Run:
             )
             for g, s in enumerate(explore_seeds)
         ]  # fmt: skip
+        return self._until_mixed(groups, modes, "independence and differential evolution", rng)
+
+    def _until_mixed(
+        self, groups: Sequence[_Group], modes: tuple[Mode, ...], method: str, rng: np.random.Generator
+    ) -> Draws:
+        """Blocks of steps until each walker has moved for many autocorrelation times, or the effort is spent."""
+        plan = self.plan
         block, look = 0, 1
         while True:
             block += 1
-            self.tell(f"both kinds of move, block {block}")
+            self.tell(f"{method}, block {block}")
             for group in groups:
                 group.advance()
             if block < look and self.evaluations < plan.evaluations:
                 continue
             look = math.ceil(LOOK_AGAIN * block)
             burn = groups[0].length // 4
-            target = Target(plan.target.rhat, max(plan.target.ess, MIXED_TIMES * chains))
+            ess = max(plan.target.ess, MIXED_TIMES * plan.groups * self.walkers)
+            target = replace(plan.target, ess=ess)
             convergence = assess(np.concatenate([g.chains[:, burn:] for g in groups]), target)
             if convergence.converged or self.evaluations >= plan.evaluations:
-                weights = Weights(np.concatenate([g.log_weight for g in groups]))
-                return self._draws(
-                    groups, burn, convergence, modes, weights, "independence and differential evolution"
-                )
+                z = np.concatenate([g.chains[:, burn:] for g in groups]).reshape(-1, self.width.size)
+                # of draws that hang together so many count as the least effective sample size says
+                count = int(np.clip(np.nan_to_num(convergence.ess_bulk.min()), min(len(z), FEWEST), BRIDGED))
+                few = z[np.linspace(0, len(z) - 1, min(len(z), count)).astype(int)]
+                evidence = bridge_evidence(self.density, few, np.zeros(len(few)), rng)
+                return self._draws(groups, burn, convergence, modes, method, evidence)
 
     def _draws(
         self,
@@ -438,10 +532,12 @@ class _Run:
         burn: int,
         convergence: Convergence,
         modes: tuple[Mode, ...],
-        weights: Weights,
         method: str,
+        evidence: Evidence,
+        audit: Audit | None = None,
     ) -> Draws:
-        ln_evidence, ln_evidence_sd = weights.log_evidence()
+        log_weight = np.concatenate([g.log_weight for g in groups])
+        weights = Weights(log_weight) if log_weight.size else None
         return Draws(
             z=np.concatenate([g.chains[:, burn:] for g in groups]),
             log_prob=np.concatenate([g.log_probs[:, burn:] for g in groups]),
@@ -450,10 +546,11 @@ class _Run:
             evaluations=self.evaluations,
             method=method,
             modes=modes,
-            efficiency=weights.efficiency,
-            greatest_weight=weights.greatest,
-            ln_evidence=ln_evidence,
-            ln_evidence_sd=ln_evidence_sd,
+            efficiency=math.nan if weights is None else weights.efficiency,
+            greatest_weight=math.nan if weights is None else weights.greatest,
+            ln_evidence=evidence.value,
+            ln_evidence_sd=evidence.sd,
+            audit=audit,
         )
 
 

@@ -1,8 +1,8 @@
 """Choose among response models that contain the published curve: each step up must be earned.
 
 A richer curve is taken where its evidence is greater and it predicts better what was held out. Evidence is found by
-Laplace's method at the mode of the whole posterior, what stands beside the curve included (`sma_bayes.inference.noise_choice`),
-so that a curve need not be richer than what a discrepancy leaves to it.
+Laplace's method at the mode of the whole posterior, what stands beside the curve included
+(`sma_bayes.inference.noise_choice`), so that a curve need not be richer than what a discrepancy leaves to it.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def choose_model(prepared: Sequence[Prepared]) -> tuple[Prepared, ModelChoice]:
 
 
 def held_out(prepared: Prepared) -> float:
-    """What the least-squares curve misses of samples held out [share of the range], the mean over channels and records."""
+    """What the least-squares curve misses of samples held out, mean over channels and records [share of the range]."""
     posterior, start = prepared.posterior, prepared.start
     space, free = posterior.space, posterior.sampled_model
     if not free.size:

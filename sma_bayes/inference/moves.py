@@ -7,10 +7,12 @@ Every move in use has a test that it leaves a Gaussian's mean and variance as th
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
-from emcee.moves import DEMove, Move
+from emcee.moves import DEMove, Move, StretchMove
 from emcee.state import State
 
 from sma_bayes.inference.proposals import AnyProposal
@@ -143,3 +145,41 @@ def differential_evolution(dimension: int) -> list[tuple[Move, float]]:
         (DEMove(sigma=jitter, gamma0=2.38 / np.sqrt(2.0 * dimension)), 0.9),
         (DEMove(sigma=jitter, gamma0=1.0), 0.1),
     ]
+
+
+def stretch(dimension: int) -> list[tuple[Move, float]]:
+    """The stretch move of emcee (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5, 65), whatever the dimension."""
+    return [(StretchMove(), 1.0)]
+
+
+@dataclass(frozen=True, slots=True)
+class Sampler:
+    """What makes the draws of a posterior.
+
+    Attributes
+    ----------
+    name : str
+        By which it is asked for.
+    title : str
+        In words.
+    moves : callable or None
+        Moves with their shares for a number of dimensions, from dispersed starts; None for independence moves with all
+        that stands behind them.
+    """
+
+    name: str
+    title: str
+    moves: Callable[[int], list[tuple[Move, float]]] | None = field(
+        repr=False
+    )  # a run is told apart by the name
+
+
+SAMPLERS: Final = {
+    sampler.name: sampler
+    for sampler in (
+        Sampler("independence", "independence", None),
+        Sampler("de", "differential evolution", differential_evolution),
+        Sampler("stretch", "stretch", stretch),
+    )
+}
+"""Samplers by name; `independence` is the default, the others are there to cross-check it."""

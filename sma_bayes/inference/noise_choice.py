@@ -1,9 +1,9 @@
 """Choose what stands beside the curve: the noise model, and where the curve misses the data a discrepancy.
 
 Both are chosen together, since a misfit that is given no place passes for noise with a memory. What the least-squares
-curve leaves is described, channel by channel, by each noise model with and without a discrepancy; what a small change of the
-parameters could describe is integrated out. The evidence of each description is found by Laplace's method over the few
-parameters that it has.
+curve leaves is described, channel by channel, by each noise model with and without a discrepancy; what a small change
+of the parameters could describe is integrated out. The evidence of each description is found by Laplace's method over
+the few parameters that it has.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sma_bayes.inference.warm_start import WarmStart
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.noise.base import lag1
 from sma_bayes.noise.effective_samples import memory_of
-from sma_bayes.noise.heteroscedastic import WRAPPERS, temperature_sd_fact
+from sma_bayes.noise.heteroscedastic import temperature_sd_fact
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parameters.scales import RecordScales
@@ -95,12 +95,12 @@ def choose_noise(
     """Choose a noise model, and for each channel whether a discrepancy stands beside the curve.
 
     Noise models that are a density of the data compete; those that need time are left out where time was not recorded
-    or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth with the
-    response and an error of the thermometer are looked at only where what it leaves shows a sign of such a thing
-    (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; of what was taken before growth or
-    an error of the thermometer stays what still earns its place beside them. A discrepancy is taken unless
-    the evidence speaks against it by more than `DOUBTED`: a misfit that is given no place makes intervals too narrow, a
-    place without a misfit only a little wider.
+    or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth
+    with the response and an error of the thermometer are looked at only where what it leaves shows a sign of such a
+    thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; beside growth or an
+    error of the thermometer only what still earns its place stays. A discrepancy is taken unless the evidence speaks
+    against it by more than `DOUBTED`: a misfit that is given no place makes intervals too narrow, a place without a
+    misfit only a little wider.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ class _Residuals:
         return np.asarray((self.mean[i][channel] - low) / span)
 
     def _smooth(self) -> tuple[Mapping[str, Curve], ...]:
-        """What the first bases find the curves to miss under the simplest noise: the second lie closer where it changes."""
+        """What the first bases find the curves to miss: the second lie closer where it changes."""
         found = []
         for i, own in enumerate(self.bases):
             curves: dict[str, Curve] = {}
@@ -462,7 +462,7 @@ class _ResidualDensity:
         return np.where(np.isnan(value), -np.inf, value)
 
     def explained(self, z: Floats) -> tuple[Floats | None, Floats]:
-        """Likeliest weights (m,) of the discrepancy at a point (D,), if there is one, and innovations (n,) beside it."""
+        """Likeliest weights (m,) of the discrepancy at a point (D,), if there is one, and innovations (n,)."""
         theta = self.space.to_physical(z[None])
         with np.errstate(all="ignore"):
             whitened = self._whitened(theta)
@@ -493,8 +493,8 @@ class _ResidualDensity:
     def starts(self) -> list[Floats]:
         """Where to climb from: what is left is noise of one kind, or mostly smooth with a little noise."""
         own = self.noise.estimate(self.residual, self.steps)
-        small = float(np.clip(_scatter(self.residual, self.steps), 1e-3 * own[0], own[0]))
-        smooth = float(np.sqrt(max(np.mean(self.residual**2) - small**2, (0.1 * small) ** 2)))
+        small = min(max(_scatter(self.residual, self.steps), 1e-3 * float(own[0])), float(own[0]))
+        smooth = max(float(np.mean(self.residual**2)) - small**2, (0.1 * small) ** 2) ** 0.5
         found = []
         for sd, size, felt in ((float(own[0]), 0.2 * float(own[0]), 0.1), (small, smooth, 1.0)):
             theta = self.space.to_physical(self.space.prior_centre())

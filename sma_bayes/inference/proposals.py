@@ -287,9 +287,9 @@ class Proposal:
         log_q[found] = self._join(narrow[found], z[found])
         return z, log_q, u, back
 
-    def log_density(self, z: Floats) -> Floats:
-        """Log density at any points, shape (W,)."""
-        u, log_jacobian, back = self.coordinates.forward(z)
+    def log_density(self, z: Floats, at: tuple[Floats, Floats, Bools] | None = None) -> Floats:
+        """Log density at any points, shape (W,); `at` is what its coordinates give there, where that is known."""
+        u, log_jacobian, back = self.coordinates.forward(z) if at is None else at
         with np.errstate(invalid="ignore"):
             narrow = np.where(back, self.narrow.log_density(u) + log_jacobian, -np.inf)
         return self._join(narrow, z)
@@ -316,8 +316,10 @@ class MixedProposal:
     def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
         """Points (size, D) and their log density (size,); see `Proposal.draw`."""
         which = np.searchsorted(np.cumsum(self.weight)[:-1], rng.random(size), side="right")
-        drawn = [part.draw(rng, size)[0] for part in self.parts]
-        z = np.stack(drawn)[which, np.arange(size)]
+        z = np.empty((size, self.parts[0].wide.dimension))
+        for k, part in enumerate(self.parts):
+            mine = which == k
+            z[mine] = part.draw(rng, int(mine.sum()))[0]
         found = np.isfinite(z).all(axis=1)
         log_q = np.full(size, -np.inf)
         log_q[found] = self.log_density(z[found])
@@ -325,7 +327,11 @@ class MixedProposal:
 
     def log_density(self, z: Floats) -> Floats:
         """Log density at any points, shape (W,)."""
-        parts = np.stack([part.log_density(z) for part in self.parts])
+        mapped = {
+            id(part.coordinates): part.coordinates for part in self.parts
+        }  # several parts may share them
+        at = {key: coordinates.forward(z) for key, coordinates in mapped.items()}
+        parts = np.stack([part.log_density(z, at[id(part.coordinates)]) for part in self.parts])
         return _log_sum((parts + np.log(self.weight)[:, None]).T)
 
 

@@ -40,7 +40,7 @@ def memory_innovations(e: Floats, phi: Floats) -> Floats:
 
 
 def memory_series(innovation: Floats, phi: Floats) -> Floats:
-    """Stationary series with memory `phi` (..., n) from its innovations (..., n): the inverse of `memory_innovations`."""
+    """Stationary series with memory `phi` (..., n) from its innovations (..., n); inverts `memory_innovations`."""
     e = np.array(np.broadcast_to(innovation, np.broadcast_shapes(innovation.shape, phi.shape)))
     scale = np.sqrt(1.0 - phi * phi)
     for i in range(1, phi.shape[-1]):

@@ -164,7 +164,7 @@ class PriorSet:
             scale, shift = scale * (one - zero), shift + zero
         given = dict(belief.numbers)
         if belief.sign:
-            given["sign"] = self._sign(belief, scales)
+            given["sign"] = self._sign(belief, fact, scales)
         if belief.fixed is not None:
             fixed = shift + scale * belief.fixed
             return Parameter(
@@ -195,12 +195,13 @@ class PriorSet:
             )
         return Parameter(fact.name, fact.unit, fact.meaning, prior, belief.source)
 
-    def _sign(self, belief: PriorEntry, scales: RecordScales) -> float:
+    def _sign(self, belief: PriorEntry, fact: ParameterFact, scales: RecordScales) -> float:
         if isinstance(belief.sign, float):
             return belief.sign
         kind, _, rest = belief.sign.partition("(")
-        if kind == "trend" and rest.rstrip(")") in CHANNELS and rest.endswith(")"):
-            return scales.trend.get(rest.rstrip(")"), 1.0)
+        channel = fact.channel if rest == "channel)" else rest.rstrip(")")
+        if kind == "trend" and channel in CHANNELS and rest.endswith(")"):
+            return scales.trend.get(channel, 1.0)
         raise PriorError(
             f"sign = {belief.sign!r}", file=self.file, column=belief.where, expected="1, -1 or trend(channel)"
         )

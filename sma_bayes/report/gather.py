@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from sma_bayes.assess.correlation import FACTORS
 from sma_bayes.assess.summary import NOISE
+from sma_bayes.errors import OutputError
 from sma_bayes.paper.twin import printed_values
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.types import setting_unit
@@ -195,6 +196,12 @@ def _calibration(channel: str, c: Mapping[str, float], quantity: Mapping[str, st
 def _parameter(
     name: str, p: Mapping[str, Any], r: Mapping[str, Any], names: Mapping[str, str]
 ) -> ParameterResult:
+    if "role" not in p:
+        raise OutputError(
+            f"summary.json does not say what the parameter {name!r} does",
+            expected="a fit by this version",
+            remedy="fit anew into another folder",
+        )
     prior = dict(p.get("prior", {}))
     family, source = str(prior.pop("family", "")), str(prior.pop("source", ""))
     return ParameterResult(

@@ -473,7 +473,7 @@ def noise_table(records: Sequence[RecordContent]) -> Table:
         "noise",
         "Noise models",
         "Correlation of neighbouring residuals (lag 1) of the least-squares fit, by channel, and the "
-        "logarithm of the evidence of each noise model less that of the best, with a discrepancy where one earns its place.",
+        "logarithm of the evidence of each noise model less that of the best, with discrepancies where they are taken.",
         (
             *_RECORD,
             Column("noise model", "noise"),

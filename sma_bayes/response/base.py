@@ -98,7 +98,8 @@ class ResponseModel(ABC):
     together : bool
         Whether several channels can be predicted by one model.
     priors : str or Path
-        Its default priors: the name of a shipped set, or a file; empty for the set of the model's own name.
+        Its default priors: the text of a priors file, the path of one, or the name of a shipped set; empty for the
+        set of the model's own name.
     rung : int
         Place on the ladder of models that contain the published curve, from 1 for that itself; 0 for a model that is
         not on it. ``--model auto`` climbs from the lowest, as far as each step is earned.
@@ -304,16 +305,17 @@ class ResponseModel(ABC):
         return own or tuple(f.name for f in self.facts if f.role is not Role.OFFSET)
 
     def spoken_of(self) -> frozenset[str]:
-        """Parameters that priors of this model may name, those of channels that were not observed included."""
-        names = set(self.parameter_names)
-        if self.together:
-            names |= set(replace(self, channels=self.provides).parameter_names)
-        return frozenset(names)
+        """Names under which priors may speak of its parameters, those of channels that were not observed included."""
+        whole = replace(self, channels=self.provides) if self.together else self
+        return frozenset(f.prior_key for f in (*self.facts, *whole.facts))
 
     @classmethod
     def default_priors(cls) -> PriorSet:
         """Priors of its parameters and of the noise, where a user gives none."""
-        return shipped_with(cls.priors or cls.name)
+        said = cls.priors or cls.name
+        if isinstance(said, str) and "\n" in said:
+            return parse_priors(said, f"priors of the model {cls.name!r}")
+        return read_priors(said)
 
     def calibrated(self, theta: Floats, channel: str, gain: Floats, shift: Floats) -> Floats:
         """Parameters whose curve of one channel is ``gain y + shift`` where it was ``y``.
@@ -476,13 +478,6 @@ def in_order(
     out = theta.copy()
     out[:, own] = theta[np.ix_(order, own)]
     return out
-
-
-def shipped_with(source: str | Path) -> PriorSet:
-    """Priors of a model: a shipped set by its name, or the file that a package brings, also from inside a zip file."""
-    if isinstance(source, str | Path):
-        return read_priors(source)
-    return parse_priors(source.read_text(encoding="utf-8"), str(source))
 
 
 def _by_temperature(f: Curves, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:

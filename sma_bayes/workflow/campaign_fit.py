@@ -22,7 +22,15 @@ from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import write_text
 from sma_bayes.workflow.fit_tasks import FitTask, fitted, sample_task
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import FitOptions, Pool, check_call, groups_of, prior_set
+from sma_bayes.workflow.options import (
+    DEFAULT_SAMPLER,
+    FitOptions,
+    Pool,
+    check_call,
+    groups_of,
+    plan_with,
+    prior_set,
+)
 from sma_bayes.workflow.output_folder import claimed_folder
 from sma_bayes.workflow.parts import remove_parts
 from sma_bayes.workflow.under_way import UnderWay
@@ -36,6 +44,7 @@ def fit(
     priors: str | Path | PriorSet | None = None,
     model: str = DEFAULT_MODEL,
     pool: Pool = "none",
+    sampler: str = DEFAULT_SAMPLER,
     jobs: int | None = None,
 ) -> dict[str, Fit]:
     """Fit every record of a campaign, in memory.
@@ -54,6 +63,9 @@ def fit(
         Name of a response model.
     pool : {'none', 'campaign'}
         With ``campaign`` one set of A and B a branch serves all conditions.
+    sampler : str
+        ``independence``, or to cross-check it ``de`` (differential evolution) or ``stretch``, which take hundreds of
+        times as long.
     jobs : int, optional
         Processes; by default one for each core.
 
@@ -62,7 +74,7 @@ def fit(
     dict of str to Fit
         By the key of the record, ``<condition>-<branch>``. Pooled records share one `Fit`.
     """
-    options = FitOptions(prior_set(priors, model), seed, noise, pool, model=model)
+    options = FitOptions(prior_set(priors, model), seed, noise, pool, plan=plan_with(sampler), model=model)
     groups = groups_of(campaign, pool)
     check_call(groups, options)
     tasks = [FitTask(g, options, None) for g in groups]
@@ -81,6 +93,7 @@ def fit_campaign(
     priors: str | Path | PriorSet | None = None,
     model: str = DEFAULT_MODEL,
     pool: Pool = "none",
+    sampler: str = DEFAULT_SAMPLER,
     jobs: int | None = None,
     extrapolate: float = 0.0,
     bias: BiasSpring | None = None,
@@ -93,7 +106,7 @@ def fit_campaign(
 
     Parameters
     ----------
-    campaign, seed, noise, priors, model, pool, jobs
+    campaign, seed, noise, priors, model, pool, sampler, jobs
         See `fit`.
     out : str or Path
         Folder for the results. It must be new or empty, unless `resume` is set and it holds the same run.
@@ -129,6 +142,7 @@ def fit_campaign(
         noise,
         pool,
         extrapolate,
+        plan=plan_with(sampler),
         bias=bias,
         model=model,
     )
@@ -150,6 +164,7 @@ def fit_campaign(
             "model": model,
             "noise": noise,
             "pool": pool,
+            "sampler": sampler,
             "extrapolate": extrapolate,
             "priors": options.priors.title,
             "bias_spring": None if bias is None else asdict(bias),
@@ -157,6 +172,7 @@ def fit_campaign(
         "versions": all_versions(),
         "data_sha256": campaign.sha256,
         "converged": all(r["converged"] for r in records),
+        "adequate": all(r["adequate"] for r in records),
         "records": records,
         "correlation_average": averages,
         "loops": loops,

@@ -31,6 +31,7 @@ def run_identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
         "seed": options.seed,
         "model": options.model,
         "noise": options.noise,
+        "sampler": options.plan.sampler.name,
         "pool": options.pool,
         "extrapolate": options.extrapolate,
         "bias_spring": None if options.bias is None else asdict(options.bias),

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
-from sma_bayes.errors import SmaBayesError, near_matches
+from sma_bayes.errors import SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.inference.ensembles import Plan
+from sma_bayes.inference.moves import SAMPLERS
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
@@ -20,6 +21,7 @@ from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD, Ar
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.results.fitting import AUTO
 
+DEFAULT_SAMPLER: Final = "independence"
 Pool = Literal["none", "campaign"]
 
 
@@ -97,6 +99,23 @@ def pool_named(name: str) -> Pool:
     raise SmaBayesError(f"--pool {name!r}", expected="'none' or 'campaign'")
 
 
+def plan_with(sampler: str) -> Plan:
+    """Plan of ensembles with a sampler of `SAMPLERS`, by its name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such sampler.
+    """
+    if sampler not in SAMPLERS:
+        raise UnknownNameError(
+            f"--sampler {sampler!r}",
+            expected=near_matches(sampler, SAMPLERS),
+            remedy=f"choose one of {', '.join(SAMPLERS)}",
+        )
+    return Plan(sampler=SAMPLERS[sampler])
+
+
 def bias_spring(
     arrangement: str | None, stiffness: float | None = None, sd: float | None = None
 ) -> BiasSpring | None:
@@ -134,8 +153,8 @@ def bias_spring(
 def models_of(records: Sequence[Record], options: FitOptions) -> list[tuple[ResponseModel, PriorSet]]:
     """Response models to choose from for records that share a posterior, simplest first, each with its priors.
 
-    One unless the model is ``auto``; then those of the ladder that can be fitted to the channels, with the user's priors
-    for all parameters that these speak of.
+    One unless the model is ``auto``; then those of the ladder that can be fitted to the channels, with the user's
+    priors for all parameters that these speak of.
     """
     if options.model != AUTO_MODEL:
         return [(RESPONSE_MODELS[options.model].made_for(records), options.priors)]

@@ -24,7 +24,7 @@ from sma_bayes.workflow.comparison import compare
 from sma_bayes.workflow.condition_study import study_conditions
 from sma_bayes.workflow.gap_study import study_gap
 from sma_bayes.workflow.identity import all_versions
-from sma_bayes.workflow.options import bias_spring, model_named, prior_set
+from sma_bayes.workflow.options import DEFAULT_SAMPLER, bias_spring, model_named, plan_with, prior_set
 from sma_bayes.workflow.output_folder import claimed_folder
 from sma_bayes.workflow.question import WANTED, ask
 from sma_bayes.workflow.study_file import Study, read_study
@@ -139,6 +139,8 @@ def _check(study: Study) -> None:
         noise = options.get("noise", AUTO)
         with _place(study, f"{name}.noise"):
             NOISE_MODELS["independent" if noise == AUTO else noise]
+    with _place(study, "fit.sampler"):
+        plan_with(study.steps.get("fit", {}).get("sampler", DEFAULT_SAMPLER))
     with _place(study, "fit.arrangement"):
         _bias(study.steps.get("fit", {}))
     for number, asked in enumerate(study.asks, start=1):

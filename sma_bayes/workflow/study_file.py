@@ -78,6 +78,7 @@ class CompareTable(StepTable):
 class FitTable(CompareTable):
     """``[fit]``; a bias spring where `arrangement` names one [N/m]."""
 
+    sampler: str = "independence"
     extrapolate: float = Field(default=0.0, ge=0.0)
     arrangement: str | None = None
     bias: float | None = Field(default=None, gt=0.0)

@@ -149,6 +149,7 @@ def test_priors(run: Run, measured: Path, tmp_path: Path, what: str, jobs: int) 
 @pytest.mark.parametrize(
     ("option", "value", "parts"),
     [
+        ("--sampler", "strech", ["--sampler 'strech'", "did you mean 'stretch'?"]),
         ("--noise", "ar2", ["no noise model is called 'ar2'", "did you mean 'ar1'?"]),
         ("--priors", "modified_sigmod", ["no priors are called", "did you mean 'modified_sigmoid'?"]),
         ("--priors", "no.toml", ["no.toml: can't be read", "sma-bayes priors > "]),

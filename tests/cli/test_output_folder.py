@@ -48,6 +48,7 @@ def refused(run: Run, data: Path, out: Path, *options: object) -> str:
         (["--seed", "3"], "holds another run"),
         (["--seed", "3", "--resume"], "differs in seed"),
         (["--noise", "ar1", "--resume"], "differs in noise"),
+        (["--sampler", "de", "--resume"], "differs in sampler"),
         (["--extrapolate", "2", "--resume"], "differs in extrapolate"),
     ],
 )

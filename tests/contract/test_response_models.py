@@ -190,7 +190,7 @@ def test_every_parameter_has_a_role_and_a_channel(it: Case) -> None:
 def test_its_priors_cover_its_parameters_and_those_of_channels_that_were_not_observed(it: Case) -> None:
     own = tuple(n for n in it.posterior.names if n not in {f"{c}_sd" for c in it.channels})
     assert own == it.model.parameter_names
-    assert set(it.model.parameter_names) <= it.model.spoken_of()
+    assert {f.prior_key for f in it.model.facts} <= it.model.spoken_of()
 
 
 @each

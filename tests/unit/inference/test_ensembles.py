@@ -9,14 +9,17 @@ from pathlib import Path
 import emcee
 import numpy as np
 import pytest
+from scipy.stats import norm
 from scipy.stats import t as student_t
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.errors import ResumeError
 from sma_bayes.inference import ensembles
 from sma_bayes.inference.adaptation import Adapted, adapt
+from sma_bayes.inference.audit import PROBES, STEPS, WALKERS
 from sma_bayes.inference.convergence import Target, assess
 from sma_bayes.inference.ensembles import Draws, Plan, dispersed_starts, sample
+from sma_bayes.inference.moves import SAMPLERS
 from sma_bayes.inference.noise_choice import noise_start, posterior_with
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
@@ -182,6 +185,32 @@ def test_evaluations_are_those_that_the_density_saw() -> None:
         density.function = counted
         draws = sample(density, starts, width, np.random.SeedSequence(0), plan)
         assert draws.evaluations == pytest.approx(rows, rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["de", "stretch"])
+def test_other_samplers_cross_check_the_default(name: str) -> None:
+    """Shares of a bent density below three quantiles of the default's draws: 1,000 effective draws on either side, so
+    that 4.5 standard errors are 0.1; the seeds are fixed."""
+    density, target = banana(), Target(1.01, 1000.0)
+    found = run(density, 1, Plan(target=target, sampler=SAMPLERS[name], explore_block=100))
+    assert found.method == SAMPLERS[name].title
+    assert found.convergence.converged
+    assert found.audit is None  # nothing was proposed that could hide a tail
+    z = found.z.reshape(-1, 2)
+    levels = np.array([0.05, 0.5, 0.95])
+    shares = (z[:, 0][:, None] <= norm.ppf(levels)).mean(axis=0)
+    np.testing.assert_allclose(shares, levels, atol=4.5 * np.sqrt(0.25 / 1000.0))
+    expected = np.log(2.0 * np.pi * 0.3)
+    assert abs(found.ln_evidence - expected) < 5.0 * found.ln_evidence_sd
+
+
+def test_samplers_are_part_of_what_a_checkpoint_is_of(tmp_path: Path) -> None:
+    path = tmp_path / "chain.h5"
+    run(gaussian(), 0, replace(QUICK, sampler=SAMPLERS["de"]), checkpoint=path)
+    again = run(gaussian(), 0, replace(QUICK, sampler=SAMPLERS["de"]), checkpoint=path)
+    same(run(gaussian(), 0, replace(QUICK, sampler=SAMPLERS["de"])), again)
+    with pytest.raises(ResumeError):
+        run(gaussian(), 0, QUICK, checkpoint=path)
 
 
 # --- planted shapes: never converged and wrong --------------------------------------------------------
@@ -379,7 +408,9 @@ def test_modes_are_climbed_to_where_a_start_is_not_near_enough(
     assert np.abs((means[0] - means[1]) / sds[0]).max() < 4.5 * np.sqrt(2.0 / 1000.0)
 
 
-@pytest.mark.parametrize(("channels", "first"), [(("force", "displacement"), 7 * 256), (("stiffness",), 256)])
+@pytest.mark.parametrize(
+    ("channels", "first"), [(("force", "displacement"), 19 * 256), (("stiffness",), 256)]
+)
 def test_where_data_determine_every_parameter_the_first_proposals_are_made_at_once(
     channels: tuple[str, ...],
     first: int,
@@ -402,16 +433,20 @@ def test_where_data_determine_every_parameter_the_first_proposals_are_made_at_on
     draws = sample(posterior, [start], posterior.space.prior_sd(), np.random.SeedSequence(0))
     assert sizes[0] == first
     assert sum(sizes) == draws.evaluations
-    if len(sizes) == 1:
-        assert draws.z.shape[:3] == (4, Plan().block, 64)
+    if sum(sizes) == first + PROBES + WALKERS * (STEPS + 1):  # nothing but the first look, then the audit
+        assert draws.z.shape[:3] == (4, 18, 64)
 
 
 def test_the_first_block_is_as_long_as_target_and_proposal_ask() -> None:
-    steps = [ensembles._steps_hoped(efficiency, 256, Plan()) for efficiency in (0.94, 0.7, 0.5)]
+    steps = [
+        ensembles._steps_hoped(efficiency, 256, Plan(target=Target())) for efficiency in (0.94, 0.7, 0.5)
+    ]
     assert steps[0] == Plan().block
     assert steps == sorted(steps)
     assert 256 * 0.5 * (steps[2] - 1) < ensembles.HOPED * 1000.0 <= 256 * 0.5 * steps[2]
-    assert ensembles._steps_hoped(0.94, 256, Plan(target=Target(1.01, 1e9))) == 2 * Plan().block
+    most = ensembles.MOST_BLOCKS * Plan().block
+    assert ensembles._steps_hoped(0.94, 256, Plan(target=Target(1.01, 1e9))) == most
+    assert Plan().target.draws > 3000.0  # so many tell the outer quantiles, not 1,000
 
 
 def test_fewer_than_four_ensembles_are_refused() -> None:

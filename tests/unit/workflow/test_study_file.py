@@ -27,8 +27,8 @@ pool = "campaign"
 priors = "paper"
 
 [gap]
-model = "phase_slopes"
 figures = "none"
+model = "phase_slopes"
 
 [conditions]
 at = ["current_A=2"]
@@ -58,7 +58,7 @@ def test_paths_are_relative_to_the_file_and_steps_inherit(tmp_path: Path) -> Non
     assert study.steps == {
         "fit": {
             "model": "modified_sigmoid", "priors": mine, "pool": "none", "figures": "auto", "noise": "student_t",
-            "extrapolate": 0.0, "arrangement": "parallel", "bias": 120.0,
+            "sampler": "independence", "extrapolate": 0.0, "arrangement": "parallel", "bias": 120.0,
         },
         "compare": {
             "model": "modified_sigmoid", "priors": "paper", "pool": "campaign", "figures": "auto", "noise": "ar1",

@@ -1,0 +1,166 @@
+"""Whether the curve describes the data: what the model misses, and whether its numbers may be relied on.
+
+Converged says that the posterior was sampled; adequate says that model and noise are such as could have made the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.assess.checks import Check
+from sma_bayes.assess.identifiability import contraction
+from sma_bayes.parameters.roles import Role
+from sma_bayes.results.fit import Fit
+
+MISSED = 0.02
+"""Share of the range of a channel that a curve may miss at its worst place and still describe the data."""
+NOTICED = 3.0
+"""Standard deviations of the noise that it must miss there, too, to count: below, nobody would see it."""
+CHANCE = 0.002
+"""Probability, in either tail, below which a check counts as failed; a record has some five checks a channel."""
+SWALLOWED = 0.25
+"""Share of the range of a channel that the noise may take; beyond, it has swallowed the response."""
+LED = 0.75
+"""Contraction below which a parameter is led by its prior: more than half of the prior's standard deviation is left."""
+GRID = 161
+
+SENTENCES = {
+    "curve": "the curve misses {what}",
+    "check": "{what}",
+    "noise": "the noise takes {what}",
+    "tempered": "samples are counted as fewer than they are: no density of the data",
+    "prior": "the data hardly tell {what}: its prior does",
+}
+"""Reasons why a fit is not adequate, by their kind."""
+
+
+@dataclass(frozen=True, slots=True)
+class Missed:
+    """What the curve of a channel misses, as far as a discrepancy tells.
+
+    Attributes
+    ----------
+    channel, unit : str
+    rms : float
+        Root mean square over the samples, posterior median [unit].
+    largest : float
+        Value where the median discrepancy is largest [unit].
+    at : float
+        Temperature there [unit of temperature].
+    share : float
+        Magnitude of `largest` over the range of the channel [1].
+    ln_bayes_factor : float
+        What the discrepancy gains in ln evidence at the warm start.
+    """
+
+    channel: str
+    unit: str
+    rms: float
+    largest: float
+    at: float
+    share: float
+    ln_bayes_factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """One reason why a fit is not adequate.
+
+    Attributes
+    ----------
+    kind : str
+        One of `SENTENCES`.
+    channel : str
+        Empty where it concerns all.
+    message : str
+    """
+
+    kind: str
+    channel: str
+    message: str
+
+
+def missed(fit: Fit, record: int = 0) -> tuple[Missed, ...]:
+    """What the curves of a record miss; empty where nothing stands beside them."""
+    r, curves = fit.records[record], fit.curves(record)
+    t = np.linspace(float(r.temperature.min()), float(r.temperature.max()), GRID)
+    out = []
+    for channel in curves.weights:
+        at_samples = curves.discrepancy(channel, r.temperature)
+        median = np.median(curves.discrepancy(channel, t), axis=0)
+        i = int(np.argmax(np.abs(median)))
+        span = fit.posterior.observed_range(record, channel)[1]
+        gain = fit.noise_choice.discrepancy.get(channel, np.nan) if fit.noise_choice else np.nan
+        out.append(
+            Missed(
+                channel,
+                r.units[channel],
+                float(np.median(np.sqrt(np.mean(at_samples**2, axis=1)))),
+                float(median[i]),
+                float(t[i]),
+                abs(float(median[i])) / span,
+                float(gain),
+            )
+        )
+    return tuple(out)
+
+
+def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[Missed]) -> tuple[Reason, ...]:
+    """Why a fit is not adequate; empty where it is.
+
+    Parameters
+    ----------
+    fit : Fit
+    record : int
+    checks : sequence of Check
+        Posterior predictive checks of the record.
+    of_curve : sequence of Missed
+        What its curves miss.
+    """
+    r, posterior = fit.records[record], fit.posterior
+    out = []
+    sd = {c: float(np.median(fit.flat[:, at[0]])) for c, at in posterior.layout[record].noise.items()}
+    for m in of_curve:
+        if m.share > MISSED and abs(m.largest) > NOTICED * sd[m.channel]:
+            what = (
+                f"{r.quantity(m.channel)} by up to {m.share:.1%} of its range, at {m.at:.4g} "
+                f"{r.units['temperature']}; what it misses is in all bands"
+            )
+            out.append(_reason("curve", m.channel, what))
+    for c in checks:
+        if not CHANCE <= c.p_value <= 1.0 - CHANCE:
+            out.append(
+                _reason("check", c.channel, f"{r.quantity(c.channel)}: {c.meaning} (p = {c.p_value:.3g})")
+            )
+    if not posterior.noise.is_density:
+        out.append(_reason("tempered", "", ""))
+    for channel, own in sd.items():
+        share = own / posterior.observed_range(record, channel)[1]
+        if share > SWALLOWED:
+            out.append(_reason("noise", channel, f"{share:.0%} of the range of {r.quantity(channel)}"))
+    for channel in led_by_prior(fit, record):
+        out.append(_reason("prior", channel, f"where and how fast {r.quantity(channel)} changes"))
+    return tuple(out)
+
+
+def _reason(kind: str, channel: str, what: str) -> Reason:
+    return Reason(kind, channel, SENTENCES[kind].format(what=what))
+
+
+def led_by_prior(fit: Fit, record: int = 0) -> tuple[str, ...]:
+    """Measured channels whose midpoint or rate is led by its prior: no stiffness follows from such a curve."""
+    posterior = fit.posterior
+    moved = dict(zip(posterior.space.free_index.tolist(), contraction(fit).tolist(), strict=True))
+    facts = {f.name: f for f in posterior.model.facts}
+    led: dict[str, None] = {}
+    for position, name in zip(
+        posterior.layout[record].model.tolist(), posterior.model.parameter_names, strict=True
+    ):
+        fact = facts[name]
+        telling = fact.role in (Role.MIDPOINT, Role.RATE) and fact.channel in fit.records[record].channels
+        if telling and moved.get(position, 1.0) < LED:
+            led[fact.channel] = None
+    return tuple(led)
