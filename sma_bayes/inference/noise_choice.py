@@ -158,7 +158,7 @@ def choose_noise(
 
 
 def _without_what_is_not_needed(name: str, series: Sequence[str], ln_evidence: Callable[[str], float]) -> str:
-    """An extended noise model, less what it no longer earns: growth and errors of the thermometer look like heavy tails."""
+    """An extended noise model, less what it no longer earns: growth and errors of temperature look like heavy tails."""
     while "+" in name:
         first, *suffixes = name.split("+")
         simpler = {"+".join([first, *(x for x in suffixes if x != s)]): EARNED_BEYOND for s in suffixes}
