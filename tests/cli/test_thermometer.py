@@ -99,9 +99,6 @@ def test_the_errors_are_read_back_from_the_files(
     assert record["parameters"]["B3"]["sd"] == pytest.approx(np.hypot(0.7, 0.52), rel=0.1)
     assert np.corrcoef(stored.theta[:, 2], 48.0 * gain + shift)[0, 1] > 0.95
     t, width = band(folder, "force")
-    curves = (
-        stored.curves.curve("force", t) if not callable(stored.curves) else stored.curves().curve("force", t)
-    )
     again = np.subtract(*np.quantile(stored.curve("force", t), (0.95, 0.05), axis=0))
     np.testing.assert_allclose(again, width, rtol=1e-6)
 
