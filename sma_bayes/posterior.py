@@ -5,7 +5,8 @@
 One posterior serves one record (each condition and branch its own A and B), or several that share A and B.
 What is shared is a layout of positions in the parameter vector; the sampler never knows the difference.
 
-An error of the thermometer, declared or estimated, moves all channels of a sample together. The true temperature is
+An error of the thermometer, declared or estimated, moves all channels of a sample together. Where noise has no memory the
+true temperature of each sample is integrated out by Laplace's method. With a memory, or beside a discrepancy, it is
 normal about the reading with standard deviation ``s_T``; mean and covariance of the response under it are found by
 Gauss-Hermite quadrature, which holds to any order of ``s_T`` times the slope. Residuals are whitened channel by
 channel by conditioning on those before. What is left has unit variance and is handed to the noise model, so that a
@@ -46,6 +47,9 @@ CHUNK = 1 << 15
 
 QUADRATURE = np.polynomial.hermite_e.hermegauss(7)
 """Nodes and weights under a standard normal (up to a factor); exact for polynomials of degree 13."""
+
+LATENT_STEPS = 5
+"""Steps of reweighted least squares to the likeliest true temperature of each sample."""
 
 Weights = tuple[Mapping[str, Floats], ...]
 """For each record, channel to weights (W, m) of its discrepancy; channels without one are left out."""
@@ -176,6 +180,9 @@ class Posterior:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             for i, record in enumerate(self.records):
                 for part in batches(len(theta), record.n, CHUNK):
+                    if self._is_latent(i):
+                        total[part] += self._latent_log_density(theta[part], i)[0].sum(axis=1)
+                        continue
                     for channel, e, scale in self._standardised(theta[part], i):
                         shape = theta[part][:, self.layout[i].noise[channel][1:]]
                         if channel in self.discrepancy[i]:
@@ -198,7 +205,8 @@ class Posterior:
         Returns
         -------
         tuple of dict
-            For each record, channel to array of shape (W, n). Without discrepancies their sum is `log_likelihood`.
+            For each record, channel to array of shape (W, n). Without discrepancies their sum is `log_likelihood`; what
+            an error of the thermometer adds stands with the first channel.
         """
         theta = np.atleast_2d(theta)
         out = []
@@ -206,6 +214,15 @@ class Posterior:
             found: dict[str, Floats] = {c: np.empty((len(theta), record.n)) for c in record.channels}
             for part in batches(len(theta), record.n, CHUNK):
                 own = _part(weights, part)
+                if self._is_latent(i):
+                    first, *others = record.channels
+                    whole, by_channel = self._latent_log_density(theta[part], i)
+                    for channel in others:
+                        found[channel][part] = by_channel[channel]
+                    found[first][part] = whole - _products(
+                        [by_channel[c] for c in others], [np.ones(1)] * len(others)
+                    )
+                    continue
                 for channel, e, scale in self._standardised(theta[part], i, own):
                     shape = theta[part][:, self.layout[i].noise[channel][1:]]
                     density = self.noise.log_density(e, shape, self.steps[i]) - np.log(scale)
@@ -283,11 +300,13 @@ class Posterior:
     ) -> dict[str, Floats]:
         """New measurements at the record's own inputs, one for each parameter vector: channel to (W, n).
 
-        They have the density of the likelihood: errors of the thermometer with its mean and covariance, and with the
-        memory that it gives them.
+        They have the density of the likelihood: where it integrates true temperatures out these are drawn, elsewhere
+        errors of the thermometer have its mean and covariance, and the memory that it gives them.
         """
         theta = np.atleast_2d(theta)
         place = self.layout[record]
+        if self._is_latent(record):
+            return self._replicate_latent(rng, theta, record)
         mean, parts = self._moments(theta, record)
         given = _of(weights, record)
         before: list[_Channel] = []
@@ -305,6 +324,19 @@ class Posterior:
             out[channel] = centre + _products(row, [c.whitened for c in before]) + scale * series
             if not self.discrepancy[record]:
                 before.append(_Channel(parts[channel], row, series, scale))
+        return out
+
+    def _replicate_latent(self, rng: np.random.Generator, theta: Floats, record: int) -> dict[str, Floats]:
+        """New measurements at true temperatures that are drawn about the readings."""
+        r, place = self.records[record], self.layout[record]
+        spread = self.temperature_sd(theta, record)
+        assert spread is not None  # `_is_latent` has seen to it
+        true = r.temperature + spread[:, None] * rng.standard_normal((len(theta), r.n))
+        clean = self.predict(theta, {**r.inputs, "temperature": true}, record=record)
+        out = {}
+        for channel in r.channels:
+            series = self.noise.draw(rng, theta[:, place.noise[channel][1:]], self.steps[record])
+            out[channel] = clean[channel] + self.noise_scale(theta, record, channel, clean[channel]) * series
         return out
 
     def temperature_sd(self, theta: Floats, record: int = 0) -> Floats | None:
@@ -378,6 +410,57 @@ class Posterior:
                 np.sqrt(w) * (y[channel] - mean[channel]) for w, y in zip(weights, at_nodes, strict=True)
             ]
         return mean, parts
+
+    def _is_latent(self, record: int) -> bool:
+        """Whether each sample has a true temperature of its own to be integrated out: no memory joins the samples."""
+        felt = self.layout[record].temperature_sd is not None or self.records[record].temperature_sd > 0.0
+        return felt and not self.noise.remembers and self.noise.is_density and not self.discrepancy[record]
+
+    def _latent_log_density(self, theta: Floats, record: int) -> tuple[Floats, dict[str, Floats]]:
+        """Log density of the samples of a record with their true temperatures integrated out, by Laplace's method.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (W, P)
+
+        Returns
+        -------
+        ndarray, shape (W, n)
+            All channels of each sample together.
+        dict of str to ndarray, shape (W, n)
+            Density of each channel at the likeliest temperature.
+        """
+        r, place, steps = self.records[record], self.layout[record], self.steps[record]
+        model_theta = theta[:, place.model]
+        spread = self.temperature_sd(theta, record)
+        assert spread is not None  # `_is_latent` has seen to it
+        shapes = {c: theta[:, place.noise[c][1:]] for c in r.channels}
+        information = {c: self.noise.location_information(shapes[c])[:, None] for c in r.channels}
+        xi = np.zeros((len(theta), r.n))  # error of the thermometer in its standard deviations
+        for step in range(LATENT_STEPS + 1):
+            inputs = {**r.inputs, "temperature": r.temperature + spread[:, None] * xi}
+            mean, slope = self.model.predict(model_theta, inputs), self.model.slope(model_theta, inputs)
+            pull, held, firm = -xi, np.ones_like(xi), np.ones_like(xi)
+            densities = {}
+            for channel in r.channels:
+                scale = self.noise_scale(theta, record, channel, mean[channel])
+                e = (r.observed[channel] - mean[channel]) / scale
+                gain = spread[:, None] * slope[channel] / scale
+                held = held + information[channel] * gain * gain
+                score = self.noise.score(e, shapes[channel])
+                pull = pull + gain * score
+                # iteratively reweighted: an outlying sample of a heavy-tailed noise hardly holds its temperature
+                far = np.abs(e) > 1e-3
+                weight = np.where(far, score / np.where(far, e, 1.0), information[channel])
+                firm = firm + np.maximum(weight, 0.0) * gain * gain
+                if step == LATENT_STEPS:
+                    densities[channel] = self.noise.log_density(e, shapes[channel], steps) - np.log(scale)
+            if step < LATENT_STEPS:
+                xi = xi + np.clip(pull / firm, -1.0, 1.0)
+        total = -0.5 * xi * xi - 0.5 * np.log(held)
+        for density in densities.values():
+            total = total + density
+        return total, densities
 
     def _standardised(
         self, theta: Floats, record: int, weights: Weights = ()

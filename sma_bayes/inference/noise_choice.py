@@ -43,6 +43,8 @@ REACH = 10.0
 """Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
 FINE = 2001
 """Temperatures at which a curve is looked at to lay out the basis of its discrepancy."""
+SIMPLER = {"growing": EARNED, "temperature_error": 15.0}
+"""What a series other than the simplest must gain beside growth or an error of the thermometer."""
 WIDE = 2.0
 """Standard deviation of ln sd a priori where descriptions are compared: how much of the residuals is noise is open."""
 SIMPLEST = "independent"
@@ -132,13 +134,20 @@ def choose_noise(
             if model.is_density
             and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
             and (signs.memory or not model.remembers)
-            and (signs.tails or model.is_gaussian)
+            and (model.is_gaussian or (signs.tails and not residuals.bent))
         ]
         best = max(names, key=lambda n: look(n).ln_evidence + (EARNED if n == SIMPLEST else 0.0))
         signs = signs.joined(residuals.signs(look(best)))
         for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
-            extended = f"{best}+{suffix}"
-            if sign and look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
+            if not sign:
+                continue
+            series, *others = best.split("+")
+            simple, extended = ("+".join([s, *others, suffix]) for s in (SIMPLEST, series))
+            # what the slope explains is not to be explained by tails or a memory besides; in the moments that are
+            # looked at here a large error of the thermometer leaves tails of its own
+            if look(simple).ln_evidence > look(extended).ln_evidence - SIMPLER[suffix]:
+                extended = simple
+            if look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
                 best = extended
         best = _without_what_is_not_needed(best, names, lambda name: look(name).ln_evidence)
     chosen = found[best]
@@ -285,6 +294,11 @@ class _Residuals:
                         )
                     )
         return found
+
+    @property
+    def bent(self) -> bool:
+        """Whether the thermometer is known to err: to the moments that are looked at here that seems like tails."""
+        return any(r.temperature_sd > 0.0 for r in self.posterior.records)
 
     def response(self, i: int, channel: str) -> Floats:
         """Response of the curve as a share of its observed range, shape (n,)."""
