@@ -49,7 +49,7 @@ QUADRATURE = np.polynomial.hermite_e.hermegauss(7)
 """Nodes and weights under a standard normal (up to a factor); exact for polynomials of degree 13."""
 
 LATENT_STEPS = 5
-"""Steps of Fisher scoring to the likeliest true temperature of each sample."""
+"""Steps of reweighted least squares to the likeliest true temperature of each sample."""
 
 Weights = tuple[Mapping[str, Floats], ...]
 """For each record, channel to weights (W, m) of its discrepancy; channels without one are left out."""
@@ -300,11 +300,13 @@ class Posterior:
     ) -> dict[str, Floats]:
         """New measurements at the record's own inputs, one for each parameter vector: channel to (W, n).
 
-        They have the density of the likelihood: errors of the thermometer with its mean and covariance, and with the
-        memory that it gives them.
+        They have the density of the likelihood: where it integrates true temperatures out these are drawn, elsewhere
+        errors of the thermometer have its mean and covariance, and the memory that it gives them.
         """
         theta = np.atleast_2d(theta)
         place = self.layout[record]
+        if self._is_latent(record):
+            return self._replicate_latent(rng, theta, record)
         mean, parts = self._moments(theta, record)
         given = _of(weights, record)
         before: list[_Channel] = []
@@ -322,6 +324,19 @@ class Posterior:
             out[channel] = centre + _products(row, [c.whitened for c in before]) + scale * series
             if not self.discrepancy[record]:
                 before.append(_Channel(parts[channel], row, series, scale))
+        return out
+
+    def _replicate_latent(self, rng: np.random.Generator, theta: Floats, record: int) -> dict[str, Floats]:
+        """New measurements at true temperatures that are drawn about the readings."""
+        r, place = self.records[record], self.layout[record]
+        spread = self.temperature_sd(theta, record)
+        assert spread is not None  # `_is_latent` has seen to it
+        true = r.temperature + spread[:, None] * rng.standard_normal((len(theta), r.n))
+        clean = self.predict(theta, {**r.inputs, "temperature": true}, record=record)
+        out = {}
+        for channel in r.channels:
+            series = self.noise.draw(rng, theta[:, place.noise[channel][1:]], self.steps[record])
+            out[channel] = clean[channel] + self.noise_scale(theta, record, channel, clean[channel]) * series
         return out
 
     def temperature_sd(self, theta: Floats, record: int = 0) -> Floats | None:
@@ -425,18 +440,23 @@ class Posterior:
         for step in range(LATENT_STEPS + 1):
             inputs = {**r.inputs, "temperature": r.temperature + spread[:, None] * xi}
             mean, slope = self.model.predict(model_theta, inputs), self.model.slope(model_theta, inputs)
-            pull, held = -xi, np.ones_like(xi)
+            pull, held, firm = -xi, np.ones_like(xi), np.ones_like(xi)
             densities = {}
             for channel in r.channels:
                 scale = self.noise_scale(theta, record, channel, mean[channel])
                 e = (r.observed[channel] - mean[channel]) / scale
                 gain = spread[:, None] * slope[channel] / scale
                 held = held + information[channel] * gain * gain
-                pull = pull + gain * self.noise.score(e, shapes[channel])
+                score = self.noise.score(e, shapes[channel])
+                pull = pull + gain * score
+                # iteratively reweighted: an outlying sample of a heavy-tailed noise hardly holds its temperature
+                far = np.abs(e) > 1e-3
+                weight = np.where(far, score / np.where(far, e, 1.0), information[channel])
+                firm = firm + np.maximum(weight, 0.0) * gain * gain
                 if step == LATENT_STEPS:
                     densities[channel] = self.noise.log_density(e, shapes[channel], steps) - np.log(scale)
             if step < LATENT_STEPS:
-                xi = xi + np.clip(pull / held, -1.0, 1.0)
+                xi = xi + np.clip(pull / firm, -1.0, 1.0)
         total = -0.5 * xi * xi - 0.5 * np.log(held)
         for density in densities.values():
             total = total + density

@@ -99,9 +99,9 @@ def choose_noise(
     Noise models that are a density of the data compete; those that need time are left out where time was not recorded
     or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth
     with the response and an error of the thermometer are looked at only where what it leaves shows a sign of such a
-    thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; of what was taken
-    before stays what still earns its place beside them. A
-    discrepancy is taken where its evidence is greater than that of the curve alone.
+    thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; beside growth or an
+    error of the thermometer only what still earns its place stays. A discrepancy is taken where its evidence is greater
+    than that of the curve alone.
 
     Parameters
     ----------

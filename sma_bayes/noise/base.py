@@ -14,7 +14,7 @@ from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 
 HALF_LN_2PI = 0.9189385332046727
-ABSCISSAE: Floats = np.sinh(np.linspace(-14.0, 14.0, 401))
+ABSCISSAE: Floats = np.sinh(np.linspace(-12.0, 12.0, 801))
 """Innovations at which densities are tabulated whose integrals nobody has worked out; the middle one is zero."""
 DIFFERENCE = 1e-5
 """Step of the derivative of a log density, as a share of the innovation or of one."""
