@@ -5,8 +5,8 @@
 One posterior serves one record (each condition and branch its own A and B), or several that share A and B.
 What is shared is a layout of positions in the parameter vector; the sampler never knows the difference.
 
-An error of the thermometer, declared or estimated, moves all channels of a sample together. Where noise has no memory the
-true temperature of each sample is integrated out by Laplace's method. With a memory, or beside a discrepancy, it is
+An error of the thermometer, declared or estimated, moves all channels of a sample together. Where noise has no memory
+the true temperature of each sample is integrated out by Laplace's method. With a memory, or beside a discrepancy, it is
 normal about the reading with standard deviation ``s_T``; mean and covariance of the response under it are found by
 Gauss-Hermite quadrature, which holds to any order of ``s_T`` times the slope. Residuals are whitened channel by
 channel by conditioning on those before. What is left has unit variance and is handed to the noise model, so that a

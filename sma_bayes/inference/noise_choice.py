@@ -33,8 +33,6 @@ EVEN = 0.05
 """Relative spread of the time steps below which samples count as evenly spaced."""
 SIGN = 1.3
 """Standard errors from which a sign counts: one false sign in five, so that hardly any true one is overlooked."""
-DOUBTED = 1.0
-"""What a discrepancy may lose in ln evidence and still be taken."""
 EARNED = 1.0
 """What a noise model other than the simplest must gain in ln evidence to be taken."""
 EARNED_BEYOND = 2.0
@@ -43,6 +41,8 @@ REACH = 10.0
 """Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
 FINE = 2001
 """Temperatures at which a curve is looked at to lay out the basis of its discrepancy."""
+LONGEST_MEMORY = 0.5
+"""Samples that count as one under a noise model, as a share of a sweep, from which its memory is no noise."""
 SIMPLER = {"growing": EARNED, "temperature_error": 15.0}
 """What a series other than the simplest must gain beside growth or an error of the thermometer."""
 WIDE = 2.0
@@ -67,7 +67,7 @@ class NoiseChoice:
         Of each noise model that was looked at, with discrepancies where they earn their place, less that of the best.
     discrepancy : mapping of str to float
         What a discrepancy gains in ln evidence, by channel (the sum over records), under the chosen noise model;
-        none is taken where it loses more than `DOUBTED`.
+        one is taken where it gains.
     bases : tuple of mapping
         For each record, channel to the basis of its discrepancy, where one is taken.
     estimate : tuple of mapping
@@ -100,9 +100,8 @@ def choose_noise(
     or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth
     with the response and an error of the thermometer are looked at only where what it leaves shows a sign of such a
     thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; beside growth or an
-    error of the thermometer only what still earns its place stays. A discrepancy is taken unless the evidence speaks
-    against it by more than `DOUBTED`: a misfit that is given no place makes intervals too narrow, a place without a
-    misfit only a little wider.
+    error of the thermometer only what still earns its place stays. A discrepancy is taken where its evidence is greater
+    than that of the curve alone.
 
     Parameters
     ----------
@@ -336,10 +335,10 @@ class _Residuals:
             for channel in record.channels:
                 alone, beside = found[i, channel]
                 taken = alone
-                if beside is not None and gain[channel] > -DOUBTED:
+                if beside is not None and gain[channel] > 0.0:
                     taken = beside
                     own[channel] = self.bases[i][channel]
-                total += taken.ln_evidence
+                total += taken.ln_evidence if self._is_noise(noise, i, taken) else -np.inf
                 values[channel] = taken.theta
                 series[channel] = taken.innovations
                 errors.append(taken.temperature_sd)
@@ -348,6 +347,14 @@ class _Residuals:
             innovations.append(series)
             spread.append(max(errors))
         return _Description(total, gain, tuple(bases), tuple(estimate), tuple(spread), tuple(innovations))
+
+    def _is_noise(self, noise: NoiseModel, i: int, found: _Found) -> bool:
+        """Whether a memory is shorter than half a sweep; one as long as the sweep is misfit, whatever it is called."""
+        if not noise.remembers:
+            return True
+        steps = self.posterior.steps[i]
+        longest = np.diff(np.append(np.flatnonzero(steps.first), steps.first.size)).max()
+        return noise.memory(found.theta[1:], steps) < LONGEST_MEMORY * float(longest)
 
     def _look(self, noise: NoiseModel, i: int, channel: str, basis: DiscrepancyBasis | None) -> _Found:
         record = self.posterior.records[i]

@@ -74,6 +74,11 @@ class MemoryNoise(NoiseModel):
     def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return memory_innovations(e, self.phi(shape, steps))
 
+    def memory(self, shape: Floats, steps: Steps) -> float:
+        inside = self.phi(shape, steps)[..., ~steps.first]
+        r = float(np.clip(np.median(inside), -1.0, 1.0 - 1e-9)) if inside.size else 0.0
+        return max(1.0, (1.0 + r) / (1.0 - r))
+
     def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
         phi = self.phi(shape, steps)
         with np.errstate(divide="ignore", invalid="ignore"):

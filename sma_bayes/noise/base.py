@@ -147,6 +147,10 @@ class NoiseModel(ABC):
         """Series (..., n) that `decorrelate` makes `innovation` of."""
         return innovation
 
+    def memory(self, shape: Floats, steps: Steps) -> float:
+        """How many samples count as one: ``(1 + r)/(1 - r)`` for a correlation ``r`` of neighbours; 1 by default."""
+        return 1.0
+
     def score(self, innovation: Floats, shape: Floats) -> Floats:
         """Negative derivative of the log density of what `decorrelate` leaves, shape (..., n)."""
         if self.is_gaussian:

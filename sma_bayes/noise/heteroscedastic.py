@@ -91,6 +91,9 @@ class Wrapped(NoiseModel):
     def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.decorrelate(e, shape, steps)
 
+    def memory(self, shape: Floats, steps: Steps) -> float:
+        return self.series.memory(shape, steps)
+
     def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.decorrelate_adjoint(series, shape, steps)
 
