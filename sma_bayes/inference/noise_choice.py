@@ -151,7 +151,9 @@ def choose_noise(
         best = _without_what_is_not_needed(best, names, lambda name: look(name).ln_evidence)
     chosen = found[best]
     top = max(d.ln_evidence for d in found.values())
-    rivals = {name: d.ln_evidence - top for name, d in found.items()}
+    rivals = {name: d.ln_evidence - top for name, d in found.items() if np.isfinite(d.ln_evidence)} or {
+        best: 0.0
+    }
     neighbours = neighbour_correlation(posterior, start)
     return NoiseChoice(
         best,

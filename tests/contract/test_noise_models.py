@@ -414,6 +414,23 @@ def test_effective_samples_are_a_share_of_the_independent_likelihood() -> None:
 
 
 @cases()
+def test_the_memory_is_one_sample_where_there_is_none(noise: NoiseModel, shape: np.ndarray) -> None:
+    found = noise.memory(shape, steps_of(50))
+    assert np.isfinite(found)
+    assert found >= 1.0
+    assert noise.remembers or found == 1.0
+
+
+def test_the_memory_counts_samples_as_one() -> None:
+    even = Steps(np.arange(50) == 0, np.ones(50), timed=True)
+    assert NOISE_MODELS["ar1"].memory(np.array([0.8]), even) == pytest.approx(9.0)
+    assert NOISE_MODELS["ar1"].memory(np.array([-0.8]), even) == 1.0
+    assert NOISE_MODELS["ar1_student_t+growing"].memory(np.array([0.8, 4.0, 1.0]), even) == pytest.approx(9.0)
+    assert NOISE_MODELS["ar1_time"].memory(np.array([10.0]), even) == pytest.approx(20.0, rel=0.01)
+    assert NOISE_MODELS["effective_samples"].memory(np.array([7.0]), even) == pytest.approx(7.0)
+
+
+@cases()
 def test_models_pickle(noise: NoiseModel, shape: np.ndarray) -> None:
     steps = steps_of(10)
     e = np.random.default_rng(13).standard_normal(10)

@@ -38,13 +38,13 @@ def with_outliers(record: Record) -> Record:
 
 
 def test_white_residuals_are_independent_without_a_discrepancy(make_record: Callable[..., Record]) -> None:
-    """Of 60 other records 57 were; and 15 of their 120 channels got a discrepancy, as its evidence was about even.
+    """Of 60 other records 56 were; and 7 of their 120 channels got a discrepancy.
 
-    At such rates fewer than 9 of 12, or more than 9 of 24, happen once in 500 and once in 1,000 runs; seeds are fixed.
+    At such rates fewer than 8 of 12, or more than 6 of 24, happen once in 1,500 runs each; seeds are fixed.
     """
     choices = [choice_for(make_record(n=150, seed=100 + seed)) for seed in range(12)]
-    assert sum(c.name == "independent" for c in choices) >= 9
-    assert sum(len(c.bases[0]) for c in choices) <= 9
+    assert sum(c.name == "independent" for c in choices) >= 8
+    assert sum(len(c.bases[0]) for c in choices) <= 6
     assert all(abs(r) < 0.35 for c in choices for r in c.lag1.values())
 
 
@@ -59,12 +59,12 @@ def test_residuals_with_a_memory_get_one(make_record: Callable[..., Record], see
 
 
 def test_a_real_memory_seldom_passes_for_misfit(make_record: Callable[..., Record]) -> None:
-    """Of 25 other records 17 of 50 channels got a discrepancy; more than 13 of 16 would once in 20,000 runs."""
+    """Of 25 other records 1 of 50 channels got a discrepancy; more than 3 of 16 would once in 3,000 runs."""
     choices = [
         choice_for(with_even_time(make_record(n=300, seed=50 + seed, memory=0.8))) for seed in range(8)
     ]
     assert sum(c.name.startswith("ar1") for c in choices) == 8
-    assert sum(len(c.bases[0]) for c in choices) <= 13
+    assert sum(len(c.bases[0]) for c in choices) <= 3
     for c in choices:
         assert all(gain < 5.0 for gain in c.discrepancy.values())
 
