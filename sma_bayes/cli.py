@@ -1,7 +1,7 @@
 """The command line: each verb is a call of one workflow function.
 
-Exit status: 0 done, 1 done but not converged, 2 the input or the call is wrong, 70 a mistake in this package,
-130 interrupted.
+Exit status: 0 done, 1 done but not converged, or with --strict not adequate, 2 the input or the call is wrong, 70 a
+mistake in this package, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -66,6 +66,7 @@ Sampler = Annotated[
     typer.Option(help="'independence', or to cross-check it 'de' (differential evolution) or 'stretch'."),
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the run that --out holds.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit status 1 also where a fit is not adequate.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")]
 Json = Annotated[bool, typer.Option("--json", help="The summary as JSON on standard output.")]
 Data = Annotated[
@@ -130,6 +131,7 @@ def demo(
     no_figures: NoFigures = False,
     scheduler: Scheduler = None,
     resume: Resume = False,
+    strict: Strict = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -150,7 +152,7 @@ def demo(
             figures="none" if no_figures else figures,
             **shared,
         )
-    _finish(summary, quiet, as_json, lambda: show_fit(summary, out))
+    _finish(summary, quiet, as_json, lambda: show_fit(summary, out), strict=strict)
 
 
 @app.command()
@@ -210,6 +212,7 @@ def fit(
     no_figures: NoFigures = False,
     scheduler: Scheduler = None,
     resume: Resume = False,
+    strict: Strict = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -236,7 +239,7 @@ def fit(
             figures="none" if no_figures else figures,
             **shared,
         )
-    _finish(summary, quiet, as_json, lambda: show_fit(summary, out))
+    _finish(summary, quiet, as_json, lambda: show_fit(summary, out), strict=strict)
 
 
 @app.command()
@@ -449,6 +452,7 @@ def run(
     ] = None,
     scheduler: Scheduler = None,
     resume: Resume = False,
+    strict: Strict = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -457,7 +461,7 @@ def run(
     from sma_bayes.workflow.study import run_study
 
     with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
-        found = run_study(study, out=out, jobs=jobs, resume=resume, progress=progress)
+        found = run_study(study, out=out, jobs=jobs, resume=resume, strict=strict or None, progress=progress)
     _finish(found, quiet, as_json, lambda: typer.echo(study_text(found)))
 
 
@@ -595,15 +599,21 @@ def _progress(silent: bool) -> Iterator[Callable[[int, int, str], None] | None]:
         yield tell
 
 
-def _finish(summary: dict[str, Any], quiet: bool, as_json: bool, show: Callable[[], None]) -> None:
-    """Tell what was found as JSON, for people or not at all; end with its exit status, 1 where it has not converged."""
+def _finish(
+    summary: dict[str, Any], quiet: bool, as_json: bool, show: Callable[[], None], *, strict: bool = False
+) -> None:
+    """Tell what was found as JSON, for people or not at all; end with its exit status.
+
+    It is 1 where it has not converged, and with `strict` where it is not adequate.
+    """
     if as_json:
         from sma_bayes.results.store import plain
 
         typer.echo(json.dumps(plain(summary), indent=1))
     elif not quiet:
         show()
-    status = summary.get("exit_status", 0 if summary["converged"] else 1)
+    good = summary["converged"] and (summary["adequate"] if strict else True)
+    status = summary.get("exit_status", 0 if good else 1)
     if status:
         raise typer.Exit(status)
 

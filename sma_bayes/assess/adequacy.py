@@ -35,6 +35,14 @@ SENTENCES = {
     "prior": "the data hardly tell {what}: its prior does",
 }
 """Reasons why a fit is not adequate, by their kind."""
+REMEDIES = {
+    "curve": "try `--model auto` or `sma-bayes gap`",
+    "check": "try `--model auto`, `--noise auto` or `sma-bayes gap`",
+    "noise": "measure a greater response or with less noise",
+    "tempered": "leave out `--noise effective_samples`",
+    "prior": "measure through the whole transformation, or say in a priors file what is known of it",
+}
+"""What to do about them."""
 
 
 @dataclass(frozen=True, slots=True)

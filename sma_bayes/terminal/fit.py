@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
+from sma_bayes.assess.adequacy import REMEDIES
 from sma_bayes.errors import many
+from sma_bayes.quantities import unit_text
 from sma_bayes.report.choice import MANY
+from sma_bayes.response import AUTO_MODEL
 from sma_bayes.terminal.screen import SHOWN, screen, show_end
 
 
 def show_fit(summary: dict[str, Any], out: Path) -> None:
     """Tell what `summary.json` says."""
     table = Table(title=f"{summary['campaign']}, seed {summary['seed']}", title_justify="left")
-    for name in ("record", "n", "noise", "converged", "worst R-hat", "least ESS", "r", "not identified"):
+    for name in (
+        "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
+    ):  # fmt: skip
         table.add_column(
             name, justify="left" if name in ("record", "noise", "not identified", "r") else "right"
         )
@@ -30,6 +36,7 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
             str(r["n"]),
             r["noise"]["name"],
             "yes" if r["converged"] else "NO",
+            "yes" if r["adequate"] else "NO",
             f"{max((p['rhat'] for p in sampled), default=float('nan')):.4f}",
             f"{min((min(p['ess_bulk'], p['ess_tail']) for p in sampled), default=float('nan')):.0f}",
             factors,
@@ -55,7 +62,49 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         console.print(
             f"NOT CONVERGED: {', '.join(names[:SHOWN])}{more}. Their numbers must not be relied on."
         )
+    for sentence in adequacy_sentences(summary["records"], summary["options"]["model"]):
+        console.print(sentence, soft_wrap=True)
     show_end(console, summary, out)
+
+
+SUBJECTS = {
+    "curve": "The curve does not describe {records}",
+    "check": "Curve and noise do not give data like those of {records}",
+    "noise": "The noise has swallowed the response in {records}",
+    "tempered": "The fit does not describe the data of {records}",
+    "prior": "The data do not determine the curve of {records}",
+}
+"""How a sentence on fits that are not adequate begins, by the kind of their first reason."""
+NAMED = 3
+"""Records that such a sentence names."""
+
+
+def adequacy_sentences(records: Sequence[Mapping[str, Any]], model: str) -> list[str]:
+    """What to say where fits are not adequate: one sentence for each kind of first reason, empty where all are.
+
+    Parameters
+    ----------
+    records : sequence of mapping
+        Of `summary.json`.
+    model : str
+        Name of the response model that was asked for; what was tried already is not advised.
+    """
+    kinds: dict[str, list[Mapping[str, Any]]] = {}
+    for r in records:
+        if r["why"]:
+            kinds.setdefault(r["why"][0]["kind"], []).append(r)
+    return [_adequacy_sentence(kind, found, model) for kind, found in kinds.items()]
+
+
+def _adequacy_sentence(kind: str, records: Sequence[Mapping[str, Any]], model: str) -> str:
+    named = ", ".join(r["key"] for r in records[:NAMED])
+    more = f" and {len(records) - NAMED} more" if len(records) > NAMED else ""
+    remedy = REMEDIES[kind]
+    if model == AUTO_MODEL:
+        remedy = remedy.replace("`--model auto` or ", "").replace("`--model auto`, ", "")
+    which = f"{records[0]['key']}: " if len(records) > 1 else ""
+    message = unit_text(records[0]["why"][0]["message"])
+    return f"{SUBJECTS[kind].format(records=named + more)}: {which}{message}; {remedy}."
 
 
 def _worth_a_row(records: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -32,7 +32,7 @@ from sma_bayes.workflow.study_file import Study, read_study
 DONE, NOT_CONVERGED, WRONG = 0, 1, 2
 """Exit statuses of a step; that of the study is the greatest of them."""
 STATUS: Final = {DONE: "done", NOT_CONVERGED: "not converged", WRONG: "failed"}
-SKIPPED: Final = "skipped"
+SKIPPED, INADEQUATE = "skipped", "not adequate"
 
 FOLDERS: Final = {
     "fit": "fit",
@@ -73,6 +73,7 @@ def run_study(
     out: str | Path | None = None,
     jobs: int | None = None,
     resume: bool = False,
+    strict: bool | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Run all steps that a study file declares.
@@ -90,6 +91,8 @@ def run_study(
         Processes, in place of the declared number.
     resume : bool
         Go on with a study that was interrupted, or run steps that were added to its file.
+    strict : bool, optional
+        Whether a fit that is not adequate makes the exit status 1, in place of what is declared.
     progress : callable, optional
 
     Returns
@@ -117,7 +120,7 @@ def run_study(
     document: dict[str, Any] = {}
     with claimed_folder(folder, _identity(campaign), resume):
         for step in steps:
-            results.append(_result(step, results, tell))
+            results.append(_result(step, results, tell, strict=study.strict if strict is None else strict))
             document = _document(study, campaign, results, len(results) == len(steps), clock)
             write_json(folder / STUDY.file, document)
     return document
@@ -207,9 +210,10 @@ def _asked(fit: Path, summary: Path, asked: Mapping[str, Any], tell: Progress) -
     return found
 
 
-def _result(step: _Step, before: list[dict[str, Any]], tell: Progress) -> dict[str, Any]:
+def _result(step: _Step, before: list[dict[str, Any]], tell: Progress, *, strict: bool) -> dict[str, Any]:
     clock = time.perf_counter()
     failed = next((r for r in before if r["step"] == step.needs and r["exit_status"] == WRONG), None)
+    word, status = "", WRONG
     stated = {"step": step.name, "summary": None, "schema": None, "told": None, "error": None}
     if failed:
         stated["error"] = f"{failed['step']} failed"
@@ -220,13 +224,14 @@ def _result(step: _Step, before: list[dict[str, Any]], tell: Progress) -> dict[s
         raise
     except SmaBayesError as error:
         stated["error"] = str(error)
-        status = WRONG
     else:
         stated |= {"summary": step.summary, "schema": found["schema"], "told": _told(step.kind, found)}
         status = DONE if found["converged"] else NOT_CONVERGED
+        if strict and found["converged"] and not found.get("adequate", True):
+            word, status = INADEQUATE, NOT_CONVERGED
     return {
         **stated,
-        "status": STATUS[status],
+        "status": word or STATUS[status],
         "exit_status": status,
         "wall_s": time.perf_counter() - clock,
     }
@@ -236,7 +241,8 @@ def _told(kind: str, found: Mapping[str, Any]) -> str:
     """What a step found, in a few words."""
     if kind == "fit":
         good = sum(r["converged"] for r in found["records"])
-        return f"{good} of {len(found['records'])} records converged"
+        adequate = sum(r["adequate"] for r in found["records"])
+        return f"{good} of {len(found['records'])} records converged, {adequate} adequate"
     if kind == "compare":
         return "; ".join(f"{g['quantity']}: {g['verdict']}" for g in found["overall"])
     if kind == "gap":
@@ -264,7 +270,7 @@ def _document(
         "versions": all_versions(),
         "data_sha256": campaign.sha256,
         "finished": finished,
-        "converged": all(r["exit_status"] == DONE for r in results),
+        "converged": all(r["status"] in (STATUS[DONE], INADEQUATE) for r in results),
         "exit_status": max(r["exit_status"] for r in results),
         "steps": results,
         "wall_s": time.perf_counter() - clock,

@@ -41,6 +41,8 @@ class StudyTable(StrictTable):
         ``none`` or ``campaign``.
     figures : str
         ``auto``, ``all``, ``campaign`` or ``none``, see `figures_for`.
+    strict : bool
+        Whether a fit that is not adequate makes the exit status 1.
     """
 
     campaign: str
@@ -53,6 +55,7 @@ class StudyTable(StrictTable):
     noise: str = "auto"
     pool: Literal["none", "campaign"] = "none"
     figures: Figures = "auto"
+    strict: bool = False
 
 
 class DrawnTable(StrictTable):
@@ -149,6 +152,7 @@ class Study:
         there does not run.
     asks : tuple of mapping
         Arguments of each `ask`.
+    strict : bool
     """
 
     file: Path
@@ -159,6 +163,7 @@ class Study:
     jobs: int | None
     steps: Mapping[str, Mapping[str, Any]]
     asks: tuple[Mapping[str, Any], ...]
+    strict: bool
 
 
 def read_study(path: Path) -> Study:
@@ -203,6 +208,7 @@ def read_study(path: Path) -> Study:
         jobs=study.jobs,
         steps=steps,
         asks=asks,
+        strict=study.strict,
     )
 
 

@@ -70,6 +70,37 @@ def test_a_run_that_does_not_converge_ends_with_1_and_says_so(
     assert [r["converged"] for r in summary["records"]] == [False, False]
 
 
+def test_strict_makes_an_inadequate_fit_the_exit_status(run: Run, measured: Path, tmp_path: Path) -> None:
+    """Samples that are counted as fewer than they are give no density of the data: converged, never adequate."""
+    call = (
+        "fit",
+        measured,
+        "--out",
+        tmp_path / "out",
+        "--noise",
+        "effective_samples",
+        "--no-figures",
+        "--jobs",
+        1,
+    )
+    outcome = run(*call, "--strict")
+    assert (outcome.status, outcome.err) == (1, "")
+    assert "The fit does not describe the data of run-heating, run-cooling" in " ".join(outcome.out.split())
+    assert "leave out `--noise effective_samples`" in outcome.out
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["converged"], summary["adequate"]) == (True, False)
+    assert run(*call, "--resume").status == 0, (
+        "without --strict only convergence counts, and it is the same run"
+    )
+
+
+def test_strict_lets_an_adequate_fit_pass(run: Run, measured: Path, tmp_path: Path) -> None:
+    outcome = run("fit", measured, "--out", tmp_path / "out", "--no-figures", "--strict", "--jobs", 1)
+    assert outcome.status == 0
+    assert "does not describe" not in outcome.out
+    assert "adequate" in outcome.out
+
+
 def test_one_branch_is_fitted_and_said(
     run: Run, make_sweep: Callable[..., list[str]], tmp_path: Path
 ) -> None:

@@ -73,6 +73,24 @@ def test_steps_are_run_resumed_and_added(run: Callable[..., Any], study: Path) -
     assert "no two conditions" in more.out
 
 
+@pytest.mark.parametrize(("declared", "asked"), [("strict = true\n", ()), ("", ("--strict",))])
+def test_a_strict_study_ends_with_1_where_the_fit_is_not_adequate(
+    run: Callable[..., Any], study: Path, declared: str, asked: tuple[str, ...]
+) -> None:
+    text = STUDY.replace('noise = "independent"\n', 'noise = "effective_samples"\n' + declared)
+    outcome = run("run", written(study, text), *asked)
+    assert (outcome.status, outcome.err) == (1, "")
+    found = document(study.parent)
+    assert (found["converged"], found["exit_status"]) == (True, 1)
+    assert [(s["step"], s["status"], s["exit_status"]) for s in found["steps"]] == [
+        ("fit", "not adequate", 1),
+        ("ask 1", "done", 0),
+    ]
+    assert "2 of 2 records converged, 0 adequate" in outcome.out
+    lenient = run("run", written(study, text.replace(declared, "") if declared else text), "--resume")
+    assert lenient.status == 0
+
+
 def test_a_step_with_other_options_is_refused_and_what_was_told_is_kept(
     run: Callable[..., Any], study: Path
 ) -> None:
