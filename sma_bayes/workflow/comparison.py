@@ -37,7 +37,7 @@ from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.results.documents import COMPARISON
 from sma_bayes.results.store import plain, write_csv, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import FitOptions, Pool, prior_set
+from sma_bayes.workflow.options import FitOptions, Pool, one_model, prior_set
 from sma_bayes.workflow.under_way import UnderWay
 
 FEWEST_CONDITIONS = 2
@@ -102,7 +102,7 @@ def compare(
     OutputError, ResumeError
         If `out` can't be used.
     """
-    options = FitOptions(prior_set(priors, model), seed, noise, pool, model=model)
+    options = FitOptions(prior_set(priors, one_model(model)), seed, noise, pool, model=model)
     records = units_of(campaign, pool)
     check(records, options)
     drawn = figures_for(figures, len(records))

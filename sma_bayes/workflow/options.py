@@ -84,6 +84,25 @@ def model_named(name: str) -> str:
     return name if name == AUTO_MODEL else RESPONSE_MODELS[name].name
 
 
+def one_model(name: str) -> str:
+    """Check the name of a response model where a single one must be named.
+
+    Raises
+    ------
+    SmaBayesError
+        If it is to be chosen from the records.
+    UnknownNameError
+        If there is none of that name.
+    """
+    if name == AUTO_MODEL:
+        raise SmaBayesError(
+            f"--model {AUTO_MODEL}",
+            expected="the name of one response model: it is the same for all records here",
+            remedy=f"fit with --model {AUTO_MODEL} first, and name the model that it takes",
+        )
+    return model_named(name)
+
+
 def pool_named(name: str) -> Pool:
     """Check the name of a way to pool.
 
