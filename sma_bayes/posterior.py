@@ -389,6 +389,37 @@ class Posterior:
             relative[channel] = np.hypot(scale, spread.get(channel, 0.0))[0] / sd
         return {c: y[0] for c, y in mean.items()}, relative
 
+    def working_residual(
+        self, theta: Floats, record: int, channel: str, residual: Floats, relative: Floats
+    ) -> Floats:
+        """Residual that would pull normal noise as hard as this one pulls noise of heavy tails.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (P,)
+        record : int
+        channel : str
+        residual : ndarray, shape (n,)
+            [unit of the channel]
+        relative : ndarray, shape (n,) or (1,)
+            How much wider than ``sd`` measurements scatter.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            ``score/information`` of each innovation, the memory put back, and the likeliest discrepancy.
+        """
+        at, noise, steps = self.layout[record].noise[channel], self.noise, self.steps[record]
+        shape, scale = theta[None, at[1:]], theta[at[0]] * relative[None]
+        e = residual / scale
+        missed: Floats = np.zeros(1)
+        if channel in self.discrepancy[record]:
+            whitened = self._whitened(theta[None], record, channel, e, scale)
+            missed = whitened.likeliest_weights() @ whitened.rows
+        left = noise.decorrelate(e - missed / scale, shape, steps)
+        pull = noise.score(left, shape) / noise.location_information(shape)[:, None]
+        return np.asarray((noise.correlate(pull, shape, steps) * scale + missed)[0])
+
     def _moments(self, theta: Floats, record: int) -> tuple[dict[str, Floats], dict[str, list[Floats]]]:
         """Mean response, and for each channel the parts of its deviation at each node of the quadrature."""
         r, model_theta = self.records[record], theta[:, self.layout[record].model]
