@@ -187,6 +187,7 @@ def test_evaluations_are_those_that_the_density_saw() -> None:
         assert draws.evaluations == pytest.approx(rows, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["de", "stretch"])
 def test_other_samplers_cross_check_the_default(name: str) -> None:
     """Shares of a bent density below three quantiles of the default's draws: 1,000 effective draws on either side, so
