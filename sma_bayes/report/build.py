@@ -33,6 +33,7 @@ from sma_bayes.report.figures import (
     diagnostics_of_many,
     differences_figure,
     disagreement_loops,
+    discrepancy_figure,
     effect_figure,
     effect_parameter_figure,
     effects_figure,
@@ -60,6 +61,7 @@ from sma_bayes.report.gap_tables import gap_tables
 from sma_bayes.report.gather import report_content
 from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
 from sma_bayes.report.residuals import median_curves, standardised_residuals
+from sma_bayes.report.stored_draws import draws_of
 from sma_bayes.report.tables import Table, report_tables, write_tables
 from sma_bayes.report.took import account_table
 from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, MARK
@@ -237,7 +239,7 @@ def _write_page(task: _PageTask) -> None:
 
 def _page_tasks(folder: Path, content: Content, figures: Mapping[str, FigureFiles]) -> list[_PageTask]:
     def of(r: RecordContent) -> dict[str, FigureFiles]:
-        kinds = ("corner", "trace", "predictive", "residuals")
+        kinds = ("corner", "trace", "predictive", "residuals", "discrepancy")
         stems = (f"loop-{r.condition}", *(f"{kind}-{r.key}" for kind in kinds))
         return {stem: figures[stem] for stem in stems if stem in figures}
 
@@ -262,6 +264,10 @@ class _RecordTask:
         yield partial(predictive_figure, branch)
         residuals = standardised_residuals(self.record, branch.stored, branch.curve)
         yield partial(residual_figure, branch, residuals)
+        if self.record.missed:
+            stored = read_run(self.folder)
+            summary = next(r for r in stored.summary["records"] if r["key"] == self.record.key)
+            yield partial(discrepancy_figure, self.record, draws_of(stored, summary))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
+from sma_bayes.assess.adequacy import Missed, Reason
 from sma_bayes.inference.convergence import Target
 from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.notation import compact
+from sma_bayes.response import DEFAULT_MODEL
 
 LEVEL: Final = "90 %"
 INTERVAL: Final = f"equal-tailed {LEVEL} credible interval"
@@ -203,6 +205,24 @@ class TransformationTemperature:
 
 
 @dataclass(frozen=True, slots=True)
+class NearestParameter:
+    """A parameter of the published curve that is nearest to a curve.
+
+    Attributes
+    ----------
+    name, channel : str
+    estimate : Estimate
+    defined : float
+        Share of the draws that have one [1].
+    """
+
+    name: str
+    channel: str
+    estimate: Estimate
+    defined: float
+
+
+@dataclass(frozen=True, slots=True)
 class PredictiveCheck:
     """A statistic of the residuals, measured and replicated [1].
 
@@ -284,7 +304,14 @@ class RecordContent:
     Attributes
     ----------
     key, condition, branch : str
-    converged : bool
+    converged, adequate : bool
+    reasons : tuple of Reason
+        Why it is not adequate; empty where it is.
+    model, model_reason : str
+        Name of the response model; why it was taken, empty where it was asked for.
+    nearest : tuple of NearestParameter
+    missed : tuple of Missed
+        What the curves miss, by channel; empty where nothing stands beside them.
     n, rows_averaged, segments : int
     settings : mapping of str to Number
     temperature_unit : str
@@ -317,6 +344,12 @@ class RecordContent:
     condition: str
     branch: str
     converged: bool
+    adequate: bool
+    reasons: tuple[Reason, ...]
+    model: str
+    model_reason: str
+    nearest: tuple[NearestParameter, ...]
+    missed: tuple[Missed, ...]
     n: int
     rows_averaged: int
     segments: int
@@ -344,6 +377,18 @@ class RecordContent:
     def model_parameters(self) -> tuple[ParameterResult, ...]:
         """Parameters of the response, without those of the noise."""
         return tuple(p for p in self.parameters if not p.of_noise)
+
+    @property
+    def other_than_published(self) -> bool:
+        """Whether the curve is another than the published one, be it by its model or by what stands beside it."""
+        return self.model != DEFAULT_MODEL or bool(self.missed)
+
+    @property
+    def stiffness_withheld(self) -> tuple[Reason, ...]:
+        """Why no stiffness is given of this record: its curves are led by their priors; empty where it is given."""
+        if self.channel("stiffness") is None:
+            return ()
+        return tuple(reason for reason in self.reasons if reason.kind == "prior")
 
     @property
     def worst_rhat(self) -> ParameterResult | None:
@@ -504,6 +549,11 @@ class Content:
     def unconverged(self) -> tuple[RecordContent, ...]:
         """Records of which none may be drawn."""
         return tuple(r for r in self.records if not r.converged)
+
+    @property
+    def inadequate(self) -> tuple[RecordContent, ...]:
+        """Records that curve and noise do not describe, or whose data do not determine the curve."""
+        return tuple(r for r in self.records if not r.adequate)
 
     @property
     def conditions(self) -> tuple[str, ...]:

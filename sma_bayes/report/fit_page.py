@@ -24,6 +24,7 @@ from sma_bayes.report.figures.sheet import numbered
 from sma_bayes.report.html import Picture, embedded, estimate_text, rendered
 from sma_bayes.report.notation import MISSING, write
 from sma_bayes.report.tables import Cell, Column, Table, cell_text, report_tables
+from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.results.store import write_text
 
 TEMPLATE: Final = "report.html.j2"
@@ -126,6 +127,8 @@ def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str,
         pictures=pictures,
         level=LEVEL,
         check_tail=CHECK_TAIL,
+        default_model=DEFAULT_MODEL,
+        auto_model=AUTO_MODEL,
         paper_correlation=PAPER_CORRELATION,
         shapes=SHAPES,
         without_empty=without_empty,
@@ -191,8 +194,8 @@ class NoiseGroup:
     title, chosen_by : str
     records : tuple of RecordContent
     lag1, margin : tuple of float or None
-        Least and greatest correlation of neighbouring residuals, and lead over the next best model in the
-        information criterion [1]; None where it was not compared.
+        Least and greatest correlation of neighbouring residuals, and ln evidence less that of the best other model
+        [1]; None where it was not compared.
     """
 
     title: str
@@ -213,12 +216,17 @@ def noise_groups(content: Content) -> tuple[NoiseGroup, ...]:
             by,
             tuple(records),
             _ends([v for r in records for v in r.noise.lag1.values()]),
-            _ends(
-                [-sorted(r.noise.ln_evidence.values())[-2] for r in records if len(r.noise.ln_evidence) > 1]
-            ),
+            _ends([lead for r in records if (lead := _lead(r)) is not None]),
         )
         for (title, by), records in groups.items()
     )
+
+
+def _lead(record: RecordContent) -> float | None:
+    """Ln evidence of the noise model less that of the best other one; None where none was compared."""
+    found = dict(record.noise.ln_evidence)
+    own = found.pop(record.noise.name, None)
+    return None if own is None or not found else own - max(found.values())
 
 
 def _ends(values: list[float]) -> tuple[float, float] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
+from sma_bayes.assess.adequacy import Missed, Reason
 from sma_bayes.assess.correlation import FACTORS
 from sma_bayes.assess.summary import NOISE
 from sma_bayes.errors import OutputError
@@ -17,6 +18,7 @@ from sma_bayes.report.content import (
     Content,
     Estimate,
     Finding,
+    NearestParameter,
     Noise,
     Number,
     ParameterResult,
@@ -112,6 +114,12 @@ def is_twin(summary: Mapping[str, Any]) -> bool:
 
 
 def _record(r: Mapping[str, Any]) -> RecordContent:
+    if "adequate" not in r:
+        raise OutputError(
+            f"summary.json does not say whether {r['key']} is adequate",
+            expected="a fit by this version",
+            remedy="fit anew into another folder",
+        )
     quantities: Mapping[str, Mapping[str, str]] = r["quantities"]
     names = {channel: q["name"] for channel, q in quantities.items()}
     temperature = r["temperature"]
@@ -121,6 +129,12 @@ def _record(r: Mapping[str, Any]) -> RecordContent:
         condition=r["condition"],
         branch=r["branch"],
         converged=bool(r["converged"]),
+        adequate=bool(r["adequate"]),
+        reasons=tuple(Reason(w["kind"], w["channel"], unit_text(w["message"])) for w in r["why"]),
+        model=r["model"],
+        model_reason=_renamed((r.get("model_choice") or {}).get("reason", ""), names),
+        nearest=tuple(_nearest(name, p, names) for name, p in r["nearest"].items()),
+        missed=tuple(_missed(c, m) for c, m in r["discrepancy"].items()),
         n=int(r["n"]),
         rows_averaged=int(r.get("rows_averaged", 1)),
         segments=int(r.get("segments", 1)),
@@ -251,6 +265,25 @@ def _transformation(name: str, t: Mapping[str, Any], names: Mapping[str, str]) -
         outstanding=t.get("outstanding"),
         samples=int(t.get("samples", 0)),
         defined=float(t.get("defined", 1.0)),
+    )
+
+
+def _nearest(name: str, p: Mapping[str, Any], names: Mapping[str, str]) -> NearestParameter:
+    return NearestParameter(
+        name, names.get(p["channel"], p["channel"]), _estimate(p, p["unit"]), float(p["defined"])
+    )
+
+
+def _missed(channel: str, m: Mapping[str, Any]) -> Missed:
+    gain = m["ln_bayes_factor"]
+    return Missed(
+        channel,
+        m["unit"],
+        m["rms"],
+        m["largest"],
+        m["at"],
+        m["share"],
+        float("nan") if gain is None else gain,
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from sma_bayes.assess.adequacy import Missed
 from sma_bayes.assess.checks import CHECKED
 from sma_bayes.report.content import (
     INTERVAL,
@@ -16,6 +17,7 @@ from sma_bayes.report.content import (
     Channel,
     Content,
     Estimate,
+    NearestParameter,
     Number,
     ParameterResult,
     PredictiveCheck,
@@ -38,7 +40,13 @@ OF_ROW: Final = "unit"
 SQUARED: Final = "unit²"
 """The square of that."""
 
-WIDE: Final = {"finding": "0.45", "prior": "0.17", "meaning": "0.2", "remedy": "0.3"}
+NEAREST: Final = (
+    "The published curve, Eq. (2) or (4), that is nearest to each posterior curve, discrepancy included: least mean "
+    "square over the temperatures that were measured."
+)
+"""Norm and range of the nearest published parameters."""
+
+WIDE: Final = {"finding": "0.45", "why": "0.5", "prior": "0.17", "meaning": "0.2", "remedy": "0.3"}
 """Columns whose words may be broken in LaTeX, with their share of the line."""
 
 Cell = str | int | bool | Number | Estimate | None
@@ -126,6 +134,9 @@ def report_tables(content: Content) -> dict[str, Table]:
         quantity_table(content),
         transformation_table(content.records),
         diagnostics_table(content.records),
+        adequacy_table(content.records),
+        missed_table(content.records),
+        nearest_table(content.records),
         noise_table(content.records),
         check_table(content.records),
         finding_table(content),
@@ -462,6 +473,97 @@ def _diagnostic_cells(r: RecordContent) -> tuple[Cell, ...]:
         Number(s.ln_evidence, "1", s.ln_evidence_sd),
         Number(s.ln_evidence_sd, "1", s.ln_evidence_sd),
         Number(s.wall_s, "s", 0.1),
+    )
+
+
+def adequacy_table(records: Sequence[RecordContent]) -> Table:
+    """Whether curve and noise describe each record, and why not."""
+    return Table(
+        "adequacy",
+        "Adequacy",
+        "A record is adequate where curve and noise could have made its data: the curve misses at no temperature more "
+        "than 2 % of the range and three standard deviations of the noise, no predictive check fails, the noise leaves "
+        "the response to be seen, and the data, not the prior, tell where and how fast it changes.",
+        (
+            *_RECORD,
+            Column("model", "model"),
+            Column("adequate", "adequate"),
+            Column("why not", "why"),
+        ),
+        tuple(
+            (*_head(r), r.model, r.adequate, "; ".join(reason.message for reason in r.reasons) or None)
+            for r in records
+        ),
+    )
+
+
+def missed_table(records: Sequence[RecordContent]) -> Table:
+    """What the curves miss, as far as a discrepancy beside them tells."""
+    return Table(
+        "missed",
+        "What the curves miss",
+        "A smooth function of temperature beside the curve, kept apart from all that the parameters of the curve can "
+        "do. Rms: root mean square over the samples. Largest: where its median is largest, with the temperature and "
+        "the share of the measured range. It is taken where it gains evidence: ln Bayes factor, at the warm start.",
+        (
+            *_RECORD,
+            Column("channel", "channel"),
+            Column("unit", "unit"),
+            Column("rms", "rms", OF_ROW),
+            Column("largest", "largest", OF_ROW),
+            Column("at temperature", "at"),
+            Column("share of range [%]", "share_percent", "1"),
+            Column("ln Bayes factor", "ln_bayes_factor", "1"),
+        ),
+        tuple((*_head(r), *_missed_cells(r, m)) for r in records for m in r.missed),
+    )
+
+
+def _missed_cells(r: RecordContent, m: Missed) -> tuple[Cell, ...]:
+    channel = r.channel(m.channel)
+    fine = 0.1 * m.rms
+    return (
+        m.channel if channel is None else channel.name,
+        unit_label(m.unit) or "1",
+        Number(m.rms, m.unit, fine),
+        Number(m.largest, m.unit, fine),
+        f"{write([m.at], digits=3).plain[0]} {unit_label(r.temperature_unit)}",
+        Number(100.0 * m.share, "1", 1.0),
+        Number(m.ln_bayes_factor, "1", 1.0),
+    )
+
+
+def nearest_table(records: Sequence[RecordContent]) -> Table:
+    """Parameters of the published curves nearest to curves of another kind."""
+    return Table(
+        "nearest",
+        "Nearest published parameters",
+        f"{NEAREST} Median and {INTERVAL}; none where more than 5 % of the draws have no nearest curve.",
+        (
+            *_RECORD,
+            Column("channel", "channel"),
+            Column("parameter", "parameter"),
+            Column("unit", "unit"),
+            Column("value", "value", OF_ROW),
+            Column("nearest over", "range"),
+            Column("draws with a value", "defined", "1", brief=False),
+        ),
+        tuple(
+            (*_head(r), *_nearest_cells(r, p)) for r in records if r.other_than_published for p in r.nearest
+        ),
+        grouped=3,
+    )
+
+
+def _nearest_cells(r: RecordContent, p: NearestParameter) -> tuple[Cell, ...]:
+    low, high = r.temperature_range
+    return (
+        p.channel,
+        p.name,
+        unit_label(p.estimate.unit) or "1",
+        p.estimate,
+        f"{write([low]).plain[0]} to {write([high]).plain[0]} {unit_label(r.temperature_unit)}",
+        Number(p.defined, "1", 0.01),
     )
 
 

@@ -16,6 +16,7 @@ from sma_bayes.report.figures.conditions import (
 )
 from sma_bayes.report.figures.crowd import correlation_of_many, diagnostics_of_many, parameters_of_many
 from sma_bayes.report.figures.disagreement import disagreement_loops, residual_maps
+from sma_bayes.report.figures.discrepancy import discrepancy_figure
 from sma_bayes.report.figures.marginals import corner_figure
 from sma_bayes.report.figures.missing import effect_figure, effect_parameter_figure, ladder_figure
 from sma_bayes.report.figures.models import curves_figure, differences_figure, pages
@@ -50,6 +51,7 @@ __all__ = [
     "diagnostics_of_many",
     "differences_figure",
     "disagreement_loops",
+    "discrepancy_figure",
     "effect_figure",
     "effect_parameter_figure",
     "effects_figure",
