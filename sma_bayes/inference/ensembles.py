@@ -88,7 +88,7 @@ class Plan:
     walkers: int = 64
     block: int = 6
     explore_block: int = 250
-    evaluations: int = 1_000_000
+    evaluations: int = 6_000_000
     greatest_weight: float = GREATEST_SHARE
     sampler: Sampler = SAMPLERS["independence"]
 

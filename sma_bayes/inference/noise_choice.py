@@ -33,8 +33,8 @@ EVEN = 0.05
 """Relative spread of the time steps below which samples count as evenly spaced."""
 SIGN = 1.3
 """Standard errors from which a sign counts: one false sign in five, so that hardly any true one is overlooked."""
-EARNED = 1.0
-"""What a noise model other than the simplest must gain in ln evidence to be taken."""
+EARNED = 1.5
+"""What each of a memory and heavy tails must gain in ln evidence to be taken."""
 EARNED_BEYOND = 2.0
 """What growth and an error of the thermometer must gain: they are looked at last, beside the best of the others."""
 REACH = 10.0
@@ -135,7 +135,7 @@ def choose_noise(
             and (signs.memory or not model.remembers)
             and (model.is_gaussian or (signs.tails and not residuals.bent))
         ]
-        best = max(names, key=lambda n: look(n).ln_evidence + (EARNED if n == SIMPLEST else 0.0))
+        best = max(names, key=lambda n: look(n).ln_evidence - EARNED * _features(NOISE_MODELS[n]))
         signs = signs.joined(residuals.signs(look(best)))
         for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
             if not sign:
@@ -165,6 +165,11 @@ def choose_noise(
         chosen.estimate,
         chosen.temperature_sd,
     )
+
+
+def _features(noise: NoiseModel) -> int:
+    """How many of memory and heavy tails a noise model has."""
+    return int(noise.remembers) + int(not noise.is_gaussian)
 
 
 def _without_what_is_not_needed(name: str, series: Sequence[str], ln_evidence: Callable[[str], float]) -> str:

@@ -22,6 +22,8 @@ from sma_bayes.response.base import ResponseModel
 from sma_bayes.results.fitting import AUTO
 
 DEFAULT_SAMPLER: Final = "independence"
+AFFORDED: Final = 1_000_000
+"""Evaluations that a record is given before it is called not converged; a cross-check has as many as it takes."""
 Pool = Literal["none", "campaign"]
 
 
@@ -132,6 +134,8 @@ def plan_with(sampler: str) -> Plan:
             expected=near_matches(sampler, SAMPLERS),
             remedy=f"choose one of {', '.join(SAMPLERS)}",
         )
+    if sampler == DEFAULT_SAMPLER:
+        return Plan(sampler=SAMPLERS[sampler], evaluations=AFFORDED)
     return Plan(sampler=SAMPLERS[sampler])
 
 
