@@ -22,7 +22,7 @@ from sma_bayes.response.base import ResponseModel
 from sma_bayes.results.fitting import AUTO
 
 DEFAULT_SAMPLER: Final = "independence"
-AFFORDED: Final = 1_000_000
+AFFORDED: Final = 400_000
 """Evaluations that a record is given before it is called not converged; a cross-check has as many as it takes."""
 Pool = Literal["none", "campaign"]
 

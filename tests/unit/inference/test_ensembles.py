@@ -342,7 +342,7 @@ def test_a_transition_that_fell_between_two_samples(seed: int) -> None:
     start = warm_start(first, np.random.default_rng(seed))
     posterior = posterior_with("student_t", first, start, read_priors("modified_sigmoid"))
     z = noise_start(posterior, start)
-    plan = Plan(evaluations=1_500_000)
+    plan = Plan(target=Target(), evaluations=1_500_000)
     draws = sample(posterior, [z], posterior.space.prior_sd(), np.random.SeedSequence(seed), plan)
     assert draws.convergence.converged
 
