@@ -155,7 +155,7 @@ def build_basis(
         None where there are too few samples beyond those that the parameters need.
     """
     room = np.unique(temperature).size - tangents.shape[1]
-    m = min(functions, room)
+    m = min(functions, room // 2)  # as many samples again tell the noise apart from what is smooth
     if m < 1:
         return None
     even, leading = _eigenfunctions()
