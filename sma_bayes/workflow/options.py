@@ -22,8 +22,10 @@ from sma_bayes.response.base import ResponseModel
 from sma_bayes.results.fitting import AUTO
 
 DEFAULT_SAMPLER: Final = "independence"
-AFFORDED: Final = 400_000
-"""Evaluations that a record is given before it is called not converged; a cross-check has as many as it takes."""
+AFFORDED: Final = 100_000_000
+"""Samples times evaluations that a record is given before it is called not converged, but `LEAST` evaluations at least
+and those of a `Plan` at most; a cross-check has as many as it takes."""
+LEAST: Final = 300_000
 Pool = Literal["none", "campaign"]
 
 
@@ -134,9 +136,16 @@ def plan_with(sampler: str) -> Plan:
             expected=near_matches(sampler, SAMPLERS),
             remedy=f"choose one of {', '.join(SAMPLERS)}",
         )
-    if sampler == DEFAULT_SAMPLER:
-        return Plan(sampler=SAMPLERS[sampler], evaluations=AFFORDED)
     return Plan(sampler=SAMPLERS[sampler])
+
+
+def plan_for(options: FitOptions, records: Sequence[Record]) -> Plan:
+    """Plan for records that share a posterior: the more samples an evaluation takes, the fewer are afforded."""
+    plan = options.plan
+    if plan.sampler != SAMPLERS[DEFAULT_SAMPLER]:
+        return plan
+    afforded = max(LEAST, AFFORDED // sum(r.n for r in records))
+    return replace(plan, evaluations=min(plan.evaluations, afforded))
 
 
 def bias_spring(

@@ -116,7 +116,11 @@ def keys(document: object) -> set[str]:
     found = set(document)
     for key, value in document.items():
         if key in named and isinstance(value, dict):
-            found |= set() if key in ("lag1", "ln_evidence", "held_out", "versions") else keys(list(value.values()))
+            found |= (
+                set()
+                if key in ("lag1", "ln_evidence", "held_out", "versions")
+                else keys(list(value.values()))
+            )
         elif key in ("shape", "stages_s", "stages_cpu_s"):
             continue
         else:

@@ -76,8 +76,8 @@ def discrepancy_figure(content: RecordContent, draws: RecordDraws) -> Drawing:
             f"What the curve of {content.key} misses. Above: measurements, the median curve of the model alone and the "
             "total curve, discrepancy included, with its 90 % band. Below: the discrepancy, median with 50 % and 90 % "
             "bands, on the right in per cent of the measured range; grey: one standard deviation of the noise of a "
-            "reading, the error of its temperature included; the circle marks where its median is largest. The discrepancy is kept apart from all that the "
-            "parameters of the curve can do, and it is part of all other bands."
+            "reading, the error of its temperature included; the circle marks where the median is largest. The "
+            "discrepancy is kept apart from all that the parameters of the curve can do; it is part of all other bands."
         ),
         alt=f"discrepancy of {', '.join(c.name for c in channels)} of {content.key} against temperature",
         figure=figure,

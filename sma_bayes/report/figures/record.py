@@ -26,6 +26,7 @@ from sma_bayes.report.figures.sheet import (
     dot_handle,
     empty_sheet,
     heading,
+    label_width,
     panels,
     remark,
     take_power,
@@ -53,7 +54,15 @@ def trace_figure(branch: BranchData) -> Drawing:
     figure = empty_sheet(8.6, height)
     note = unconverged_note([branch.content])
     trace, memory = panels(
-        figure, 1, 2, left=1.15, right=0.15, bottom=0.5, top=0.45, gap_x=0.35, ratio=(2, 1)
+        figure,
+        1,
+        2,
+        left=max(1.15, label_width(draws)),
+        right=0.15,
+        bottom=0.5,
+        top=0.45,
+        gap_x=0.35,
+        ratio=(2, 1),
     )[0]
     lags = {name: _autocorrelation(d) for name, d in draws.items()}
     for lane, (name, d) in enumerate(draws.items()):

@@ -10,6 +10,7 @@ import pytest
 
 from sma_bayes.errors import OutputError
 from sma_bayes.report.build import build_report
+from sma_bayes.report.content import Content
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,7 @@ def built(
     return folder, told
 
 
-def test_everything_is_there(built: tuple[Path, list[tuple[int, int, str]]]) -> None:
+def test_everything_is_there(built: tuple[Path, list[tuple[int, int, str]]], content: Content) -> None:
     folder, _ = built
     stems = {p.stem for p in (folder / "figures").iterdir()}
     assert stems == {
@@ -33,9 +34,10 @@ def test_everything_is_there(built: tuple[Path, list[tuple[int, int, str]]]) -> 
         "parameters", "diagnostics", "printed",
         *(f"{kind}-100g-10mHz-{branch}" for kind in ("corner", "trace", "predictive", "residuals")
           for branch in ("heating", "cooling")),
+        *(f"discrepancy-{r.key}" for r in content.records if r.missed),
     }  # fmt: skip
     assert len(list((folder / "figures").iterdir())) == 3 * len(stems)
-    assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 12
+    assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 15
     assert not [p for p in folder.rglob(".*") if p.is_file()]  # no temporary file is left
 
 

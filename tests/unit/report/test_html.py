@@ -118,7 +118,7 @@ def test_the_noise_model_is_said_aloud_with_its_reason(page: Reader, content: Co
     for record in content.records:
         assert record.noise.title in noise
         assert record.noise.reason.split(":")[0] in noise
-    assert "Bayesian information criterion prefers this model" in re.sub(r"\s+", " ", noise)
+    assert "ln evidence of this model less that of the best other one" in re.sub(r"\s+", " ", noise)
 
 
 def test_provenance_is_complete(page: Reader, content: Content) -> None:
@@ -213,7 +213,7 @@ def test_the_overview_marks_what_is_not_identified(content: Content) -> None:
 
 def test_noise_models_are_grouped(content: Content) -> None:
     a, b = content.records
-    chosen = replace(b, noise=replace(b.noise, title="AR(1)", chosen_by="the user", lag1={}, bic={}))
+    chosen = replace(b, noise=replace(b.noise, title="AR(1)", chosen_by="the user", lag1={}, ln_evidence={}))
     mixed = replace(content, records=(a, chosen))
     groups = noise_groups(mixed)
     assert [(g.title, len(g.records)) for g in groups] == [(a.noise.title, 1), ("AR(1)", 1)]
