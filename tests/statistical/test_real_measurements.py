@@ -17,7 +17,7 @@ from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.posterior import build_posterior
 from sma_bayes.records.campaign import read_campaign
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 RECORDS = {

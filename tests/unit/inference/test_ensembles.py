@@ -325,6 +325,7 @@ def test_two_modes_of_a_record_with_memory(make_record: Callable[..., Record]) -
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_transition_that_fell_between_two_samples(seed: int) -> None:
     """Two levels are known, and of the transition that it was in between; the slower, the farther apart the levels end.
