@@ -52,7 +52,11 @@ Priors = Annotated[
     typer.Option(help="Priors: the name of a shipped set, or a TOML file; those of the model by default."),
 ]
 Model = Annotated[
-    str, typer.Option(help="Response model: 'sma-bayes priors --list' names them.", metavar="NAME")
+    str,
+    typer.Option(
+        help="Response model: 'sma-bayes priors --list' names them; for fit also 'auto', the best supported.",
+        metavar="NAME",
+    ),
 ]
 Noise = Annotated[
     str, typer.Option(help="Noise model, or 'auto': chosen from the residuals of the least-squares fit.")

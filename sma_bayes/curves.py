@@ -60,21 +60,22 @@ class CurveDraws:
             return self._path_stiffness(temperature)
         with np.errstate(over="ignore", invalid="ignore"):
             value = self.posterior.model.predict(self.model_theta, {"temperature": temperature})[channel]
+        value = self._of_observed_stiffness(channel, value)
         if channel in self.weights:
             value = value + self._gain(channel) * self._missed(channel, temperature)
-        return self._of_observed_stiffness(channel, value)
+        return value
 
     def slope(self, channel: str, temperature: Floats) -> Floats:
         """Derivatives of the curves of a measured channel with respect to temperature, shape (S, m)."""
         with np.errstate(over="ignore", invalid="ignore"):
             slope = self.posterior.model.slope(self.model_theta, {"temperature": temperature})[channel]
+        if channel == "stiffness":  # no parameter stands for its gain
+            slope = self._gain(channel) * slope
         if channel in self.weights:
             basis = self.posterior.discrepancy[self.record][channel]
             at = self._read(temperature)
             change = basis.function_slope(self.weights[channel], at)
             slope = slope + self._gain(channel) / self._gain("temperature") * change
-        if channel == "stiffness" and channel in self.calibration:
-            slope = self._gain(channel) * slope
         return np.asarray(slope)
 
     def _path_stiffness(self, temperature: Floats) -> Floats:

@@ -155,7 +155,7 @@ def build_basis(
         None where there are too few samples beyond those that the parameters need.
     """
     room = np.unique(temperature).size - tangents.shape[1]
-    m = min(functions, room)
+    m = min(functions, room // 2)  # as many samples again tell the noise apart from what is smooth
     if m < 1:
         return None
     even, leading = _eigenfunctions()
@@ -391,8 +391,13 @@ class _Coupled(_Weights):
         self.unusable = np.where(usable, 0.0, np.nan)
 
     def solve(self, right: Floats) -> Floats:
-        half = np.linalg.solve(self.root, right[..., None])
-        return np.asarray(np.linalg.solve(np.swapaxes(self.root, 1, 2), half)[..., 0])
+        return np.asarray((self._inverse @ right[..., None])[..., 0])
+
+    @cached_property
+    def _inverse(self) -> Floats:
+        """Of ``1 + H``: one inverse serves all steps of scoring, and LAPACK has none for triangles in batches."""
+        inverse_root = np.linalg.inv(self.root)
+        return np.asarray(np.swapaxes(inverse_root, 1, 2) @ inverse_root)
 
     def half_log_determinant(self) -> Floats:
         return np.asarray(np.log(np.einsum("wmm->wm", self.root)).sum(axis=1) + self.unusable)

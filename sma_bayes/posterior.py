@@ -5,7 +5,8 @@
 One posterior serves one record (each condition and branch its own A and B), or several that share A and B.
 What is shared is a layout of positions in the parameter vector; the sampler never knows the difference.
 
-An error of the thermometer, declared or estimated, moves all channels of a sample together. The true temperature is
+An error of the thermometer, declared or estimated, moves all channels of a sample together. Where noise has no memory
+the true temperature of each sample is integrated out by Laplace's method. With a memory, or beside a discrepancy, it is
 normal about the reading with standard deviation ``s_T``; mean and covariance of the response under it are found by
 Gauss-Hermite quadrature, which holds to any order of ``s_T`` times the slope. Residuals are whitened channel by
 channel by conditioning on those before. What is left has unit variance and is handed to the noise model, so that a
@@ -46,6 +47,9 @@ CHUNK = 1 << 15
 
 QUADRATURE = np.polynomial.hermite_e.hermegauss(7)
 """Nodes and weights under a standard normal (up to a factor); exact for polynomials of degree 13."""
+
+LATENT_STEPS = 5
+"""Steps of reweighted least squares to the likeliest true temperature of each sample."""
 
 Weights = tuple[Mapping[str, Floats], ...]
 """For each record, channel to weights (W, m) of its discrepancy; channels without one are left out."""
@@ -176,6 +180,9 @@ class Posterior:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             for i, record in enumerate(self.records):
                 for part in batches(len(theta), record.n, CHUNK):
+                    if self._is_latent(i):
+                        total[part] += self._latent_log_density(theta[part], i)[0].sum(axis=1)
+                        continue
                     for channel, e, scale in self._standardised(theta[part], i):
                         shape = theta[part][:, self.layout[i].noise[channel][1:]]
                         if channel in self.discrepancy[i]:
@@ -198,7 +205,8 @@ class Posterior:
         Returns
         -------
         tuple of dict
-            For each record, channel to array of shape (W, n). Without discrepancies their sum is `log_likelihood`.
+            For each record, channel to array of shape (W, n). Without discrepancies their sum is `log_likelihood`; what
+            an error of the thermometer adds stands with the first channel.
         """
         theta = np.atleast_2d(theta)
         out = []
@@ -206,6 +214,15 @@ class Posterior:
             found: dict[str, Floats] = {c: np.empty((len(theta), record.n)) for c in record.channels}
             for part in batches(len(theta), record.n, CHUNK):
                 own = _part(weights, part)
+                if self._is_latent(i):
+                    first, *others = record.channels
+                    whole, by_channel = self._latent_log_density(theta[part], i)
+                    for channel in others:
+                        found[channel][part] = by_channel[channel]
+                    found[first][part] = whole - _products(
+                        [by_channel[c] for c in others], [np.ones(1)] * len(others)
+                    )
+                    continue
                 for channel, e, scale in self._standardised(theta[part], i, own):
                     shape = theta[part][:, self.layout[i].noise[channel][1:]]
                     density = self.noise.log_density(e, shape, self.steps[i]) - np.log(scale)
@@ -281,21 +298,45 @@ class Posterior:
     def replicate(
         self, rng: np.random.Generator, theta: Floats, *, record: int = 0, weights: Weights = ()
     ) -> dict[str, Floats]:
-        """New measurements at the record's own inputs, one for each parameter vector: channel to (W, n)."""
+        """New measurements at the record's own inputs, one for each parameter vector: channel to (W, n).
+
+        They have the density of the likelihood: where it integrates true temperatures out these are drawn, elsewhere
+        errors of the thermometer have its mean and covariance, and the memory that it gives them.
+        """
         theta = np.atleast_2d(theta)
+        place = self.layout[record]
+        if self._is_latent(record):
+            return self._replicate_latent(rng, theta, record)
+        mean, parts = self._moments(theta, record)
+        given = _of(weights, record)
+        before: list[_Channel] = []
+        out = {}
+        for channel in self.records[record].channels:
+            series = self.noise.draw(rng, theta[:, place.noise[channel][1:]], self.steps[record])
+            centre = mean[channel]
+            if channel in given:
+                centre = centre + given[channel] @ self.discrepancy[record][channel].rows
+            sd = self.noise_scale(theta, record, channel, mean[channel])
+            if not parts:
+                out[channel] = centre + sd * series
+                continue
+            row, scale = _conditioned(parts[channel], sd, before)
+            out[channel] = centre + _products(row, [c.whitened for c in before]) + scale * series
+            if not self.discrepancy[record]:
+                before.append(_Channel(parts[channel], row, series, scale))
+        return out
+
+    def _replicate_latent(self, rng: np.random.Generator, theta: Floats, record: int) -> dict[str, Floats]:
+        """New measurements at true temperatures that are drawn about the readings."""
         r, place = self.records[record], self.layout[record]
-        inputs = dict(r.inputs)
         spread = self.temperature_sd(theta, record)
-        if spread is not None:
-            shape = (len(theta), r.n)
-            inputs["temperature"] = r.temperature + spread[:, None] * rng.standard_normal(shape)
-        clean = self.predict(theta, inputs, record=record, weights=weights)
+        assert spread is not None  # `_is_latent` has seen to it
+        true = r.temperature + spread[:, None] * rng.standard_normal((len(theta), r.n))
+        clean = self.predict(theta, {**r.inputs, "temperature": true}, record=record)
         out = {}
         for channel in r.channels:
-            at = place.noise[channel]
-            series = self.noise.draw(rng, theta[:, at[1:]], self.steps[record])
-            scale = self.noise_scale(theta, record, channel, clean[channel])
-            out[channel] = clean[channel] + scale * series
+            series = self.noise.draw(rng, theta[:, place.noise[channel][1:]], self.steps[record])
+            out[channel] = clean[channel] + self.noise_scale(theta, record, channel, clean[channel]) * series
         return out
 
     def temperature_sd(self, theta: Floats, record: int = 0) -> Floats | None:
@@ -348,6 +389,37 @@ class Posterior:
             relative[channel] = np.hypot(scale, spread.get(channel, 0.0))[0] / sd
         return {c: y[0] for c, y in mean.items()}, relative
 
+    def working_residual(
+        self, theta: Floats, record: int, channel: str, residual: Floats, relative: Floats
+    ) -> Floats:
+        """Residual that would pull normal noise as hard as this one pulls noise of heavy tails.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (P,)
+        record : int
+        channel : str
+        residual : ndarray, shape (n,)
+            [unit of the channel]
+        relative : ndarray, shape (n,) or (1,)
+            How much wider than ``sd`` measurements scatter.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            ``score/information`` of each innovation, the memory put back, and the likeliest discrepancy.
+        """
+        at, noise, steps = self.layout[record].noise[channel], self.noise, self.steps[record]
+        shape, scale = theta[None, at[1:]], theta[at[0]] * relative[None]
+        e = residual / scale
+        missed: Floats = np.zeros(1)
+        if channel in self.discrepancy[record]:
+            whitened = self._whitened(theta[None], record, channel, e, scale)
+            missed = whitened.likeliest_weights() @ whitened.rows
+        left = noise.decorrelate(e - missed / scale, shape, steps)
+        pull = noise.score(left, shape) / noise.location_information(shape)[:, None]
+        return np.asarray((noise.correlate(pull, shape, steps) * scale + missed)[0])
+
     def _moments(self, theta: Floats, record: int) -> tuple[dict[str, Floats], dict[str, list[Floats]]]:
         """Mean response, and for each channel the parts of its deviation at each node of the quadrature."""
         r, model_theta = self.records[record], theta[:, self.layout[record].model]
@@ -370,6 +442,57 @@ class Posterior:
             ]
         return mean, parts
 
+    def _is_latent(self, record: int) -> bool:
+        """Whether each sample has a true temperature of its own to be integrated out: no memory joins the samples."""
+        felt = self.layout[record].temperature_sd is not None or self.records[record].temperature_sd > 0.0
+        return felt and not self.noise.remembers and self.noise.is_density and not self.discrepancy[record]
+
+    def _latent_log_density(self, theta: Floats, record: int) -> tuple[Floats, dict[str, Floats]]:
+        """Log density of the samples of a record with their true temperatures integrated out, by Laplace's method.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (W, P)
+
+        Returns
+        -------
+        ndarray, shape (W, n)
+            All channels of each sample together.
+        dict of str to ndarray, shape (W, n)
+            Density of each channel at the likeliest temperature.
+        """
+        r, place, steps = self.records[record], self.layout[record], self.steps[record]
+        model_theta = theta[:, place.model]
+        spread = self.temperature_sd(theta, record)
+        assert spread is not None  # `_is_latent` has seen to it
+        shapes = {c: theta[:, place.noise[c][1:]] for c in r.channels}
+        information = {c: self.noise.location_information(shapes[c])[:, None] for c in r.channels}
+        xi = np.zeros((len(theta), r.n))  # error of the thermometer in its standard deviations
+        for step in range(LATENT_STEPS + 1):
+            inputs = {**r.inputs, "temperature": r.temperature + spread[:, None] * xi}
+            mean, slope = self.model.predict(model_theta, inputs), self.model.slope(model_theta, inputs)
+            pull, held, firm = -xi, np.ones_like(xi), np.ones_like(xi)
+            densities = {}
+            for channel in r.channels:
+                scale = self.noise_scale(theta, record, channel, mean[channel])
+                e = (r.observed[channel] - mean[channel]) / scale
+                gain = spread[:, None] * slope[channel] / scale
+                held = held + information[channel] * gain * gain
+                score = self.noise.score(e, shapes[channel])
+                pull = pull + gain * score
+                # iteratively reweighted: an outlying sample of a heavy-tailed noise hardly holds its temperature
+                far = np.abs(e) > 1e-3
+                weight = np.where(far, score / np.where(far, e, 1.0), information[channel])
+                firm = firm + np.maximum(weight, 0.0) * gain * gain
+                if step == LATENT_STEPS:
+                    densities[channel] = self.noise.log_density(e, shapes[channel], steps) - np.log(scale)
+            if step < LATENT_STEPS:
+                xi = xi + np.clip(pull / firm, -1.0, 1.0)
+        total = -0.5 * xi * xi - 0.5 * np.log(held)
+        for density in densities.values():
+            total = total + density
+        return total, densities
+
     def _standardised(
         self, theta: Floats, record: int, weights: Weights = ()
     ) -> Iterator[tuple[str, Floats, Floats]]:
@@ -377,7 +500,7 @@ class Posterior:
         r = self.records[record]
         mean, parts = self._moments(theta, record)
         given = _of(weights, record)
-        before: list[tuple[list[Floats], list[Floats], Floats, Floats]] = []
+        before: list[_Channel] = []
         for channel in r.channels:
             residual = r.observed[channel] - mean[channel]
             if channel in given:
@@ -387,17 +510,11 @@ class Posterior:
                 residual *= 1.0 / sd
                 yield channel, residual, sd
                 continue
-            own = parts[channel]
-            # a row of the Cholesky factor of the covariance of the channels
-            row: list[Floats] = []
-            for others, other_row, _, scale in before:
-                row.append((_products(own, others) - _products(row, other_row)) / scale)
-            scale = np.sqrt(sd * sd + _products(own, own) - _products(row, row))
-            whitened = (residual - _products(row, [z for _, _, z, _ in before])) / scale
-            if not self.discrepancy[
-                record
-            ]:  # with one, the residuals before still hold it: each stands for itself
-                before.append((own, row, whitened, scale))
+            row, scale = _conditioned(parts[channel], sd, before)
+            whitened = (residual - _products(row, [c.whitened for c in before])) / scale
+            # with a discrepancy the residuals before still hold it: each stands for itself
+            if not self.discrepancy[record]:
+                before.append(_Channel(parts[channel], row, whitened, scale))
             yield channel, whitened, scale
 
     def _whitened(self, theta: Floats, record: int, channel: str, e: Floats, scale: Floats) -> Whitened:
@@ -448,6 +565,35 @@ def _log_sum(scale: Floats, n: int) -> Floats:
     if scale.shape[1] == 1:
         return np.asarray(n * np.log(scale[:, 0]))
     return np.asarray(np.log(scale).sum(axis=-1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Channel:
+    """A channel that others are conditioned on.
+
+    Attributes
+    ----------
+    parts : list of ndarray
+        Deviations of its response that an error of the thermometer makes.
+    row : list of ndarray
+        Its row of the Cholesky factor of the covariance of the channels, less the diagonal.
+    whitened : ndarray, shape (W, n)
+    scale : ndarray, shape (W, n)
+        The diagonal.
+    """
+
+    parts: list[Floats]
+    row: list[Floats]
+    whitened: Floats
+    scale: Floats
+
+
+def _conditioned(parts: list[Floats], sd: Floats, before: Sequence[_Channel]) -> tuple[list[Floats], Floats]:
+    """Row of the Cholesky factor of the covariance of the channels, and its diagonal, for one channel more."""
+    row: list[Floats] = []
+    for other in before:
+        row.append((_products(parts, other.parts) - _products(row, other.row)) / other.scale)
+    return row, np.sqrt(sd * sd + _products(parts, parts) - _products(row, row))
 
 
 def _products(one: Sequence[Floats], other: Sequence[Floats]) -> Floats:

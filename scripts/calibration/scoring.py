@@ -10,6 +10,7 @@ import sma_bayes
 from calibration.curves import Curve, Floats, nearest_published
 from calibration.truths import READINGS, Case
 from sma_bayes.assess.bands import Band, band_channels
+from sma_bayes.assess.nearest import nearest_parameters
 from sma_bayes.assess.transformation import tangents, transformation_channel
 from sma_bayes.results.fit import Fit
 
@@ -148,10 +149,8 @@ def nearest_scores(fit: Fit, case: Case) -> dict[str, Any]:
 
 
 def nearest_intervals(fit: Fit) -> dict[str, tuple[float, float, float]]:
-    """5, 50 and 95 % quantiles of the published parameters by name: of the nearest such curve, else of the model."""
-    names = fit.posterior.model.parameter_names
-    draws = fit.calibrated(0)[:, fit.posterior.layout[0].model]
-    return {name: tuple(np.quantile(draws[:, i], (0.05, 0.5, 0.95)).tolist()) for i, name in enumerate(names)}
+    """5, 50 and 95 % quantiles of the parameters of the nearest published curve, by name."""
+    return {n.name: n.interval for n in nearest_parameters(fit)}
 
 
 def thirds(temperature: Floats) -> dict[str, np.ndarray[Any, np.dtype[np.bool_]]]:

@@ -310,6 +310,10 @@ def _start(
             parts.append(next(fits))
             continue
         covariance = mode.covariance[np.ix_(block, block)]
+        if block.size > ON_A_GRID and not posterior.noise.is_gaussian:
+            # what is linear and normal tells little of the noise; the curvature at the mode tells more
+            parts.append(one_component(mode.z[block], 1.5 * covariance))
+            continue
         parts.append(_fit_together(coordinates, centre, block - m, covariance, rng))
     return FactorisedMixture((np.arange(m), *noise), tuple(parts))
 

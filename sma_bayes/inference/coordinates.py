@@ -255,6 +255,8 @@ class NoiseScaledCoordinates:
             mean, scales = posterior.moments_of_noise(theta, r)
             for channel, down in by_channel.items():
                 residual = record.observed[channel] - mean[channel]
+                if not posterior.noise.is_gaussian:
+                    residual = posterior.working_residual(theta, r, channel, residual, scales[channel])
                 blocks[channel] = np.concatenate([(down @ slope).T, residual[None]]) / scales[channel]
                 if channel in posterior.discrepancy[r]:
                     own[channel] = posterior.discrepancy[r][channel].rows / scales[channel]

@@ -33,16 +33,18 @@ EVEN = 0.05
 """Relative spread of the time steps below which samples count as evenly spaced."""
 SIGN = 1.3
 """Standard errors from which a sign counts: one false sign in five, so that hardly any true one is overlooked."""
-DOUBTED = 1.0
-"""What a discrepancy may lose in ln evidence and still be taken."""
-EARNED = 1.0
-"""What a noise model other than the simplest must gain in ln evidence to be taken."""
+EARNED = 1.5
+"""What each of a memory and heavy tails must gain in ln evidence to be taken."""
 EARNED_BEYOND = 2.0
 """What growth and an error of the thermometer must gain: they are looked at last, beside the best of the others."""
 REACH = 10.0
 """Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
 FINE = 2001
 """Temperatures at which a curve is looked at to lay out the basis of its discrepancy."""
+LONGEST_MEMORY = 0.5
+"""Samples that count as one under a noise model, as a share of a sweep, from which its memory is no noise."""
+SIMPLER = {"growing": EARNED, "temperature_error": 15.0}
+"""What a series other than the simplest must gain beside growth or an error of the thermometer."""
 WIDE = 2.0
 """Standard deviation of ln sd a priori where descriptions are compared: how much of the residuals is noise is open."""
 SIMPLEST = "independent"
@@ -65,7 +67,7 @@ class NoiseChoice:
         Of each noise model that was looked at, with discrepancies where they earn their place, less that of the best.
     discrepancy : mapping of str to float
         What a discrepancy gains in ln evidence, by channel (the sum over records), under the chosen noise model;
-        none is taken where it loses more than `DOUBTED`.
+        one is taken where it gains.
     bases : tuple of mapping
         For each record, channel to the basis of its discrepancy, where one is taken.
     estimate : tuple of mapping
@@ -97,9 +99,9 @@ def choose_noise(
     Noise models that are a density of the data compete; those that need time are left out where time was not recorded
     or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth
     with the response and an error of the thermometer are looked at only where what it leaves shows a sign of such a
-    thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler. A discrepancy is
-    taken unless the evidence speaks against it by more than `DOUBTED`: a misfit that is given no place makes
-    intervals too narrow, a place without a misfit only a little wider.
+    thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; beside growth or an
+    error of the thermometer only what still earns its place stays. A discrepancy is taken where its evidence is greater
+    than that of the curve alone.
 
     Parameters
     ----------
@@ -131,17 +133,27 @@ def choose_noise(
             if model.is_density
             and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
             and (signs.memory or not model.remembers)
-            and (signs.tails or model.is_gaussian)
+            and (model.is_gaussian or (signs.tails and not residuals.bent))
         ]
-        best = max(names, key=lambda n: look(n).ln_evidence + (EARNED if n == SIMPLEST else 0.0))
+        best = max(names, key=lambda n: look(n).ln_evidence - EARNED * _features(NOISE_MODELS[n]))
         signs = signs.joined(residuals.signs(look(best)))
         for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
-            extended = f"{best}+{suffix}"
-            if sign and look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
+            if not sign:
+                continue
+            series, *others = best.split("+")
+            simple, extended = ("+".join([s, *others, suffix]) for s in (SIMPLEST, series))
+            # what the slope explains is not to be explained by tails or a memory besides; in the moments that are
+            # looked at here a large error of the thermometer leaves tails of its own
+            if look(simple).ln_evidence > look(extended).ln_evidence - SIMPLER[suffix]:
+                extended = simple
+            if look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
                 best = extended
+        best = _without_what_is_not_needed(best, names, lambda name: look(name).ln_evidence)
     chosen = found[best]
     top = max(d.ln_evidence for d in found.values())
-    rivals = {name: d.ln_evidence - top for name, d in found.items()}
+    rivals = {name: d.ln_evidence - top for name, d in found.items() if np.isfinite(d.ln_evidence)} or {
+        best: 0.0
+    }
     neighbours = neighbour_correlation(posterior, start)
     return NoiseChoice(
         best,
@@ -153,6 +165,27 @@ def choose_noise(
         chosen.estimate,
         chosen.temperature_sd,
     )
+
+
+def _features(noise: NoiseModel) -> int:
+    """How many of memory and heavy tails a noise model has."""
+    return int(noise.remembers) + int(not noise.is_gaussian)
+
+
+def _without_what_is_not_needed(name: str, series: Sequence[str], ln_evidence: Callable[[str], float]) -> str:
+    """An extended noise model, less what it no longer earns: growth and errors of temperature look like heavy tails."""
+    while "+" in name:
+        first, *suffixes = name.split("+")
+        simpler = {"+".join([first, *(x for x in suffixes if x != s)]): EARNED_BEYOND for s in suffixes}
+        for other in series:
+            lighter = NOISE_MODELS[other].is_gaussian and not NOISE_MODELS[first].is_gaussian
+            if other != first and (lighter or other == SIMPLEST):
+                simpler["+".join([other, *suffixes])] = EARNED
+        kept = max(simpler, key=lambda s: ln_evidence(s) + simpler[s])
+        if ln_evidence(kept) + simpler[kept] < ln_evidence(name):
+            break
+        name = kept
+    return name
 
 
 def _reason(
@@ -268,6 +301,11 @@ class _Residuals:
                     )
         return found
 
+    @property
+    def bent(self) -> bool:
+        """Whether the thermometer is known to err: to the moments that are looked at here that seems like tails."""
+        return any(r.temperature_sd > 0.0 for r in self.posterior.records)
+
     def response(self, i: int, channel: str) -> Floats:
         """Response of the curve as a share of its observed range, shape (n,)."""
         low, span = self.posterior.observed_range(i, channel)
@@ -304,10 +342,10 @@ class _Residuals:
             for channel in record.channels:
                 alone, beside = found[i, channel]
                 taken = alone
-                if beside is not None and gain[channel] > -DOUBTED:
+                if beside is not None and gain[channel] > 0.0:
                     taken = beside
                     own[channel] = self.bases[i][channel]
-                total += taken.ln_evidence
+                total += taken.ln_evidence if self._is_noise(noise, i, taken) else -np.inf
                 values[channel] = taken.theta
                 series[channel] = taken.innovations
                 errors.append(taken.temperature_sd)
@@ -316,6 +354,14 @@ class _Residuals:
             innovations.append(series)
             spread.append(max(errors))
         return _Description(total, gain, tuple(bases), tuple(estimate), tuple(spread), tuple(innovations))
+
+    def _is_noise(self, noise: NoiseModel, i: int, found: _Found) -> bool:
+        """Whether a memory is shorter than half a sweep; one as long as the sweep is misfit, whatever it is called."""
+        if not noise.remembers:
+            return True
+        steps = self.posterior.steps[i]
+        longest = np.diff(np.append(np.flatnonzero(steps.first), steps.first.size)).max()
+        return noise.memory(found.theta[1:], steps) < LONGEST_MEMORY * float(longest)
 
     def _look(self, noise: NoiseModel, i: int, channel: str, basis: DiscrepancyBasis | None) -> _Found:
         record = self.posterior.records[i]

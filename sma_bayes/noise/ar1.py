@@ -35,7 +35,8 @@ def memory_innovations(e: Floats, phi: Floats) -> Floats:
     """Series with its memory taken out, of unit variance."""
     step = e.copy()
     step[..., 1:] -= np.broadcast_to(phi, e.shape)[..., 1:] * e[..., :-1]
-    return np.asarray(step / np.sqrt(1.0 - phi * phi))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(step / np.sqrt(1.0 - phi * phi))
 
 
 def memory_series(innovation: Floats, phi: Floats) -> Floats:
@@ -47,14 +48,13 @@ def memory_series(innovation: Floats, phi: Floats) -> Floats:
     return e
 
 
-def best_memory(noise: NoiseModel, residual: Floats, candidates: Floats, steps: Steps) -> Floats:
-    """The candidate of greatest likelihood for a single shape parameter, with the `sd` that goes with it."""
-    e = np.broadcast_to(residual, (candidates.size, residual.size))
-    shape = candidates[:, None]
+def best_memory(noise: NoiseModel, residual: Floats, shape: Floats, steps: Steps) -> Floats:
+    """Of shapes (c, k) of a Gaussian series that of greatest likelihood, after the ``sd`` that goes with it."""
+    e = np.broadcast_to(residual, (len(shape), residual.size))
     sd = np.sqrt(np.mean(noise.innovations(e, shape, steps) ** 2, axis=1))
     likelihood = noise.total_log_density(e / sd[:, None], shape, steps) - residual.size * np.log(sd)
     best = int(np.argmax(likelihood))
-    return np.array([sd[best], candidates[best]])
+    return np.array([sd[best], *shape[best]])
 
 
 class MemoryNoise(NoiseModel):
@@ -74,11 +74,17 @@ class MemoryNoise(NoiseModel):
     def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return memory_innovations(e, self.phi(shape, steps))
 
+    def memory(self, shape: Floats, steps: Steps) -> float:
+        inside = self.phi(shape, steps)[..., ~steps.first]
+        r = float(np.clip(np.median(inside), -1.0, 1.0 - 1e-9)) if inside.size else 0.0
+        return max(1.0, (1.0 + r) / (1.0 - r))
+
     def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
         phi = self.phi(shape, steps)
-        scaled = series / np.sqrt(1.0 - phi * phi)
-        back = scaled.copy()
-        back[..., :-1] -= (phi * scaled)[..., 1:]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scaled = series / np.sqrt(1.0 - phi * phi)
+            back = scaled.copy()
+            back[..., :-1] -= (phi * scaled)[..., 1:]
         return np.asarray(back)
 
     def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
@@ -87,6 +93,18 @@ class MemoryNoise(NoiseModel):
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         phi = self.phi(shape, steps)
         return memory_series(rng.standard_normal(phi.shape), phi)
+
+    def score(self, innovation: Floats, shape: Floats) -> Floats:
+        return innovation
+
+    def location_information(self, shape: Floats) -> Floats:
+        return np.ones(shape.shape[:-1])
+
+    def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.decorrelate(e, shape, steps)
+
+    def estimate(self, residual: Floats, steps: Steps) -> Floats:
+        return best_memory(self, residual, self.shape_candidates(steps), steps)
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
@@ -143,5 +161,5 @@ class AR1(MemoryNoise):
         # who asks wants one entry of all matrices together
         return np.moveaxis(np.tensordot(products, weights, axes=(0, 0)), -1, 0)
 
-    def estimate(self, residual: Floats, steps: Steps) -> Floats:
-        return best_memory(self, residual, np.tanh(np.linspace(-1.0, 4.0, 201)), steps)
+    def shape_candidates(self, steps: Steps) -> Floats:
+        return np.tanh(np.linspace(-1.0, 4.0, 201))[:, None]

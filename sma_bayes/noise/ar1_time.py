@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.noise.ar1 import MemoryNoise, best_memory
+from sma_bayes.noise.ar1 import MemoryNoise
 from sma_bayes.noise.base import Steps, sd_fact
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
@@ -34,7 +34,7 @@ class AR1Time(MemoryNoise):
         lapse = np.maximum(steps.dt / shape[..., 0, None], 1e-6)
         return np.where(steps.first, 0.0, np.exp(-lapse))
 
-    def estimate(self, residual: Floats, steps: Steps) -> Floats:
+    def shape_candidates(self, steps: Steps) -> Floats:
         step = steps.dt[~steps.first]
         typical = float(np.median(step[step > 0])) if np.any(step > 0) else 1.0
-        return best_memory(self, residual, typical * np.geomspace(0.1, 3e3, 201), steps)
+        return typical * np.geomspace(0.1, 3e3, 201)[:, None]

@@ -7,12 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 
 HALF_LN_2PI = 0.9189385332046727
+ABSCISSAE: Floats = np.sinh(np.linspace(-12.0, 12.0, 801))
+"""Innovations at which densities are tabulated whose integrals nobody has worked out; the middle one is zero."""
+DIFFERENCE = 1e-5
+"""Step of the derivative of a log density, as a share of the innovation or of one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,9 +64,10 @@ class NoiseModel(ABC):
     The residual of each sample is first divided by its standard deviation; a noise model is the density of
     the standardised series ``e``. Its first parameter is always ``sd``; the others shape the series.
 
-    A new noise model needs `name`, `title`, `log_density` and `draw`, and `parameters` if it has others than
-    ``sd``; where samples depend on each other also `decorrelate`. The other methods have defaults, which a model
-    overrides where it knows better.
+    A new noise model needs `name`, `title`, `log_density` and `draw`; if it has parameters other than ``sd`` also
+    `parameters` and `shape_candidates`; where samples depend on each other also `remembers`, `decorrelate`,
+    `decorrelate_adjoint` and `correlate` (`sma_bayes.noise.ar1.MemoryNoise` has them for a Gaussian series). The other
+    methods have defaults, by numerical integration where need be, which a model overrides where it knows better.
 
     Attributes
     ----------
@@ -129,7 +135,7 @@ class NoiseModel(ABC):
     def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         """Linear map of series (..., n) that leaves independent samples of one distribution, in order of time.
 
-        Its Jacobian does not depend on ``e``. By default samples are independent as they are.
+        The first sample of a sweep stays as it is. By default samples are independent as they are.
         """
         return e
 
@@ -141,17 +147,62 @@ class NoiseModel(ABC):
         """Series (..., n) that `decorrelate` makes `innovation` of."""
         return innovation
 
+    def memory(self, shape: Floats, steps: Steps) -> float:
+        """How many samples count as one: ``(1 + r)/(1 - r)`` for a correlation ``r`` of neighbours; 1 by default."""
+        return 1.0
+
     def score(self, innovation: Floats, shape: Floats) -> Floats:
-        """Negative derivative of the log density of what `decorrelate` leaves, shape (..., n); normal by default."""
-        return innovation
+        """Negative derivative of the log density of what `decorrelate` leaves, shape (..., n)."""
+        if self.is_gaussian:
+            return innovation
+        step = DIFFERENCE * np.maximum(1.0, np.abs(innovation))
+        steps = Steps.apart(innovation.shape[-1])
+        up, down = innovation + step, innovation - step
+        rise = self.log_density(up, shape, steps) - self.log_density(down, shape, steps)
+        return np.asarray(-rise / (up - down))
 
     def location_information(self, shape: Floats) -> Floats:
-        """Fisher information of the location of one sample that `decorrelate` leaves, shape (...); 1 by default."""
-        return np.ones(shape.shape[:-1])
+        """Fisher information of the location of one sample that `decorrelate` leaves, shape (...)."""
+        if self.is_gaussian:
+            return np.ones(shape.shape[:-1])
+        density, mass = self._tabulated(shape)
+        with np.errstate(invalid="ignore"):
+            score = np.nan_to_num(np.diff(density, axis=-1) / np.diff(ABSCISSAE))
+        return np.asarray((score**2 * mass).sum(axis=-1) / mass.sum(axis=-1))
 
     def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        """Residuals with the memory taken out: independent and standard normal if the model is right."""
-        return self.decorrelate(e, shape, steps)
+        """Residuals with the memory taken out: independent and standard normal if the model is right.
+
+        What `decorrelate` leaves, where it is not normal at the normal quantile of the same probability.
+        """
+        a = self.decorrelate(e, shape, steps)
+        return a if self.is_gaussian else self._normal_quantiles(a, shape)
+
+    def _tabulated(self, shape: Floats) -> tuple[Floats, Floats]:
+        """Log density (..., m) of one innovation at `ABSCISSAE`, and the probabilities (..., m - 1) between them."""
+        at = np.broadcast_to(ABSCISSAE, (*shape.shape[:-1], ABSCISSAE.size))
+        density = self.log_density(at, shape, Steps.apart(ABSCISSAE.size))
+        height = np.exp(density)
+        return density, 0.5 * (height[..., 1:] + height[..., :-1]) * np.diff(ABSCISSAE)
+
+    def _normal_quantiles(self, a: Floats, shape: Floats) -> Floats:
+        """Quantiles (..., n) of the standard normal at the probabilities of innovations (..., n)."""
+        _, mass = self._tabulated(shape)
+        share = mass / mass.sum(axis=-1, keepdims=True)
+        below, above = np.cumsum(share, axis=-1), np.cumsum(share[..., ::-1], axis=-1)[..., ::-1]
+        # each from its own tail, for its digits
+        inner = np.where(
+            below[..., :-1] < 0.5,
+            ndtri(np.clip(below[..., :-1], 1e-300, 0.5)),
+            -ndtri(np.clip(above[..., 1:], 1e-300, 0.5)),
+        )
+        quantile = np.concatenate([inner[..., :1], inner, inner[..., -1:]], axis=-1)
+        width = np.arcsinh(ABSCISSAE[1]) - np.arcsinh(ABSCISSAE[0])
+        position = np.clip((np.arcsinh(a) - np.arcsinh(ABSCISSAE[0])) / width, 0.0, ABSCISSAE.size - 1.0)
+        cell = np.minimum(np.nan_to_num(position).astype(np.intp), ABSCISSAE.size - 2)
+        quantile = np.broadcast_to(quantile, (*a.shape[:-1], ABSCISSAE.size))
+        low, high = (np.take_along_axis(quantile, cell + i, axis=-1) for i in (0, 1))
+        return np.asarray(low + (position - cell) * (high - low))
 
     def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
         """Inner products of series, weighted by the information that noise of unit sd leaves.
@@ -176,7 +227,7 @@ class NoiseModel(ABC):
         )
 
     def shape_candidates(self, steps: Steps) -> Floats:
-        """Values (c, k) of the parameters after ``sd`` from which `estimate` chooses."""
+        """Values (c, k) of the parameters after ``sd``, plausible for such steps, from which `estimate` chooses."""
         return np.empty((1, 0))
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
@@ -187,10 +238,9 @@ class NoiseModel(ABC):
         best, found = -np.inf, np.array([size, *shape[0]])
         for each in shape:
             e = residual / sd[:, None]
-            likelihood = self.total_log_density(
-                e, np.tile(each, (sd.size, 1)), steps
-            ) - residual.size * np.log(sd)
-            at = int(np.nanargmax(likelihood))
+            density = self.total_log_density(e, np.tile(each, (sd.size, 1)), steps)
+            likelihood = np.nan_to_num(density - residual.size * np.log(sd), nan=-np.inf)
+            at = int(np.argmax(likelihood))
             if likelihood[at] > best:
                 best, found = float(likelihood[at]), np.array([sd[at], *each])
         return found

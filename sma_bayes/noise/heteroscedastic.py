@@ -91,6 +91,9 @@ class Wrapped(NoiseModel):
     def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.decorrelate(e, shape, steps)
 
+    def memory(self, shape: Floats, steps: Steps) -> float:
+        return self.series.memory(shape, steps)
+
     def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.decorrelate_adjoint(series, shape, steps)
 
@@ -108,6 +111,9 @@ class Wrapped(NoiseModel):
 
     def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.weighted_gram(rows, shape, steps)
+
+    def shape_candidates(self, steps: Steps) -> Floats:
+        return self.series.shape_candidates(steps)
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
         return self.series.estimate(residual, steps)
@@ -149,6 +155,10 @@ class Growing(Wrapped):
             },
         )
         return (*self.series.parameters(channel, unit, time_unit), growth)
+
+    def shape_candidates(self, steps: Steps) -> Floats:
+        series = self.series.shape_candidates(steps)
+        return np.concatenate([series, np.zeros((len(series), 1))], axis=1)
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
         return np.append(self.series.estimate(residual, steps), 0.0)

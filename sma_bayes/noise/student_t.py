@@ -77,17 +77,22 @@ class StudentT(NoiseModel):
         density = norm - 0.5 * (nu + 1.0) * np.log1p(a * a / nu)
         if (
             self.series.remembers
-        ):  # the Jacobian: what the Gaussian density has beyond that of its innovations
-            with np.errstate(invalid="ignore"):
-                density = density + (self.series.log_density(e, shape, steps) + 0.5 * a * a + HALF_LN_2PI)
+        ):  # the Jacobian: what the Gaussian density of a series of zeros has beyond theirs
+            density = density + self.series.log_density(np.zeros_like(e), shape, steps) + HALF_LN_2PI
             density = np.where(np.isnan(density), -np.inf, density)
         return np.asarray(density)
 
     def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.decorrelate(e, shape, steps)
 
+    def memory(self, shape: Floats, steps: Steps) -> float:
+        return self.series.memory(shape, steps)
+
     def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.decorrelate_adjoint(series, shape, steps)
+
+    def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.correlate(innovation, shape, steps)
 
     def score(self, innovation: Floats, shape: Floats) -> Floats:
         nu = self._nu(shape)
@@ -125,4 +130,4 @@ class StudentT(NoiseModel):
         n, nu = steps.dt.size, self._nu(shape)
         normal = rng.standard_normal((*shape.shape[:-1], n))
         a = normal / np.sqrt(rng.standard_gamma(0.5 * nu, (*shape.shape[:-1], n)) / (0.5 * nu))
-        return self.series.correlate(a, shape, steps)
+        return self.correlate(a, shape, steps)

@@ -421,8 +421,11 @@ def _misplaced(name: str, column: Column) -> tuple[str, str] | None:
         return "row_interval", "row_interval for time only; other columns have a name or a number"
     if column.sd is not None and name != "temperature":
         return "sd", "sd for temperature only; noise of the channels is found in the data"
-    if uncertain and name not in CHANNELS and name not in CHANNEL_OF:
-        return "scale_sd or offset_sd", "these for force, displacement, stiffness, or stress, strain, modulus"
+    if uncertain and name not in {"temperature", *CHANNELS, *CHANNEL_OF}:
+        return (
+            "scale_sd or offset_sd",
+            "these for temperature, force, displacement, stiffness, or stress, strain, modulus",
+        )
     return None
 
 

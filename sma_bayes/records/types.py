@@ -69,7 +69,7 @@ def setting_unit(setting: str, *, specimen: bool) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Uncertainty of a channel's calibration, common to all its samples.
+    """Uncertainty of the calibration of a channel or of the thermometer, common to all its samples.
 
     A channel is ``offset + scale * raw``. The errors of scale and offset move the whole curve, so no
     amount of data along the curve reduces them; they are carried on top of the posterior.
@@ -125,7 +125,7 @@ class Record:
     temperature_sd : float
         Standard deviation of the error of a temperature reading [unit of temperature].
     calibration : mapping of str to Calibration
-        Channels whose scale or offset is uncertain.
+        Channels whose scale or offset is uncertain, and ``temperature`` where that of the thermometer is.
     held : mapping of str to HeldChannel
         Channels that the rig kept constant.
     rows_averaged : int

@@ -123,6 +123,7 @@ def _record(r: Mapping[str, Any]) -> RecordContent:
     quantities: Mapping[str, Mapping[str, str]] = r["quantities"]
     names = {channel: q["name"] for channel, q in quantities.items()}
     temperature = r["temperature"]
+    measured = {**quantities, "temperature": {"name": "temperature", "unit": temperature["unit"]}}
     return RecordContent(
         key=r["key"],
         condition=r["condition"],
@@ -144,7 +145,7 @@ def _record(r: Mapping[str, Any]) -> RecordContent:
         channels=tuple(_channel(c, q, r) for c, q in quantities.items()),
         held=tuple(_held(c, h, names) for c, h in r.get("held", {}).items()),
         calibration=tuple(
-            _calibration(c, k, quantities[c]) for c, k in r.get("calibration", {}).items() if c in quantities
+            _calibration(c, k, measured[c]) for c, k in r.get("calibration", {}).items() if c in measured
         ),
         parameters=tuple(_parameter(n, p, r, names) for n, p in r["parameters"].items()),
         free_directions=tuple((d["text"], d["contraction"]) for d in r.get("free_directions", ())),

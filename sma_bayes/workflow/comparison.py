@@ -30,14 +30,15 @@ from sma_bayes.inference.jobs import run
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.noise.effective_samples import EffectiveSamples
 from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.posterior import build_posterior
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import figures_for
-from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.results.documents import COMPARISON
 from sma_bayes.results.store import plain, write_csv, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import FitOptions, Pool, prior_set
+from sma_bayes.workflow.options import FitOptions, Pool, one_model, prior_set
 from sma_bayes.workflow.under_way import UnderWay
 
 FEWEST_CONDITIONS = 2
@@ -102,7 +103,7 @@ def compare(
     OutputError, ResumeError
         If `out` can't be used.
     """
-    options = FitOptions(prior_set(priors, model), seed, noise, pool, model=model)
+    options = FitOptions(prior_set(priors, one_model(model)), seed, noise, pool, model=model)
     records = units_of(campaign, pool)
     check(records, options)
     drawn = figures_for(figures, len(records))
@@ -142,7 +143,12 @@ def units_of(campaign: Campaign, pool: Pool) -> list[Record]:
 def check(records: Sequence[Record], options: FitOptions) -> None:
     """Refuse, before anything is written or sampled, what no contender could be fitted with."""
     noise = NOISE_MODELS[EffectiveSamples.name if options.noise == AUTO else options.noise]
+    own = RESPONSE_MODELS[options.model]
     for record in records:
+        if not own.refusal(record.channels):
+            build_posterior(
+                [record], NOISE_MODELS["independent"], options.priors, model=own.made_for([record])
+            )
         for contender in contenders(options.model):
             if not unavailable(contender, record) and not copy_of(contender, record):
                 posterior = posterior_of(contender, record, noise, options.priors)

@@ -29,7 +29,7 @@ from sma_bayes.results.documents import CONDITIONS
 from sma_bayes.results.store import plain, write_csv
 from sma_bayes.workflow.condition_text import condition_at, text_of
 from sma_bayes.workflow.identity import all_versions
-from sma_bayes.workflow.options import model_named
+from sma_bayes.workflow.options import one_model
 from sma_bayes.workflow.under_way import UnderWay
 
 
@@ -92,7 +92,7 @@ def study_conditions(
         If a setting or condition is not known.
     """
     source, spent = Path(folder), account or Account()
-    wanted = None if model is None else model_named(model)
+    wanted = None if model is None else one_model(model)
     with spent.timed("read"):
         run, records = read_run(source), stored_draws(source)
     found = sorted({r.posterior.model.name for r in records})

@@ -22,7 +22,7 @@ from sma_bayes.results.documents import MARK
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import fit_records
 from sma_bayes.results.store import plain, write_csv, write_posterior
-from sma_bayes.workflow.options import FitOptions, models_of
+from sma_bayes.workflow.options import FitOptions, models_of, plan_for
 from sma_bayes.workflow.parts import Part, part_path, read_part, write_part
 
 WHOLE_CONDITIONS = 20
@@ -60,7 +60,7 @@ def sample_task(task: FitTask) -> Fit:
         ladder=models_of(task.records, o),
         noise=o.noise,
         seed=o.seed,
-        plan=o.plan,
+        plan=plan_for(o, task.records),
         checkpoint=checkpoint,
     )
 

@@ -24,7 +24,7 @@ from sma_bayes.results.documents import GAP
 from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import FitOptions, Pool, check_call, groups_of, prior_set
+from sma_bayes.workflow.options import FitOptions, Pool, check_call, groups_of, one_model, prior_set
 from sma_bayes.workflow.under_way import UnderWay
 
 
@@ -80,7 +80,7 @@ def study_gap(
             "noise that is told from residuals would swallow the very disagreement that is looked for",
             remedy="leave --noise out; gap.json states the noise that was found",
         )
-    options = FitOptions(prior_set(priors, model), seed, pool=pool, model=model)
+    options = FitOptions(prior_set(priors, one_model(model)), seed, pool=pool, model=model)
     can = comparable(campaign)
     check_call(groups_of(can.campaign, pool), options)
     drawn: Drawn = "none" if figures_for(figures, len(campaign.records)) == "none" else "all"

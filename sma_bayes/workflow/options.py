@@ -22,6 +22,10 @@ from sma_bayes.response.base import ResponseModel
 from sma_bayes.results.fitting import AUTO
 
 DEFAULT_SAMPLER: Final = "independence"
+AFFORDED: Final = 100_000_000
+"""Samples times evaluations that a record is given before it is called not converged, but `LEAST` evaluations at least
+and those of a `Plan` at most; a cross-check has as many as it takes."""
+LEAST: Final = 300_000
 Pool = Literal["none", "campaign"]
 
 
@@ -84,6 +88,25 @@ def model_named(name: str) -> str:
     return name if name == AUTO_MODEL else RESPONSE_MODELS[name].name
 
 
+def one_model(name: str) -> str:
+    """Check the name of a response model where a single one must be named.
+
+    Raises
+    ------
+    SmaBayesError
+        If it is to be chosen from the records.
+    UnknownNameError
+        If there is none of that name.
+    """
+    if name == AUTO_MODEL:
+        raise SmaBayesError(
+            f"--model {AUTO_MODEL}",
+            expected="the name of one response model: it is the same for all records here",
+            remedy=f"fit with --model {AUTO_MODEL} first, and name the model that it takes",
+        )
+    return model_named(name)
+
+
 def pool_named(name: str) -> Pool:
     """Check the name of a way to pool.
 
@@ -114,6 +137,15 @@ def plan_with(sampler: str) -> Plan:
             remedy=f"choose one of {', '.join(SAMPLERS)}",
         )
     return Plan(sampler=SAMPLERS[sampler])
+
+
+def plan_for(options: FitOptions, records: Sequence[Record]) -> Plan:
+    """Plan for records that share a posterior: the more samples an evaluation takes, the fewer are afforded."""
+    plan = options.plan
+    if plan.sampler != SAMPLERS[DEFAULT_SAMPLER]:
+        return plan
+    afforded = max(LEAST, AFFORDED // sum(r.n for r in records))
+    return replace(plan, evaluations=min(plan.evaluations, afforded))
 
 
 def bias_spring(

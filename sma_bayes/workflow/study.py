@@ -24,7 +24,14 @@ from sma_bayes.workflow.comparison import compare
 from sma_bayes.workflow.condition_study import study_conditions
 from sma_bayes.workflow.gap_study import study_gap
 from sma_bayes.workflow.identity import all_versions
-from sma_bayes.workflow.options import DEFAULT_SAMPLER, bias_spring, model_named, plan_with, prior_set
+from sma_bayes.workflow.options import (
+    DEFAULT_SAMPLER,
+    bias_spring,
+    model_named,
+    one_model,
+    plan_with,
+    prior_set,
+)
 from sma_bayes.workflow.output_folder import claimed_folder
 from sma_bayes.workflow.question import WANTED, ask
 from sma_bayes.workflow.study_file import Study, read_study
@@ -136,7 +143,7 @@ def _check(study: Study) -> None:
     for name, options in study.steps.items():
         if "model" in options:
             with _place(study, f"{name}.model"):
-                model_named(options["model"])
+                (model_named if name == "fit" else one_model)(options["model"])
             with _place(study, f"{name}.priors"):
                 prior_set(options["priors"], options["model"])
         noise = options.get("noise", AUTO)

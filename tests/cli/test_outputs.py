@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import os
 import re
@@ -59,7 +58,7 @@ def test_a_run_that_does_not_converge_ends_with_1_and_says_so(
     run: Run, measured: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hopeless = Plan(target=Target(1.0 + 1e-9, 1e9), evaluations=1, explore_block=20)
-    monkeypatch.setattr(campaign_fit, "FitOptions", functools.partial(campaign_fit.FitOptions, plan=hopeless))
+    monkeypatch.setattr(campaign_fit, "plan_with", lambda _: hopeless)
     out = tmp_path / "out"
     outcome = run("fit", measured, "--out", out, "--no-figures", "--jobs", 1)
     assert outcome.status == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -33,41 +34,79 @@ def package(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(package: Path, *command: str) -> str:
-    environment = os.environ | {"PYTHONPATH": str(package)}
-    done = subprocess.run(command, cwd=package, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+def run(package: Path, *command: str, cwd: Path | None = None) -> str:
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(package), str(ROOT)])}
+    done = subprocess.run(
+        command, cwd=cwd or package, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
-def test_the_noise_model_is_a_density_and_agrees_with_its_draws(package):
-    script = """
-import numpy as np
-from scipy import stats
-from sma_bayes.noise import NOISE_MODELS, Steps
-noise = NOISE_MODELS["laplace"]
-steps = Steps(np.ones(4000, dtype=bool), np.ones(4000), False)
-e = noise.draw(np.random.default_rng(0), np.empty((2, 0)), steps)
-same = np.abs(noise.log_density(e, np.empty((2, 0)), steps) - stats.laplace.logpdf(e, scale=0.5**0.5)).max()
-p = stats.kstest(e.ravel(), stats.laplace(scale=0.5**0.5).cdf).pvalue
-print(same, p, e.var(), noise.estimate(3.0 * e[0], steps)[0])
-"""
-    same, p, variance, sd = map(float, run(package, sys.executable, "-c", script).split())
-    assert same < 1e-12
-    assert p > 0.001
-    assert variance == pytest.approx(1.0, abs=0.06)
-    assert sd == pytest.approx(3.0, abs=0.15)
+def command_line(*arguments: str) -> tuple[str, ...]:
+    return (sys.executable, "-m", "sma_bayes.cli", *arguments)
+
+
+def with_outliers(package: Path) -> str:
+    """A run of 200 samples in the guide's format, one in ten scattered five times as far as the others."""
+    rng = np.random.default_rng(0)
+    temperature = np.linspace(25.0, 85.0, 200)
+    scatter = np.where(rng.random(200) < 0.1, 5.0, 1.0) * rng.standard_normal(200)
+    force = 2.0 / (1.0 + np.exp(-0.3 * (temperature - 55.0))) + 0.02 * scatter
+    table = np.rec.fromarrays([temperature, force], names="temperature_C,force_N")
+    np.save(package / "run.npy", np.asarray(table))
+    return "run.npy"
+
+
+def test_the_noise_model_keeps_the_contract_that_the_reader_is_told_to_ask(package):
+    (command,) = [text for kind, text in BLOCK.findall(GUIDE.read_text(encoding="utf-8")) if "pytest" in text]
+    arguments = command.split()[1:]
+    options = ("-q", "-p", "no:cacheprovider")
+    said = run(package, sys.executable, "-m", "pytest", *options, *arguments, cwd=ROOT)
+    passed = int(re.search(r"(\d+) passed", said)[1])
+    assert passed > 80
+    assert "contaminated+growing+temperature_error" in run(
+        package, sys.executable, "-m", "pytest", *options, *arguments, "--collect-only", cwd=ROOT
+    )
+
+
+def test_other_noise_models_keep_theirs_beside_it(package):
+    said = run(
+        package, sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/contract/test_noise_models.py",
+        "-k", "(parameters or name or feels) and not contaminated", cwd=ROOT,
+    )  # fmt: skip
+    assert "passed" in said
 
 
 def test_the_format_is_recognised_and_a_record_in_it_is_fitted_with_the_noise_model(package):
-    rng = np.random.default_rng(0)
-    temperature = np.linspace(25.0, 85.0, 80)
-    force = 2.0 / (1.0 + np.exp(-0.3 * (temperature - 55.0))) + rng.laplace(scale=0.02, size=80)
-    table = np.rec.fromarrays([temperature, force], names="temperature_C,force_N")
-    np.save(package / "run.npy", np.asarray(table))
-    tool = str(Path(sys.executable).with_name("sma-bayes"))
     out = run(
-        package, tool, "fit", "run.npy", "--out", "results", "--noise", "laplace", "--no-figures", "--json"
-    )
-    assert '"name": "laplace"' in out
-    assert '"converged": true' in out
+        package,
+        *command_line("fit", with_outliers(package), "--out", "results", "--noise", "contaminated"),
+        "--no-figures", "--json",
+    )  # fmt: skip
+    (record,) = json.loads(out)["records"]
+    assert record["noise"]["name"] == "contaminated"
+    assert record["converged"]
+    share = record["parameters"]["force_outliers"]
+    assert share["q05"] < 0.1 < share["q95"]
+    assert 0.015 < record["parameters"]["force_sd"]["median"] < 0.027
+    assert share["prior"]["family"] == "beta"
+
+
+def test_auto_considers_it(package):
+    out = run(package, *command_line("inspect", with_outliers(package), "--json"))
+    (record,) = json.loads(out)["records"]
+    assert record["noise"]["name"] in ("contaminated", "student_t")
+    assert "contaminated normal" in record["noise"]["reason"]
+
+
+def test_a_priors_file_may_speak_of_its_parameter(package):
+    text = 'schema = "sma-bayes/priors/1"\nextends = "modified_sigmoid"\n[noise.outliers]\nfixed = 0.2\n'
+    (package / "priors.toml").write_text(text, encoding="utf-8")
+    out = run(
+        package,
+        *command_line("fit", with_outliers(package), "--out", "results", "--noise", "contaminated"),
+        "--priors", "priors.toml", "--no-figures", "--json",
+    )  # fmt: skip
+    (record,) = json.loads(out)["records"]
+    assert record["parameters"]["force_outliers"]["median"] == 0.2

@@ -107,13 +107,20 @@ def keys(document: object) -> set[str]:
         "correlation_replicated",
         "quantities",
         "lag1",
-        "bic",
+        "ln_evidence",
+        "held_out",
+        "nearest",
+        "discrepancy",
         "versions",
     }
     found = set(document)
     for key, value in document.items():
         if key in named and isinstance(value, dict):
-            found |= set() if key in ("lag1", "bic", "versions") else keys(list(value.values()))
+            found |= (
+                set()
+                if key in ("lag1", "ln_evidence", "held_out", "versions")
+                else keys(list(value.values()))
+            )
         elif key in ("shape", "stages_s", "stages_cpu_s"):
             continue
         else:

@@ -247,7 +247,15 @@ def share_below(fit: Fit, truth: Floats) -> float:
     return float(np.mean(posterior.log_likelihood(fit.flat) < at_truth))
 
 
-@pytest.fixture(scope="module", params=CASES, ids=lambda name: name.replace(" ", "-"))
+OFTEN = ("independent", "AR(1)", "stiffness only", "discrepancy", "model phase_slopes")
+"""Cases for which CI has the time."""
+
+
+@pytest.fixture(
+    scope="module",
+    params=[c if c in OFTEN else pytest.param(c, marks=pytest.mark.thorough) for c in CASES],
+    ids=lambda name: name.replace(" ", "-"),
+)
 def found(request: pytest.FixtureRequest) -> Outcomes:
     return outcomes(CASES[request.param], seed=1)
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import pytest
 from measure_tails import QUICK, measured
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 
 @pytest.mark.parametrize("number", [1, 3, 7, 8])

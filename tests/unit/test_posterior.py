@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.special import logsumexp
 
 import sma_bayes.posterior as posterior_module
 from sma_bayes.errors import PriorError
@@ -16,6 +17,7 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
 DEFAULT = read_priors("modified_sigmoid")
 ALL = ("force", "displacement", "stiffness")
@@ -36,25 +38,149 @@ def near_truth(posterior: Posterior, size: int, seed: int = 0) -> np.ndarray:
 # --- the likelihood -----------------------------------------------------------------------------------
 
 
+def moments_under_errors(
+    p: Posterior, row: np.ndarray, channels: tuple[str, ...], spread: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (C, n) and covariance (C, C, n) of the channels under errors of the thermometer, by a fine sum over them."""
+    error = np.linspace(-8.0, 8.0, 4001)
+    weight = stats.norm.pdf(error) / stats.norm.pdf(error).sum()
+    t = p.records[0].temperature + spread * error[:, None]
+    model_theta = np.tile(row[p.layout[0].model], (error.size, 1))
+    found = p.model.predict(model_theta, {"temperature": t})
+    y = np.stack([found[c] for c in channels])
+    mean = np.einsum("e,cen->cn", weight, y)
+    apart = y - mean[:, None]
+    return mean, np.einsum("e,cen,den->cdn", weight, apart, apart)
+
+
 @pytest.mark.parametrize("channels", [("force",), ("force", "displacement"), ALL])
 @pytest.mark.parametrize("temperature_sd", [0.0, 0.7])
 def test_the_likelihood_is_the_dense_normal_over_channels_and_samples(
     make_record: Callable[..., Record], channels: tuple[str, ...], temperature_sd: float
 ) -> None:
+    """A sample's channels share its error of temperature, to any order of it: the moments are those of a fine sum.
+
+    That is the likelihood of a noise with a memory, here of no length.
+    """
     record = make_record(channels, n=15, temperature_sd=temperature_sd)
-    p = build(record)
+    p = build(record, "ar1")
     theta = p.space.to_physical(near_truth(p, 5))
+    for channel in channels:
+        theta[:, p.space.index(f"{channel}_phi")] = 0.0
+    for name, value in {"A2": 0.3, "B2": 0.35}.items():  # curves that seven nodes resolve
+        if name in p.space.names:
+            theta[:, p.space.index(name)] = value
     found = p.log_likelihood(theta)
     place = p.layout[0]
     for row, value in zip(theta, found, strict=True):
-        mean = p.predict(row, record.inputs)
-        slope = p.model.slope(row[place.model], record.inputs)
+        mean, shared = moments_under_errors(p, row, channels, temperature_sd)
+        blocks = [[np.diag(shared[i, j]) for j in range(len(channels))] for i in range(len(channels))]
         variances = np.concatenate([np.full(15, row[place.noise[c][0]] ** 2) for c in channels])
-        gain = np.concatenate([np.diag(slope[c]) for c in channels])
-        covariance = np.diag(variances) + temperature_sd**2 * gain @ gain.T
-        y = np.concatenate([record.observed[c] for c in channels])
-        residual = y - np.concatenate([mean[c] for c in channels])
-        assert value == pytest.approx(dense_log_density(residual, covariance), rel=1e-8)
+        covariance = np.diag(variances) + np.block(blocks)
+        residual = np.concatenate([record.observed[c] for c in channels]) - mean.ravel()
+        assert value == pytest.approx(dense_log_density(residual, covariance), rel=1e-5)
+
+
+@pytest.mark.parametrize("noise", ["independent", "student_t", "independent+growing"])
+@pytest.mark.parametrize(("spread", "apart"), [(0.3, 0.01), (0.9, 0.03), (2.0, 0.06)])
+def test_true_temperatures_are_integrated_out(
+    make_record: Callable[..., Record], noise: str, spread: float, apart: float
+) -> None:
+    """Against a fine sum over the error of each sample: s_T B2 from 0.1 to 0.7, mean error in ln of a sample.
+
+    Laplace's method with expected information costs heavy tails 0.1 more.
+    """
+    apart += 0.1 * (not NOISE_MODELS[noise].is_gaussian)
+    record = make_record(n=60, noise=0.02, temperature_sd=spread)
+    p = build(record, noise)
+    theta = p.space.to_physical(_shaped(p))
+    for channel, span in (("force", 2.5), ("displacement", 0.02)):
+        theta[p.space.index(f"{channel}_sd")] = 0.02 * span
+    error = np.linspace(-8.0, 8.0, 4001)
+    joint = stats.norm.logpdf(error)[:, None] + np.log(error[1] - error[0])
+    t = record.temperature + spread * error[:, None]
+    every = np.tile(theta, (error.size, 1))
+    y = p.predict(every, {"temperature": t})
+    for channel in record.channels:
+        scale = p.noise_scale(every, 0, channel, y[channel])
+        shape = every[:, p.layout[0].noise[channel][1:]]
+        e = (record.observed[channel] - y[channel]) / scale
+        joint = joint + p.noise.log_density(e, shape, p.steps[0]) - np.log(scale)
+    expected = logsumexp(joint, axis=0)
+    (found,) = p.pointwise_log_likelihood(theta[None])
+    found = sum(v[0] for v in found.values())
+    assert p.log_likelihood(theta[None])[0] == pytest.approx(found.sum(), rel=1e-12)
+    assert np.abs(found - expected).mean() < apart
+    assert abs(found.sum() - expected.sum()) < 0.5 * apart * record.n
+
+
+def test_a_small_error_of_temperature_is_the_slope_times_it(make_record: Callable[..., Record]) -> None:
+    record = make_record(n=15, temperature_sd=1e-3)
+    p = build(record)
+    theta = p.space.to_physical(_shaped(p))[None]
+    mean, sd = p.expected(theta)
+    slope = p.model.slope(theta, record.inputs)
+    clean = p.predict(theta, record.inputs)
+    for channel in record.channels:
+        np.testing.assert_allclose(sd[channel], 1e-3 * np.abs(slope[channel]), rtol=1e-5)
+        np.testing.assert_allclose(mean[channel], clean[channel], rtol=1e-6)
+    assert p.expected(theta)[1].keys() == set(record.channels)
+    assert build(make_record(n=15)).expected(theta)[1] == {}
+
+
+@pytest.mark.parametrize("spread", [0.9, 2.0, 3.5])
+def test_moments_under_errors_of_temperature_are_those_of_a_simulation(
+    make_record: Callable[..., Record], spread: float
+) -> None:
+    """s_T B2 from 0.3 to 1.2; 400,000 errors; five standard errors and what seven nodes leave."""
+    record = make_record(n=9, temperature_sd=spread)
+    p = build(record)
+    theta = p.space.to_physical(_shaped(p))
+    mean, sd = p.expected(theta[None])
+    parts = p._moments(theta[None], 0)[1]
+    size = 400_000
+    t = record.temperature + spread * np.random.default_rng(0).standard_normal((size, 9))
+    y = p.model.predict(np.tile(theta[p.layout[0].model], (1, 1)), {"temperature": t})
+    for channel in record.channels:
+        leeway = 0.004 * np.ptp(mean[channel])
+        expected = y[channel].std(axis=0)
+        assert np.all(
+            np.abs(mean[channel][0] - y[channel].mean(axis=0)) < 5.0 * expected / np.sqrt(size) + leeway
+        )
+        assert np.all(np.abs(sd[channel][0] - expected) < 5.0 * expected / np.sqrt(size) + leeway)
+    force, displacement = (y[c] - y[c].mean(axis=0) for c in ("force", "displacement"))
+    shared = sum(a * b for a, b in zip(parts["force"], parts["displacement"], strict=True))[0]
+    scale = force.std(axis=0) * displacement.std(axis=0)
+    steep = scale > 0.05 * scale.max()
+    np.testing.assert_allclose(
+        (shared / scale)[steep], (np.mean(force * displacement, axis=0) / scale)[steep], atol=0.02
+    )
+
+
+@pytest.mark.parametrize("declared", [0.0, 0.4])
+def test_an_estimated_error_of_temperature_adds_to_what_was_declared(
+    make_record: Callable[..., Record], declared: float
+) -> None:
+    p = build(make_record(n=20, temperature_sd=declared), "independent+temperature_error")
+    assert p.names[-1] == "temperature_sd"
+    theta = np.tile(p.space.to_physical(_shaped(p)), (3, 1))
+    theta[:, -1] = [0.0, 0.3, 1.0]
+    np.testing.assert_allclose(p.temperature_sd(theta), np.hypot([0.0, 0.3, 1.0], declared))
+    for row, value in zip(theta, p.log_likelihood(theta), strict=True):
+        same = build(replace(p.records[0], temperature_sd=float(np.hypot(row[-1], declared))))
+        assert value == pytest.approx(same.log_likelihood(row[None, :-1])[0], rel=1e-12)
+
+
+def test_growing_noise_is_wider_where_the_response_is_larger(make_record: Callable[..., Record]) -> None:
+    record = make_record(("force",), n=30)
+    p = build(record, "independent+growing")
+    theta = p.space.to_physical(_shaped(p))
+    theta[p.space.index("force_growth")] = 1.2
+    mean = p.predict(theta, record.inputs)["force"]
+    low, high = np.quantile(record.observed["force"], (0.01, 0.99))
+    scale = theta[p.space.index("force_sd")] * np.exp(1.2 * ((mean - low) / (high - low) - 0.5))
+    expected = stats.norm(mean, scale).logpdf(record.observed["force"]).sum()
+    assert p.log_likelihood(theta[None])[0] == pytest.approx(expected, rel=1e-10)
 
 
 def dense_log_density(x: np.ndarray, covariance: np.ndarray) -> float:
@@ -136,13 +262,20 @@ def test_an_exact_curve_has_no_infinite_density(make_record: Callable[..., Recor
 # --- residuals and replicates -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("noise", list(NOISE_MODELS))
-@pytest.mark.parametrize("temperature_sd", [0.0, 0.8])
+@pytest.mark.parametrize(
+    ("noise", "temperature_sd"),
+    [
+        *((n, 0.0) for n in (*NOISE_MODELS, "ar1+growing")),
+        *((n, 0.8) for n in (*NOISE_MODELS, "ar1+temperature_error") if NOISE_MODELS[n].remembers),
+        ("independent", 0.05),
+    ],
+)
 def test_replicates_are_what_the_likelihood_expects(
     make_record: Callable[..., Record], noise: str, temperature_sd: float
 ) -> None:
     """Their residuals, with the memory taken out, are unit normal and white in and across channels.
 
+    Where true temperatures are integrated out that holds as far as the curve is straight over an error of temperature.
     15,000 numbers a channel: Kolmogorov-Smirnov at 1e-5, correlations at 5 standard errors; the seed is fixed.
     """
     record = make_record(n=50, segments=2, temperature_sd=temperature_sd, memory=0.8)
@@ -166,9 +299,12 @@ def _shaped(p: Posterior) -> np.ndarray:
     """Coordinates of a clean curve with small noise and a strong memory."""
     theta = p.space.to_physical(p.space.prior_centre())
     truth = {"A1": 0.02, "A2": 0.30, "A3": 48.0, "A4": 0.001, "B1": 2.5, "B2": 0.35, "B3": 52.0, "B4": 0.5}
-    shape = {"sd": 0.01, "phi": 0.8, "tau": 4.0, "nu": 5.0}
+    shape = {"sd": 0.01, "phi": 0.8, "tau": 4.0, "nu": 5.0, "growth": 0.7}
+    if "temperature_sd" in p.space.names:
+        theta[p.space.index("temperature_sd")] = 0.4
     for name, value in truth.items():
-        theta[p.space.index(name)] = value
+        if name in p.space.names:
+            theta[p.space.index(name)] = value
     for channel, span in (("displacement", 0.02), ("force", 2.5)):
         for kind, value in shape.items():
             if f"{channel}_{kind}" in p.space.names:
@@ -183,18 +319,59 @@ def test_replicates_scatter_about_the_curve_with_the_noise(make_record: Callable
     theta = p.space.to_physical(_shaped(p))
     size = 20_000
     replicas = p.replicate(np.random.default_rng(2), np.tile(theta, (size, 1)))
-    clean = p.predict(theta, record.inputs)
-    slope = p.model.slope(theta[p.layout[0].model], record.inputs)
-    for channel, y in replicas.items():
-        variance = theta[p.layout[0].noise[channel][0]] ** 2 + (0.5 * slope[channel]) ** 2
-        assert np.all(np.abs(y.mean(axis=0) - clean[channel]) < 5.0 * np.sqrt(variance / size))
+    mean, shared = moments_under_errors(p, theta, record.channels, 0.5)
+    for i, (channel, y) in enumerate(replicas.items()):
+        variance = theta[p.layout[0].noise[channel][0]] ** 2 + shared[i, i]
+        assert np.all(np.abs(y.mean(axis=0) - mean[i]) < 5.0 * np.sqrt(variance / size))
         np.testing.assert_allclose(y.var(axis=0), variance, rtol=0.05)
-    covariance = np.mean(
-        (replicas["force"] - clean["force"]) * (replicas["displacement"] - clean["displacement"]), axis=0
-    )
-    middle = np.abs(slope["force"]) > 0.3 * np.abs(slope["force"]).max()
-    expected = 0.25 * slope["force"] * slope["displacement"]
-    np.testing.assert_allclose(covariance[middle], expected[middle], rtol=0.1)
+    apart = [y - m for y, m in zip(replicas.values(), mean, strict=True)]
+    steep = np.abs(shared[0, 1]) > 0.1 * np.abs(shared[0, 1]).max()
+    np.testing.assert_allclose(np.mean(apart[0] * apart[1], axis=0)[steep], shared[0, 1][steep], rtol=0.1)
+
+
+@dataclass(frozen=True)
+class Straight(ModifiedSigmoid):
+    """Straight lines: the response to an error of temperature is linear, its moments are exact."""
+
+    def predict(self, theta: np.ndarray, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        t = inputs["temperature"] - 50.0
+        return {"force": theta[..., 4, None] * t, "displacement": theta[..., 0, None] * t}
+
+    def slope(self, theta: np.ndarray, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        level = np.ones(inputs["temperature"].shape)
+        return {"force": theta[..., 4, None] * level, "displacement": theta[..., 0, None] * level}
+
+
+@pytest.mark.parametrize(
+    ("noise", "temperature_sd"),
+    [
+        *((n, 0.0) for n in NOISE_MODELS if NOISE_MODELS[n].is_density),
+        *((n, 0.3) for n in NOISE_MODELS if NOISE_MODELS[n].remembers and NOISE_MODELS[n].is_density),
+        ("independent", 0.3),
+    ],
+)
+def test_replicates_have_the_density_of_the_likelihood(
+    make_record: Callable[..., Record], noise: str, temperature_sd: float
+) -> None:
+    """The mean of p(y; other)/p(y; own) over 1,000 replicas is one: five standard errors; the seed is fixed."""
+    record = make_record(n=6, segments=2, temperature_sd=temperature_sd)
+    model = Straight(record.channels)
+    p = build_posterior([record], NOISE_MODELS[noise], DEFAULT, model=model)
+    theta = p.space.to_physical(_shaped(p))
+    size = 1_000
+    replicas = p.replicate(np.random.default_rng(3), np.tile(theta, (size, 1)))
+    changed = {"force_sd": 1.06, "displacement_sd": 0.95, "A1": 1.0 + 1e-4, "B1": 1.0 - 1e-4}
+    other = theta.copy()
+    for name, factor in changed.items():
+        other[p.space.index(name)] *= factor
+    ratio = np.empty(size)
+    both = np.stack([theta, other])
+    for i in range(size):
+        again = replace(record, observed={c: y[i] for c, y in replicas.items()})
+        own, others = replace(p, records=(again,)).log_likelihood(both)
+        ratio[i] = np.exp(others - own)
+    assert 0.05 < ratio.std() < 1.5
+    assert abs(ratio.mean() - 1.0) < 5.0 * ratio.std() / np.sqrt(size)
 
 
 # --- several records, fixed parameters ----------------------------------------------------------------

@@ -107,6 +107,7 @@ def test_a_mended_proposal_draws_the_tail() -> None:
     assert after < before / 3.0  # what is left lies farther out, for the next audit
 
 
+@pytest.mark.slow
 def test_draws_of_a_run_have_the_tail() -> None:
     """97.5 % quantiles of four seeds: 0.2 sd is four standard errors of the target."""
     density = SlowTail()

@@ -187,6 +187,7 @@ def test_evaluations_are_those_that_the_density_saw() -> None:
         assert draws.evaluations == pytest.approx(rows, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["de", "stretch"])
 def test_other_samplers_cross_check_the_default(name: str) -> None:
     """Shares of a bent density below three quantiles of the default's draws: 1,000 effective draws on either side, so
@@ -341,7 +342,7 @@ def test_a_transition_that_fell_between_two_samples(seed: int) -> None:
     start = warm_start(first, np.random.default_rng(seed))
     posterior = posterior_with("student_t", first, start, read_priors("modified_sigmoid"))
     z = noise_start(posterior, start)
-    plan = Plan(evaluations=1_500_000)
+    plan = Plan(target=Target(), evaluations=1_500_000)
     draws = sample(posterior, [z], posterior.space.prior_sd(), np.random.SeedSequence(seed), plan)
     assert draws.convergence.converged
 

@@ -18,9 +18,10 @@ from sma_bayes.records.types import Record
 DEFAULT = read_priors("modified_sigmoid")
 
 
-def choice_for(record: Record) -> NoiseChoice:
+def choice_for(record: Record, *, noise: str | None = None, discrepancy: bool = True) -> NoiseChoice:
     posterior = build_posterior([record], NOISE_MODELS["independent"], DEFAULT)
-    return choose_noise(posterior, warm_start(posterior, np.random.default_rng(0)), DEFAULT)
+    start = warm_start(posterior, np.random.default_rng(0))
+    return choose_noise(posterior, start, DEFAULT, noise=noise, discrepancy=discrepancy)
 
 
 def with_even_time(record: Record) -> Record:
@@ -36,11 +37,15 @@ def with_outliers(record: Record) -> Record:
     return replace(record, observed=observed)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_white_residuals_are_independent(make_record: Callable[..., Record], seed: int) -> None:
-    choice = choice_for(make_record(n=300, seed=seed))
-    assert choice.name == "independent"
-    assert all(abs(r) < 0.25 for r in choice.lag1.values())
+def test_white_residuals_are_independent_without_a_discrepancy(make_record: Callable[..., Record]) -> None:
+    """Of 60 other records 56 were; and 7 of their 120 channels got a discrepancy.
+
+    At such rates fewer than 8 of 12, or more than 6 of 24, happen once in 1,500 runs each; seeds are fixed.
+    """
+    choices = [choice_for(make_record(n=150, seed=100 + seed)) for seed in range(12)]
+    assert sum(c.name == "independent" for c in choices) >= 8
+    assert sum(len(c.bases[0]) for c in choices) <= 6
+    assert all(abs(r) < 0.35 for c in choices for r in c.lag1.values())
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -48,13 +53,84 @@ def test_residuals_with_a_memory_get_one(make_record: Callable[..., Record], see
     choice = choice_for(with_even_time(make_record(n=300, seed=seed, memory=0.8)))
     assert choice.name == "ar1"
     assert all(r > 0.5 for r in choice.lag1.values())
-    assert "ar1_time" not in choice.bic
-    assert choice.bic["ar1"] == 0.0
-    assert choice.bic["independent"] > 10.0
+    assert "ar1_time" not in choice.ln_evidence
+    assert choice.ln_evidence["ar1"] == 0.0
+    assert choice.ln_evidence["independent"] < -10.0
 
 
-def test_outliers_ask_for_heavy_tails(make_record: Callable[..., Record]) -> None:
-    assert choice_for(with_outliers(make_record(n=300))).name == "student_t"
+def test_a_real_memory_seldom_passes_for_misfit(make_record: Callable[..., Record]) -> None:
+    """Of 25 other records 1 of 50 channels got a discrepancy; more than 3 of 16 would once in 3,000 runs."""
+    choices = [
+        choice_for(with_even_time(make_record(n=300, seed=50 + seed, memory=0.8))) for seed in range(8)
+    ]
+    assert sum(c.name.startswith("ar1") for c in choices) == 8
+    assert sum(len(c.bases[0]) for c in choices) <= 3
+    for c in choices:
+        assert all(gain < 5.0 for gain in c.discrepancy.values())
+
+
+def with_a_second_step(record: Record) -> Record:
+    t = record.temperature
+    observed = {
+        c: y + 0.15 * np.ptp(y) / (1.0 + np.exp(-0.8 * (t - 58.0))) for c, y in record.observed.items()
+    }
+    return replace(record, observed=observed)
+
+
+def test_misfit_is_given_a_discrepancy_and_the_noise_is_not_blamed(
+    make_record: Callable[..., Record],
+) -> None:
+    record = with_a_second_step(make_record(("force",), n=200, noise=0.002))
+    choice = choice_for(record)
+    assert set(choice.bases[0]) == {"force"}
+    assert choice.discrepancy["force"] > 50.0
+    assert choice.lag1["force"] > 0.7
+    sd, size = choice.estimate[0]["force"][0], choice.estimate[0]["force"][-1]
+    assert sd == pytest.approx(0.002 * np.ptp(record.observed["force"]), rel=0.3)
+    assert size > 2.0 * sd
+    assert "a smooth discrepancy beside the curve gains" in choice.reason
+
+
+def test_without_a_discrepancy_misfit_passes_for_memory(make_record: Callable[..., Record]) -> None:
+    record = with_a_second_step(make_record(("force",), n=200, noise=0.002))
+    choice = choice_for(record, discrepancy=False)
+    assert not any(choice.bases)
+    assert NOISE_MODELS[choice.name].remembers
+    assert choice.ln_evidence["independent"] < -50.0
+
+
+@pytest.mark.parametrize("name", ["student_t", "ar1+growing", "independent+temperature_error"])
+def test_a_noise_model_that_was_asked_for_is_the_only_one(
+    make_record: Callable[..., Record], name: str
+) -> None:
+    choice = choice_for(make_record(n=80), noise=name)
+    assert choice.name == name
+    assert dict(choice.ln_evidence) == {name: 0.0}
+    assert len(choice.estimate[0]["force"]) == len(NOISE_MODELS[name].parameters("force", "N", "s")) + (
+        "force" in choice.bases[0]
+    )
+
+
+def test_noise_that_grows_with_the_response_is_seen(make_record: Callable[..., Record]) -> None:
+    record = make_record(("force",), n=300, noise=0.0)
+    y = record.observed["force"]
+    sd = 0.01 * np.ptp(y) * np.exp(2.0 * ((y - y.min()) / np.ptp(y) - 0.5))
+    noisy = replace(record, observed={"force": y + sd * np.random.default_rng(0).standard_normal(300)})
+    choice = choice_for(noisy)
+    assert choice.name == "independent+growing"
+    assert choice.estimate[0]["force"][1] == pytest.approx(2.0, abs=0.6)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_an_undeclared_error_of_the_thermometer_is_seen_and_a_declared_one_is_not_sought(
+    make_record: Callable[..., Record], seed: int
+) -> None:
+    record = make_record(n=300, noise=0.003, temperature_sd=0.4, seed=seed)
+    choice = choice_for(replace(record, temperature_sd=0.0))
+    assert choice.name.endswith("temperature_error")
+    assert "growing" not in choice.name
+    assert choice.temperature_sd[0] == pytest.approx(0.4, rel=0.2)
+    assert "temperature_error" not in choice_for(record).name
 
 
 def test_a_memory_in_time_is_told_from_one_in_samples(make_record: Callable[..., Record]) -> None:
@@ -79,11 +155,11 @@ def test_the_reason_names_model_rival_and_correlations(make_record: Callable[...
     assert choice.reason.startswith(NOISE_MODELS[choice.name].title)
     for channel, value in choice.lag1.items():
         assert f"{value:.2f} ({channel})" in choice.reason
-    assert sum(v == 0.0 for v in choice.bic.values()) == 1
+    assert sum(v == 0.0 for v in choice.ln_evidence.values()) == 1
 
 
 def test_what_is_no_density_of_the_data_is_not_compared(make_record: Callable[..., Record]) -> None:
-    assert all(NOISE_MODELS[name].is_density for name in choice_for(make_record(n=50)).bic)
+    assert all(NOISE_MODELS[name].is_density for name in choice_for(make_record(n=50)).ln_evidence)
 
 
 @pytest.mark.parametrize("name", list(NOISE_MODELS))
@@ -111,3 +187,18 @@ def test_an_exact_curve_still_has_a_start(make_record: Callable[..., Record]) ->
     start = warm_start(posterior, np.random.default_rng(0))
     flat = replace(start, residual=({"force": np.zeros(record.n)},))
     assert np.isfinite(noise_start(posterior, flat)).all()
+
+
+def test_a_start_has_what_the_choice_found_beside_the_curve(make_record: Callable[..., Record]) -> None:
+    record = with_a_second_step(make_record(("force",), n=200, noise=0.002))
+    first = build_posterior([record], NOISE_MODELS["independent"], DEFAULT)
+    start = warm_start(first, np.random.default_rng(0))
+    choice = choose_noise(first, start, DEFAULT)
+    posterior = posterior_with(choice.name, first, start, DEFAULT, choice)
+    assert posterior.has_discrepancy
+    assert posterior.names[-1] == "force_discrepancy"
+    z = noise_start(posterior, start, choice)
+    theta = posterior.space.to_physical(z)
+    np.testing.assert_allclose(theta[start.theta.size :], choice.estimate[0]["force"], rtol=1e-9)
+    alone = posterior_with(choice.name, first, start, DEFAULT)
+    assert posterior.log_likelihood(theta[None])[0] > alone.log_likelihood(theta[None, :-1])[0] + 50.0

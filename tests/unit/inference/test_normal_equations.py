@@ -28,7 +28,9 @@ def equations_for(posterior: Posterior, rng: np.random.Generator, mixed: bool = 
             block[m if i or len(record.channels) == 1 else m // 2 : m] = 0.0
         rows[channel] = block
     root = rng.standard_normal((m, m)) if mixed else np.diag(rng.uniform(0.1, 3.0, m))
-    return NormalEquations(posterior, m, (rows,), root @ root.T + 0.1 * np.eye(m), rng.standard_normal(m))
+    return NormalEquations(
+        posterior, m, (rows,), ({},), root @ root.T + 0.1 * np.eye(m), rng.standard_normal(m)
+    )
 
 
 @pytest.mark.parametrize(
@@ -49,7 +51,8 @@ def test_it_is_the_solution_of_the_normal_equations(
     posterior = build_posterior([make_record(channels)], NOISE_MODELS[noise], read_priors("modified_sigmoid"))
     equations = equations_for(posterior, rng, mixed)
     theta = posterior.space.to_physical(posterior.draw_prior(rng, 30))
-    normal, squares = equations.solved(theta)
+    normal, squares, added = equations.solved(theta)
+    np.testing.assert_array_equal(added, 0.0)  # nothing stands beside the curve
     assert isinstance(normal, way)
     assert normal.usable.all()
     m = equations.count

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.noise import NOISE_MODELS, Steps
-from sma_bayes.noise.ar1 import best_memory, memory_draw, memory_innovations, memory_log_density
+from sma_bayes.noise.ar1 import best_memory, memory_innovations, memory_log_density, memory_series
 from sma_bayes.records.types import Record
 
 
@@ -42,8 +42,10 @@ def test_time_never_runs_backwards(make_record: Callable[..., Record]) -> None:
 def test_memory_is_taken_out_and_put_back() -> None:
     rng = np.random.default_rng(0)
     phi = np.where(np.arange(50) % 20 == 0, 0.0, rng.uniform(-0.9, 0.9, 50))
-    e = memory_draw(rng, np.tile(phi, (3, 1)))
+    innovations = rng.standard_normal((3, 50))
+    e = memory_series(innovations, np.tile(phi, (3, 1)))
     white = memory_innovations(e, phi)
+    np.testing.assert_allclose(white, innovations, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(white, memory_innovations(e, np.tile(phi, (3, 1))))
     rebuilt = white.copy()
     for i in range(1, 50):
@@ -59,7 +61,7 @@ def test_the_best_memory_is_that_of_greatest_likelihood(phi: float) -> None:
     steps = Steps(np.arange(3000) == 0, np.ones(3000), timed=False)
     noise = NOISE_MODELS["ar1"]
     residual = 2.0 * noise.draw(np.random.default_rng(1), np.array([[phi]]), steps)[0]
-    candidates = np.linspace(-0.95, 0.995, 390)
+    candidates = np.linspace(-0.95, 0.995, 390)[:, None]
     sd, found = best_memory(noise, residual, candidates, steps)
     assert found == pytest.approx(phi, abs=0.05)
     assert sd == pytest.approx(2.0, rel=0.25)

@@ -240,6 +240,18 @@ class TestColumns:
         seen = run.calibration["force"]
         assert (seen.relative_scale_sd, seen.offset, seen.offset_sd) == pytest.approx((0.02, 0.3, 0.01))
 
+    def test_the_errors_of_a_thermometer_are_those_of_its_canonical_unit(self, folder: Path) -> None:
+        """An offset in K is one in degF over 1.8; at 0 degF, where scale and offset err apart, it is -17.8 degC."""
+        text = """
+        [columns]
+        temperature = { name = "T", unit = "degF", offset_sd = 0.9, scale_sd = 0.01 }
+        force = { name = "F", unit = "N" }
+        """
+        run, _ = run_of(declare(folder, text + CONDITION, "T,F\n80,2\n180,4\n"))
+        seen = run.calibration["temperature"]
+        assert (seen.relative_scale_sd, seen.offset, seen.offset_sd) == pytest.approx((0.01, -32 / 1.8, 0.5))
+        assert run.temperature_sd == 0.0
+
     def test_a_reference_reading_makes_the_errors_of_a_fitted_line_independent(self, folder: Path) -> None:
         """The declared numbers give back the error of a least-squares line, covariance included."""
         rng = np.random.default_rng(5)
@@ -433,10 +445,10 @@ class TestMistakes:
                 "temperature only",
             ),
             (
-                '[columns]\ntemperature = { name = "T", unit = "degC", offset_sd = 1 }\n',
-                "columns.temperature",
+                '[columns]\ntime = { name = "t", unit = "s", offset_sd = 1 }\n',
+                "columns.time",
                 "scale_sd or offset_sd",
-                "these for force",
+                "these for temperature, force",
             ),
             (
                 '[columns]\nforce = { row_interval = 1, unit = "N" }\n',

@@ -1,0 +1,254 @@
+"""What a curve misses: its basis, its density with the weights integrated out, and draws of the weights."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.special import logsumexp
+
+from sma_bayes.discrepancy import NODES, DiscrepancyBasis, Whitened, build_basis, nodes_of
+from sma_bayes.noise import NOISE_MODELS, Steps
+
+N = 40
+SHAPES = {"independent": (), "ar1": (0.7,), "ar1_time": (3.0,)}
+
+
+def logistic(theta: np.ndarray, t: np.ndarray) -> np.ndarray:
+    return theta[0] / (1.0 + np.exp(-theta[1] * (t - theta[2]))) + theta[3]
+
+
+THETA = np.array([2.5, 0.35, 52.0, 0.5])
+
+
+def tangents(t: np.ndarray) -> np.ndarray:
+    s = 1.0 / (1.0 + np.exp(-THETA[1] * (t - THETA[2])))
+    slope = THETA[0] * s * (1.0 - s)
+    return np.stack([s, slope * (t - THETA[2]), -slope * THETA[1], np.ones_like(t)], axis=-1)
+
+
+def basis_for(t: np.ndarray, functions: int = 30) -> DiscrepancyBasis | None:
+    fine = np.linspace(t.min(), t.max(), 2001)
+    nodes = nodes_of(t.min(), t.max(), fine, logistic(THETA, fine))
+    return build_basis(t, nodes, logistic(THETA, nodes), tangents(t), tangents(nodes), functions)
+
+
+TEMPERATURE = np.sort(np.random.default_rng(0).uniform(30.0, 70.0, N))
+BASIS = basis_for(TEMPERATURE)
+assert BASIS is not None
+
+
+def steps(n: int = N) -> Steps:
+    first = np.arange(n) % (n // 2) == 0
+    dt = np.random.default_rng(1).uniform(0.3, 2.0, n)
+    return Steps(first, np.where(first, 1.0, dt), timed=True)
+
+
+def correlation(name: str, s: Steps) -> np.ndarray:
+    n = s.first.size
+    sweep = np.cumsum(s.first)
+    together = sweep[:, None] == sweep
+    if name == "ar1":
+        return np.where(together, 0.7 ** np.abs(np.arange(n)[:, None] - np.arange(n)), 0.0)
+    if name == "ar1_time":
+        time = np.cumsum(np.where(s.first, 0.0, s.dt))
+        return np.where(together, np.exp(-np.abs(time[:, None] - time) / 3.0), 0.0)
+    return np.eye(n)
+
+
+def scales(kind: str) -> np.ndarray:
+    """Standard deviation of the noise of each sample: one, growing with the response, with an error of temperature."""
+    even = np.array([[0.02], [0.1]])
+    y = (logistic(THETA, TEMPERATURE) - 0.5) / 2.5
+    if kind == "growing":
+        return even * np.exp(1.5 * (y - 0.5))
+    return np.sqrt(even**2 + (0.5 * tangents(TEMPERATURE)[:, 2]) ** 2) if kind == "temperature" else even
+
+
+def whitened(
+    name: str, kind: str = "even", size: float = 0.1, residual: np.ndarray | None = None
+) -> Whitened:
+    scale = scales(kind)
+    r = 0.1 * np.random.default_rng(2).standard_normal((2, N)) if residual is None else residual
+    shape = np.tile(np.array(SHAPES.get(name, (4.0,)), dtype=float), (2, 1))
+    return Whitened(NOISE_MODELS[name], shape, steps(), r / scale, scale, BASIS.rows, np.full((2, 1), size))
+
+
+def dense(w: Whitened, row: int, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residual, covariance of the noise, and covariance of the weights a priori."""
+    scale = np.broadcast_to(w.scale, w.e.shape)[row]
+    noise = correlation(name, w.steps) * np.outer(scale, scale)
+    return w.e[row] * scale, noise, np.eye(len(w.rows)) * w.size[row] ** 2
+
+
+KINDS = pytest.mark.parametrize("kind", ["even", "growing", "temperature"])
+GAUSSIAN = pytest.mark.parametrize("name", list(SHAPES))
+
+
+# --- the basis -------------------------------------------------------------------------------------------
+
+
+def test_the_basis_is_kept_off_the_tangents_and_orthogonal() -> None:
+    rows = BASIS.rows
+    assert rows.shape == (BASIS.count, N)
+    assert BASIS.count == 30
+    t = tangents(TEMPERATURE)
+    overlap = rows @ t / np.linalg.norm(t, axis=0)
+    assert np.abs(overlap).max() < 1e-7 * np.linalg.norm(rows, axis=1).max()
+    gram = rows @ rows.T
+    np.testing.assert_allclose(gram, np.diag(np.diag(gram)), atol=1e-8 * gram.max())
+    assert np.all(np.diff(np.diag(gram)) <= 1e-8)
+
+
+def test_its_variance_is_one_over_the_samples() -> None:
+    assert np.mean(np.sum(BASIS.rows**2, axis=0)) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_the_table_agrees_with_the_samples() -> None:
+    np.testing.assert_allclose(BASIS.at(TEMPERATURE).T, BASIS.rows, atol=2e-3)
+    again = DiscrepancyBasis.tabulated(BASIS.temperature, BASIS.values, TEMPERATURE)
+    np.testing.assert_allclose(again.rows, BASIS.at(TEMPERATURE).T, rtol=1e-12)
+
+
+def test_it_lies_closer_where_the_curve_changes() -> None:
+    step = np.diff(BASIS.temperature)
+    middle = 0.5 * (BASIS.temperature[1:] + BASIS.temperature[:-1])
+    assert step[np.abs(middle - 52.0) < 2.0].max() < 0.5 * step[np.abs(middle - 52.0) > 15.0].min()
+    even = nodes_of(0.0, 1.0, np.linspace(0.0, 1.0, 50), np.zeros(50))
+    np.testing.assert_allclose(even, np.linspace(0.0, 1.0, NODES), atol=1e-12)
+
+
+def test_it_goes_on_straight_beyond_the_nodes() -> None:
+    low, high = BASIS.temperature[[0, -1]]
+    for inside, outside in (
+        (low, low - np.array([1.0, 2.0, 30.0])),
+        (high, high + np.array([1.0, 2.0, 30.0])),
+    ):
+        expected = BASIS.at(inside) + (outside - inside)[:, None] * BASIS.slope(inside)
+        np.testing.assert_allclose(BASIS.at(outside), expected, rtol=1e-12)
+        np.testing.assert_array_equal(BASIS.slope(outside), np.tile(BASIS.slope(inside), (3, 1)))
+
+
+def test_its_slope_is_that_of_finite_differences() -> None:
+    t = np.linspace(25.0, 75.0, 101)
+    h = 1e-5
+    expected = (BASIS.at(t + h) - BASIS.at(t - h)) / (2.0 * h)
+    np.testing.assert_allclose(BASIS.slope(t), expected, atol=1e-6 * np.abs(expected).max())
+    weights = np.random.default_rng(3).standard_normal((5, BASIS.count))
+    np.testing.assert_allclose(BASIS.function(weights, t), weights @ BASIS.at(t).T, rtol=1e-12)
+    np.testing.assert_allclose(BASIS.function_slope(weights, t), weights @ BASIS.slope(t).T, rtol=1e-12)
+
+
+def test_each_draw_may_have_temperatures_of_its_own() -> None:
+    weights = np.random.default_rng(3).standard_normal((3, BASIS.count))
+    t = np.random.default_rng(4).uniform(20.0, 80.0, (3, 7))
+    for call in (BASIS.function, BASIS.function_slope):
+        found = call(weights, t)
+        assert found.shape == (3, 7)
+        for i in range(3):
+            np.testing.assert_allclose(found[i], call(weights[i : i + 1], t[i])[0], rtol=1e-10)
+
+
+@pytest.mark.parametrize(("n", "count"), [(3, None), (4, None), (5, 1), (9, 5), (200, 30)])
+def test_there_are_no_more_functions_than_samples_have_room_for(n: int, count: int | None) -> None:
+    found = basis_for(np.linspace(30.0, 70.0, n))
+    assert (None if found is None else found.count) == count
+
+
+def test_samples_at_few_temperatures_have_no_room() -> None:
+    assert basis_for(np.repeat(np.linspace(30.0, 70.0, 4), 20)) is None
+
+
+# --- the density -----------------------------------------------------------------------------------------
+
+
+@GAUSSIAN
+@KINDS
+def test_the_density_is_that_of_the_dense_normal(name: str, kind: str) -> None:
+    w = whitened(name, kind)
+    found = w.marginal_log_density()
+    for row in range(2):
+        residual, noise, prior = dense(w, row, name)
+        covariance = noise + w.rows.T @ prior @ w.rows
+        expected = stats.multivariate_normal(np.zeros(N), covariance).logpdf(residual)
+        assert found[row] == pytest.approx(expected, rel=1e-9, abs=1e-7)
+
+
+@GAUSSIAN
+@KINDS
+def test_weights_are_drawn_from_the_dense_conditional(name: str, kind: str) -> None:
+    """Means and covariances of 20,000 draws of 30 weights: 5 standard errors each, one false alarm in 3,000 runs."""
+    w = whitened(name, kind)
+    size = 20_000
+    many = Whitened(
+        w.noise, np.tile(w.shape[:1], (size, 1)), w.steps, np.tile(w.e[:1], (size, 1)),
+        np.tile(w.scale[:1], (size, 1)), w.rows, np.tile(w.size[:1], (size, 1)),
+    )  # fmt: skip
+    residual, noise, prior = dense(w, 0, name)
+    information = np.linalg.inv(prior) + w.rows @ np.linalg.solve(noise, w.rows.T)
+    covariance = np.linalg.inv(information)
+    mean = covariance @ w.rows @ np.linalg.solve(noise, residual)
+    np.testing.assert_allclose(w.likeliest_weights()[0], mean, atol=1e-9)
+    draws = many.draw_weights(np.random.default_rng(5))
+    sd = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(draws.mean(axis=0) - mean) < 5.0 * sd / np.sqrt(size))
+    error = np.sqrt((np.outer(sd, sd) ** 2 + covariance**2) / size)
+    assert np.all(np.abs(np.cov(draws.T) - covariance) < 5.0 * error)
+
+
+@pytest.mark.parametrize("name", ["student_t", "ar1_student_t"])
+@pytest.mark.parametrize("size", [0.01, 0.1, 1.0])
+def test_heavy_tails_are_integrated_as_by_quadrature(name: str, size: float) -> None:
+    """Two weights; Laplace's method with expected information is good to 0.15 in ln with 40 samples, one an outlier."""
+    rng = np.random.default_rng(6)
+    residual = 0.05 * rng.standard_normal(N) + np.array([0.1, -0.05]) @ BASIS.rows[:2]
+    residual[17] += 0.6
+    shape = np.array([[0.6, 5.0]] if name.startswith("ar1") else [[5.0]])
+    w = Whitened(
+        NOISE_MODELS[name], shape, steps(), residual[None] / 0.05, np.full((1, 1), 0.05), BASIS.rows[:2],
+        np.full((1, 1), size),
+    )  # fmt: skip
+    centre = w.likeliest_weights()[0]
+
+    side = np.linspace(-8.0, 8.0, 161) * min(size, 0.05)
+    grid = centre + np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    left = (residual - grid @ BASIS.rows[:2]) / 0.05
+    joint = w.noise.total_log_density(left, np.tile(shape, (len(grid), 1)), w.steps) - N * np.log(0.05)
+    joint = joint + stats.norm(0.0, size).logpdf(grid).sum(axis=1)
+    expected = logsumexp(joint) + 2.0 * np.log(side[1] - side[0])
+    assert w.marginal_log_density()[0] == pytest.approx(expected, abs=0.15)
+
+
+@pytest.mark.parametrize("name", [*SHAPES, "student_t"])
+@KINDS
+def test_without_size_it_is_the_noise_alone(name: str, kind: str) -> None:
+    w = whitened(name, kind, size=1e-12)
+    alone = w.noise.total_log_density(w.e, w.shape, w.steps)
+    alone = alone - np.log(np.broadcast_to(w.scale, w.e.shape)).sum(axis=1)
+    np.testing.assert_allclose(w.marginal_log_density(), alone, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", [*SHAPES, "student_t"])
+@KINDS
+@pytest.mark.parametrize("size", [1e-300, 1e-150, 1e6, 1e150])
+def test_no_size_overflows(name: str, kind: str, size: float) -> None:
+    """What can't be held in numbers is NaN, which counts as impossible, never plus infinity or an error."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        value = whitened(name, kind, size).marginal_log_density()
+        drawn = whitened(name, kind, size).draw_weights(np.random.default_rng(0))
+    assert drawn.shape == (2, BASIS.count)
+    assert not np.isposinf(value).any()
+    if size < 1.0:
+        assert np.isfinite(value).all()
+        assert np.isfinite(drawn).all()
+
+
+def test_the_evidence_decides_the_size() -> None:
+    """A smooth misfit of 0.2 in noise of 0.02: the likeliest size is near it."""
+    rng = np.random.default_rng(8)
+    weights = rng.standard_normal(BASIS.count)
+    residual = np.tile(0.2 * weights @ BASIS.rows + 0.02 * rng.standard_normal(N), (2, 1))
+    sizes = np.geomspace(1e-3, 10.0, 60)
+    value = [whitened("independent", size=s, residual=residual).marginal_log_density()[0] for s in sizes]
+    assert 0.08 < sizes[int(np.argmax(value))] < 0.5
+    assert max(value) > value[0] + 100.0
