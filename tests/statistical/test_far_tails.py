@@ -36,7 +36,7 @@ def test_a_proposal_that_missed_a_tail_is_fitted_again(record: int, seed: int) -
     posterior = problem.posterior
     draws = sample(posterior, [problem.start], posterior.space.prior_sd(), np.random.SeedSequence(seed))
     assert draws.convergence.converged
-    assert draws.method == "independence"
+    assert draws.method in ("independence", "independence after an audit")
     assert draws.evaluations > 40_000  # it did not do at the first try, or this test says nothing
 
     wide = with_wide_share(adapt(posterior, draws.modes, np.random.default_rng(0), effort=16))
