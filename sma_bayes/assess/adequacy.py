@@ -22,7 +22,7 @@ NOTICED = 3.0
 CHANCE = 0.002
 """Probability, in either tail, below which a check counts as failed; a record has some five checks a channel."""
 SWALLOWED = 0.25
-"""Share of the range of a channel that the noise may take; beyond, it has swallowed the response."""
+"""Standard deviation of the noise over the range of the curve; beyond, it has swallowed the response."""
 LED = 0.75
 """Contraction below which a parameter is led by its prior: more than half of the prior's standard deviation is left."""
 GRID = 161
@@ -30,7 +30,7 @@ GRID = 161
 SENTENCES = {
     "curve": "the curve misses {what}",
     "check": "{what}",
-    "noise": "the noise takes {what}",
+    "noise": "the noise of a reading is {what}",
     "tempered": "samples are counted as fewer than they are: no density of the data",
     "prior": "the data hardly tell {what}: its prior does",
 }
@@ -146,12 +146,23 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
     if not posterior.noise.is_density:
         out.append(_reason("tempered", "", ""))
     for channel, own in sd.items():
-        share = own / posterior.observed_range(record, channel)[1]
-        if share > SWALLOWED:
-            out.append(_reason("noise", channel, f"{share:.0%} of the range of {r.quantity(channel)}"))
+        response = _response(fit, record, channel)
+        if own > SWALLOWED * response:
+            share = f"{own / response:.0%} of" if own < 10.0 * response else "more than ten times"
+            out.append(_reason("noise", channel, f"{share} what {r.quantity(channel)} changes by"))
     for channel in led_by_prior(fit, record):
         out.append(_reason("prior", channel, f"where and how fast {r.quantity(channel)} changes"))
     return tuple(out)
+
+
+def _response(fit: Fit, record: int, channel: str) -> float:
+    """Range of the median curve of a channel over the measured temperatures [unit of the channel].
+
+    Not that of the measurements: of noise alone it is some five standard deviations, whatever the response.
+    """
+    t = fit.records[record].temperature
+    grid = np.linspace(float(t.min()), float(t.max()), GRID)
+    return float(np.ptp(np.median(fit.curves(record).curve(channel, grid), axis=0)))
 
 
 def _reason(kind: str, channel: str, what: str) -> Reason:

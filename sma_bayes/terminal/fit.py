@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.box import HEAVY_HEAD, SIMPLE_HEAD
 from rich.table import Table
 
 from sma_bayes.assess.adequacy import REMEDIES
@@ -15,15 +16,32 @@ from sma_bayes.report.choice import MANY
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.terminal.screen import SHOWN, screen, show_end
 
+COLUMNS = (
+    "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
+)  # fmt: skip
+UNBROKEN = ("converged", "adequate")
+WIDE, LEFT_OUT = 110, ("n", "r")
+"""Width from which a screen shows all columns [characters], and what a narrower one leaves to the report."""
+
 
 def show_fit(summary: dict[str, Any], out: Path) -> None:
     """Tell what `summary.json` says."""
-    table = Table(title=f"{summary['campaign']}, seed {summary['seed']}", title_justify="left")
-    for name in (
-        "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
-    ):  # fmt: skip
+    console = screen()
+    narrow = console.width < WIDE
+    table = Table(
+        title=f"{summary['campaign']}, seed {summary['seed']}",
+        title_justify="left",
+        box=SIMPLE_HEAD if narrow else HEAVY_HEAD,
+        padding=(0, 1 if not narrow else 0),
+    )
+    names = [name for name in COLUMNS if not (narrow and name in LEFT_OUT)]
+    for name in names:
+        words = name in ("record", "noise", "not identified", "r")
         table.add_column(
-            name, justify="left" if name in ("record", "noise", "not identified", "r") else "right"
+            name.replace(" ", "\n") if narrow else name,
+            justify="left" if words else "right",
+            overflow="fold",
+            no_wrap=name in UNBROKEN,
         )
     for r in _worth_a_row(summary["records"]):
         sampled = [p for p in r["parameters"].values() if p["rhat"] is not None]
@@ -31,7 +49,7 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         factors = ", ".join(
             f"{r['quantities'][c]['name']} {f['r']['median']:.4f}" for c, f in r["correlation"].items()
         )
-        table.add_row(
+        cells = (
             r["key"],
             str(r["n"]),
             r["noise"]["name"],
@@ -42,7 +60,7 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
             factors,
             ", ".join(prior_driven) or "-",
         )
-    console = screen()
+        table.add_row(*(cell for name, cell in zip(COLUMNS, cells, strict=True) if name in names))
     console.print(table)
     if len(summary["records"]) > table.row_count:
         converged = sum(r["converged"] for r in summary["records"])

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from sma_bayes.assess.adequacy import REMEDIES, SENTENCES
+from sma_bayes.terminal import fit
 from sma_bayes.terminal.fit import SUBJECTS, adequacy_sentences
 
 
@@ -47,6 +50,32 @@ def test_kinds_are_told_apart() -> None:
     found = adequacy_sentences(records, "modified_sigmoid")
     assert [s.partition(":")[0].split()[-1] for s in found] == ["a", "b", "c"]
     assert len(set(found)) == 3
+
+
+@pytest.mark.parametrize("width", [80, 160])
+def test_a_narrow_screen_cuts_no_word_off(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(fit, "screen", lambda: Console(width=width, markup=False, emoji=False))
+    why = ("curve", "the curve misses displacement by up to 5.0% of its range, at 60 degC")
+    parameter = {"rhat": 1.0012, "ess_bulk": 4000.0, "ess_tail": 3500.0, "identified": False, "fixed": False}
+    good = record("100MPa-cooling") | {
+        "n": 140, "noise": {"name": "independent+temperature_error"}, "converged": True, "adequate": True,
+        "parameters": {"displacement_sd": parameter, "temperature_sd": parameter},
+        "correlation": {"displacement": {"r": {"median": 0.9999}}},
+        "quantities": {"displacement": {"name": "strain"}},
+    }  # fmt: skip
+    summary = {
+        "campaign": "wire", "seed": 0, "records": [good, good | record("100MPa-heating", why) | {"adequate": False}],
+        "options": {"model": "modified_sigmoid"}, "findings": [], "converged": True, "wall_s": 1.0,
+    }  # fmt: skip
+    fit.show_fit(summary, Path("out"))
+    shown = capsys.readouterr().out
+    assert "…" not in shown
+    rows = [line for line in shown.splitlines() if "100MPa-" in line][:2]
+    assert [("yes" in line, "NO" in line) for line in rows] == [(True, False), (True, True)]
+    assert ("strain 0.9999" in shown) is (width == 160)
+    assert all(len(line) <= width for line in shown.splitlines() if not line.startswith("The curve"))
 
 
 @pytest.mark.parametrize("kind", SENTENCES)

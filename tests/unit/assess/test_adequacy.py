@@ -1,0 +1,107 @@
+"""Whether a fit is adequate: each reason why not, and none for data that follow the model."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sma_bayes.assess import adequacy
+from sma_bayes.assess.adequacy import CHANCE, LED, MISSED, Missed, led_by_prior, missed, reasons
+from sma_bayes.assess.checks import Check, predictive_checks
+from sma_bayes.assess.loops import branch_quantities
+from sma_bayes.parameters.roles import Role
+from sma_bayes.records.types import Campaign, Record
+from sma_bayes.results.fit import Fit
+from sma_bayes.workflow import fit
+
+
+def fitted(record: Record, noise: str = "independent") -> Fit:
+    return fit(Campaign("made up", "made up", "0", (record,)), noise=noise, jobs=1)[record.key]
+
+
+def kinds(found: Fit) -> list[tuple[str, str]]:
+    why = reasons(found, 0, predictive_checks(found), missed(found))
+    return [(reason.kind, reason.channel) for reason in why]
+
+
+@pytest.fixture(scope="module")
+def good(make_record: Callable[..., Record]) -> Fit:
+    """A fit of data that follow the model, with white noise."""
+    return fitted(make_record(n=80))
+
+
+def test_white_noise_on_the_model_is_adequate(good: Fit) -> None:
+    assert good.converged
+    assert kinds(good) == []
+    assert led_by_prior(good) == ()
+    assert len(branch_quantities(good)) == 3
+
+
+@pytest.mark.parametrize("p_value", [0.0, 0.5 * CHANCE, 1.0 - 0.5 * CHANCE])
+def test_a_check_that_fails_is_a_reason(good: Fit, p_value: float) -> None:
+    check = Check("force", "lag1", 0.9, -0.2, 0.2, p_value, "memory")
+    (why,) = reasons(good, 0, [check, replace(check, p_value=0.01)], ())
+    assert (why.kind, why.channel) == ("check", "force")
+    assert why.message == f"force: memory (p = {p_value:.3g})"
+
+
+def test_what_nobody_would_see_or_is_small_is_no_reason(good: Fit) -> None:
+    """Both must be: a good share of the range, and several standard deviations of the noise."""
+    sd = float(np.median(good.flat[:, good.posterior.layout[0].noise["force"][0]]))
+    seen = Missed("force", "N", 1.0, 10.0 * sd, 50.0, 2.0 * MISSED, 20.0)
+    (why,) = reasons(good, 0, (), [seen])
+    assert (why.kind, why.channel) == ("curve", "force")
+    assert "by up to 4.0% of its range, at 50 degC" in why.message
+    assert reasons(good, 0, (), [replace(seen, share=0.5 * MISSED)]) == ()
+    assert reasons(good, 0, (), [replace(seen, largest=-2.0 * sd)]) == ()
+
+
+def test_a_second_step_is_missed_by_the_curve(make_record: Callable[..., Record]) -> None:
+    r = make_record(n=80, noise=0.004)
+    x = r.observed["displacement"]
+    step = 0.15 * np.ptp(x) / (1.0 + np.exp(-1.2 * (r.temperature - 40.0)))
+    found = fitted(replace(r, observed={**r.observed, "displacement": x + step}))
+    assert kinds(found) == [("curve", "displacement")]
+    (m,) = [m for m in missed(found) if m.channel == "displacement"]
+    assert m.share > MISSED
+    assert m.ln_bayes_factor > 3.0
+    assert abs(m.largest) >= m.rms > 0.0
+    assert r.temperature.min() <= m.at <= r.temperature.max()
+
+
+def test_samples_that_count_as_fewer_are_no_density(make_record: Callable[..., Record]) -> None:
+    found = fitted(make_record(n=80), "effective_samples")
+    assert ("tempered", "") in kinds(found)
+    assert missed(found) == ()
+
+
+def test_noise_that_swallows_the_response_is_a_reason(make_record: Callable[..., Record]) -> None:
+    """Measured against the curve: the range of the measurements grows with the noise and would hide it."""
+    found = fitted(make_record(("force",), n=120, noise=0.4))
+    (why,) = reasons(found, 0, (), ())
+    assert (why.kind, why.channel) == ("noise", "force")
+    share = float(re.findall(r"(\d+)% of what force changes by", why.message)[0])
+    assert share == pytest.approx(40.0, rel=0.3)
+
+
+@pytest.mark.parametrize(("moved", "led"), [(1.02 * LED, False), (0.98 * LED, True)])
+def test_a_curve_that_its_prior_leads_gives_no_stiffness(
+    good: Fit, monkeypatch: pytest.MonkeyPatch, moved: float, led: bool
+) -> None:
+    """The midpoint of the force decides, and the rate; a span or an offset does not."""
+    space, model = good.posterior.space, good.posterior.model
+    left = {name: np.ones(space.dimension) for name in ("midpoint", "span")}
+    for name, role in (("midpoint", Role.MIDPOINT), ("span", Role.SPAN)):
+        at = model.position(role, "force")
+        left[name][np.flatnonzero(space.free_index == at)] = moved
+    monkeypatch.setattr(adequacy, "contraction", lambda _: left["span"])
+    assert led_by_prior(good) == ()
+    monkeypatch.setattr(adequacy, "contraction", lambda _: left["midpoint"])
+    assert led_by_prior(good) == (("force",) if led else ())
+    why = reasons(good, 0, (), ())
+    assert [(r.kind, r.channel) for r in why] == ([("prior", "force")] if led else [])
+    assert (branch_quantities(good) == []) is led
