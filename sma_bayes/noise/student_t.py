@@ -75,9 +75,8 @@ class StudentT(NoiseModel):
         norm = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(np.pi * nu)
         a = self.decorrelate(e, shape, steps)
         density = norm - 0.5 * (nu + 1.0) * np.log1p(a * a / nu)
-        if (
-            self.series.remembers
-        ):  # the Jacobian: what the Gaussian density of a series of zeros has beyond theirs
+        if self.series.remembers:
+            # the Jacobian: what the Gaussian density of a series of zeros has beyond that of its innovations
             density = density + self.series.log_density(np.zeros_like(e), shape, steps) + HALF_LN_2PI
             density = np.where(np.isnan(density), -np.inf, density)
         return np.asarray(density)
