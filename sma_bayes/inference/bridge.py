@@ -12,6 +12,7 @@ sampling techniques", Econometrics Journal 7 (2004) 143, for the error.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +37,7 @@ class Evidence:
     Attributes
     ----------
     value, sd : float
-        And its standard error.
+        And its standard error; not a number and infinity where draws and proposal have nothing in common.
     """
 
     value: float
@@ -91,6 +92,8 @@ def bridged(
     usable = np.isfinite(log_q_new)
     log_new = np.full(count, -np.inf)
     log_new[usable] = density.log_prob(new[usable]) - log_q_new[usable]
+    if not np.isfinite(log_new).any():  # the proposal never meets the density
+        return Evidence(math.nan, math.inf)
     log_old = density.log_prob(z) - proposal.log_density(z)
     centre = float(np.median(log_old))
     own, other = effective / (effective + count), count / (effective + count)
@@ -102,12 +105,17 @@ def bridged(
         value += step
         if abs(step) < 1e-8:
             break
-    f_new = np.exp(_ratio(log_new - centre, own, other, value))
-    f_old = np.exp(_inverse(log_old - centre, own, other, value) + value)
-    mean = float(weight @ f_old)
+    f_new = _over_greatest(_ratio(log_new - centre, own, other, value))
+    f_old = _over_greatest(_inverse(log_old - centre, own, other, value))
     relative = float(np.var(f_new, ddof=1) / f_new.mean() ** 2 / count)
+    mean = float(weight @ f_old)
     relative += float(np.sum(weight**2 * (f_old - mean) ** 2)) / mean**2
     return Evidence(value + centre, float(np.sqrt(relative)))
+
+
+def _over_greatest(log_f: Floats) -> Floats:
+    """Values over the greatest of them: what a relative error needs, whatever their size."""
+    return np.asarray(np.exp(log_f - log_f.max()))
 
 
 def _normalised(log_weight: Floats) -> Floats:

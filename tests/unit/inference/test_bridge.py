@@ -60,3 +60,31 @@ def test_weighted_draws_give_the_same_evidence() -> None:
     found = bridge_evidence(density, z, log_weight, rng)
     assert found.value == pytest.approx(SCALE, abs=4.0 * found.sd)
     assert 0.002 < found.sd < 0.03
+
+
+class Comb(Bent):
+    """The same density where the first coordinate is a multiple of a millionth, up to a millionth of that."""
+
+    def log_prob(self, z: np.ndarray) -> np.ndarray:
+        at = z[:, 0] * 1e6
+        return np.where(np.abs(at - np.round(at)) < 1e-6, super().log_prob(z), -np.inf)
+
+
+def test_a_proposal_that_never_meets_the_density_gives_no_evidence() -> None:
+    density = Comb(0.0)
+    rng = np.random.default_rng(6)
+    z = rng.standard_normal((400, density.d))
+    z[:, 0] = np.round(z[:, 0], 6)
+    found = bridge_evidence(density, z, np.zeros(len(z)), rng)
+    assert np.isnan(found.value)
+    assert found.sd == np.inf
+
+
+def test_draws_far_from_the_mass_are_bridged_with_the_error_they_deserve() -> None:
+    density = Bent(0.0)
+    rng = np.random.default_rng(7)
+    z = (
+        1e-3 * rng.standard_normal((250, density.d)) + 60.0
+    )  # 60 standard deviations off, and a thousand times too narrow
+    found = bridge_evidence(density, z, np.zeros(len(z)), rng)
+    assert found.sd > 0.03
