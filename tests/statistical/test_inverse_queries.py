@@ -18,6 +18,8 @@ from sma_bayes.results.fitting import fit_records
 
 SPRINGS = 150
 STATED = 0.9
+ANSWERED = 0.95
+"""Share of springs at least for which a stretch with that probability is found at all."""
 FALSE_ALARM = 1e-3
 """Probability that one of the counts falls outside by chance, were each promise kept exactly."""
 
@@ -28,6 +30,7 @@ def test_stated_probabilities_come_true(make_record: Callable[..., Record]) -> N
     rng = np.random.default_rng(11)
     model = ModifiedSigmoid()
     kept = {"passage": 0, "edge": 0, "start": 0, "finish": 0}
+    stated = dict.fromkeys(kept, 0)
     for seed in range(SPRINGS):
         truth = {
             "A1": rng.uniform(0.015, 0.03), "A2": rng.uniform(0.22, 0.35), "A3": rng.uniform(46.0, 50.0), "A4": 0.001,
@@ -54,13 +57,22 @@ def test_stated_probabilities_come_true(make_record: Callable[..., Record]) -> N
 
         grid = finer(t, rising.draws[np.isfinite(rising.draws)])
         bounds = (0.8 * wanted, 1.2 * wanted)
-        edge = met(grid, curve(grid), bounds).at_least(STATED)[0].low
-        kept["edge"] += bounds[0] <= true_stiffness(edge) <= bounds[1]
+        stretches = met(grid, curve(grid), bounds).at_least(STATED)
+        if stretches:  # at no temperature are some springs known well enough
+            kept["edge"] += bounds[0] <= true_stiffness(stretches[0].low) <= bounds[1]
+            stated["edge"] += 1
 
         start, finish = transformation_temperatures(fit)
         half = 2.0 / truth["A2"]
         kept["start"] += start.interval[0] < truth["A3"] - half < start.interval[2]
         kept["finish"] += finish.interval[0] < truth["A3"] + half < finish.interval[2]
+        for name in ("passage", "start", "finish"):
+            stated[name] += 1
+    assert stated["edge"] >= ANSWERED * SPRINGS
     tail = FALSE_ALARM / (2 * len(kept))
-    least, most = binom.ppf((tail, 1.0 - tail), SPRINGS, STATED)
-    assert {name: count for name, count in kept.items() if not least <= count <= most} == {}, kept
+    wrong = {}
+    for name, count in kept.items():
+        least, most = binom.ppf((tail, 1.0 - tail), stated[name], STATED)
+        if not least <= count <= most:
+            wrong[name] = (count, stated[name])
+    assert wrong == {}, kept
