@@ -125,22 +125,45 @@ class Audited:
 
     def mended(self, density: Density, proposal: AnyProposal, rng: np.random.Generator) -> Adapted:
         """The proposal joined with the needles and with a mixture fitted to draws of both; its own draws judge it."""
-        parts = proposal.parts if isinstance(proposal, MixedProposal) else (proposal,)
-        share = proposal.weight if isinstance(proposal, MixedProposal) else np.ones(1)
-        joined = MixedProposal(np.append(0.5 * share, 0.5), (*parts, self.wider))
-        drawn = weigh(density, joined, rng, MENDED_DRAWS)
-        usable = np.isfinite(drawn.log_weight)
-        weight = tempered(Weights(drawn.log_weight[usable]))
-        u, _, back = self.wider.coordinates.forward(drawn.z[usable])
-        weight = np.where(back, weight, 0.0)
-        if np.count_nonzero(weight) >= MENDED_DRAWS // 4 and isinstance(self.wider.narrow, StudentMixture):
-            narrow = self.wider.narrow.refitted(u[back], weight[back] / weight.sum(), rounds=FITTED_ROUNDS)
-            fitted = replace(self.wider, narrow=narrow, share=0.05)
-            joined = MixedProposal(
-                np.concatenate([MENDED_SHARES[0] * share, MENDED_SHARES[1:]]), (*parts, fitted, self.wider)
-            )
-        last = weigh(density, joined, rng, MENDED_DRAWS)
-        return Adapted(joined, last, 2 * MENDED_DRAWS)
+        return _joined(density, proposal, self.wider, rng)
+
+
+def reaching_further(density: Density, adapted: Adapted, width: Floats, rng: np.random.Generator) -> Adapted:
+    """Mend a proposal by its own weighted draws alone, as one that did not pass an audit is mended.
+
+    Parameters
+    ----------
+    density : Density
+    adapted : Adapted
+    width : ndarray, shape (D,)
+        Standard deviation of the prior of each coordinate.
+    rng : numpy.random.Generator
+    """
+    usable = np.isfinite(adapted.last.log_weight)
+    if np.count_nonzero(usable) <= 4 * width.size:
+        return adapted
+    weight = tempered(Weights(adapted.last.log_weight[usable]))
+    few = adapted.last.z[usable][rng.choice(weight.size, LOOKED_AT, p=weight)]
+    return _joined(density, adapted.proposal, _needles(adapted.proposal, few, width), rng)
+
+
+def _joined(density: Density, proposal: AnyProposal, wider: Proposal, rng: np.random.Generator) -> Adapted:
+    """A proposal joined with needles and with a mixture fitted to draws of both; its own draws judge it."""
+    parts = proposal.parts if isinstance(proposal, MixedProposal) else (proposal,)
+    share = proposal.weight if isinstance(proposal, MixedProposal) else np.ones(1)
+    joined = MixedProposal(np.append(0.5 * share, 0.5), (*parts, wider))
+    drawn = weigh(density, joined, rng, MENDED_DRAWS)
+    usable = np.isfinite(drawn.log_weight)
+    weight = tempered(Weights(drawn.log_weight[usable]))
+    u, _, back = wider.coordinates.forward(drawn.z[usable])
+    weight = np.where(back, weight, 0.0)
+    if np.count_nonzero(weight) >= MENDED_DRAWS // 4 and isinstance(wider.narrow, StudentMixture):
+        narrow = wider.narrow.refitted(u[back], weight[back] / weight.sum(), rounds=FITTED_ROUNDS)
+        fitted = replace(wider, narrow=narrow, share=0.05)
+        joined = MixedProposal(
+            np.concatenate([MENDED_SHARES[0] * share, MENDED_SHARES[1:]]), (*parts, fitted, wider)
+        )
+    return Adapted(joined, weigh(density, joined, rng, MENDED_DRAWS), 2 * MENDED_DRAWS)
 
 
 def audited(
@@ -150,7 +173,6 @@ def audited(
     z: Floats,
     width: Floats,
     rng: np.random.Generator,
-    most: float = math.inf,
 ) -> Audited:
     """Audit the proposal of a run.
 
@@ -165,8 +187,6 @@ def audited(
     width : ndarray, shape (D,)
         Standard deviation of the prior of each coordinate.
     rng : numpy.random.Generator
-    most : float
-        Greatest weight, in mean weights, that a proposal of the run may have had.
 
     Returns
     -------
@@ -186,7 +206,7 @@ def audited(
     walked, log_prob = _walked(density, z, rng)
     met = _over(proposal, walked, log_prob) - ln_evidence
     greatest = math.exp(min(float(met.max(initial=0.0)), 700.0))
-    passed = weights.greatest <= most and k <= HIGHEST_K and outside <= MOST_OUTSIDE and greatest <= MOST_MET
+    passed = k <= HIGHEST_K and outside <= MOST_OUTSIDE and greatest <= MOST_MET
     if not passed:
         own = _over(proposal, few, density.log_prob(few)) - ln_evidence
         found = np.concatenate([few[own > math.log(RARELY)], drawn.z[rare], walked[met > math.log(RARELY)]])

@@ -41,7 +41,7 @@ from sma_bayes.inference.adaptation import (
     at_a_look,
     with_wide_share,
 )
-from sma_bayes.inference.audit import Audit, Audited, audited
+from sma_bayes.inference.audit import Audit, Audited, audited, reaching_further
 from sma_bayes.inference.bridge import Evidence, bridge_evidence
 from sma_bayes.inference.checkpoint import Block, Checkpoint
 from sma_bayes.inference.convergence import PUBLISHED, Convergence, Target, assess
@@ -154,17 +154,22 @@ third time."""
 
 MENDINGS = 3
 """How often a proposal that does not pass its audit is mended."""
+WIDENINGS = 6
+"""How often one of a posterior that does not carry a run is, before walkers are sent out."""
 BRIDGED = 8000
 FEWEST = 500
 """Draws, at most and at least, from which the evidence is bridged."""
+EXPLORED_BLOCKS, TRIED_AT = 4, (1, 2, 4)
+"""Blocks of steps that explore, at most, and after which of them a proposal is fitted to what they have met."""
 EXPLORED_RHAT = 1.05
-EXPLORED_TIMES = 10.0
+EXPLORED_TIMES, SEEN_TIMES = 10.0, 1.0
 MIXED_TIMES = 20.0
 """Autocorrelation times that each walker must have moved for, to have explored and to have converged.
 
 Walkers that start near a mode and creep along a bent ridge agree with each other long before they have come to its
 ends, and the more walkers there are the sooner they add up to the target: of 20 runs on a narrow banana all had
-reached it, with standard deviations a fifth too small."""
+reached it, with standard deviations a fifth too small. A posterior need but be seen for a proposal to be fitted: in
+its own coordinates it is hardly bent, an audit looks beyond, and where that is not passed it is explored further."""
 
 LONGEST = 384
 """Steps of independence moves, at most. Of skewed parameters the outer quantiles take some thirty thousand draws, which
@@ -321,12 +326,17 @@ class _Run:
             if effort > 1:
                 adapted = adapt(self.density, modes, np.random.default_rng(fit_seed), effort=effort)
                 self.evaluations += adapted.evaluations
-            if adapted.misses or (effort == 1 and not adapted.carries):
+            as_fitted = effort > 1 or adapted.carries
+            if not as_fitted:
+                adapted = self._reaching_further(adapted, fit_seed)
+            if adapted.misses or not (as_fitted or adapted.carries):
                 break
             carrying = adapted if effort == 1 else with_wide_share(adapted)
             draws = self._audited_independence(name, carrying, modes, run_seed)
             if draws is not None:
                 return draws
+            if not as_fitted:  # so much has been tried that more draws of the same kind would not help
+                break
         seeds_of_groups = groups_seed.spawn(self.plan.groups)
         return self._explore(adapted, modes, np.random.default_rng(explore_seed), seeds_of_groups)
 
@@ -386,6 +396,19 @@ class _Run:
                 kept.append(mode)
         return tuple(kept)
 
+    def _reaching_further(self, adapted: Adapted, seed: np.random.SeedSequence) -> Adapted:
+        """A proposal of a posterior that does not carry a run, mended until it does."""
+        if not isinstance(self.density, Posterior):
+            return adapted
+        rng = np.random.default_rng(seed.spawn(1)[0])
+        for _ in range(WIDENINGS):
+            if adapted.misses or adapted.carries:
+                break
+            self.tell("widening a proposal that does not carry a run")
+            adapted = reaching_further(self.density, adapted, self.width, rng)
+            self.evaluations += adapted.evaluations
+        return adapted
+
     def _audited_independence(
         self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seed: np.random.SeedSequence
     ) -> Draws | None:
@@ -417,22 +440,27 @@ class _Run:
         plan = self.plan
         more = _steps_hoped(adapted.weights.efficiency, plan.groups * self.walkers, plan)
         group = _Group(self, name, adapted, seed, None, more, copies=plan.groups)
-        while group.length < LONGEST:
+        let_pass = 0.0
+        while (
+            group.length < LONGEST
+        ):  # a great weight calls for an audit at once; after one that is passed they go on
             self.tell(f"independence moves, from step {group.length + 1}")
             group.advance(more)
             weights = Weights(group.log_weight)
-            most = plan.greatest_weight * max(1.0, group.length / HEAVIER_FROM)
+            most = max(plan.greatest_weight * max(1.0, group.length / HEAVIER_FROM), let_pass)
             if weights.efficiency < USABLE:
                 return None
             convergence = assess(group.chains, plan.target)
             if convergence.converged or weights.greatest > most:
                 z = group.chain.reshape(-1, self.width.size)
                 rng = np.random.default_rng(self.audit_seed)
-                found = audited(self.density, adapted.proposal, group.log_weight, z, self.width, rng, most)
+                found = audited(self.density, adapted.proposal, group.log_weight, z, self.width, rng)
                 self.evaluations += found.evaluations
                 if not found.audit.passed:
                     return found
-                return self._draws([group], 0, convergence, modes, method, found.evidence, found.audit)
+                let_pass = 2.0 * weights.greatest
+                if convergence.converged:
+                    return self._draws([group], 0, convergence, modes, method, found.evidence, found.audit)
             more = _steps_lacking(convergence, group.length, plan)
         return None
 
@@ -468,24 +496,26 @@ class _Run:
             _Group(self, f"explore-{g}", adapted, s[0], evolution, plan.explore_block, modes=modes)
             for g, s in enumerate(explore_seeds)
         ]
-        chains = plan.groups * self.walkers
-        explored = False
-        for block in range(1, 5):
+        times = SEEN_TIMES if isinstance(self.density, Posterior) else EXPLORED_TIMES
+        enough = Target(EXPLORED_RHAT, times * plan.groups * self.walkers)
+        tries = explore_seeds[0][2].spawn(EXPLORED_BLOCKS)
+        for block in range(1, EXPLORED_BLOCKS + 1):
             self.tell(f"exploring with differential evolution, block {block}")
             for group in groups:
                 group.advance()
             half = groups[0].length // 2
-            enough = Target(EXPLORED_RHAT, EXPLORED_TIMES * chains)
             explored = assess(np.concatenate([g.chains[:, half:] for g in groups]), enough).converged
-            if explored:
+            if not (explored and block in TRIED_AT) and block < EXPLORED_BLOCKS:
+                continue
+            z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
+            fitted = adapt_to_draws(self.density, z, modes, rng)
+            self.evaluations += fitted.evaluations
+            if explored and fitted.carries:
+                draws = self._audited_independence(f"refitted-{block}", fitted, modes, tries[block - 1])
+                if draws is not None:
+                    return draws
+            if explored and times == EXPLORED_TIMES:
                 break
-        z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
-        fitted = adapt_to_draws(self.density, z, modes, rng)
-        self.evaluations += fitted.evaluations
-        if explored and fitted.carries:
-            draws = self._audited_independence("refitted", fitted, modes, explore_seeds[0][2])
-            if draws is not None:
-                return draws
         thin = math.ceil(len(z) / 4000)
         log_prob = np.concatenate([g.log_probs[0, half:].ravel() for g in groups])
         adapted = max(fitted, adapted.judged(z[::thin], log_prob[::thin]), key=lambda a: a.acceptance)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from scipy.special import logsumexp
 from scipy.stats import norm
 
-from sma_bayes.inference.audit import Audited, audited
+from sma_bayes.inference.adaptation import Adapted, weigh
+from sma_bayes.inference.audit import MENDED_DRAWS, Audited, audited, reaching_further
 from sma_bayes.inference.convergence import Target, assess
 from sma_bayes.inference.ensembles import sample
 from sma_bayes.inference.proposals import MixedProposal, PlainCoordinates, Proposal, StudentMixture
@@ -105,6 +106,22 @@ def test_a_mended_proposal_draws_the_tail() -> None:
     )
     assert before > 0.03
     assert after < before / 3.0  # what is left lies farther out, for the next audit
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_proposal_beside_the_mass_is_mended_by_its_own_weighted_draws(seed: int) -> None:
+    """Displaced by 2 standard deviations along each of five coordinates, one draw in twenty counts."""
+    density, beside = SlowTail(), proposal()
+    beside = replace(beside, narrow=replace(beside.narrow, mean=beside.narrow.mean + 2.0))
+    rng = np.random.default_rng(seed)
+    found = Adapted(beside, weigh(density, beside, rng, 500), 500)
+    before = found.weights.efficiency
+    assert before < 0.06
+    for _ in range(3):
+        found = reaching_further(density, found, WIDTH, rng)
+    assert found.weights.efficiency > 0.5
+    assert found.carries
+    assert found.last.z.shape == (MENDED_DRAWS, D)
 
 
 @pytest.mark.slow
