@@ -19,8 +19,6 @@ MISSED = 0.02
 """Share of the range of a channel that a curve may miss at its worst place and still describe the data."""
 NOTICED = 3.0
 """Standard deviations of the noise that it must miss there, too, to count: below, nobody would see it."""
-CHANCE = 0.002
-"""Probability, in either tail, below which a check counts as failed; a record has some five checks a channel."""
 SWALLOWED = 0.25
 """Standard deviation of the noise over the range of the curve; beyond, it has swallowed the response."""
 LED = 0.75
@@ -139,7 +137,7 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
             )
             out.append(_reason("curve", m.channel, what))
     for c in checks:
-        if not CHANCE <= c.p_value <= 1.0 - CHANCE:
+        if c.failed:
             out.append(
                 _reason("check", c.channel, f"{r.quantity(c.channel)}: {c.meaning} (p = {c.p_value:.3g})")
             )

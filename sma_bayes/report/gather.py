@@ -40,6 +40,10 @@ STATISTICS: Final = {
     "greatest": "largest residual",
     "lag1": "correlation of neighbours",
     "block_means": "mean residual by temperature",
+    "sweep_means": "mean residual by sweep",
+    "sd_by_temperature": "spread by temperature",
+    "sd_by_response": "spread by response",
+    "pit": "shape of the noise",
 }
 """Names of the statistics of predictive checks, for people."""
 QUANTITY_NAMES: Final = {

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from sma_bayes.assess import adequacy
-from sma_bayes.assess.adequacy import CHANCE, LED, MISSED, Missed, led_by_prior, missed, reasons
-from sma_bayes.assess.checks import Check, predictive_checks
+from sma_bayes.assess.adequacy import LED, MISSED, Missed, led_by_prior, missed, reasons
+from sma_bayes.assess.checks import CHANCE, Check, predictive_checks
 from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.parameters.roles import Role
 from sma_bayes.records.types import Campaign, Record
@@ -47,6 +47,11 @@ def test_a_check_that_fails_is_a_reason(good: Fit, p_value: float) -> None:
     (why,) = reasons(good, 0, [check, replace(check, p_value=0.01)], ())
     assert (why.kind, why.channel) == ("check", "force")
     assert why.message == f"force: memory (p = {p_value:.3g})"
+
+
+def test_a_misfit_smaller_than_chance_is_no_reason(good: Fit) -> None:
+    """Parameters were fitted: means by temperature that are nearer nought than those of replications are no sign."""
+    assert reasons(good, 0, [Check("force", "block_means", 1.0, 3.0, 20.0, 1.0, "misfit")], ()) == ()
 
 
 def test_what_nobody_would_see_or_is_small_is_no_reason(good: Fit) -> None:

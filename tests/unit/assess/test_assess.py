@@ -16,7 +16,7 @@ from sma_bayes.assess.bands import (
     simultaneous_band,
     temperature_grid,
 )
-from sma_bayes.assess.checks import predictive_checks
+from sma_bayes.assess.checks import STATISTICS, predictive_checks
 from sma_bayes.assess.correlation import agreement, correlation_factors
 from sma_bayes.assess.identifiability import contraction, free_directions
 from sma_bayes.assess.loops import branch_quantities, loop_quantities
@@ -281,16 +281,57 @@ def test_calibration_widens_spans_and_offsets_and_nothing_else() -> None:
     assert (gain * 0.5 + shift).std() == pytest.approx(0.05, rel=0.06)
 
 
-def test_checks_pass_where_the_model_is_right_and_see_where_it_is_not(fits: dict[str, Fit]) -> None:
+def p_values(record: Record, noise: str = "independent") -> dict[str, float]:
+    """Of the checks of a fit to the force of one record."""
+    found = fit_records([record], PRIORS, noise=noise, discrepancy=False)
+    return {c.statistic: c.p_value for c in predictive_checks(found)}
+
+
+def test_checks_pass_where_the_model_is_right(fits: dict[str, Fit]) -> None:
     good = predictive_checks(fits["heating"])
-    assert {c.statistic for c in good} == {"greatest", "lag1", "block_means"}
+    assert {c.statistic for c in good} == set(STATISTICS) - {"sweep_means"}  # it is one sweep
+    assert not any(c.failed for c in good)
     assert all(0.001 < c.p_value < 0.999 for c in good)
+
+
+def test_checks_see_what_a_curve_misses() -> None:
     record = spring()
     t = record.temperature
-    bent = spring(observed={"force": record.observed["force"] + 0.1 * np.sin((t - 20.0) / 8.0)})
-    bad = {
-        c.statistic: c.p_value
-        for c in predictive_checks(fit_records([bent], PRIORS, noise="independent", discrepancy=False))
-    }
+    bad = p_values(spring(observed={"force": record.observed["force"] + 0.1 * np.sin((t - 20.0) / 8.0)}))
     assert bad["lag1"] < 0.01
     assert bad["block_means"] < 0.01
+
+
+QUIET_T = np.linspace(20.0, 90.0, 160)
+QUIET = sigmoid(QUIET_T, 1.0, 0.3, 55.0, 0.5)
+
+
+def spring_with(noise: np.ndarray, **inputs: np.ndarray) -> Record:
+    """Sweeps of 160 samples each that follow the curve, with errors [N] of any kind."""
+    repeats = noise.size // QUIET.size
+    t = np.tile(QUIET_T, repeats)
+    force = {"force": np.tile(QUIET, repeats) + noise}
+    return spring(inputs={"temperature": t, **inputs}, observed=force, row=np.arange(t.size) + 2)
+
+
+def test_checks_see_noise_that_is_not_what_was_assumed() -> None:
+    """Each statistic sees what it is for; seeds are fixed, the effects far beyond chance."""
+    rng = np.random.default_rng(1)
+    e = rng.standard_normal(QUIET.size)
+    near = np.exp(
+        -0.5 * ((QUIET_T - 55.0) / 4.0) ** 2
+    )  # a thermometer's error shows where the curve is steep
+    assert p_values(spring_with((0.005 + 0.06 * near) * e))["sd_by_temperature"] < 0.002
+    growing = spring_with((0.004 + 0.04 * (QUIET - 0.5)) * e)
+    assert p_values(growing)["sd_by_response"] < 0.002
+    assert p_values(growing, "independent+growing")["sd_by_response"] > 0.01
+    assert p_values(spring_with(0.02 * np.sign(e)))["pit"] < 0.002
+
+
+def test_checks_see_sweeps_that_differ() -> None:
+    """Each sweep is the curve and an offset of its own; together they are not one curve."""
+    noise = 0.01 * np.random.default_rng(2).standard_normal(3 * QUIET.size)
+    sweep = np.repeat(np.arange(3.0), QUIET.size)
+    offset = np.repeat([0.03, -0.03, 0.0], QUIET.size)
+    assert p_values(spring_with(noise, segment=sweep))["sweep_means"] > 0.01
+    assert p_values(spring_with(noise + offset, segment=sweep))["sweep_means"] < 0.002
