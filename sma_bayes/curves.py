@@ -42,7 +42,7 @@ class CurveDraws:
         """Draws of the parameters of the model, shape (S, number of them)."""
         return np.asarray(self.theta[:, self.posterior.layout[self.record].model])
 
-    def curve(self, channel: str, temperature: Floats) -> Floats:
+    def curve(self, channel: str, temperature: Floats, stage: int | None = None) -> Floats:
         """Curves of a channel, stiffness also where it follows from force and displacement.
 
         Parameters
@@ -50,6 +50,8 @@ class CurveDraws:
         channel : str
         temperature : ndarray, shape (m,) or (S, m)
             [unit of temperature]
+        stage : int, optional
+            Of force or displacement with one stage of the transformation alone; see `ResponseModel.stage`.
 
         Returns
         -------
@@ -58,8 +60,12 @@ class CurveDraws:
         """
         if channel not in self.posterior.model.channels:
             return self._path_stiffness(temperature)
+        model = self.posterior.model
         with np.errstate(over="ignore", invalid="ignore"):
-            value = self.posterior.model.predict(self.model_theta, {"temperature": temperature})[channel]
+            if stage is None:
+                value = model.predict(self.model_theta, {"temperature": temperature})[channel]
+            else:
+                value = model.stage(self.model_theta, channel, temperature, stage)
         value = self._of_observed_stiffness(channel, value)
         if channel in self.weights:
             value = value + self._gain(channel) * self._missed(channel, temperature)

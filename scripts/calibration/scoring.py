@@ -113,7 +113,7 @@ def temperature_scores(fit: Fit, case: Case) -> dict[str, Any]:
     """Coverage, error of the median and width [K] of As and Af, or Mf and Ms; truth by the same rule."""
     record = fit.records[0]
     channel = transformation_channel(record)
-    if channel is None:
+    if channel is None or fit.posterior.model.stages > 1:  # the rule gives the truth's as of one stage
         return {}
     true = true_temperatures(case, channel)
     out = {}

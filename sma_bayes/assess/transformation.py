@@ -8,6 +8,10 @@ posterior instead of to the measurements, so that no line is laid by eye and eac
 For the sigmoid of Eqs. (2) and (4) the crossings have a closed form, ``A3 - 2/A2`` and ``A3 + 2/A2``: the plateaus
 are level, and the tangent at the midpoint has the slope ``A1 A2/4`` and half the span to climb on either side. At
 them 11.9 % and 88.1 % of the span have passed. A slope that is common to both plateaus changes nothing in that.
+
+Where the model has two stages, each has a start and a finish: the rule is applied to the curve of one alone, between
+the line of its phase and the plateau that the stages have in common. The other stage than that of As and Af, or Mf and
+Ms, is called that of the R-phase, as in NiTi; the curve by itself doesn't tell what phase it is.
 """
 
 from __future__ import annotations
@@ -29,8 +33,16 @@ Curve = Callable[[Floats], Floats]
 
 NAMES = {Branch.HEATING: ("As", "Af"), Branch.COOLING: ("Mf", "Ms")}
 """What the lower and the upper crossing are called."""
+R_PHASE = {Branch.HEATING: ("Rs", "Rf"), Branch.COOLING: ("Rf", "Rs")}
+"""And those of the stage between martensite and R-phase on heating, austenite and R-phase on cooling."""
+STAGES = {
+    Branch.HEATING: (R_PHASE[Branch.HEATING], NAMES[Branch.HEATING]),
+    Branch.COOLING: (NAMES[Branch.COOLING], R_PHASE[Branch.COOLING]),
+}
+"""Both stages of a transformation in two, the one at lower temperature first."""
 MEANING = {
-    "As": "austenite start", "Af": "austenite finish", "Ms": "martensite start", "Mf": "martensite finish"
+    "As": "austenite start", "Af": "austenite finish", "Ms": "martensite start", "Mf": "martensite finish",
+    "Rs": "R-phase start", "Rf": "R-phase finish",
 }  # fmt: skip
 
 OUTSTANDING = 0.05
@@ -137,8 +149,8 @@ def transformation_temperatures(fit: Fit, record: int = 0) -> tuple[Temperature,
     Returns
     -------
     tuple of Temperature
-        As and Af of a heating branch, Mf and Ms of a cooling branch; empty where neither displacement nor force was
-        measured.
+        As and Af of a heating branch, Mf and Ms of a cooling branch; of a model with two stages Rs and Rf as well, and
+        As to Ms of the other stage alone. Empty where neither displacement nor force was measured.
     """
     r = fit.records[record]
     channel = transformation_channel(r)
@@ -148,15 +160,27 @@ def transformation_temperatures(fit: Fit, record: int = 0) -> tuple[Temperature,
 
 
 def temperatures_of_draws(curves: CurveDraws, channel: str) -> tuple[Temperature, ...]:
-    """Start and finish of the transformation on the curves of a posterior, lower temperature first."""
-    curve, guide = partial(curves.curve, channel), None
-    if curves.weights:
-        guide = partial(curves.with_mean_discrepancy().curve, channel)
-    return temperatures_of_curves(curve, curves.posterior.records[curves.record], channel, guide)
+    """Start and finish of the transformation on the curves of a posterior, of each of its stages, lowest first."""
+    record = curves.posterior.records[curves.record]
+    smooth = curves.with_mean_discrepancy() if curves.weights else None
+    if curves.posterior.model.stages == 1:
+        parts: list[tuple[int | None, tuple[str, str]]] = [(None, NAMES[record.branch])]
+    else:
+        parts = list(enumerate(STAGES[record.branch]))
+    found: list[Temperature] = []
+    for stage, names in parts:
+        curve = partial(curves.curve, channel, stage=stage)
+        guide = partial(smooth.curve, channel, stage=stage) if smooth is not None else None
+        found += temperatures_of_curves(curve, record, channel, guide, names)
+    return tuple(found)
 
 
 def temperatures_of_curves(
-    curve: Curve, r: Record, channel: str, guide: Curve | None = None
+    curve: Curve,
+    r: Record,
+    channel: str,
+    guide: Curve | None = None,
+    names: tuple[str, str] | None = None,
 ) -> tuple[Temperature, ...]:
     """Start and finish of the transformation on any curves of a record, lower temperature first.
 
@@ -169,6 +193,8 @@ def temperatures_of_curves(
         Which channel they are of.
     guide : callable, optional
         See `tangents`.
+    names : tuple of str, optional
+        Of the lower and the upper one; by default those of a transformation in one stage.
     """
     found = tangents(curve, float(r.temperature.min()), float(r.temperature.max()), guide)
     between = 0
@@ -187,7 +213,7 @@ def temperatures_of_curves(
             between,
             bool(between >= FEWEST and np.mean(missing <= OUTSTANDING) >= SURE),
         )
-        for name, (draws, missing) in zip(NAMES[r.branch], ends, strict=True)
+        for name, (draws, missing) in zip(names or NAMES[r.branch], ends, strict=True)
     )
 
 

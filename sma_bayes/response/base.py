@@ -105,6 +105,8 @@ class ResponseModel(ABC):
         not on it. ``--model auto`` climbs from the lowest, as far as each step is earned.
     linear : tuple of str
         Parameters that enter their channel linearly, jointly; the least-squares start solves for them.
+    stages : int
+        Of the transformation, each of which gives a start and a finish; `stage` is the curve of one.
     family : str
         Models of one family count as one where models are compared; empty for a family of its own.
     contends : tuple of Variant, optional
@@ -119,6 +121,7 @@ class ResponseModel(ABC):
     priors: ClassVar[str | Path] = ""
     rung: ClassVar[int] = 0
     linear: ClassVar[tuple[str, ...]] = ()
+    stages: ClassVar[int] = 1
     family: ClassVar[str] = ""
     contends: ClassVar[tuple[Variant, ...] | None] = None
 
@@ -266,6 +269,21 @@ class ResponseModel(ABC):
         theta : ndarray, shape (..., P)
         """
         return {}
+
+    def stage(self, theta: Floats, channel: str, temperature: Floats, number: int) -> Floats:
+        """Curve of force or displacement with one stage of the transformation alone, shape (..., n).
+
+        The stages at lower temperature have passed, those at higher have not begun.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (..., P)
+        channel : str
+        temperature : ndarray, shape (..., n)
+        number : int
+            From 0, the stage at the lowest temperature, to `stages` - 1.
+        """
+        return self.predict(theta, {"temperature": temperature})[channel]
 
     def greatest_slope(self, theta: Floats, channel: str, temperature: Floats) -> tuple[Floats, str]:
         """Greatest magnitude of the slope of a channel, shape (N,), with words for where that is.

@@ -77,6 +77,12 @@ class Argument:
         return Share(s, steep * self.first, second, by)
 
 
+def between(p: Parameters, u: Floats, share: Floats) -> Floats:
+    """Curve between the lines of the two phases where a share of the transformation has passed."""
+    apart = p[Role.SPAN] + (p[Role.HOT_SLOPE] - p[Role.COLD_SLOPE]) * u
+    return np.asarray(p[Role.OFFSET] + p[Role.COLD_SLOPE] * u + share * apart)
+
+
 @dataclass(frozen=True)
 class PhaseLines(ResponseModel):
     """Two phases with straight lines and a transformation between them.
@@ -186,8 +192,7 @@ class PhaseLines(ResponseModel):
                 out[channel] = self.stiffness(theta, inputs)
                 continue
             p, u = self._of(channel, theta, inputs["temperature"])
-            apart = p[Role.SPAN] + (p[Role.HOT_SLOPE] - p[Role.COLD_SLOPE]) * u
-            out[channel] = p[Role.OFFSET] + p[Role.COLD_SLOPE] * u + self.passed(p, u) * apart
+            out[channel] = between(p, u, self.passed(p, u))
         return out
 
     def slope(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:

@@ -15,7 +15,7 @@ from scipy.special import expit
 
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
-from sma_bayes.response.phase_lines import Argument, Parameters, PhaseLines, Share
+from sma_bayes.response.phase_lines import Argument, Parameters, PhaseLines, Share, between
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class TwoStage(PhaseLines):
     name = "two_stage"
     rung = 4
     reference = "Eqs. (2) and (4) with two stages and a slope of each phase; K = F'/X'"
+    stages = 2
     shape = (Role.SHARE, Role.GAP, Role.SECOND_RATE)
     meanings = {  # noqa: RUF012
         Role.SHARE: "share of the first stage",
@@ -37,6 +38,15 @@ class TwoStage(PhaseLines):
         share = p[Role.SHARE]
         second = expit(p[Role.SECOND_RATE] * (u - p[Role.GAP]))
         return np.asarray(share * expit(p[Role.RATE] * u) + (1.0 - share) * second)
+
+    def stage(self, theta: Floats, channel: str, temperature: Floats, number: int) -> Floats:
+        """See `ResponseModel.stage`; the curve between the stages is their common plateau."""
+        p, u = self._of(channel, theta, temperature)
+        share = p[Role.SHARE]
+        if number == 0:
+            return between(p, u, share * expit(p[Role.RATE] * u))
+        second = expit(p[Role.SECOND_RATE] * (u - p[Role.GAP]))
+        return between(p, u, share + (1.0 - share) * second)
 
     def share(self, p: Parameters, u: Floats) -> Share:
         """See `PhaseLines.share`."""

@@ -8,8 +8,8 @@ from typing import Any, Final
 from sma_bayes.report.conditions_tables import named, quantity, setting_name, setting_text
 
 HEADLINES: Final = (
-    "least_stiffness", "greatest_stiffness", "stiffness_ratio", "hysteresis_width", "midpoint", "As", "Af", "Ms", "Mf",
-    "peak_temperature",
+    "least_stiffness", "greatest_stiffness", "stiffness_ratio", "hysteresis_width", "midpoint",
+    "As", "Af", "Ms", "Mf", "Rs", "Rf", "peak_temperature",
 )  # fmt: skip
 """Features whose effects are told on a terminal."""
 

@@ -41,7 +41,7 @@ BY_HAND: Final = {CURVES: ("#20643c", "--"), PARAMETERS: ("#6a3d9a", ":")}
 """Colour and dashes of interpolation by hand."""
 SHOWN: Final = (
     "least_stiffness", "greatest_stiffness", "stiffness_ratio", "steepest_stiffness", "greatest_slope",
-    "midpoint", "As", "Af", "Ms", "Mf", "hysteresis_width", "peak_temperature",
+    "midpoint", "As", "Af", "Ms", "Mf", "Rs", "Rf", "hysteresis_width", "peak_temperature",
 )  # fmt: skip
 """Features whose effects are drawn, in this order."""
 PRIOR_LED: Final = " The scatter between conditions, and with it the width, is led by its prior."
@@ -147,7 +147,7 @@ def _temperatures(
             shift = {"force": -0.06, "displacement": 0.06}[f["channel"]]
             ax.plot([f["q05"], f["q95"]], [place + shift] * 2, color=colour, lw=1.2)
             ax.plot(f["median"], place + shift, "o", ms=3.2, color=colour)
-        elif f["name"] in ("As", "Af", "Ms", "Mf") and f["median"] is not None:
+        elif f["name"] in ("As", "Af", "Ms", "Mf", "Rs", "Rf") and f["median"] is not None:
             ax.plot([f["q05"], f["q95"]], [place, place], color=colour, lw=1.2)
             ax.plot(f["median"], place, "|", ms=7, color=colour)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,11 +19,12 @@ from sma_bayes.effects import EFFECTS
 from sma_bayes.effects.types import Inputs
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Branch, Record
+from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.response.bounded_logistic import BoundedLogistic
 from sma_bayes.response.modified_sigmoid import sigmoid
 from sma_bayes.response.polynomial import Polynomial
 from sma_bayes.results.fitting import fit_records
+from sma_bayes.workflow import fit
 
 PRIORS = read_priors("modified_sigmoid")
 LOW, HIGH = 20.0, 80.0
@@ -153,3 +155,29 @@ def test_a_gap_over_the_steep_part_is_flagged(make_record: Callable[..., Record]
 def test_stiffness_alone_gives_no_temperatures(make_record: Callable[..., Record]) -> None:
     fit = fit_records([make_record(("stiffness",), n=40, B2=0.45)], PRIORS)
     assert transformation_temperatures(fit) == ()
+
+
+@pytest.mark.parametrize("branch", list(Branch))
+def test_a_transformation_in_two_stages_has_start_and_finish_of_both(
+    make_record: Callable[..., Record], branch: Branch
+) -> None:
+    """Without slopes each stage is a sigmoid, whose crossings have a closed form: four within 4 of their errors."""
+    r = make_record(("displacement",), n=160, branch=branch)
+    t, rng = r.temperature, np.random.default_rng(4)
+    first, second = (37.0, 0.6), (58.0, 0.5)
+    share = 0.4 * expit(first[1] * (t - first[0])) + 0.6 * expit(second[1] * (t - second[0]))
+    x = 0.001 + 0.02 * share + 2e-5 * rng.standard_normal(t.size)
+    campaign = Campaign("two stages", "two stages", "0", (replace(r, observed={"displacement": x}),))
+    (found,) = fit(campaign, model="two_stage", noise="independent", jobs=1).values()
+    temperatures = {f.name: f for f in transformation_temperatures(found)}
+    heating = branch is Branch.HEATING
+    names = ("Rs", "Rf", "As", "Af") if heating else ("Mf", "Ms", "Rf", "Rs")
+    assert tuple(temperatures) == names
+    wanted = [middle + side * 2.0 / rate for middle, rate in (first, second) for side in (-1.0, 1.0)]
+    for name, value in zip(names, wanted, strict=True):
+        sd = np.std(temperatures[name].draws)
+        assert temperatures[name].interval[1] == pytest.approx(value, abs=4.0 * sd)
+        assert sd < 0.5
+        assert temperatures[name].within_data
+    assert "R-phase start" in temperatures["Rs"].meaning
+    assert temperatures["Rs"].samples > 3

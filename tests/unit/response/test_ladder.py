@@ -92,3 +92,26 @@ def test_a_stiffness_that_does_not_identify_it_is_refused(name: str, channels: t
         RESPONSE_MODELS[name](channels)
     assert "--model" in str(refused.value)
     assert name in str(refused.value)
+
+
+def test_the_stages_of_a_transformation_add_up_and_meet_at_their_plateau() -> None:
+    model = RESPONSE_MODELS["two_stage"](("force",))
+    own = sloped(model)
+    whole = model.predict(own, {"temperature": T})["force"]
+    first, second = (model.stage(own, "force", T, number) for number in range(model.stages))
+    u = T - PUBLISHED["B3"]
+    plateau = 0.5 + 4e-3 * u + 0.6 * (2.5 + (2e-3 - 4e-3) * u)
+    np.testing.assert_allclose(first + second - plateau, whole, rtol=1e-12)
+    apart = theta(model, TYPICAL | {Role.GAP: 400.0})  # between them both are there
+    between = np.array([250.0])
+    for number in range(2):
+        assert model.stage(apart, "force", between, number) == pytest.approx(0.5 + 0.6 * 2.5)
+
+
+@pytest.mark.parametrize("name", [n for n in RUNGS if n != "two_stage"])
+def test_a_transformation_in_one_stage_is_that_stage(name: str) -> None:
+    model = RESPONSE_MODELS[name](("force", "displacement"))
+    assert model.stages == 1
+    np.testing.assert_array_equal(
+        model.stage(sloped(model), "force", T, 0), model.predict(sloped(model), {"temperature": T})["force"]
+    )
