@@ -128,7 +128,7 @@ class Adapted:
         return replace(self, greatest_seen=float(seen.max()), acceptance=float(accepted.mean()))
 
 
-def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator, *, effort: int = 1) -> Adapted:
+def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator) -> Adapted:
     """Fit a proposal to a density whose modes are known.
 
     Parameters
@@ -138,11 +138,8 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator, *, 
     modes : sequence of Mode
         Best first.
     rng : numpy.random.Generator
-    effort : int
-        A `Posterior` is fitted to so many times as many draws, and beyond 1 in all coordinates even if the first do.
-        For another density it is another try, with other draws.
     """
-    fitted = [_adapt_mode(density, mode, rng, effort) for mode in modes]
+    fitted = [_adapt_mode(density, mode, rng) for mode in modes]
     found = fitted[0] if len(fitted) == 1 else _mixed(density, fitted, rng)
     # in its own coordinates a posterior is not bent
     return found if isinstance(density, Posterior) else _looked_around(density, found, rng)
@@ -180,21 +177,21 @@ def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
     return replace(adapted, proposal=wider, own=False, spare=0)
 
 
-def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator, effort: int) -> Adapted:
+def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapted:
     if not isinstance(density, Posterior):
         return _adapt_plain(density, mode, rng)
     proposals, best = _looked_at(Linearised.at(density, mode.z), mode, rng)
     if best is None:
         return _adapt_plain(density, mode, rng)
-    if effort == 1 and best.good:
+    if best.good:
         # what a fit to draws would learn of the density is less than what it would lose by chance
         return best
     evaluations = best.evaluations
     fitted: list[Adapted] = []
     for proposal in proposals:
-        fitted.append(_refine(density, proposal, rng, effort * DRAWS, HELD))
+        fitted.append(_refine(density, proposal, rng, DRAWS, HELD))
         best = max(fitted, key=lambda f: f.weights.efficiency)
-        if effort == 1 and best.good:
+        if best.good:
             break
     return replace(best, evaluations=evaluations + sum(f.evaluations for f in fitted))
 

@@ -141,7 +141,7 @@ def reaching_further(density: Density, adapted: Adapted, width: Floats, rng: np.
     """
     usable = np.isfinite(adapted.last.log_weight)
     if np.count_nonzero(usable) <= 4 * width.size:
-        return adapted
+        return replace(adapted, evaluations=0)
     weight = tempered(Weights(adapted.last.log_weight[usable]))
     few = adapted.last.z[usable][rng.choice(weight.size, LOOKED_AT, p=weight)]
     return _joined(density, adapted.proposal, _needles(adapted.proposal, few, width), rng)

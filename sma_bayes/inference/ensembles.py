@@ -9,8 +9,10 @@ The plan of a run, each stage only where the one before does not suffice:
 3. an audit of the proposal, which looks for what it hardly draws (`audit`); what fails is mended by what was met, and
    run and audited again;
 4. where the proposal does not carry (low efficiency, a single weight too large), does not pass or misses the target,
-   explore with differential evolution from dispersed starts and fit again to what was found;
-5. independence moves with that, audited too, or, where it does not carry either, both kinds of move together.
+   the same with one that is made to reach further;
+5. where that does not do either, explore with differential evolution from dispersed starts and fit again to what was
+   found;
+6. independence moves with that, audited too, or, where it does not carry either, both kinds of move together.
 
 A run stops when every parameter has reached the target on R-hat, effective sample size and the error of its outer
 quantiles, never on a count of steps. If the greatest allowed effort is spent first, the draws are returned and called
@@ -145,17 +147,14 @@ class Draws:
 AHEAD = 16
 """Steps of independence moves whose proposals are drawn and evaluated at once, where other moves are made between."""
 
-EFFORTS = {"independence": 1, "wider": 4, "widest": 16}
-"""Tries with independence moves alone, and how many times as many draws the proposal is fitted to.
-
-A draw far out in a tail may have weighed too much. It takes more draws to fit a proposal to where it came from; another
-try of the same size would be accepted the sooner the less it sees. Only what has coordinates of its own is tried a
-third time."""
+TRIES = ("independence", "wider")
+"""Tries with independence moves alone, before walkers are sent out."""
+WIDENINGS, WIDE_ENOUGH = 6, 0.5
+"""How often, at most, a posterior's proposal is made to reach further before the second try, and the efficiency at
+which it reaches far enough."""
 
 MENDINGS = 3
 """How often a proposal that does not pass its audit is mended."""
-WIDENINGS = 6
-"""How often one of a posterior that does not carry a run is, before walkers are sent out."""
 BRIDGED = 8000
 FEWEST = 500
 """Draws, at most and at least, from which the evidence is bridged."""
@@ -312,31 +311,25 @@ class _Run:
         return self.density.log_prob(z)
 
     def go(self, starts: Sequence[Floats] | Sequence[Mode]) -> Draws:
-        first, explore_seed, *others, self.audit_seed = self.seed.spawn(9)
-        run_first, run_second, groups_seed, second, run_third, third = others
+        first, explore_seed, run_first, run_second, groups_seed, second, *_, self.audit_seed = (
+            self.seed.spawn(9)
+        )
         by_hand = self.plan.sampler
         if by_hand.moves is not None:
             modes, adapted = self._at_the_modes(starts, first)
             moves = by_hand.moves(self.width.size)
             return self._by_moves(by_hand.title, moves, adapted, modes, groups_seed)
-        seeds = ((first, run_first), (second, run_second), (third, run_third))
         modes, adapted = self._near_a_mode(starts, first) or self._at_the_modes(starts, first)
-        tries = list(EFFORTS.items())[: 3 if isinstance(self.density, Posterior) else 2]
-        for (name, effort), (fit_seed, run_seed) in zip(tries, seeds, strict=False):
-            if effort > 1:
-                adapted = adapt(self.density, modes, np.random.default_rng(fit_seed), effort=effort)
-                self.evaluations += adapted.evaluations
-            as_fitted = effort > 1 or adapted.carries
-            if not as_fitted:
-                adapted = self._reaching_further(adapted, fit_seed)
-            if adapted.misses or not (as_fitted or adapted.carries):
-                break
-            carrying = adapted if effort == 1 else with_wide_share(adapted)
-            draws = self._audited_independence(name, carrying, modes, run_seed)
+        if adapted.carries:
+            draws = self._audited_independence("independence", adapted, modes, run_first)
             if draws is not None:
                 return draws
-            if not as_fitted:  # so much has been tried that more draws of the same kind would not help
-                break
+        if adapted.carries or isinstance(self.density, Posterior):
+            adapted = self._second_try(adapted, modes, np.random.default_rng(second))
+        if adapted.carries:
+            draws = self._audited_independence("wider", adapted, modes, run_second)
+            if draws is not None:
+                return draws
         seeds_of_groups = groups_seed.spawn(self.plan.groups)
         return self._explore(adapted, modes, np.random.default_rng(explore_seed), seeds_of_groups)
 
@@ -396,24 +389,32 @@ class _Run:
                 kept.append(mode)
         return tuple(kept)
 
-    def _reaching_further(self, adapted: Adapted, seed: np.random.SeedSequence) -> Adapted:
-        """A proposal of a posterior that does not carry a run, mended until it does."""
+    def _second_try(self, adapted: Adapted, modes: tuple[Mode, ...], rng: np.random.Generator) -> Adapted:
+        """A proposal after one that did not carry a run, or seemed to.
+
+        Of a posterior the same one, made to reach further until it is good or has been tried often enough. Another
+        density has no coordinates of its own to do so in: it is fitted once more, to other draws, with a wide share.
+        """
         if not isinstance(self.density, Posterior):
-            return adapted
-        rng = np.random.default_rng(seed.spawn(1)[0])
+            again = adapt(self.density, modes, rng)
+            self.evaluations += again.evaluations
+            return with_wide_share(again)
+        best = None
         for _ in range(WIDENINGS):
-            if adapted.misses or adapted.carries:
-                break
             self.tell("widening a proposal that does not carry a run")
             adapted = reaching_further(self.density, adapted, self.width, rng)
             self.evaluations += adapted.evaluations
-        return adapted
+            if best is None or adapted.weights.efficiency > best.weights.efficiency:
+                best = adapted
+            if adapted.weights.efficiency >= WIDE_ENOUGH:
+                break
+        return best or adapted
 
     def _audited_independence(
         self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seed: np.random.SeedSequence
     ) -> Draws | None:
         """Independence moves that pass their audit, if need be with the proposal mended; None if they don't suffice."""
-        method = "independence" if name in EFFORTS else "independence after differential evolution"
+        method = "independence" if name in TRIES else "independence after differential evolution"
         draws = self._independence(name, adapted, modes, seed, method)
         if not isinstance(draws, Audited):
             return draws
@@ -423,7 +424,7 @@ class _Run:
             self.evaluations += adapted.evaluations
             if not adapted.carries:
                 return None
-            method = method if name not in EFFORTS else "independence after an audit"
+            method = method if name not in TRIES else "independence after an audit"
             draws = self._independence(f"{name}-mended-{again}", adapted, modes, run_seed, method)
             if not isinstance(draws, Audited):
                 return draws
@@ -510,6 +511,9 @@ class _Run:
             z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
             fitted = adapt_to_draws(self.density, z, modes, rng)
             self.evaluations += fitted.evaluations
+            if isinstance(self.density, Posterior) and not fitted.carries:
+                fitted = reaching_further(self.density, fitted, self.width, rng)
+                self.evaluations += fitted.evaluations
             if explored and fitted.carries:
                 draws = self._audited_independence(f"refitted-{block}", fitted, modes, tries[block - 1])
                 if draws is not None:
