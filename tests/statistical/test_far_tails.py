@@ -77,7 +77,8 @@ def test_the_tails_of_a_bent_posterior_are_not_short() -> None:
         if modes is None:
             modes = draws.modes
             drawn = weigh(posterior, far_reaching(posterior, modes), np.random.default_rng(1), 500_000)
-            assert drawn.weights.efficiency * 500_000 > 320_000  # eight times as many as the runs have together
+            # eight times as many as the runs have together
+            assert drawn.weights.efficiency * 500_000 > 320_000
             assert drawn.weights.greatest < 4.0
             used = drawn.weights.normalised > 0.0
             quantiles = weighted_quantiles(drawn.z[used], np.log(drawn.weights.normalised[used]), levels)
