@@ -126,8 +126,6 @@ def attempt(trial: Trial) -> Row | None:
             seed=trial.seed,
         )
     wanted = [e for e in hidden if e in catalogue]
-    explained = sum(s.chosen.ln_bayes_factor for s in study.steps if s.chosen is not None)
-    rest = study.left.best.ln_bayes_factor if study.left.p_value <= 0.02 else 0.0
     low, high = interval(study, hidden[0])
     outcome = outcome_of(study, wanted)
     seconds = time.perf_counter() - began
@@ -144,7 +142,7 @@ def attempt(trial: Trial) -> Row | None:
         classes=";".join("/".join(c) for c in study.classes.values()),
         outcome=outcome,
         p_value=study.p_value,
-        unexplained=rest / explained if explained > 0.0 else float("nan"),
+        unexplained=1.0 - study.carried if study.effects else float("nan"),
         true_size=case.answers[0].size if case.answers else 0.0,
         q05=low,
         q95=high,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sma_bayes.gap.words import channel_text, covariate_text, p_text
+from sma_bayes.gap.words import channel_text, p_text, remainder_text
 
 MOSTLY = 0.5
 """Share of the held-out gap below which what was named leaves most of it open."""
@@ -47,13 +47,13 @@ def cautions(found: Mapping[str, Any]) -> list[str]:
 
 
 def _about_names(found: Mapping[str, Any]) -> list[str]:
-    gap, left = found["gap"], found["remaining"]
+    gap = found["gap"]
     out = [*_about_closing(gap), *_about_choosing(gap["chosen_without"], found["effects"])]
-    if left["p_value"] <= found["thresholds"]["p_value"]:
+    if remainder_text(found):
         out.append(
-            f"Something is left: the extended model still disagrees ({p_text(left['p_value'])}), most in "
-            f"{channel_text(found, left['channel'])}, as a function of {covariate_text(found, left['covariate'])}, and "
-            "nothing in the catalogue accounts for that."
+            f"Something is left: the extended model still disagrees ({p_text(found['remaining']['p_value'])}), "
+            f"{remainder_text(found)}. That may be the form of what was named, which is never exactly that of the "
+            "catalogue, or something else."
         )
     return out
 

@@ -20,7 +20,7 @@ from scipy.special import logsumexp
 from sma_bayes.effects.needs import untestable
 from sma_bayes.effects.types import Effect
 from sma_bayes.gap.fitting import Fitted, added_by, fit_hypothesis, stacked
-from sma_bayes.gap.flexible import Gain
+from sma_bayes.gap.flexible import Gain, gains, terms_of
 from sma_bayes.parameters.distributions import Distribution, LogNormal
 from sma_bayes.quantities import Floats
 
@@ -30,8 +30,8 @@ SHAPES = {0: 0, 1: 16, 2: 8, 3: 5}
 """Into how many equal slices of probability each other parameter is cut, by their number; their middles are tried."""
 SCALES = (0.1, 0.3, 1.0, 3.0)
 """Sizes over those of the grid that are averaged over when an effect is screened."""
-NEAR = 12.0
-"""Screened gain below the best up to which candidates are refitted."""
+NEAR, FAR_BELOW = 12.0, 0.5
+"""Screened gain below the best up to which candidates are refitted: so much, or such a share of it if that is more."""
 REFITTED = 6
 """Greatest number of candidates that are refitted at a step."""
 CONTAINED = 0.5
@@ -86,6 +86,11 @@ class Candidate:
         Greatest Bayes factor of a flexible term that contains most of its signature.
     guard_covariate : str
         Of that term; empty where there is none.
+    over : float
+        Log Bayes factor of the effect with the best flexible term on top of it, over that term's rival: the best
+        flexible term without the effect.
+    remainder : Gain or None
+        The best flexible term on top of the effect, if it was looked for and there is any.
     untestable : str
         Why the data can't test it; empty where they can.
     """
@@ -95,7 +100,26 @@ class Candidate:
     ln_bayes_factor: float
     guard: float = -np.inf
     guard_covariate: str = ""
+    over: float = -np.inf
+    remainder: Gain | None = None
     untestable: str = ""
+
+    @property
+    def on_top(self) -> float:
+        """Log Bayes factor of that term over the model with the effect; 0 where it would not pay for itself."""
+        return 0.0 if self.remainder is None else max(self.remainder.ln_bayes_factor, 0.0)
+
+    @property
+    def carried(self) -> float:
+        """Share of what the effect and the term on top of it explain together that is the effect's."""
+        return (
+            self.ln_bayes_factor / (self.ln_bayes_factor + self.on_top) if self.ln_bayes_factor > 0.0 else 0.0
+        )
+
+    @property
+    def weight(self) -> float:
+        """Log Bayes factor of the effect, half of its prior probability with a flexible term on top of it."""
+        return self.ln_bayes_factor + float(np.logaddexp(0.0, self.on_top)) - float(np.log(2.0))
 
 
 def screen_all(fitted: Fitted, effects: Iterable[Effect]) -> tuple[list[Screened], list[Candidate]]:
@@ -114,7 +138,7 @@ def screen_all(fitted: Fitted, effects: Iterable[Effect]) -> tuple[list[Screened
 
 
 def candidates(
-    fitted: Fitted, screened: Sequence[Screened], flexible: Sequence[Gain], *, refit: bool
+    fitted: Fitted, screened: Sequence[Screened], flexible: Sequence[Gain], *, refit: bool, worth: float
 ) -> list[Candidate]:
     """Judge effects, and refit those that come near the best.
 
@@ -128,6 +152,8 @@ def candidates(
         What flexible terms would bring to the same model.
     refit : bool
         Without it they are judged by the screening alone, which is enough where there is nothing to explain.
+    worth : float
+        Log Bayes factor from which on it is looked at what flexible terms would bring on top of an effect.
 
     Returns
     -------
@@ -135,14 +161,46 @@ def candidates(
         Best first.
     """
     out: list[Candidate] = []
+    alone = max((g.ln_bayes_factor for g in flexible), default=0.0)
     for place, s in enumerate(screened):
-        if not refit or place >= REFITTED or s.gain < screened[0].gain - NEAR:
+        near = max(NEAR, FAR_BELOW * screened[0].gain)
+        if not refit or place >= REFITTED or s.gain < screened[0].gain - near:
             out.append(Candidate(s.effect, None, s.ln_bayes_factor))
             continue
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
         guard, covariate = guard_of(signature_at_mode(fitted, found), flexible, s)
-        out.append(Candidate(s.effect, found, found.ln_evidence - fitted.ln_evidence, guard, covariate))
+        gained = found.ln_evidence - fitted.ln_evidence
+        over, remainder = beside(found, gained, alone) if gained >= worth else (-np.inf, None)
+        out.append(Candidate(s.effect, found, gained, guard, covariate, over, remainder))
     return sorted(out, key=lambda c: -c.ln_bayes_factor)
+
+
+def beside(found: Fitted, gained: float, alone: float) -> tuple[float, Gain | None]:
+    """What an effect is worth beside a flexible term.
+
+    A mechanism is never exactly the formula of the catalogue. Where it is strong, the remainder of form is far beyond
+    the noise, and a function that bends at will explains the whole better than the formula does. So what counts is
+    whether formula and function together explain it better than the function does by itself.
+
+    Parameters
+    ----------
+    found : Fitted
+        With the effect.
+    gained : float
+        Log Bayes factor of the effect.
+    alone : float
+        Of the best flexible term without it.
+
+    Returns
+    -------
+    over : float
+        Log Bayes factor of effect and flexible term together, over the flexible term alone.
+    remainder : Gain or None
+        That term on top of the effect.
+    """
+    best = max(gains(found, terms_of(found)), key=lambda g: g.ln_bayes_factor, default=None)
+    on_top = 0.0 if best is None else max(best.ln_bayes_factor, 0.0)
+    return gained + on_top - max(alone, 0.0), best
 
 
 def screen(fitted: Fitted, effect: Effect) -> Screened:

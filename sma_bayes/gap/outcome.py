@@ -21,12 +21,15 @@ from sma_bayes.gap.name import Candidate
 from sma_bayes.gap.noise import Block, BlockNoise
 from sma_bayes.gap.study import (
     APART,
+    CARRIED,
+    CARRIED_BESIDE,
+    FURTHER,
     MOST,
     SIGNIFICANT,
-    UNEXPLAINED,
     WORTH,
     GapStudy,
     Step,
+    is_worthy,
     study_campaign,
 )
 from sma_bayes.gap.words import covariate_text
@@ -197,6 +200,7 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
             "covariate": study.left.best.term.covariate,
             "channel": study.left.best.term.channel,
             "ln_bayes_factor": study.left.best.ln_bayes_factor,
+            "share": 1.0 - study.carried if study.effects else None,
         },
         "gap": {
             "metric": METRIC,
@@ -211,7 +215,9 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
             "p_value": SIGNIFICANT,
             "ln_bayes_factor": WORTH,
             "ln_bayes_factor_apart": APART,
-            "unexplained_share": UNEXPLAINED,
+            "unexplained_share": round(1.0 - CARRIED, 6),
+            "share_beside": CARRIED_BESIDE,
+            "further_share": FURTHER,
         },
         "channels": _channels(study.final),
         "units": dict(study.final.hypothesis.histories[0].units),
@@ -281,8 +287,24 @@ def _effect_json(outcome: GapOutcome, effect: Effect) -> dict[str, Any]:
         "ln_bayes_factor": chosen.ln_bayes_factor,
         "guard": _finite(chosen.guard),
         "guard_covariate": chosen.guard_covariate,
+        "ln_bayes_factor_beside": _finite(chosen.over),
+        "share": chosen.carried,
+        "remainder": _remainder_json(chosen),
         "parameters": _parameters_json(outcome, effect),
         "next_experiment": None if experiment is None else str(experiment),
+    }
+
+
+def _remainder_json(candidate: Candidate) -> dict[str, Any] | None:
+    """What a flexible term would still bring on top of an effect, in the round in which that was judged."""
+    left = candidate.remainder
+    if left is None:
+        return None
+    return {
+        "covariate": left.term.covariate,
+        "channel": left.term.channel,
+        "ln_bayes_factor": left.ln_bayes_factor,
+        "share": 1.0 - candidate.carried,
     }
 
 
@@ -332,12 +354,12 @@ def probability(step: Step, candidate: Candidate) -> float:
     """Probability of an effect among all testable effects, the flexible terms, and nothing.
 
     Half of the prior probability is on nothing; the other half is shared equally by the effects that could be tested
-    and by the flexible terms as one more.
+    and by the flexible terms as one more. Half of what an effect gets is for the effect with a flexible term on top.
     """
-    tested = [c.ln_bayes_factor for c in step.candidates if not c.untestable]
+    tested = [c.weight for c in step.candidates if not c.untestable]
     share = np.log((1.0 - HALF) / (len(tested) + 1))
     rivals = np.array([np.log(HALF), share + step.look.best.ln_bayes_factor, *(share + b for b in tested)])
-    return float(np.exp(share + candidate.ln_bayes_factor - np.logaddexp.reduce(rivals)))
+    return float(np.exp(share + candidate.weight - np.logaddexp.reduce(rivals)))
 
 
 def _candidate_json(outcome: GapOutcome, candidate: Candidate) -> dict[str, Any]:
@@ -382,12 +404,23 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[str, str]:
         return "rejected", "its signature explains far less of the residuals than the best one's"
     if candidate.ln_bayes_factor < WORTH:
         return "rejected", f"ln Bayes factor {candidate.ln_bayes_factor:.1f}, below {WORTH:g}"
-    if candidate.ln_bayes_factor <= candidate.guard:
+    if not is_worthy(candidate):
         return "rejected", (
             f"a meaningless smooth function of {_called(study, candidate.guard_covariate)} explains more "
-            f"(ln Bayes factor {candidate.guard:.1f} against {candidate.ln_bayes_factor:.1f})"
+            f"(ln Bayes factor {candidate.guard:.1f} against {candidate.ln_bayes_factor:.1f}), "
+            f"{_beside_text(study, candidate)}"
         )
     return "rejected", "another effect explains more, and once that is added this one is not needed"
+
+
+def _beside_text(study: GapStudy, candidate: Candidate) -> str:
+    """Why an effect isn't worth more beside a flexible term than that term is alone."""
+    if candidate.over < WORTH or candidate.remainder is None:
+        return "and as much without the effect as with it"
+    return (
+        f"and the effect carries no more than {100.0 * candidate.carried:.0f} % of what it explains together with a "
+        f"function of {_called(study, candidate.remainder.term.covariate)}"
+    )
 
 
 def _called(study: GapStudy, covariate: str) -> str:
@@ -403,15 +436,16 @@ def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[str, str
             "rejected",
             f"added in round {place}, but too much of the disagreement remains for it to be the cause",
         )
-    if candidate.ln_bayes_factor <= candidate.guard:
-        return (
-            "named",
-            f"added in round {place}: beside the effect of the next round it beats what is flexible",
+    if candidate.ln_bayes_factor > candidate.guard:
+        why = "worth more than its price, and than a flexible term in its place"
+    elif is_worthy(candidate):
+        why = (
+            "with a flexible term on top it explains more than the best such term alone, and it carries "
+            f"{100.0 * candidate.carried:.0f} % of that"
         )
-    return (
-        "named",
-        f"added in round {place}: worth more than its price, and than a flexible term in its place",
-    )
+    else:
+        why = "beside the effect of the next round it beats what is flexible"
+    return "named", f"added in round {place}: {why}"
 
 
 def _round_json(step: Step) -> dict[str, Any]:
@@ -426,7 +460,8 @@ def _round_json(step: Step) -> dict[str, Any]:
         "candidates": [
             {
                 "id": c.effect.id, "ln_bayes_factor": c.ln_bayes_factor, "guard": _finite(c.guard),
-                "guard_covariate": c.guard_covariate,
+                "guard_covariate": c.guard_covariate, "ln_bayes_factor_beside": _finite(c.over),
+                "share": c.carried if np.isfinite(c.over) else None,
             }
             for c in step.candidates if c.fitted is not None
         ],

@@ -29,8 +29,12 @@ WORTH = 3.0
 """Least ln Bayes factor of an effect that is added, and of one that is kept."""
 APART = 3.0
 """Least difference of ln Bayes factors by which data tell two effects apart."""
-UNEXPLAINED = 0.1
-"""Share of what the effects explain that may be left to flexible terms where effects are to count as the cause."""
+CARRIED = 0.8
+"""Share that all effects together must carry of what they and flexible terms on top of them explain."""
+CARRIED_BESIDE = 0.9
+"""The same share of a single effect that gets in beside a flexible term, since it explains less than that by itself."""
+FURTHER = 0.2
+"""Share of what the effects before it explain that a further one must bring: less may be the form of these."""
 FIRST_OF_TWO = 3
 """How many effects, best first, are tried as the first of two where no single one is added."""
 MOST = 4
@@ -75,6 +79,8 @@ class GapStudy:
     steps : tuple of Step
     disagreements : tuple of Disagreement
         Of the baseline.
+    explained : float
+        Log Bayes factor of all effects over the baseline, with the noise of the final model.
     """
 
     verdict: str
@@ -82,6 +88,7 @@ class GapStudy:
     final: Fitted
     steps: tuple[Step, ...]
     disagreements: tuple[Disagreement, ...]
+    explained: float
 
     @property
     def p_value(self) -> float:
@@ -92,6 +99,11 @@ class GapStudy:
     def left(self) -> Look:
         """Where the final model still disagrees."""
         return self.steps[-1].look
+
+    @property
+    def carried(self) -> float:
+        """Share that the effects carry of what can be explained; the rest is the best flexible term's."""
+        return _carried(self.left, self.explained) if self.explained > 0.0 else 0.0
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -150,9 +162,10 @@ def study_from(
     steps: list[Step] = []
     while True:
         tell(f"looking for disagreements, round {len(steps) + 1}")
-        found = [one_round(current, effects, rng, last=len(steps) == MOST)]
+        least = max(WORTH, FURTHER * explained_by(first, current))
+        found = [one_round(current, effects, rng, last=len(steps) == MOST, least=least)]
         if found[0].chosen is None and len(steps) <= MOST - 2:
-            found = two_rounds(found[0], effects, rng) or found
+            found = two_rounds(found[0], effects, rng, least) or found
         steps += found
         chosen = steps[-1].chosen
         if chosen is None or chosen.fitted is None:
@@ -160,22 +173,51 @@ def study_from(
         kept = without_needless(chosen.fitted)
         current = fit_with_noise(kept.hypothesis, kept.z)
     where = disagreements(first, _covariates(first))
-    return GapStudy(_verdict(steps, current), first, current, tuple(steps), tuple(where))
+    explained = explained_by(first, current)
+    return GapStudy(_verdict(steps, explained), first, current, tuple(steps), tuple(where), explained)
 
 
 def one_round(
-    current: Fitted, effects: Mapping[str, Effect], rng: np.random.Generator, *, last: bool = False
+    current: Fitted,
+    effects: Mapping[str, Effect],
+    rng: np.random.Generator,
+    *,
+    last: bool = False,
+    least: float = WORTH,
 ) -> Step:
-    """Look, try the effects that the model does not have, and choose the one to add, if any deserves it."""
+    """Look, try the effects that the model does not have, and choose the one to add, if any deserves it.
+
+    Parameters
+    ----------
+    current : Fitted
+    effects : mapping of str to Effect
+    rng : numpy.random.Generator
+    last : bool
+        Whether to look only.
+    least : float
+        Log Bayes factor that an effect has to bring.
+    """
     screened, untested = screen_all(current, effects.values())
     seen = look(current, screened, rng)
     refit = not last and seen.p_value <= SIGNIFICANT
-    tried = candidates(current, screened, seen.gains, refit=refit)
+    tried = candidates(current, screened, seen.gains, refit=refit, worth=WORTH)
     fitted = [c for c in tried if c.fitted is not None]
-    worthy = [c for c in fitted if c.ln_bayes_factor >= WORTH and c.ln_bayes_factor > c.guard]
+    worthy = [c for c in fitted if c.ln_bayes_factor >= least and is_worthy(c)]
     if not worthy:
         return Step(current, seen, (*tried, *untested), None, ())
     return Step(current, seen, (*tried, *untested), worthy[0], _like(worthy[0], fitted))
+
+
+def is_worthy(candidate: Candidate) -> bool:
+    """Whether an effect explains more than functions without meaning do: in its place, or beside it.
+
+    In its place, it must be worth more than the flexible terms that contain its signature (`guard_of`). Beside it, the
+    effect with the best flexible term on top must be worth more than such a term alone, by `WORTH`, and the effect
+    must carry `CARRIED_BESIDE` of what the two explain.
+    """
+    against = candidate.ln_bayes_factor > candidate.guard
+    beside = candidate.over >= WORTH and candidate.carried >= CARRIED_BESIDE
+    return candidate.ln_bayes_factor >= WORTH and (against or beside)
 
 
 def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:
@@ -184,12 +226,15 @@ def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:
     return (best.effect.id, *(c.effect.id for c in near))
 
 
-def two_rounds(first: Step, effects: Mapping[str, Effect], rng: np.random.Generator) -> list[Step]:
+def two_rounds(
+    first: Step, effects: Mapping[str, Effect], rng: np.random.Generator, least: float = WORTH
+) -> list[Step]:
     """Two effects at once, where no single one deserves to be added; empty where no two do either.
 
     With one of two effects still missing, a flexible term that takes part of both can beat each of them. So each is
     judged anew beside the other, by the same rules; and since there are many pairs, some of which mimic an effect that
-    is not in the catalogue, both together have to be worth more than the best flexible term, by `WORTH`.
+    is not in the catalogue, both together have to be worth more than the best flexible term, by `WORTH`, and at least
+    `least`.
     """
     pairs: list[tuple[float, list[Step]]] = []
     promising = [c for c in first.candidates if c.fitted is not None and c.ln_bayes_factor >= WORTH]
@@ -202,7 +247,7 @@ def two_rounds(first: Step, effects: Mapping[str, Effect], rng: np.random.Genera
         if other is None or other.fitted is None:
             continue
         together = one.ln_bayes_factor + other.ln_bayes_factor
-        if together < first.look.best.ln_bayes_factor + WORTH or not _holds_beside(other.fitted):
+        if together < max(least, first.look.best.ln_bayes_factor + WORTH) or not _holds_beside(other.fitted):
             continue
         pairs.append((together, [replace(first, chosen=one, class_=_like(one, promising)), second]))
     return max(pairs, key=lambda p: p[0])[1] if pairs else []
@@ -230,6 +275,16 @@ def without_needless(fitted: Fitted) -> Fitted:
     return fitted
 
 
+def explained_by(first: Fitted, final: Fitted) -> float:
+    """Log Bayes factor of all effects of a model over the one without any, both with the noise of the former.
+
+    The noise of the model without effects has a part of what these explain in it, as memory or scatter.
+    """
+    if not final.hypothesis.effects:
+        return 0.0
+    return final.ln_evidence - fit_hypothesis(first.hypothesis, first.z, final.noise).ln_evidence
+
+
 def _without(fitted: Fitted, effect: Effect) -> Fitted:
     hypothesis = fitted.hypothesis
     kept = [e for e in hypothesis.effects if e.id != effect.id]
@@ -243,15 +298,16 @@ def _start_from(fitted: Fitted, hypothesis: Hypothesis) -> Floats:
     return np.array([z[p.name] for p in hypothesis.space.free])
 
 
-def _verdict(steps: Sequence[Step], final: Fitted) -> str:
+def _verdict(steps: Sequence[Step], explained: float) -> str:
     if steps[0].look.p_value > SIGNIFICANT:
         return "none"
-    if not final.hypothesis.effects:
-        return "unnamed"
-    explained = sum(s.chosen.ln_bayes_factor for s in steps if s.chosen is not None)
-    left = steps[-1].look
+    return "named" if explained > 0.0 and _carried(steps[-1].look, explained) >= CARRIED else "unnamed"
+
+
+def _carried(left: Look, explained: float) -> float:
+    """Share that effects carry of what can be explained, `left` being the look at what they leave."""
     rest = left.best.ln_bayes_factor if left.p_value <= SIGNIFICANT else 0.0
-    return "unnamed" if rest > UNEXPLAINED * explained else "named"
+    return explained / (explained + max(rest, 0.0))
 
 
 def _covariates(fitted: Fitted) -> list[str]:

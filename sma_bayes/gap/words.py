@@ -7,6 +7,8 @@ from typing import Any, Final
 
 BEYOND = 1e-6
 """Below this a p-value is extrapolated so far that its digits say nothing."""
+SMALL = 0.01
+"""Share of a remainder below which it is only bounded."""
 COVARIATES: Final[Mapping[str, str]] = {
     "order": "place in the record",
     "rate": "rate dT/dt",
@@ -30,6 +32,28 @@ def p_text(p: float) -> str:
     ('p = 0.012', 'p < 1e-6')
     """
     return f"p = {p:.2g}" if p >= BEYOND else "p < 1e-6"
+
+
+def remainder_text(found: Mapping[str, Any]) -> str:
+    """What named effects leave to a flexible term, and where; empty where they leave nothing beyond chance.
+
+    Parameters
+    ----------
+    found : mapping
+        What ``gap.json`` holds.
+
+    Examples
+    --------
+    >>> left = {"p_value": 1e-9, "share": 0.08, "channel": "displacement", "covariate": "rate"}
+    >>> remainder_text({"remaining": left, "thresholds": {"p_value": 0.02}, "channels": {}})
+    'with a remainder of 8 % along rate dT/dt, in displacement'
+    """
+    left = found["remaining"]
+    if left["share"] is None or left["p_value"] > found["thresholds"]["p_value"]:
+        return ""
+    share = f"{100.0 * left['share']:.0f} %" if left["share"] >= SMALL else f"less than {100.0 * SMALL:.0f} %"
+    along, where = covariate_text(found, left["covariate"]), channel_text(found, left["channel"])
+    return f"with a remainder of {share} along {along}, in {where}"
 
 
 def channel_text(found: Mapping[str, Any], channel: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from sma_bayes.gap.words import channel_text, covariate_text, p_text
+from sma_bayes.gap.words import channel_text, covariate_text, p_text, remainder_text
 from sma_bayes.report.figures import FigureFiles
 from sma_bayes.report.gap_outputs import StoredStudy
 from sma_bayes.report.html import select, write_page
@@ -43,6 +43,7 @@ def write_gap_report(
         p_text=p_text,
         share=share_text(found["gap"]),
         place=place_text(found),
+        remainder=remainder_text(found),
         folds=fold_texts(found),
         rivals=rivals,
         parameters=lambda name: _parameters(tables["effects"], name),

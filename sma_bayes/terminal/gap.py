@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from rich.table import Table
 
-from sma_bayes.gap.words import channel_text, covariate_text, p_text
+from sma_bayes.gap.words import channel_text, covariate_text, p_text, remainder_text
 from sma_bayes.quantities import unit_text
 from sma_bayes.terminal.screen import screen, show_end
 
@@ -22,7 +22,10 @@ def show_gap(found: dict[str, Any], out: Path) -> None:
     """Tell what `gap.json` says."""
     console = screen()
     chance = p_text(found["p_value"])
-    console.print(f"{found['campaign']}: {VERDICTS[found['verdict']]} ({chance})", soft_wrap=True)
+    verdict = VERDICTS[found["verdict"]]
+    if found["verdict"] == "named" and remainder_text(found):
+        verdict = f"{verdict}, {remainder_text(found)}"
+    console.print(f"{found['campaign']}: {verdict} ({chance})", soft_wrap=True)
     for d in found["disagreement"][:3]:
         console.print(
             f"  {d['condition']} {d['branch']}: {channel_text(found, d['channel'])} "

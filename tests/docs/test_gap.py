@@ -19,7 +19,9 @@ THRESHOLDS = {
     "p_value": study.SIGNIFICANT,
     "ln_bayes_factor": study.WORTH,
     "ln_bayes_factor_apart": study.APART,
-    "unexplained_share": study.UNEXPLAINED,
+    "unexplained_share": pytest.approx(1.0 - study.CARRIED),
+    "share_beside": study.CARRIED_BESIDE,
+    "further_share": study.FURTHER,
 }
 
 

@@ -46,6 +46,8 @@ class Rig:
         Time constant of the sensor [s].
     shift : float
         By how much a newton raises the midpoints [K/N].
+    power : float
+        Of the load to which they rise; 1 in the catalogue.
     step : float
         By which each channel jumps in the middle of every record, over its span.
     drift : float
@@ -63,6 +65,7 @@ class Rig:
     memory: float = 0.0
     lag: float = 0.0
     shift: float = 0.0
+    power: float = 1.0
     step: float = 0.0
     drift: float = 0.0
     seed: int = 0
@@ -108,7 +111,7 @@ class Rig:
     ) -> Floats:
         low, span, rate, above = CURVES[channel]
         midpoint = np.where(rising, MIDPOINT[Branch.HEATING], MIDPOINT[Branch.COOLING]) + above
-        share = 0.5 * (1.0 + np.tanh(0.5 * rate * (metal - midpoint - self.shift * load)))
+        share = 0.5 * (1.0 + np.tanh(0.5 * rate * (metal - midpoint - self.shift * load**self.power)))
         fresh = rng.standard_normal(metal.size)
         fresh[1:] *= np.sqrt(1.0 - self.memory**2)
         noise = self.sd * lfilter([1.0], [1.0, -self.memory], fresh)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sma_bayes.gap.fitting import fit_hypothesis
-from sma_bayes.gap.flexible import Term, gains
-from sma_bayes.gap.name import candidates, guard_of, screen, screen_all, signature_at_mode
+from sma_bayes.gap.flexible import Term, gains, terms_of
+from sma_bayes.gap.name import Candidate, beside, candidates, guard_of, screen, screen_all, signature_at_mode
+from sma_bayes.gap.study import is_worthy
 
 VAGUE = (50.0, 50.0, 50.0)
 
@@ -34,7 +37,7 @@ def test_a_candidate_is_judged_by_a_ratio_of_marginal_likelihoods(line, fitted, 
     effects = [added("wave", wave, 0.7), added("ramp", lambda v: v["order"] / 40.0, 0.2)]
     screened, untested = screen_all(fitted, effects)
     assert untested == []
-    found = {c.effect.id: c for c in candidates(fitted, screened, [], refit=True)}
+    found = {c.effect.id: c for c in candidates(fitted, screened, [], refit=True, worth=3.0)}
     for effect in effects:
         g = column_of(effect, line)
         exact = line.log_evidence(extra=effect.sd**2 * np.outer(g, g)) - line.log_evidence()
@@ -70,8 +73,8 @@ def test_candidates_are_ranked_and_only_refitted_where_that_is_asked(line, fitte
     effects = [added("wave", wave), added("ramp", lambda v: v["order"] / 40.0)]
     screened, _ = screen_all(fitted, effects)
     assert screened[0].gain >= screened[1].gain
-    assert all(c.fitted is None for c in candidates(fitted, screened, [], refit=False))
-    out = candidates(fitted, screened, [], refit=True)
+    assert all(c.fitted is None for c in candidates(fitted, screened, [], refit=False, worth=3.0))
+    out = candidates(fitted, screened, [], refit=True, worth=3.0)
     values = [c.ln_bayes_factor for c in out]
     assert values == sorted(values, reverse=True)
     by_name = {s.effect.id: s for s in screened}
@@ -128,3 +131,56 @@ def test_a_line_does_not_guard_against_an_effect_that_is_that_line(line, fitted,
         extended = fit_hypothesis(fitted.hypothesis.extended(effect), screened.start, fitted.noise)
         value, _ = guard_of(signature_at_mode(fitted, extended), [term], screened)
         assert np.isfinite(value) == guarded
+
+
+def test_an_effect_beside_a_flexible_term_is_weighed_against_such_a_term_alone(line, fitted, added) -> None:
+    """Of a mechanism that is a wave, and of which the effect is the first half only."""
+    half = added("half", lambda v: wave(v) * (v["order"] < 20.0), 2.0)
+    screened = screen(fitted, half)
+    extended = fit_hypothesis(fitted.hypothesis.extended(half), screened.start, fitted.noise)
+    gained = extended.ln_evidence - fitted.ln_evidence
+    over, best = beside(extended, gained, 7.0)
+    assert best is not None
+    on_top = [g.ln_bayes_factor for g in gains(extended, terms_of(extended))]
+    assert best.ln_bayes_factor == max(on_top)
+    assert over == pytest.approx(gained + max(best.ln_bayes_factor, 0.0) - 7.0)
+    assert beside(extended, gained, -5.0)[0] == pytest.approx(over + 7.0)
+    (found,) = candidates(fitted, [screened], gains(fitted, terms_of(fitted)), refit=True, worth=gained - 1.0)
+    assert found.remainder is not None
+    assert found.remainder.ln_bayes_factor == best.ln_bayes_factor
+    (passed_over,) = candidates(fitted, [screened], [], refit=True, worth=gained + 1.0)
+    assert (passed_over.over, passed_over.remainder) == (-np.inf, None)
+
+
+@pytest.mark.parametrize(
+    ("factor", "on_top", "share", "weight"),
+    [(8.0, 2.0, 0.8, 9.433781), (8.0, -5.0, 1.0, 8.0), (-3.0, 2.0, 0.0, -1.566219), (8.0, None, 1.0, 8.0)],
+)
+def test_what_an_effect_carries(
+    factor: float, on_top: float | None, share: float, weight: float, line, fitted, added
+) -> None:
+    """Its share of the logarithm; its weight is the mean of the evidence with a flexible term and without."""
+    term = Term("order", "displacement", column_of(added("wave", wave), line)[:, None])
+    left = None if on_top is None else replace(gains(fitted, [term])[0], ln_bayes_factor=on_top)
+    found = Candidate(added("wave", wave), None, factor, remainder=left)
+    assert found.carried == pytest.approx(share)
+    assert found.weight == pytest.approx(weight)
+
+
+@pytest.mark.parametrize(
+    ("factor", "guard", "over", "on_top", "worthy"),
+    [
+        (9.0, 8.0, -np.inf, None, True),
+        (9.0, 10.0, -np.inf, None, False),
+        (9.0, 10.0, 4.0, 1.0, True),
+        (9.0, 10.0, 2.0, 1.0, False),
+        (9.0, 10.0, 4.0, 1.1, False),
+        (2.0, -np.inf, 4.0, 0.0, False),
+    ],
+)
+def test_an_effect_is_worthy_in_the_place_of_what_is_flexible_or_beside_it(
+    factor: float, guard: float, over: float, on_top: float | None, worthy: bool, line, fitted, added
+) -> None:
+    term = Term("order", "displacement", column_of(added("wave", wave), line)[:, None])
+    left = None if on_top is None else replace(gains(fitted, [term])[0], ln_bayes_factor=on_top)
+    assert is_worthy(Candidate(added("wave", wave), None, factor, guard, "order", over, left)) is worthy

@@ -73,7 +73,7 @@ def test_a_made_needless_effect_is_not_named(outcome):
 
 def test_probability_shares_one_half_among_what_was_tested(outcome):
     step = outcome.study.steps[0]
-    even = tuple(replace(c, ln_bayes_factor=0.0) for c in step.candidates)
+    even = tuple(replace(c, ln_bayes_factor=0.0, remainder=None) for c in step.candidates)
     best = replace(step.look.best, ln_bayes_factor=0.0)
     level = replace(step, candidates=even, look=replace(step.look, gains=[best]))
     tested = [c for c in even if not c.untestable]
@@ -117,7 +117,7 @@ def doubtful(**changes: Any) -> dict[str, Any]:
             "verdict": "named",
             "effects": [{"id": "x", "class": ["x", "y"], "parameters": {}}],
             "partial": [],
-            "remaining": {"p_value": 0.5, "channel": "force", "covariate": "time"},
+            "remaining": {"p_value": 0.5, "channel": "force", "covariate": "time", "share": 0.0},
             "thresholds": {"p_value": 0.02},
             "channels": {"force": {"name": "force"}, "displacement": {"name": "strain"}},
             "noise": [],
@@ -137,12 +137,19 @@ HELPING = {"verdict": "unnamed", "effects": [], "partial": [{"id": "x", "paramet
         ({"gap": {"after": 1.9, "shrink": 0.1}}, ["closes 10 % of the gap"]),
         ({"gap": {"chosen_without": [["x"], ["z"]]}}, ["in 1 of 2 cases"]),
         (
-            {"remaining": {"p_value": 1e-9, "channel": "force", "covariate": "time"}},
-            ["(p < 1e-6), most in force, as a function of time"],
+            {"remaining": {"p_value": 1e-9, "channel": "force", "covariate": "time", "share": 0.08}},
+            ["(p < 1e-6), with a remainder of 8 % along time, in force."],
         ),
         (
-            {"remaining": {"p_value": 1e-9, "channel": "temperature shift", "covariate": "displacement"}},
-            ["most in all channels, as a shift of temperature, as a function of strain"],
+            {
+                "remaining": {
+                    "p_value": 1e-9,
+                    "channel": "temperature shift",
+                    "covariate": "displacement",
+                    "share": 1e-3,
+                }
+            },
+            ["with a remainder of less than 1 % along strain, in all channels, as a shift of temperature."],
         ),
         ({"gap": {"after": 1.4, "floor": 1.4}}, ["still 1.40 times what noise alone"]),
         (

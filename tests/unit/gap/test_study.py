@@ -12,6 +12,8 @@ from sma_bayes.gap.fitting import fit_with_noise
 from sma_bayes.gap.hypothesis import baseline
 from sma_bayes.gap.outcome import judgement
 from sma_bayes.gap.study import (
+    CARRIED,
+    CARRIED_BESIDE,
     SIGNIFICANT,
     WORTH,
     baseline_start,
@@ -61,6 +63,18 @@ def test_what_was_planted_is_named_with_its_size(
     assert judgement(found, found.steps[0].candidates[0])[0] == "named"
 
 
+def test_a_law_that_is_not_the_catalogues_is_named_with_what_its_form_leaves(study) -> None:
+    """A midpoint that rises with the load to the power of 1.6, at 1 : 1000 of noise; the catalogue's is a line."""
+    found = study(shift=2.0, power=1.6, sd=1e-3)
+    assert found.verdict == "named"
+    assert [e.id for e in found.effects] == ["stress_shift"]
+    assert found.left.p_value < SIGNIFICANT
+    rest = found.left.best.ln_bayes_factor
+    assert rest > WORTH
+    assert found.carried == pytest.approx(found.explained / (found.explained + rest))
+    assert CARRIED < found.carried < 1.0
+
+
 @pytest.mark.parametrize("channels", [("displacement",), ("force", "displacement")])
 def test_two_effects_at_once_are_both_named(channels: tuple[str, ...], study) -> None:
     found = study(lag=0.4, shift=2.0, channels=channels)
@@ -97,6 +111,9 @@ def test_a_step_in_the_middle_has_no_name_since_a_smooth_function_does_as_well(s
     status, why = judgement(found, best)
     assert status == "rejected"
     assert f"a meaningless smooth function of {best.guard_covariate} explains more" in why
+    assert best.over > WORTH
+    assert best.carried < CARRIED_BESIDE
+    assert f"carries no more than {100.0 * best.carried:.0f} % of what it explains together" in why
 
 
 @pytest.mark.slow
