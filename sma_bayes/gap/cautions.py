@@ -11,6 +11,8 @@ MOSTLY = 0.5
 """Share of the held-out gap below which what was named leaves most of it open."""
 STILL_OPEN = 1.1
 """Held-out gap from which on more than noise is left [standard deviations of the noise]."""
+UNLIKE = 1e-3
+"""Probability, over all channels, at which a spectrum counts as unlike the model of the noise."""
 LONG_MEMORY = 0.95
 """Correlation of neighbouring samples from which on the noise may well be misfit."""
 
@@ -98,7 +100,30 @@ def _about_choosing(chosen: Sequence[Sequence[str]], effects: Sequence[Mapping[s
 
 
 def _about_noise(found: Mapping[str, Any]) -> list[str]:
-    """Whether the noise remembers so much that misfit is likely to be in it."""
+    """Whether misfit is likely to be in the noise, and whether its spectrum is that of its model."""
+    return [*_about_memory(found), *_about_spectrum(found)]
+
+
+def _about_spectrum(found: Mapping[str, Any]) -> list[str]:
+    unlike = [
+        n
+        for n in found["noise"]
+        if n["spectrum"] and n["spectrum"]["p_value"] <= UNLIKE / len(found["noise"])
+    ]
+    if not unlike:
+        return []
+    worst = min(unlike, key=lambda n: n["spectrum"]["p_value"])
+    band = worst["spectrum"]
+    where = f"{worst['condition']} {channel_text(found, worst['channel'])}"
+    others = f" (so do {len(unlike) - 1} of the others)" if len(unlike) > 1 else ""
+    return [
+        f"The noise of {where} does not look like its model, AR(1): between {band['start']:.3g} and {band['stop']:.3g} "
+        f"{band['unit']} it has {band['ratio']:.2g} times the power that is assumed{others}. Bayes factors and the "
+        "p-value lean on that model."
+    ]
+
+
+def _about_memory(found: Mapping[str, Any]) -> list[str]:
     long = [n for n in found["noise"] if n["lag1"] >= LONG_MEMORY]
     if not long:
         return []

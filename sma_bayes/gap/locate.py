@@ -18,6 +18,7 @@ import numpy as np
 from sma_bayes.gap.fitting import Fitted
 from sma_bayes.gap.flexible import Gain, gains, terms_of
 from sma_bayes.gap.noise import Block
+from sma_bayes.gap.periodic import Periodicity, Spectra
 from sma_bayes.quantities import Floats
 
 SHUFFLES = 400
@@ -66,11 +67,14 @@ class Look:
         Of the greatest Bayes factor, over all terms and effects.
     extrapolated : bool
         Whether it lies beyond the shuffled ones.
+    periodic : tuple of Periodicity
+        Lines of spectra, best first, where they explain more than any covariate does.
     """
 
     gains: list[Gain]
     p_value: float
     extrapolated: bool
+    periodic: tuple[Periodicity, ...] = ()
 
     @property
     def best(self) -> Gain:
@@ -106,10 +110,12 @@ def look(
     found = sorted(gains(fitted, terms_of(fitted)), key=lambda g: -g.ln_bayes_factor)
     null = shuffled(fitted, rng, shuffles)
     # lines and steps, which the others contain, are there to be compared with effects, not to be looked for
-    patterns: list[Signature] = [*(g for g in found if g.term.columns.shape[1] > 1), *signatures]
+    spectra = Spectra(fitted)
+    patterns: list[Signature] = [*(g for g in found if g.term.columns.shape[1] > 1), *signatures, spectra]
     greatest = np.max(np.stack([p.of(null) for p in patterns]), axis=0)
     p, beyond = tail_probability(greatest, max(p.ln_bayes_factor for p in patterns))
-    return Look(found, p, beyond)
+    stands_out = spectra.ln_bayes_factor > found[0].ln_bayes_factor
+    return Look(found, p, beyond, spectra.lines() if stands_out else ())
 
 
 def shuffled(fitted: Fitted, rng: np.random.Generator, count: int) -> Floats:

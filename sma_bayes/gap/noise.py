@@ -25,6 +25,8 @@ MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 2
 """Correlations of neighbouring samples that are tried."""
 PROBABLE = 1e-3
 """A memory that is less likely than the likeliest one by more than this factor is left out of account."""
+MEDIAN_OF_NORMAL = 0.6744897501960817
+"""Median of the magnitude of a standard normal variable."""
 SMOOTH = 8
 """Splines of temperature on each branch that are taken out; fewer where samples are few."""
 
@@ -135,11 +137,11 @@ def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats) 
     return tuple(out)
 
 
-def smooth_columns(history: History, temperature: Floats) -> Floats:
-    """What a model may miss without it being noise, shape (n, k)."""
+def smooth_columns(history: History, temperature: Floats, most: int = SMOOTH) -> Floats:
+    """What a model may miss without it being noise, shape (n, k); at most so many splines on each branch."""
     v = history.inputs
     branch = one_of_each(v["branch"])
-    count = int(np.clip(history.n // (12 * branch.shape[1]), 4, SMOOTH))
+    count = int(np.clip(history.n // (12 * branch.shape[1]), 4, most))
     cycle = one_of_each(grouped(v["cycle"]))
     parts = [times(branch, bumps(temperature, count))]
     if cycle.shape[1] > 1:
@@ -175,6 +177,21 @@ def block_noise(residual: Floats, block: Block, smooth: Floats) -> BlockNoise:
     probability = probability / probability.sum()
     others = tuple((float(p), f[1]) for p, f in zip(probability, found, strict=True) if p > 0.0)
     return replace(found[int(np.argmax(value))][1], others=others)
+
+
+def scatter(residual: Floats, block: Block) -> float:
+    """Standard deviation from reading to reading: of differences of neighbours over the square root of 2.
+
+    By the median, so that jumps and outliers don't count. For white noise it is the standard deviation; what changes
+    slowly isn't in it.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    block : Block
+    """
+    steps = np.diff(residual)[~block.first[1:]]
+    return float(np.median(np.abs(steps)) / (MEDIAN_OF_NORMAL * np.sqrt(2.0))) if steps.size else 0.0
 
 
 def _restricted(residual: Floats, memory: Floats, smooth: Floats) -> tuple[float, BlockNoise]:

@@ -18,7 +18,8 @@ from sma_bayes.gap.experiments import Proposal, next_experiment
 from sma_bayes.gap.fitting import Fitted
 from sma_bayes.gap.locate import Disagreement
 from sma_bayes.gap.name import Candidate
-from sma_bayes.gap.noise import Block, BlockNoise
+from sma_bayes.gap.noise import Block, BlockNoise, scatter
+from sma_bayes.gap.periodic import Band, Spectra
 from sma_bayes.gap.study import (
     APART,
     CARRIED,
@@ -188,6 +189,7 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
         "converged": outcome.draws is None or outcome.draws.convergence.converged,
         "disagreement": [] if none else found,
         "within_chance": found if none else [],
+        "periodic": [asdict(line) for line in study.periodic],
         "effects": effects if named else [],
         "partial": [] if named else effects,
         "candidates": [
@@ -222,7 +224,12 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
         "channels": _channels(study.final),
         "units": dict(study.final.hypothesis.histories[0].units),
         "conditions": [_condition_json(h) for h in study.final.hypothesis.histories],
-        "noise": [_noise_json(study.final, b, n) for b, n in _with_noise(study.final)],
+        "noise": [
+            _noise_json(study.final, block, noise, band)
+            for block, noise, band in zip(
+                study.final.blocks, study.final.noise, Spectra(study.final).bands(), strict=True
+            )
+        ],
     }
 
 
@@ -258,17 +265,15 @@ def _condition_json(history: History) -> dict[str, Any]:
     }
 
 
-def _with_noise(fitted: Fitted) -> list[tuple[Block, BlockNoise]]:
-    return list(zip(fitted.blocks, fitted.noise, strict=True))
-
-
-def _noise_json(fitted: Fitted, block: Block, noise: BlockNoise) -> dict[str, Any]:
+def _noise_json(fitted: Fitted, block: Block, noise: BlockNoise, band: Band | None) -> dict[str, Any]:
     follows = ~block.first
     return {
         "condition": fitted.hypothesis.histories[block.history].condition.id,
         "channel": block.channel,
         "sd": noise.sd,
         "lag1": float(np.median(noise.memory[follows])) if follows.any() else 0.0,
+        "scatter": scatter(fitted.residual[block.at], block),
+        "spectrum": None if band is None else asdict(band),
     }
 
 

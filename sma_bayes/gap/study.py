@@ -13,6 +13,7 @@ from sma_bayes.gap.flexible import gains, terms_of
 from sma_bayes.gap.hypothesis import Hypothesis, baseline
 from sma_bayes.gap.locate import Disagreement, Look, disagreements, look
 from sma_bayes.gap.name import Candidate, candidates, guard_of, screen, screen_all, signature_at_mode
+from sma_bayes.gap.periodic import Periodicity
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
@@ -99,6 +100,11 @@ class GapStudy:
     def left(self) -> Look:
         """Where the final model still disagrees."""
         return self.steps[-1].look
+
+    @property
+    def periodic(self) -> tuple[Periodicity, ...]:
+        """Lines of spectra that the final model leaves."""
+        return self.left.periodic if self.left.p_value <= SIGNIFICANT else ()
 
     @property
     def carried(self) -> float:

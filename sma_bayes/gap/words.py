@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from sma_bayes.quantities import unit_text
+
 BEYOND = 1e-6
 """Below this a p-value is extrapolated so far that its digits say nothing."""
 SMALL = 0.01
@@ -54,6 +56,29 @@ def remainder_text(found: Mapping[str, Any]) -> str:
     share = f"{100.0 * left['share']:.0f} %" if left["share"] >= SMALL else f"less than {100.0 * SMALL:.0f} %"
     along, where = covariate_text(found, left["covariate"]), channel_text(found, left["channel"])
     return f"with a remainder of {share} along {along}, in {where}"
+
+
+def periodic_text(found: Mapping[str, Any], line: Mapping[str, Any]) -> str:
+    """A disturbance that repeats in time, in words.
+
+    Parameters
+    ----------
+    found : mapping
+        What ``gap.json`` holds.
+    line : mapping
+        One of its ``periodic``.
+
+    Examples
+    --------
+    >>> line = {"condition": "2A", "channel": "force", "frequency": 0.37, "unit": "Hz", "amplitude": 0.042}
+    >>> periodic_text({"channels": {"force": {"name": "force", "unit": "N"}}}, line)
+    '2A: force repeats at 0.37 Hz, out of step with the temperature, amplitude 0.042 N'
+    """
+    unit = unit_text(found["channels"][line["channel"]]["unit"])
+    return (
+        f"{line['condition']}: {channel_text(found, line['channel'])} repeats at {line['frequency']:.4g} "
+        f"{line['unit']}, out of step with the temperature, amplitude {line['amplitude']:.3g} {unit}".rstrip()
+    )
 
 
 def channel_text(found: Mapping[str, Any], channel: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from sma_bayes.gap.words import channel_text, covariate_text, p_text, remainder_text
+from sma_bayes.gap.words import channel_text, covariate_text, p_text, periodic_text, remainder_text
 from sma_bayes.report.figures import FigureFiles
 from sma_bayes.report.gap_outputs import StoredStudy
 from sma_bayes.report.html import select, write_page
@@ -46,6 +46,7 @@ def write_gap_report(
         remainder=remainder_text(found),
         folds=fold_texts(found),
         rivals=rivals,
+        periodic=[periodic_text(found, line) for line in found["periodic"]],
         parameters=lambda name: _parameters(tables["effects"], name),
         tested=_tested(tables["candidates"]),
         needs=by_single_need(tables["untestable"]),
@@ -100,6 +101,8 @@ def place_text(found: Mapping[str, Any]) -> str:
     found : mapping
         What ``gap.json`` holds.
     """
+    if found["periodic"]:
+        return periodic_text(found, found["periodic"][0])
     flexible = found["rounds"][0]["flexible"]
     if not flexible:
         return "no covariate"

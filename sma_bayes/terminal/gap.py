@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from rich.table import Table
 
-from sma_bayes.gap.words import channel_text, covariate_text, p_text, remainder_text
+from sma_bayes.gap.words import channel_text, covariate_text, p_text, periodic_text, remainder_text
 from sma_bayes.quantities import unit_text
 from sma_bayes.terminal.screen import screen, show_end
 
@@ -26,6 +26,8 @@ def show_gap(found: dict[str, Any], out: Path) -> None:
     if found["verdict"] == "named" and remainder_text(found):
         verdict = f"{verdict}, {remainder_text(found)}"
     console.print(f"{found['campaign']}: {verdict} ({chance})", soft_wrap=True)
+    for line in found["periodic"][:3]:
+        console.print(f"  {periodic_text(found, line)} ({line['size_sigma']:.1f} sigma)", soft_wrap=True)
     for d in found["disagreement"][:3]:
         console.print(
             f"  {d['condition']} {d['branch']}: {channel_text(found, d['channel'])} "

@@ -13,6 +13,13 @@ from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.workflow import study_gap
 
 NUMBER, TEXT = (int, float), str
+PERIODIC = {
+    "condition": TEXT, "channel": TEXT, "frequency": NUMBER, "width": NUMBER, "unit": TEXT, "amplitude": NUMBER,
+    "size_sigma": NUMBER, "ln_bayes_factor": NUMBER,
+}  # fmt: skip
+NOISE = {"condition": TEXT, "channel": TEXT, "sd": NUMBER, "lag1": NUMBER, "scatter": NUMBER}
+BAND = {"start": NUMBER, "stop": NUMBER, "unit": TEXT, "ratio": NUMBER, "p_value": NUMBER}
+REMAINDER = {"covariate": TEXT, "channel": TEXT, "ln_bayes_factor": NUMBER, "share": NUMBER}
 GAP = {
     "verdict": TEXT, "p_value": NUMBER, "disagreement": list, "effects": list, "candidates": list, "gap": dict,
 }  # fmt: skip
@@ -88,6 +95,12 @@ def test_names_and_kinds_are_those_of_the_contract(found: Any) -> None:
         holds(d, DISAGREEMENT)
         assert d["branch"] in ("heating", "cooling")
         assert d["from"] <= d["to"]
+    for line in found["periodic"]:
+        holds(line, PERIODIC)
+    for n in found["noise"]:
+        holds(n, NOISE)
+        if n["spectrum"] is not None:
+            holds(n["spectrum"], BAND)
     for c in found["candidates"]:
         holds(c, CANDIDATE)
         assert c["status"] in ("named", "rejected", "untestable")
@@ -96,6 +109,10 @@ def test_names_and_kinds_are_those_of_the_contract(found: Any) -> None:
         holds(e, EFFECT)
         assert e["class"][0] == e["id"]
         assert 0.0 <= e["probability"] <= 1.0
+        assert 0.0 <= e["share"] <= 1.0
+        if e["remainder"] is not None:
+            holds(e["remainder"], REMAINDER)
+            assert e["remainder"]["share"] == pytest.approx(1.0 - e["share"])
         for p in e["parameters"].values():
             holds(p, PARAMETER)
             assert p["q05"] <= p["median"] <= p["q95"]
@@ -107,6 +124,7 @@ def test_the_parts_agree_with_the_verdict(found: Any) -> None:
     assert (found["verdict"] == "named") == bool(named)
     assert (found["verdict"] == "none") == (not found["disagreement"])
     assert (found["verdict"] == "none") == (found["p_value"] > found["thresholds"]["p_value"])
+    assert found["verdict"] != "none" or not found["periodic"]
     gap = found["gap"]
     if gap["before"] > gap["floor"]:
         share = (gap["before"] - gap["after"]) / (gap["before"] - gap["floor"])

@@ -206,7 +206,7 @@ def nested(
 ) -> Nested:
     """Runs of dynesty's `rslice`; their posteriors count alike, whatever evidence they found.
 
-    `slices` is for each dimension. Too few leave a new point near the one that it starts from, and the posterior narrow.
+    `slices` is for each dimension. Too few leave a new point near the one that it starts from, and all too narrow.
     """
     results = []
     for stream in np.random.SeedSequence(seed).spawn(runs):

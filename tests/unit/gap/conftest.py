@@ -50,6 +50,8 @@ class Rig:
         Of the load to which they rise; 1 in the catalogue.
     step : float
         By which each channel jumps in the middle of every record, over its span.
+    hum : float
+        Amplitude over its span of a sine of 0.37 Hz in each channel.
     drift : float
         Rise of each channel a cycle, over its span.
     seed : int
@@ -67,6 +69,7 @@ class Rig:
     shift: float = 0.0
     power: float = 1.0
     step: float = 0.0
+    hum: float = 0.0
     drift: float = 0.0
     seed: int = 0
 
@@ -85,7 +88,10 @@ class Rig:
         reading = middle - swing * np.cos(behind) * np.cos(turn)
         metal, rising = middle - swing * np.cos(turn + behind), np.sin(turn + behind) > 0.0
         sweep = np.repeat(np.arange(sweeps), self.samples)
-        observed = {c: self._channel(c, metal, rising, load, sweep, rng) for c in self.channels}
+        hum = self.hum * np.sin(2.0 * np.pi * 0.37 * turn / omega + 1.0)
+        observed = {
+            c: self._channel(c, metal, rising, load, sweep, rng) + hum * CURVES[c][1] for c in self.channels
+        }
         out = []
         for branch, parity in ((Branch.HEATING, 0), (Branch.COOLING, 1)):
             on = sweep % 2 == parity

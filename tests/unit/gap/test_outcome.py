@@ -127,6 +127,12 @@ def doubtful(**changes: Any) -> dict[str, Any]:
     )
 
 
+def noisy(p_value: float) -> dict[str, Any]:
+    """Noise of a channel whose spectrum has a band that is not its model's."""
+    band = {"start": 0.1, "stop": 0.2, "unit": "Hz", "ratio": 3.2, "p_value": p_value}
+    return {"condition": "c", "channel": "force", "lag1": 0.1, "spectrum": band}
+
+
 HELPING = {"verdict": "unnamed", "effects": [], "partial": [{"id": "x", "parameters": {}}]}
 
 
@@ -153,8 +159,16 @@ HELPING = {"verdict": "unnamed", "effects": [], "partial": [{"id": "x", "paramet
         ),
         ({"gap": {"after": 1.4, "floor": 1.4}}, ["still 1.40 times what noise alone"]),
         (
-            {"noise": [{"condition": "c", "channel": "displacement", "lag1": 0.97}]},
+            {"noise": [{"condition": "c", "channel": "displacement", "lag1": 0.97, "spectrum": None}]},
             ["What passes for noise of c strain hardly changes from sample to sample (correlation 0.97"],
+        ),
+        ({"noise": [noisy(2e-3)]}, []),
+        (
+            {"noise": [noisy(1e-4), noisy(1e-6), noisy(0.5)]},
+            [
+                "The noise of c force does not look like its model, AR(1): between 0.1 and 0.2 Hz it has 3.2 times the "
+                "power that is assumed (so do 1 of the others)."
+            ],
         ),
         ({"verdict": "unnamed", "effects": []}, []),
         ({**HELPING, "gap": {"after": 2.02}}, ["is 2.020 with it and 2.000 without"]),
