@@ -54,6 +54,23 @@ def _training_drift(state: State, size: float, traits: Traits) -> State:
     )
 
 
+def _training(state: State, size: float, traits: Traits) -> State:
+    """Residual strain and stroke change together with the logarithm of the cycles."""
+    cycle = state.course.cycle
+    share = np.log1p((cycle - 1.0) / traits["cycles"]) / math.log1p((cycle.max() - 1.0) / traits["cycles"])
+    low = state.course.spring.curves["displacement", "heating"].low
+    stroke = 1.0 + traits["stroke per drift"] * size * share
+    return replace(state, displacement=low + (state.displacement - low) * stroke + size * share)
+
+
+def _stress_stroke(state: State, size: float, traits: Traits) -> State:
+    """Cold martensite yields under the load, ever less further as more of it is oriented; what is hot does not."""
+    c = state.course
+    low, span = (getattr(c.spring.curves["displacement", "heating"], k) for k in ("low", "span"))
+    yielded = size * traits["saturation"] * math.tanh(c.setting.load / traits["saturation"])
+    return replace(state, displacement=low + span + (state.displacement - low - span) * (1.0 + yielded))
+
+
 def _amplitude_fatigue(state: State, size: float, traits: Traits) -> State:
     """Each cycle leaves a little less of the stroke."""
     low = state.course.spring.curves["displacement", "heating"].low
@@ -166,6 +183,14 @@ RIG = (
     Mechanism(
         "training_drift", Stage.MECHANICS, _training_drift, "m", 1e-5, 2e-3,
         lambda rng: {"cycles": rng.uniform(3.0, 10.0)},
+    ),
+    Mechanism(
+        "training", Stage.MECHANICS, _training, "m", 1e-5, 2e-3,
+        lambda rng: {"cycles": rng.uniform(1.0, 3.0), "stroke per drift": rng.uniform(-120.0, -60.0)},
+    ),
+    Mechanism(
+        "stress_stroke", Stage.MECHANICS, _stress_stroke, "1/N", 1e-3, 1.0,
+        lambda rng: {"saturation": rng.uniform(3.0, 8.0)},
     ),
     Mechanism("amplitude_fatigue", Stage.MECHANICS, _amplitude_fatigue, "1/cycle", 1e-4, 1e-2, limit=0.5),
     Mechanism(

@@ -21,6 +21,11 @@ SUITES = ("null", "hidden", "left_out", "outside", "pairs")
 
 THERMAL = ("latent_heat", "ambient_draught")
 """Effects on the temperature response, which has a design of its own."""
+CONTAINED_BY = {
+    "training_drift": ("training",), "amplitude_fatigue": ("training",),
+    "training": ("training_drift", "amplitude_fatigue"),
+}  # fmt: skip
+"""What describes the same, wholly or in part, and is left out together with it."""
 LADDER = ("minor_loop", "temperature_gradient")
 """Effects that need peaks of different temperature."""
 
@@ -116,7 +121,10 @@ def attempt(trial: Trial) -> Row | None:
         case = hide_several(hidden, trial.sigma, trial.noise, trial.design, seed=trial.seed)
     except ValueError:
         return None
-    catalogue = {k: v for k, v in EFFECTS.items() if trial.suite != "left_out" or k not in hidden}
+    left_out = (
+        {x for h in hidden for x in (h, *CONTAINED_BY.get(h, ()))} if trial.suite == "left_out" else set()
+    )
+    catalogue = {k: v for k, v in EFFECTS.items() if k not in left_out}
     with threadpool_limits(limits=1):
         study = study_campaign(
             case.campaign,

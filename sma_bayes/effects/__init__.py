@@ -21,9 +21,11 @@ from sma_bayes.effects.rate_dependence import RateDependence
 from sma_bayes.effects.saturation import Saturation
 from sma_bayes.effects.sensor_drift import SensorDrift
 from sma_bayes.effects.stress_shift import StressShift
+from sma_bayes.effects.stress_stroke import StressStroke
 from sma_bayes.effects.temperature_gradient import TemperatureGradient
 from sma_bayes.effects.thermal_expansion import ThermalExpansion
 from sma_bayes.effects.thermocouple_lag import ThermocoupleLag
+from sma_bayes.effects.training import Training
 from sma_bayes.effects.training_drift import TrainingDrift
 from sma_bayes.effects.types import Effect, Scales, with_effects
 from sma_bayes.parameters.space import Parameter
@@ -32,12 +34,14 @@ _SHIPPED: tuple[Effect, ...] = (
     ThermocoupleLag(),
     ContactError(),
     StressShift(),
+    StressStroke(),
     PathStressShift(),
     RateDependence(),
     TemperatureGradient(),
     AsymmetricKinetics(),
     RPhase(),
     TrainingDrift(),
+    Training(),
     AmplitudeFatigue(),
     HotCreep(),
     GuideFriction(),

@@ -213,7 +213,7 @@ def _rows(fitted: Fitted, kept: Masks) -> NDArray[np.intp]:
 def _noise_on(fitted: Fitted, kept: Masks) -> Noise:
     """The noise of a fit, for some of the samples of each block."""
     return tuple(
-        BlockNoise(n.sd, _memory_on(n.memory, kept[b.history]))
+        BlockNoise(n.sd, _memory_on(n.memory, kept[b.history]), n.scale_on(kept[b.history]))
         for b, n in zip(fitted.blocks, fitted.noise, strict=True)
         if kept[b.history].any()
     )

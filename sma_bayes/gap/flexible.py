@@ -15,7 +15,7 @@ at its parameters; where one does, a term gets no credit for giving way in their
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -30,6 +30,8 @@ SIZES = np.geomspace(0.03, 100.0, 10)
 """Sizes of the coefficients that are averaged over, in standard deviations of the noise of the channel."""
 
 
+SHAPE = "temperature"
+"""Covariate of the terms that only bend a curve."""
 SIMULATED = "simulated temperature"
 ALONE = ("force", "displacement", "stiffness", SIMULATED, "drive phase")
 """Covariates of terms that are not tried on several channels together."""
@@ -117,6 +119,68 @@ def gains(fitted: Fitted, terms: Sequence[Term]) -> list[Gain]:
         value = float(log_bayes_factor(b[:, None], information)[0])
         out.append(Gain(term, value, projected @ axes, information))
     return out
+
+
+def beyond_shape(fitted: Fitted) -> Fitted:
+    """The same fit with the shape of every curve free: a smooth function of temperature on each branch and channel.
+
+    What terms and effects bring to it is not what the curve of a specimen has by being no sigmoid, the same in every
+    cycle and condition.
+    """
+    parts = [
+        term.columns[:, np.any(term.columns != 0.0, axis=0)]
+        for term in terms_of(fitted)
+        if term.covariate == SHAPE and term.channel in fitted.hypothesis.channels
+    ]
+    columns = fitted.whiten(np.concatenate(parts, axis=1).T).T
+    free = fitted.jacobian.shape[1]
+    jacobian = np.concatenate([fitted.jacobian, columns], axis=1)
+    precision = jacobian.T @ jacobian
+    precision[:free, :free] = fitted.precision
+    loose = 1e-9 * float(np.max(np.diag(precision)[free:]))
+    precision[np.arange(free, len(precision)), np.arange(free, len(precision))] += loose
+    return replace(fitted, jacobian=jacobian, precision=precision)
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """What flexible terms bring to a fitted model.
+
+    Attributes
+    ----------
+    best : Gain or None
+        The best of all.
+    shape : float
+        Log Bayes factor of a curve that is free to have any shape: in every channel by itself, or in all together.
+    beyond : Gain or None
+        The best on top of that.
+    """
+
+    best: Gain | None
+    shape: float
+    beyond: Gain | None
+
+
+def offer(fitted: Fitted, found: Sequence[Gain] = ()) -> Offer:
+    """What flexible terms bring to a fitted model; `found`, if that is known already for it as it is."""
+    terms = terms_of(fitted)
+    found = found or gains(fitted, terms)
+    shapes = [g for g in found if g.term.covariate == SHAPE]
+    channels = fitted.hypothesis.channels
+    alone = sum(worth_of(_best([g for g in shapes if g.term.channel == c])) for c in channels)
+    together = worth_of(_best([g for g in shapes if g.term.channel not in channels]))
+    shape = max(alone, together)
+    others = [t for t in terms if t.covariate != SHAPE]
+    return Offer(_best(found), shape, _best(gains(beyond_shape(fitted), others)))
+
+
+def _best(found: Sequence[Gain]) -> Gain | None:
+    return max(found, key=lambda g: g.ln_bayes_factor, default=None)
+
+
+def worth_of(gain: Gain | None) -> float:
+    """Log Bayes factor of a term; 0 where there is none, or where it does not pay for itself."""
+    return 0.0 if gain is None else max(gain.ln_bayes_factor, 0.0)
 
 
 def terms_of(fitted: Fitted) -> list[Term]:

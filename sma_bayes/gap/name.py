@@ -20,7 +20,7 @@ from scipy.special import logsumexp
 from sma_bayes.effects.needs import untestable
 from sma_bayes.effects.types import Effect
 from sma_bayes.gap.fitting import Fitted, added_by, fit_hypothesis, stacked
-from sma_bayes.gap.flexible import Gain, gains, terms_of
+from sma_bayes.gap.flexible import Gain, Offer, offer, worth_of
 from sma_bayes.parameters.distributions import Distribution, LogNormal
 from sma_bayes.quantities import Floats
 
@@ -32,6 +32,10 @@ SCALES = (0.1, 0.3, 1.0, 3.0)
 """Sizes over those of the grid that are averaged over when an effect is screened."""
 NEAR, FAR_BELOW = 12.0, 0.5
 """Screened gain below the best up to which candidates are refitted: so much, or such a share of it if that is more."""
+LEAST = 3.0
+"""Least ln Bayes factor of an effect that deserves to be added."""
+MISSHAPEN = 20.0
+"""Log Bayes factor from which on a curve surely has another shape than the model's."""
 REFITTED = 6
 """Greatest number of candidates that are refitted at a step."""
 CONTAINED = 0.5
@@ -71,6 +75,62 @@ class Screened:
         return _averaged(self.signatures.T @ residuals, self.information)
 
 
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """What an effect is worth beside flexible terms.
+
+    A mechanism is never exactly the formula of the catalogue. Where it is strong, the remainder of form is far beyond
+    the noise, and a function that bends at will explains the whole better than the formula does. So what counts is
+    whether formula and function together explain it better than the function does by itself.
+
+    Attributes
+    ----------
+    over : float
+        Log Bayes factor of the effect with the best flexible term on top of it, over the best flexible term alone.
+    carried : float
+        Share that the effect has in what the two explain together.
+    remainder : Gain or None
+        That term on top of the effect.
+    on_top : float
+        Log Bayes factor of the best term on top of it, the shape of the curve included; 0 where none pays for itself.
+    shape_apart : bool
+        Whether all this is beside a curve that is free to have any shape, the same in every cycle and condition.
+    """
+
+    over: float
+    carried: float
+    remainder: Gain | None
+    on_top: float
+    shape_apart: bool
+
+    @staticmethod
+    def of(gained: float, with_it: Offer, without: Offer) -> Beside:
+        """Weigh an effect.
+
+        Parameters
+        ----------
+        gained : float
+            Log Bayes factor of the effect.
+        with_it, without : Offer
+            What flexible terms bring to the model with it and without.
+        """
+        on_top = worth_of(with_it.best)
+        plain = Beside(
+            gained + on_top - worth_of(without.best), share_of(gained, on_top), with_it.best, on_top, False
+        )
+        own, rest = gained + with_it.shape - without.shape, worth_of(with_it.beyond)
+        apart = Beside(
+            own + rest - worth_of(without.beyond), share_of(own, rest), with_it.beyond, on_top, True
+        )
+        better = with_it.shape >= MISSHAPEN and apart.over >= LEAST and apart.carried > plain.carried
+        return apart if better else plain
+
+
+def share_of(explained: float, rest: float) -> float:
+    """Share of what effects explain in that and the rest, both logarithms of Bayes factors."""
+    return explained / (explained + max(rest, 0.0)) if explained > 0.0 else 0.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
     """What was found about an effect at a step.
@@ -86,11 +146,8 @@ class Candidate:
         Greatest Bayes factor of a flexible term that contains most of its signature.
     guard_covariate : str
         Of that term; empty where there is none.
-    over : float
-        Log Bayes factor of the effect with the best flexible term on top of it, over that term's rival: the best
-        flexible term without the effect.
-    remainder : Gain or None
-        The best flexible term on top of the effect, if it was looked for and there is any.
+    beside : Beside or None
+        What it is worth beside flexible terms, if that was looked at.
     untestable : str
         Why the data can't test it; empty where they can.
     """
@@ -100,26 +157,14 @@ class Candidate:
     ln_bayes_factor: float
     guard: float = -np.inf
     guard_covariate: str = ""
-    over: float = -np.inf
-    remainder: Gain | None = None
+    beside: Beside | None = None
     untestable: str = ""
-
-    @property
-    def on_top(self) -> float:
-        """Log Bayes factor of that term over the model with the effect; 0 where it would not pay for itself."""
-        return 0.0 if self.remainder is None else max(self.remainder.ln_bayes_factor, 0.0)
-
-    @property
-    def carried(self) -> float:
-        """Share of what the effect and the term on top of it explain together that is the effect's."""
-        return (
-            self.ln_bayes_factor / (self.ln_bayes_factor + self.on_top) if self.ln_bayes_factor > 0.0 else 0.0
-        )
 
     @property
     def weight(self) -> float:
         """Log Bayes factor of the effect, half of its prior probability with a flexible term on top of it."""
-        return self.ln_bayes_factor + float(np.logaddexp(0.0, self.on_top)) - float(np.log(2.0))
+        on_top = 0.0 if self.beside is None else self.beside.on_top
+        return self.ln_bayes_factor + float(np.logaddexp(0.0, on_top) - np.log(2.0))
 
 
 def screen_all(fitted: Fitted, effects: Iterable[Effect]) -> tuple[list[Screened], list[Candidate]]:
@@ -138,7 +183,7 @@ def screen_all(fitted: Fitted, effects: Iterable[Effect]) -> tuple[list[Screened
 
 
 def candidates(
-    fitted: Fitted, screened: Sequence[Screened], flexible: Sequence[Gain], *, refit: bool, worth: float
+    fitted: Fitted, screened: Sequence[Screened], flexible: Sequence[Gain], *, refit: bool
 ) -> list[Candidate]:
     """Judge effects, and refit those that come near the best.
 
@@ -152,8 +197,6 @@ def candidates(
         What flexible terms would bring to the same model.
     refit : bool
         Without it they are judged by the screening alone, which is enough where there is nothing to explain.
-    worth : float
-        Log Bayes factor from which on it is looked at what flexible terms would bring on top of an effect.
 
     Returns
     -------
@@ -161,7 +204,7 @@ def candidates(
         Best first.
     """
     out: list[Candidate] = []
-    alone = max((g.ln_bayes_factor for g in flexible), default=0.0)
+    without = offer(fitted, flexible) if refit else None
     for place, s in enumerate(screened):
         near = max(NEAR, FAR_BELOW * screened[0].gain)
         if not refit or place >= REFITTED or s.gain < screened[0].gain - near:
@@ -170,37 +213,9 @@ def candidates(
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
         guard, covariate = guard_of(signature_at_mode(fitted, found), flexible, s)
         gained = found.ln_evidence - fitted.ln_evidence
-        over, remainder = beside(found, gained, alone) if gained >= worth else (-np.inf, None)
-        out.append(Candidate(s.effect, found, gained, guard, covariate, over, remainder))
+        beside = Beside.of(gained, offer(found), without) if without and gained >= LEAST else None
+        out.append(Candidate(s.effect, found, gained, guard, covariate, beside))
     return sorted(out, key=lambda c: -c.ln_bayes_factor)
-
-
-def beside(found: Fitted, gained: float, alone: float) -> tuple[float, Gain | None]:
-    """What an effect is worth beside a flexible term.
-
-    A mechanism is never exactly the formula of the catalogue. Where it is strong, the remainder of form is far beyond
-    the noise, and a function that bends at will explains the whole better than the formula does. So what counts is
-    whether formula and function together explain it better than the function does by itself.
-
-    Parameters
-    ----------
-    found : Fitted
-        With the effect.
-    gained : float
-        Log Bayes factor of the effect.
-    alone : float
-        Of the best flexible term without it.
-
-    Returns
-    -------
-    over : float
-        Log Bayes factor of effect and flexible term together, over the flexible term alone.
-    remainder : Gain or None
-        That term on top of the effect.
-    """
-    best = max(gains(found, terms_of(found)), key=lambda g: g.ln_bayes_factor, default=None)
-    on_top = 0.0 if best is None else max(best.ln_bayes_factor, 0.0)
-    return gained + on_top - max(alone, 0.0), best
 
 
 def screen(fitted: Fitted, effect: Effect) -> Screened:

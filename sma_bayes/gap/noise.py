@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.splines import bumps, grouped, one_of_each, times
@@ -27,6 +28,16 @@ PROBABLE = 1e-3
 """A memory that is less likely than the likeliest one by more than this factor is left out of account."""
 MEDIAN_OF_NORMAL = 0.6744897501960817
 """Median of the magnitude of a standard normal variable."""
+DEGREES = (2.0, 3.0, 5.0, 9.0)
+"""Degrees of freedom of Student's t that are tried where tails are heavier than normal."""
+HEAVY = 10.0
+"""Gain of log likelihood from which on tails count as heavy."""
+SET_ASIDE = 3
+"""Greatest innovations of a record that don't make its tails heavy."""
+REWEIGHTED = 4
+"""How often scales of innovations and the noise are found in turn."""
+TURNS = 20
+"""How often weight and width of a t distribution are found in turn."""
 SMOOTH = 8
 """Splines of temperature on each branch that are taken out; fewer where samples are few."""
 
@@ -64,12 +75,15 @@ class BlockNoise:
         Of the series [unit of the channel].
     memory : ndarray, shape (n,)
         Correlation with the sample before; 0 where nothing precedes.
+    scale : ndarray, shape (n,), or float
+        Of each innovation, over the usual one: above 1 where tails are heavy and the sample is far out.
     others : tuple of (float, BlockNoise)
         What else it may be, with probabilities from the restricted likelihood that add up to 1; itself included.
     """
 
     sd: float
     memory: Floats
+    scale: Floats | float = 1.0
     others: tuple[tuple[float, BlockNoise], ...] = ()
 
     def whiten(self, x: Floats) -> Floats:
@@ -77,7 +91,7 @@ class BlockNoise:
         e = x / self.sd
         out = e.copy()
         out[..., 1:] -= self.memory[1:] * e[..., :-1]
-        return np.asarray(out / np.sqrt(1.0 - self.memory**2))
+        return np.asarray(out / (np.sqrt(1.0 - self.memory**2) * self.scale))
 
     def as_likely(self, innovations: Floats, rng: np.random.Generator) -> Floats:
         """Series (n, count) from innovations of unit variance, each with one of `others` drawn for it."""
@@ -85,15 +99,22 @@ class BlockNoise:
         which = rng.choice(len(others), size=innovations.shape[1], p=[p for p, _ in others])
         memory = np.stack([o.memory for _, o in others], axis=1)[:, which]
         sd = np.array([o.sd for _, o in others])[which]
-        out = innovations * np.sqrt(1.0 - memory**2)
+        out = innovations * np.sqrt(1.0 - memory**2) * np.reshape(self.scale, (-1, 1))
         for i in np.flatnonzero(np.any(memory != 0.0, axis=1)).tolist():
             out[i] += memory[i] * out[i - 1]
         return np.asarray(out * sd)
 
+    def scale_on(self, kept: NDArray[np.bool_]) -> Floats | float:
+        """Scales of the samples for which a mask is true."""
+        return self.scale if np.ndim(self.scale) == 0 else np.asarray(self.scale)[kept]
+
     @property
     def log_scale(self) -> float:
         """Sum over samples of the logarithm of the scale of an innovation."""
-        return float(self.memory.size * np.log(self.sd) + 0.5 * np.log1p(-(self.memory**2)).sum())
+        widths = np.log(np.broadcast_to(self.scale, self.memory.shape))
+        return float(
+            self.memory.size * np.log(self.sd) + 0.5 * np.log1p(-(self.memory**2)).sum() + widths.sum()
+        )
 
 
 Noise = tuple[BlockNoise, ...]
@@ -161,6 +182,44 @@ def block_noise(residual: Floats, block: Block, smooth: Floats) -> BlockNoise:
     smooth : ndarray, shape (n, k)
         Columns that are taken out of the residuals.
     """
+    noise, innovations = _likeliest(residual, block, smooth, 1.0)
+    for _ in range(REWEIGHTED):
+        scale = tail_scale(innovations)
+        if scale is None:
+            break
+        noise, innovations = _likeliest(residual, block, smooth, scale)
+    return noise
+
+
+def tail_scale(innovations: Floats) -> Floats | None:
+    """Scale of each innovation under Student's t; None where the normal distribution describes them.
+
+    Heavy tails are those of many: the `SET_ASIDE` greatest innovations have no say, as a jump of the specimen or the
+    rig makes one, and is no noise.
+
+    Parameters
+    ----------
+    innovations : ndarray, shape (n,)
+        Of a common scale.
+    """
+    usual = innovations[np.argsort(np.abs(innovations))[: max(innovations.size - SET_ASIDE, 1)]]
+    width = float(np.sqrt(np.mean(usual**2))) or 1.0
+    best, scale = stats.norm.logpdf(usual, scale=width).sum() + HEAVY, None
+    for degrees in DEGREES:
+        own = width
+        for _ in range(TURNS):
+            weight = (degrees + 1.0) / (degrees + (usual / own) ** 2)
+            own = float(np.sqrt(np.mean(weight * usual**2))) or 1.0
+        value = stats.t.logpdf(usual, degrees, scale=own).sum()
+        if value > best:
+            best, scale = value, np.sqrt((degrees + (innovations / own) ** 2) / (degrees + 1.0))
+    return scale
+
+
+def _likeliest(
+    residual: Floats, block: Block, smooth: Floats, scale: Floats | float
+) -> tuple[BlockNoise, Floats]:
+    """Noise of greatest restricted likelihood for given scales, and the innovations without their scales."""
     follows = ~block.first
     forms = [np.where(follows, 1.0, 0.0)]
     dt = block.dt[follows]
@@ -170,13 +229,16 @@ def block_noise(residual: Floats, block: Block, smooth: Floats) -> BlockNoise:
     for i, form in enumerate(forms):
         for phi in MEMORIES if i == 0 else MEMORIES[MEMORIES > 0.0]:
             memory = np.where(follows, np.sign(phi) * np.abs(phi) ** form, 0.0)
-            found.append(_restricted(residual, memory, smooth))
+            found.append(_restricted(residual, memory, smooth, scale))
     value = np.array([f[0] for f in found])
     probability = np.exp(value - value.max())
     probability = np.where(probability < PROBABLE, 0.0, probability)
     probability = probability / probability.sum()
     others = tuple((float(p), f[1]) for p, f in zip(probability, found, strict=True) if p > 0.0)
-    return replace(found[int(np.argmax(value))][1], others=others)
+    best = replace(found[int(np.argmax(value))][1], others=others)
+    w, columns = best.whiten(residual), best.whiten(smooth.T).T
+    left = w - columns @ np.linalg.lstsq(columns, w, rcond=1e-9)[0]
+    return best, np.asarray(left * scale)
 
 
 def scatter(residual: Floats, block: Block) -> float:
@@ -194,9 +256,11 @@ def scatter(residual: Floats, block: Block) -> float:
     return float(np.median(np.abs(steps)) / (MEDIAN_OF_NORMAL * np.sqrt(2.0))) if steps.size else 0.0
 
 
-def _restricted(residual: Floats, memory: Floats, smooth: Floats) -> tuple[float, BlockNoise]:
+def _restricted(
+    residual: Floats, memory: Floats, smooth: Floats, scale: Floats | float
+) -> tuple[float, BlockNoise]:
     """Restricted log likelihood of a memory, up to a constant, with the standard deviation that goes with it."""
-    unit = BlockNoise(1.0, memory)
+    unit = BlockNoise(1.0, memory, scale)
     w, columns = unit.whiten(residual), unit.whiten(smooth.T).T
     gram = columns.T @ columns
     gram[np.diag_indices_from(gram)] += 1e-9 * np.trace(gram) / len(gram)
@@ -205,4 +269,4 @@ def _restricted(residual: Floats, memory: Floats, smooth: Floats) -> tuple[float
     squares = max(float(w @ w - pull @ np.linalg.solve(gram, pull)), 1e-300)
     sd = np.sqrt(squares / free)
     value = -free * np.log(sd) - 0.5 * np.log1p(-(memory**2)).sum() - 0.5 * float(np.linalg.slogdet(gram)[1])
-    return value, BlockNoise(float(sd), memory)
+    return value, BlockNoise(float(sd), memory, scale)

@@ -17,7 +17,7 @@ from sma_bayes.gap.density import sample_hypothesis
 from sma_bayes.gap.experiments import Proposal, next_experiment
 from sma_bayes.gap.fitting import Fitted
 from sma_bayes.gap.locate import Disagreement
-from sma_bayes.gap.name import Candidate
+from sma_bayes.gap.name import MISSHAPEN, Beside, Candidate
 from sma_bayes.gap.noise import Block, BlockNoise, scatter
 from sma_bayes.gap.periodic import Band, Spectra
 from sma_bayes.gap.study import (
@@ -202,7 +202,8 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
             "covariate": study.left.best.term.covariate,
             "channel": study.left.best.term.channel,
             "ln_bayes_factor": study.left.best.ln_bayes_factor,
-            "share": 1.0 - study.carried if study.effects else None,
+            "share": study.remainder if study.effects else None,
+            "share_without_shape": 1.0 - study.carried if study.effects else None,
         },
         "gap": {
             "metric": METRIC,
@@ -219,6 +220,7 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
             "ln_bayes_factor_apart": APART,
             "unexplained_share": round(1.0 - CARRIED, 6),
             "share_beside": CARRIED_BESIDE,
+            "ln_bayes_factor_shape": MISSHAPEN,
             "further_share": FURTHER,
         },
         "channels": _channels(study.final),
@@ -292,25 +294,24 @@ def _effect_json(outcome: GapOutcome, effect: Effect) -> dict[str, Any]:
         "ln_bayes_factor": chosen.ln_bayes_factor,
         "guard": _finite(chosen.guard),
         "guard_covariate": chosen.guard_covariate,
-        "ln_bayes_factor_beside": _finite(chosen.over),
-        "share": chosen.carried,
-        "remainder": _remainder_json(chosen),
+        **_beside_json(chosen.beside),
         "parameters": _parameters_json(outcome, effect),
         "next_experiment": None if experiment is None else str(experiment),
     }
 
 
-def _remainder_json(candidate: Candidate) -> dict[str, Any] | None:
-    """What a flexible term would still bring on top of an effect, in the round in which that was judged."""
-    left = candidate.remainder
-    if left is None:
-        return None
+def _beside_json(beside: Beside | None) -> dict[str, Any]:
+    """What an effect was worth beside flexible terms, in the round in which it was judged."""
+    left = None if beside is None else beside.remainder
     return {
-        "covariate": left.term.covariate,
-        "channel": left.term.channel,
-        "ln_bayes_factor": left.ln_bayes_factor,
-        "share": 1.0 - candidate.carried,
-    }
+        "ln_bayes_factor_beside": None if beside is None else beside.over,
+        "share": None if beside is None else beside.carried,
+        "shape_apart": beside is not None and beside.shape_apart,
+        "remainder": None if beside is None or left is None else {
+            "covariate": left.term.covariate, "channel": left.term.channel, "ln_bayes_factor": left.ln_bayes_factor,
+            "share": 1.0 - beside.carried,
+        },
+    }  # fmt: skip
 
 
 def _added(study: GapStudy) -> dict[str, tuple[int, Step, Candidate]]:
@@ -420,11 +421,12 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[str, str]:
 
 def _beside_text(study: GapStudy, candidate: Candidate) -> str:
     """Why an effect isn't worth more beside a flexible term than that term is alone."""
-    if candidate.over < WORTH or candidate.remainder is None:
+    beside = candidate.beside
+    if beside is None or beside.over < WORTH or beside.remainder is None:
         return "and as much without the effect as with it"
     return (
-        f"and the effect carries no more than {100.0 * candidate.carried:.0f} % of what it explains together with a "
-        f"function of {_called(study, candidate.remainder.term.covariate)}"
+        f"and the effect carries no more than {100.0 * beside.carried:.0f} % of what it explains together with a "
+        f"function of {_called(study, beside.remainder.term.covariate)}"
     )
 
 
@@ -443,10 +445,11 @@ def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[str, str
         )
     if candidate.ln_bayes_factor > candidate.guard:
         why = "worth more than its price, and than a flexible term in its place"
-    elif is_worthy(candidate):
+    elif is_worthy(candidate) and candidate.beside is not None:
         why = (
             "with a flexible term on top it explains more than the best such term alone, and it carries "
-            f"{100.0 * candidate.carried:.0f} % of that"
+            f"{100.0 * candidate.beside.carried:.0f} % of that"
+            f"{', the shape of the curve apart' if candidate.beside.shape_apart else ''}"
         )
     else:
         why = "beside the effect of the next round it beats what is flexible"
@@ -465,8 +468,9 @@ def _round_json(step: Step) -> dict[str, Any]:
         "candidates": [
             {
                 "id": c.effect.id, "ln_bayes_factor": c.ln_bayes_factor, "guard": _finite(c.guard),
-                "guard_covariate": c.guard_covariate, "ln_bayes_factor_beside": _finite(c.over),
-                "share": c.carried if np.isfinite(c.over) else None,
+                "guard_covariate": c.guard_covariate,
+                "ln_bayes_factor_beside": None if c.beside is None else c.beside.over,
+                "share": None if c.beside is None else c.beside.carried,
             }
             for c in step.candidates if c.fitted is not None
         ],

@@ -9,10 +9,20 @@ import numpy as np
 
 from sma_bayes.effects import EFFECTS, Effect
 from sma_bayes.gap.fitting import Fitted, fit_hypothesis, fit_with_noise
-from sma_bayes.gap.flexible import gains, terms_of
+from sma_bayes.gap.flexible import gains, offer, terms_of, worth_of
 from sma_bayes.gap.hypothesis import Hypothesis, baseline
 from sma_bayes.gap.locate import Disagreement, Look, disagreements, look
-from sma_bayes.gap.name import Candidate, candidates, guard_of, screen, screen_all, signature_at_mode
+from sma_bayes.gap.name import (
+    LEAST,
+    MISSHAPEN,
+    Candidate,
+    candidates,
+    guard_of,
+    screen,
+    screen_all,
+    share_of,
+    signature_at_mode,
+)
 from sma_bayes.gap.periodic import Periodicity
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
@@ -26,12 +36,12 @@ from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
 SIGNIFICANT = 0.02
 """Global p-value up to which a disagreement counts as more than chance."""
-WORTH = 3.0
+WORTH = LEAST
 """Least ln Bayes factor of an effect that is added, and of one that is kept."""
 APART = 3.0
 """Least difference of ln Bayes factors by which data tell two effects apart."""
-CARRIED = 0.8
-"""Share that all effects together must carry of what they and flexible terms on top of them explain."""
+CARRIED = 0.85
+"""Share that all effects together must carry of what they and flexible terms on top of them explain, shape apart."""
 CARRIED_BESIDE = 0.9
 """The same share of a single effect that gets in beside a flexible term, since it explains less than that by itself."""
 FURTHER = 0.2
@@ -82,6 +92,9 @@ class GapStudy:
         Of the baseline.
     explained : float
         Log Bayes factor of all effects over the baseline, with the noise of the final model.
+    carried : float
+        Share that the effects carry of what they and the best flexible term on top of them explain; beside a curve that
+        is free to have any shape, the same in every cycle and condition, where that share is greater.
     """
 
     verdict: str
@@ -90,6 +103,7 @@ class GapStudy:
     steps: tuple[Step, ...]
     disagreements: tuple[Disagreement, ...]
     explained: float
+    carried: float
 
     @property
     def p_value(self) -> float:
@@ -107,9 +121,10 @@ class GapStudy:
         return self.left.periodic if self.left.p_value <= SIGNIFICANT else ()
 
     @property
-    def carried(self) -> float:
-        """Share that the effects carry of what can be explained; the rest is the best flexible term's."""
-        return _carried(self.left, self.explained) if self.explained > 0.0 else 0.0
+    def remainder(self) -> float:
+        """Share of what can be explained that is left to the best flexible term, be it the shape of the curve."""
+        rest = self.left.best.ln_bayes_factor if self.left.p_value <= SIGNIFICANT else 0.0
+        return 1.0 - share_of(self.explained, rest)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -180,7 +195,9 @@ def study_from(
         current = fit_with_noise(kept.hypothesis, kept.z)
     where = disagreements(first, _covariates(first))
     explained = explained_by(first, current)
-    return GapStudy(_verdict(steps, explained), first, current, tuple(steps), tuple(where), explained)
+    carried = _carried(steps[-1].look, first, current, explained)
+    verdict = "none" if steps[0].look.p_value > SIGNIFICANT else "named" if carried >= CARRIED else "unnamed"
+    return GapStudy(verdict, first, current, tuple(steps), tuple(where), explained, carried)
 
 
 def one_round(
@@ -206,7 +223,7 @@ def one_round(
     screened, untested = screen_all(current, effects.values())
     seen = look(current, screened, rng)
     refit = not last and seen.p_value <= SIGNIFICANT
-    tried = candidates(current, screened, seen.gains, refit=refit, worth=WORTH)
+    tried = candidates(current, screened, seen.gains, refit=refit)
     fitted = [c for c in tried if c.fitted is not None]
     worthy = [c for c in fitted if c.ln_bayes_factor >= least and is_worthy(c)]
     if not worthy:
@@ -222,7 +239,8 @@ def is_worthy(candidate: Candidate) -> bool:
     must carry `CARRIED_BESIDE` of what the two explain.
     """
     against = candidate.ln_bayes_factor > candidate.guard
-    beside = candidate.over >= WORTH and candidate.carried >= CARRIED_BESIDE
+    found = candidate.beside
+    beside = found is not None and found.over >= WORTH and found.carried >= CARRIED_BESIDE
     return candidate.ln_bayes_factor >= WORTH and (against or beside)
 
 
@@ -304,16 +322,16 @@ def _start_from(fitted: Fitted, hypothesis: Hypothesis) -> Floats:
     return np.array([z[p.name] for p in hypothesis.space.free])
 
 
-def _verdict(steps: Sequence[Step], explained: float) -> str:
-    if steps[0].look.p_value > SIGNIFICANT:
-        return "none"
-    return "named" if explained > 0.0 and _carried(steps[-1].look, explained) >= CARRIED else "unnamed"
-
-
-def _carried(left: Look, explained: float) -> float:
-    """Share that effects carry of what can be explained, `left` being the look at what they leave."""
-    rest = left.best.ln_bayes_factor if left.p_value <= SIGNIFICANT else 0.0
-    return explained / (explained + max(rest, 0.0))
+def _carried(left: Look, first: Fitted, final: Fitted, explained: float) -> float:
+    """See `GapStudy.carried`: the greater share, with the shape of the curve or beside it."""
+    if left.p_value > SIGNIFICANT or explained <= 0.0:
+        return share_of(explained, 0.0)
+    without = fit_hypothesis(first.hypothesis, first.z, final.noise)
+    before, after = offer(without), offer(final)
+    plain = share_of(explained, worth_of(after.best))
+    if after.shape < MISSHAPEN:
+        return plain
+    return max(plain, share_of(explained + after.shape - before.shape, worth_of(after.beyond)))
 
 
 def _covariates(fitted: Fitted) -> list[str]:

@@ -21,6 +21,7 @@ THRESHOLDS = {
     "ln_bayes_factor_apart": study.APART,
     "unexplained_share": pytest.approx(1.0 - study.CARRIED),
     "share_beside": study.CARRIED_BESIDE,
+    "ln_bayes_factor_shape": study.MISSHAPEN,
     "further_share": study.FURTHER,
 }
 

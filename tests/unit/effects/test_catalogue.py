@@ -18,9 +18,9 @@ from sma_bayes.records.history import History
 from .conftest import THETA, response_at
 
 IDS = (
-    "thermocouple_lag", "contact_error", "stress_shift", "path_stress_shift", "rate_dependence",
-    "temperature_gradient", "asymmetric_kinetics", "r_phase", "training_drift", "amplitude_fatigue", "hot_creep",
-    "guide_friction", "sensor_drift", "load_cell_thermal_drift", "thermal_expansion", "fixture_compliance",
+    "thermocouple_lag", "contact_error", "stress_shift", "stress_stroke", "path_stress_shift", "rate_dependence",
+    "temperature_gradient", "asymmetric_kinetics", "r_phase", "training_drift", "training", "amplitude_fatigue",
+    "hot_creep", "guide_friction", "sensor_drift", "load_cell_thermal_drift", "thermal_expansion", "fixture_compliance",
     "bias_spring", "saturation", "quantisation", "drive_ripple", "minor_loop", "clock_skew", "latent_heat",
     "ambient_draught",
 )  # fmt: skip
@@ -69,7 +69,7 @@ def test_what_it_says_of_itself(name: str, measured, suited) -> None:
     assert len(effect.reference) > 20
     assert set(effect.needs) <= set(NEEDS)
     parameters = effect.parameters(scales_for(name, measured, suited))
-    assert 1 <= len(parameters) <= 4
+    assert 1 <= len(parameters) <= 6
     for p in parameters:
         assert p.meaning
         assert p.source

@@ -162,6 +162,37 @@ def test_training_levels_off() -> None:
     np.testing.assert_allclose(change, [0.0, trained * (1 - np.exp(-0.1)), 2e-3, trained], atol=1e-12)
 
 
+@pytest.mark.parametrize(("branch", "at"), [(1.0, HEATING), (-1.0, COOLING)])
+def test_training_moves_offset_stroke_and_temperature_of_each_branch_at_one_pace(
+    branch: float, at: Floats
+) -> None:
+    span, rate, midpoint, low = at[:4]
+    cycle, temperature = np.array([1.0, 3.0, 3.0, 11.0]), np.array([40.0, 52.0, 58.0, 45.0])
+    inputs = inputs_of(temperature, branch, cycle=cycle, last_cycle=np.full(4, 11.0))
+    drift, pace = 2e-3, 5.0
+    out = applied("training", [drift, 150.0, -100.0, -4e3, 1.5e3, pace], inputs)
+    drifted = drift * (1.0 - np.exp(-(cycle - 1.0) / pace)) / (1.0 - np.exp(-10.0 / pace))
+    k, m = (150.0, -4e3) if branch > 0.0 else (-100.0, 1.5e3)
+    transformed = span * expit(rate * (temperature - m * drifted - midpoint))
+    np.testing.assert_allclose(
+        out["displacement"], low + (1.0 + k * drifted) * transformed + drifted, rtol=1e-9
+    )
+
+
+def test_a_load_stretches_the_cold_end_and_leaves_the_hot_one() -> None:
+    for load in (0.0, 2.0):
+        inputs = inputs_of(np.array([-100.0, 55.0, 300.0]), load=np.full(3, load))
+        out, plain = applied("stress_stroke", [0.25], inputs), response_at(THETA)(inputs)
+        grown = 1.0 + 0.25 * load
+        hot = A4 + A1
+        np.testing.assert_allclose(
+            out["displacement"], hot - grown * (hot - plain["displacement"]), rtol=1e-9
+        )
+        np.testing.assert_allclose(out["displacement"][[0, 2]], [hot - grown * A1, hot], rtol=1e-6)
+        np.testing.assert_allclose(out["force"], plain["force"])
+        np.testing.assert_allclose(out["stiffness"][1], plain["stiffness"][1] / grown)
+
+
 def test_fatigue_leaves_the_cold_end() -> None:
     inputs = inputs_of(np.array([-100.0, 300.0]), cycle=np.full(2, 51.0))
     out = applied("amplitude_fatigue", [0.002], inputs)

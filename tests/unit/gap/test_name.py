@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 from sma_bayes.gap.fitting import fit_hypothesis
-from sma_bayes.gap.flexible import Term, gains, terms_of
-from sma_bayes.gap.name import Candidate, beside, candidates, guard_of, screen, screen_all, signature_at_mode
+from sma_bayes.gap.flexible import Offer, Term, beyond_shape, gains, offer, terms_of
+from sma_bayes.gap.name import (
+    LEAST,
+    Beside,
+    Candidate,
+    candidates,
+    guard_of,
+    screen,
+    screen_all,
+    signature_at_mode,
+)
 from sma_bayes.gap.study import is_worthy
 
 VAGUE = (50.0, 50.0, 50.0)
@@ -37,7 +46,7 @@ def test_a_candidate_is_judged_by_a_ratio_of_marginal_likelihoods(line, fitted, 
     effects = [added("wave", wave, 0.7), added("ramp", lambda v: v["order"] / 40.0, 0.2)]
     screened, untested = screen_all(fitted, effects)
     assert untested == []
-    found = {c.effect.id: c for c in candidates(fitted, screened, [], refit=True, worth=3.0)}
+    found = {c.effect.id: c for c in candidates(fitted, screened, [], refit=True)}
     for effect in effects:
         g = column_of(effect, line)
         exact = line.log_evidence(extra=effect.sd**2 * np.outer(g, g)) - line.log_evidence()
@@ -73,8 +82,8 @@ def test_candidates_are_ranked_and_only_refitted_where_that_is_asked(line, fitte
     effects = [added("wave", wave), added("ramp", lambda v: v["order"] / 40.0)]
     screened, _ = screen_all(fitted, effects)
     assert screened[0].gain >= screened[1].gain
-    assert all(c.fitted is None for c in candidates(fitted, screened, [], refit=False, worth=3.0))
-    out = candidates(fitted, screened, [], refit=True, worth=3.0)
+    assert all(c.fitted is None for c in candidates(fitted, screened, [], refit=False))
+    out = candidates(fitted, screened, [], refit=True)
     values = [c.ln_bayes_factor for c in out]
     assert values == sorted(values, reverse=True)
     by_name = {s.effect.id: s for s in screened}
@@ -133,54 +142,83 @@ def test_a_line_does_not_guard_against_an_effect_that_is_that_line(line, fitted,
         assert np.isfinite(value) == guarded
 
 
-def test_an_effect_beside_a_flexible_term_is_weighed_against_such_a_term_alone(line, fitted, added) -> None:
-    """Of a mechanism that is a wave, and of which the effect is the first half only."""
-    half = added("half", lambda v: wave(v) * (v["order"] < 20.0), 2.0)
-    screened = screen(fitted, half)
-    extended = fit_hypothesis(fitted.hypothesis.extended(half), screened.start, fitted.noise)
-    gained = extended.ln_evidence - fitted.ln_evidence
-    over, best = beside(extended, gained, 7.0)
-    assert best is not None
-    on_top = [g.ln_bayes_factor for g in gains(extended, terms_of(extended))]
-    assert best.ln_bayes_factor == max(on_top)
-    assert over == pytest.approx(gained + max(best.ln_bayes_factor, 0.0) - 7.0)
-    assert beside(extended, gained, -5.0)[0] == pytest.approx(over + 7.0)
-    (found,) = candidates(fitted, [screened], gains(fitted, terms_of(fitted)), refit=True, worth=gained - 1.0)
-    assert found.remainder is not None
-    assert found.remainder.ln_bayes_factor == best.ln_bayes_factor
-    (passed_over,) = candidates(fitted, [screened], [], refit=True, worth=gained + 1.0)
-    assert (passed_over.over, passed_over.remainder) == (-np.inf, None)
-
-
-@pytest.mark.parametrize(
-    ("factor", "on_top", "share", "weight"),
-    [(8.0, 2.0, 0.8, 9.433781), (8.0, -5.0, 1.0, 8.0), (-3.0, 2.0, 0.0, -1.566219), (8.0, None, 1.0, 8.0)],
-)
-def test_what_an_effect_carries(
-    factor: float, on_top: float | None, share: float, weight: float, line, fitted, added
-) -> None:
-    """Its share of the logarithm; its weight is the mean of the evidence with a flexible term and without."""
+def offered(
+    line, fitted, added, best: float | None, shape: float = 0.0, beyond: float | None = None
+) -> Offer:
+    """What flexible terms bring, made up."""
     term = Term("order", "displacement", column_of(added("wave", wave), line)[:, None])
-    left = None if on_top is None else replace(gains(fitted, [term])[0], ln_bayes_factor=on_top)
-    found = Candidate(added("wave", wave), None, factor, remainder=left)
-    assert found.carried == pytest.approx(share)
-    assert found.weight == pytest.approx(weight)
+    (gain,) = gains(fitted, [term])
+    first, second = (None if v is None else replace(gain, ln_bayes_factor=v) for v in (best, beyond))
+    return Offer(first, shape, second)
 
 
 @pytest.mark.parametrize(
-    ("factor", "guard", "over", "on_top", "worthy"),
+    ("gained", "with_it", "without", "over", "carried", "apart"),
     [
-        (9.0, 8.0, -np.inf, None, True),
-        (9.0, 10.0, -np.inf, None, False),
-        (9.0, 10.0, 4.0, 1.0, True),
-        (9.0, 10.0, 2.0, 1.0, False),
-        (9.0, 10.0, 4.0, 1.1, False),
-        (2.0, -np.inf, 4.0, 0.0, False),
+        (8.0, (2.0, 0.0, 2.0), (7.0, 0.0, 7.0), 3.0, 0.8, False),
+        (8.0, (-5.0, 0.0, -5.0), (7.0, 0.0, 7.0), 1.0, 1.0, False),
+        (8.0, (None,), (-2.0,), 8.0, 1.0, False),
+        (-3.0, (2.0,), (-2.0,), -1.0, 0.0, False),
+        # 500 are left to the shape of the curve with the effect as without, and hardly anything beside it
+        (300.0, (520.0, 500.0, 10.0), (700.0, 500.0, 200.0), 110.0, 300.0 / 310.0, True),
+        # an effect that is about the shape is worth nothing beside a free one
+        (300.0, (20.0, 10.0, 5.0), (310.0, 310.0, 5.0), 10.0, 300.0 / 320.0, False),
+    ],
+)
+def test_an_effect_is_weighed_beside_flexible_terms_with_the_shape_or_without(
+    gained, with_it, without, over, carried, apart, line, fitted, added
+) -> None:
+    found = Beside.of(gained, offered(line, fitted, added, *with_it), offered(line, fitted, added, *without))
+    assert found.over == pytest.approx(over)
+    assert found.carried == pytest.approx(carried)
+    assert found.shape_apart is apart
+    assert found.on_top == pytest.approx(max(with_it[0] or 0.0, 0.0))
+
+
+def test_what_is_looked_at_is_what_flexible_terms_bring(line, fitted, added) -> None:
+    half = added("half", lambda v: 3.0 * wave(v) * (v["order"] < 20.0), 2.0)
+    screened = screen(fitted, half)
+    (found,) = candidates(fitted, [screened], gains(fitted, terms_of(fitted)), refit=True)
+    assert found.fitted is not None
+    extended, plain = (gains(f, terms_of(f)) for f in (found.fitted, fitted))
+    on_top, alone = (max(0.0, *(g.ln_bayes_factor for g in some)) for some in (extended, plain))
+    assert (found.beside is None) == (found.ln_bayes_factor < LEAST)
+    told = Beside.of(found.ln_bayes_factor, offer(found.fitted), offer(fitted))
+    assert told.on_top == pytest.approx(on_top)
+    if not told.shape_apart:
+        assert told.over == pytest.approx(found.ln_bayes_factor + on_top - alone)
+
+
+def test_beside_a_free_shape_a_bend_of_the_curve_brings_nothing(fitted) -> None:
+    shaped = beyond_shape(fitted)
+    shape = [t for t in terms_of(fitted) if t.covariate == "temperature"]
+    assert max(g.ln_bayes_factor for g in gains(shaped, shape)) < 0.1
+    assert np.linalg.norm(shaped.left) < np.linalg.norm(fitted.left)
+
+
+@pytest.mark.parametrize(
+    ("on_top", "weight"), [(2.0, 9.433781), (0.0, 8.0), (None, 8.0 - np.log(2.0) + np.log(2.0))]
+)
+def test_the_weight_of_an_effect_is_its_mean_with_a_flexible_term_and_without(
+    on_top: float | None, weight: float, added
+) -> None:
+    beside = None if on_top is None else Beside(3.0, 0.9, None, on_top, False)
+    assert Candidate(added("wave", wave), None, 8.0, beside=beside).weight == pytest.approx(weight)
+
+
+@pytest.mark.parametrize(
+    ("factor", "guard", "over", "carried", "worthy"),
+    [
+        (9.0, 8.0, None, 0.0, True),
+        (9.0, 10.0, None, 0.0, False),
+        (9.0, 10.0, 4.0, 0.9, True),
+        (9.0, 10.0, 2.0, 0.9, False),
+        (9.0, 10.0, 4.0, 0.89, False),
+        (2.0, -np.inf, 4.0, 1.0, False),
     ],
 )
 def test_an_effect_is_worthy_in_the_place_of_what_is_flexible_or_beside_it(
-    factor: float, guard: float, over: float, on_top: float | None, worthy: bool, line, fitted, added
+    factor: float, guard: float, over: float | None, carried: float, worthy: bool, added
 ) -> None:
-    term = Term("order", "displacement", column_of(added("wave", wave), line)[:, None])
-    left = None if on_top is None else replace(gains(fitted, [term])[0], ln_bayes_factor=on_top)
-    assert is_worthy(Candidate(added("wave", wave), None, factor, guard, "order", over, left)) is worthy
+    beside = None if over is None else Beside(over, carried, None, 1.0, False)
+    assert is_worthy(Candidate(added("wave", wave), None, factor, guard, "order", beside)) is worthy

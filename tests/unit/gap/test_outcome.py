@@ -73,7 +73,7 @@ def test_a_made_needless_effect_is_not_named(outcome):
 
 def test_probability_shares_one_half_among_what_was_tested(outcome):
     step = outcome.study.steps[0]
-    even = tuple(replace(c, ln_bayes_factor=0.0, remainder=None) for c in step.candidates)
+    even = tuple(replace(c, ln_bayes_factor=0.0, beside=None) for c in step.candidates)
     best = replace(step.look.best, ln_bayes_factor=0.0)
     level = replace(step, candidates=even, look=replace(step.look, gains=[best]))
     tested = [c for c in even if not c.untestable]
