@@ -32,6 +32,8 @@ DEGREES = (2.0, 3.0, 5.0, 9.0)
 """Degrees of freedom of Student's t that are tried where tails are heavier than normal."""
 HEAVY = 10.0
 """Gain of log likelihood from which on tails count as heavy."""
+NARROWEST = 0.1
+"""Least width of a t distribution over the standard deviation; narrower ones are those of readings that repeat."""
 SET_ASIDE = 3
 """Greatest innovations of a record that don't make its tails heavy."""
 REWEIGHTED = 4
@@ -154,7 +156,8 @@ def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats) 
             block.channel == "temperature"
         ):  # as simulated: what was measured carries the very noise that is estimated
             temperature = history.observed["temperature"] - own
-        out.append(block_noise(own, block, smooth_columns(history, temperature)))
+        lattice = hypothesis.scales.step.get(block.channel, 0.0)
+        out.append(block_noise(own, block, smooth_columns(history, temperature), lattice))
     return tuple(out)
 
 
@@ -170,7 +173,7 @@ def smooth_columns(history: History, temperature: Floats, most: int = SMOOTH) ->
     return np.concatenate(parts, axis=1)
 
 
-def block_noise(residual: Floats, block: Block, smooth: Floats) -> BlockNoise:
+def block_noise(residual: Floats, block: Block, smooth: Floats, lattice: float = 0.0) -> BlockNoise:
     """Standard deviation and memory of greatest restricted likelihood.
 
     The memory is either one number a sample or falls exponentially in time, whichever is likelier.
@@ -181,9 +184,13 @@ def block_noise(residual: Floats, block: Block, smooth: Floats) -> BlockNoise:
     block : Block
     smooth : ndarray, shape (n, k)
         Columns that are taken out of the residuals.
+    lattice : float
+        Distance of neighbouring readings. Where it is wider than the innovations, these are 0 or a step, which no
+        distribution with heavy tails describes.
     """
     noise, innovations = _likeliest(residual, block, smooth, 1.0)
-    for _ in range(REWEIGHTED):
+    narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
+    for _ in range(REWEIGHTED if lattice < narrowest else 0):
         scale = tail_scale(innovations)
         if scale is None:
             break
@@ -211,7 +218,7 @@ def tail_scale(innovations: Floats) -> Floats | None:
             weight = (degrees + 1.0) / (degrees + (usual / own) ** 2)
             own = float(np.sqrt(np.mean(weight * usual**2))) or 1.0
         value = stats.t.logpdf(usual, degrees, scale=own).sum()
-        if value > best:
+        if value > best and own > NARROWEST * width:
             best, scale = value, np.sqrt((degrees + (innovations / own) ** 2) / (degrees + 1.0))
     return scale
 

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from sma_bayes.gap.noise import MEMORIES, Block, BlockNoise, block_noise, blocks_of, smooth_columns, whiten
+from sma_bayes.gap.noise import (
+    DEGREES,
+    MEMORIES,
+    Block,
+    BlockNoise,
+    block_noise,
+    blocks_of,
+    smooth_columns,
+    tail_scale,
+    whiten,
+)
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, histories
 
@@ -101,6 +111,52 @@ def test_what_was_planted_is_recovered_without_bias(history: History, smooth: Fl
     found = [block_noise(sd * root @ rng.standard_normal(history.n), block, smooth) for _ in range(40)]
     assert abs(np.mean([np.median(f.memory[~block.first]) for f in found]) - planted) < 0.04
     assert abs(np.mean([f.sd for f in found]) / sd - 1.0) < 0.05
+
+
+def test_wild_readings_do_not_widen_the_noise_of_all_others(history: History, smooth: Floats) -> None:
+    """Every tenth innovation is eight times as wide; of normal ones, and of a single jump, none gets a scale."""
+    block = block_of(history, np.ones(history.n))
+    rng = np.random.default_rng(14)
+    root = np.linalg.cholesky(correlation(0.7, history.inputs["order"], history.inputs["segment"]))
+    normal = rng.standard_normal(history.n)
+    wild = np.arange(history.n) % 10 == 5
+    heavy = block_noise(root @ np.where(wild, 8.0 * normal, normal), block, smooth)
+    plain = block_noise(root @ normal, block, smooth)
+    assert np.ndim(plain.scale) == 0
+    assert np.ndim(heavy.scale) == 1
+    assert np.median(np.asarray(heavy.scale)[wild]) > 2.0 * np.median(np.asarray(heavy.scale)[~wild])
+    assert heavy.sd < 1.5 * plain.sd
+    whitened = heavy.whiten(root @ np.where(wild, 8.0 * normal, normal))
+    assert np.max(np.abs(whitened)) < 6.0
+    jump = root @ np.where(np.arange(history.n) == 40, 30.0, normal)
+    assert np.ndim(block_noise(jump, block, smooth).scale) == 0
+
+
+def test_readings_that_repeat_have_no_heavy_tails(history: History, smooth: Floats) -> None:
+    """Noise of a tenth of the step of a digitiser: readings stand still, and jump by a step now and then."""
+    block = block_of(history, np.ones(history.n))
+    rng = np.random.default_rng(15)
+    slow = np.cumsum(0.05 * rng.standard_normal(history.n))
+    rounded = np.round(slow + 0.02 * rng.standard_normal(history.n), 0)
+    assert np.ndim(block_noise(rounded, block, smooth, lattice=1.0).scale) == 0
+    innovations = np.concatenate([np.zeros(90), np.ones(10)])
+    assert tail_scale(innovations) is None
+
+
+@pytest.mark.parametrize("degrees", [2.0, 5.0])
+def test_scales_are_those_of_student_t(degrees: float) -> None:
+    """A normal variable of that scale, with the scale drawn as t has it, is at its most likely there."""
+    u = np.random.default_rng(16).standard_t(degrees, 4000)
+    scale = tail_scale(u)
+    assert scale is not None
+    far = np.abs(u) > 20.0
+    for nu in DEGREES:
+        width = np.abs(u[~far]) / np.sqrt(np.maximum(scale[~far] ** 2 * (nu + 1.0) - nu, 1e-12))
+        if np.ptp(np.quantile(width[np.abs(u[~far]) > 0.5], [0.1, 0.9])) < 1e-6:
+            break
+    else:
+        pytest.fail("no degrees of freedom explain the scales")
+    assert 0.5 * degrees <= nu <= 2.0 * degrees
 
 
 def test_a_misfit_that_repeats_does_not_pass_for_noise(history: History, smooth: Floats) -> None:
