@@ -81,16 +81,18 @@ GOOD = {
     "left_out": ("unnamed",),
     "outside": ("unnamed",),
     "pairs": ("right", "class"),
+    "strong": ("right", "class"),
+    "strong_outside": ("unnamed",),
 }
 """Outcomes that count as right. Where nothing is hidden only a name is wrong."""
 NAMED = ("right", "class", "part", "wrong", "confident")
 OTHER_SIZE = (
     "saturation", "temperature_gradient", "thermal_expansion", "ambient_draught", "latent_heat", "rate_dependence",
-    "training_drift",
+    "training_drift", "training", "stress_stroke",
 )  # fmt: skip
 """Effects whose size is another quantity in the mechanism than in the catalogue: width, temperature, length of the
 part that expands, swing of the room, heat over another specific heat, shift at another rate, drift until another
-cycle."""
+cycle or by another law, growth that saturates."""
 BOTH = 13.0
 """Size of two effects together from which both count as being there at 10 sigma: 14.1 but for what saturates."""
 

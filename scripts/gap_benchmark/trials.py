@@ -17,7 +17,9 @@ from sma_bayes.gap.close import close
 from sma_bayes.gap.study import GapStudy, study_campaign
 from sma_bayes.parameters.priors_file import read_priors
 
-SUITES = ("null", "hidden", "left_out", "outside", "pairs")
+SUITES = ("null", "hidden", "left_out", "outside", "pairs", "strong", "strong_outside")
+STRONG = (30.0, 100.0, 300.0)
+"""Sizes at which it shows that a mechanism is not the formula of the catalogue [standard deviations of the noise]."""
 
 THERMAL = ("latent_heat", "ambient_draught")
 """Effects on the temperature response, which has a design of its own."""
@@ -99,6 +101,10 @@ def trials(suite: str, count: int) -> Iterator[Trial]:
         cells = [(e, 10.0, "white", design_of([e])) for e in INSIDE]
     elif suite == "outside":
         cells = [(e, 10.0, n, "standard") for e in OUTSIDE for n in ("white", "ar1_0.5")]
+    elif suite == "strong":
+        cells = [(e, s, "white", design_of([e])) for s in STRONG for e in INSIDE]
+    elif suite == "strong_outside":
+        cells = [(e, s, "white", "standard") for s in STRONG for e in OUTSIDE]
     elif suite == "pairs":
         plain = [e for e in INSIDE if design_of([e]) == "standard"]
         cells = [(f"{a}+{b}", 10.0, "white", "standard") for a, b in itertools.combinations(plain, 2)]
