@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from sma_bayes.gap.flexible import SHAPE
 from sma_bayes.gap.words import channel_text, p_text, remainder_text
 
 MOSTLY = 0.5
@@ -54,10 +55,18 @@ def _about_names(found: Mapping[str, Any]) -> list[str]:
     if remainder_text(found):
         out.append(
             f"Something is left: the extended model still disagrees ({p_text(found['remaining']['p_value'])}), "
-            f"{remainder_text(found)}. That may be the form of what was named, which is never exactly that of the "
-            "catalogue, or something else."
+            f"{remainder_text(found)}. {_about_what_is_left(found['remaining'])}"
         )
     return out
+
+
+def _about_what_is_left(left: Mapping[str, Any]) -> str:
+    if left["covariate"] == SHAPE:
+        return (
+            "That is the shape of the curve, the same in every cycle and condition; --model offers richer ones "
+            "('sma-bayes priors --list')."
+        )
+    return "That may be the form of what was named, which is never exactly that of the catalogue, or something else."
 
 
 def _about_closing(gap: Mapping[str, Any]) -> list[str]:

@@ -157,6 +157,10 @@ HELPING = {"verdict": "unnamed", "effects": [], "partial": [{"id": "x", "paramet
             },
             ["with a remainder of less than 1 % along strain, in all channels, as a shift of temperature."],
         ),
+        (
+            {"remaining": {"p_value": 1e-9, "channel": "force", "covariate": "temperature", "share": 0.17}},
+            ["17 % along temperature, in force. That is the shape of the curve, the same in every cycle"],
+        ),
         ({"gap": {"after": 1.4, "floor": 1.4}}, ["still 1.40 times what noise alone"]),
         (
             {"noise": [{"condition": "c", "channel": "displacement", "lag1": 0.97, "spectrum": None}]},
