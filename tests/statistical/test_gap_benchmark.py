@@ -6,7 +6,8 @@ only loosely (five of 20 may fail where one should); the whole benchmark, which 
 
 - One effect hidden at 10 sigma: its name or its class in 95 %. Every effect of the catalogue that shows in the usual
   design, by turns under white and AR(1) noise; those that need current and temperature, or a ladder of peaks, are
-  left to the whole benchmark. The 90 % interval of its size holds the true one in 90 % of those named.
+  left to the whole benchmark. The 90 % interval of its size holds the true one in 90 % of those named, where
+  mechanism and catalogue mean the same by it.
 - One at 100 sigma, where the form of the mechanism shows, which is not quite the catalogue's: the same. What no
   catalogue has is not named then, either.
 - Nothing hidden: nothing is named in 95 %, whatever the noise, the sampling or the calibration.
@@ -24,6 +25,7 @@ from itertools import cycle, islice
 from math import nan
 
 import pytest
+from benchmark_gap import OTHER_SIZE
 from gap_benchmark import trials as benchmark
 from gap_benchmark.hide import INSIDE, OUTSIDE
 from gap_benchmark.trials import Row, Trial, attempt, design_of, trials
@@ -66,7 +68,7 @@ def test_a_hidden_effect_is_named_with_its_size(tried) -> None:
     noises = cycle(["white", "ar1_0.5"])
     rows = tried([Trial("hidden", e, 10.0, next(noises), "standard", 0) for e in USUAL])
     at_most(0.05, rows, lambda r: not is_told(r))
-    sized = [r for r in rows if r.outcome == "right" and r.in_range]
+    sized = [r for r in rows if r.outcome == "right" and r.in_range and r.effects not in OTHER_SIZE]
     assert len(sized) >= 10
     at_most(0.10, sized, lambda r: not r.q05 <= r.true_size <= r.q95)
 
