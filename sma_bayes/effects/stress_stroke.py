@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sma_bayes.effects.transformation import curves
+from sma_bayes.effects.transformation import curves, stretched
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
@@ -44,6 +44,4 @@ class StressStroke:
         grown = 1.0 + theta[..., :1] * inputs["load"]
         out, found = curves(response, inputs)
         curve = found["displacement"]
-        hot = curve.cold + curve.span
-        out = {**out, "displacement": hot + grown * (curve.value - hot)}
-        return {**out, "stiffness": out["stiffness"] / grown} if "stiffness" in out else out
+        return stretched(out, curve, curve.cold + curve.span, grown)

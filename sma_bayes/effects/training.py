@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.effects.training_drift import TrainingDrift
-from sma_bayes.effects.transformation import curves, moved
+from sma_bayes.effects.training_drift import TrainingDrift, trained
+from sma_bayes.effects.transformation import curves, moved, stretched
 from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
@@ -81,8 +81,7 @@ class Training:
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         drift, k_heating, k_cooling, m_heating, m_cooling, pace = (theta[..., i : i + 1] for i in range(6))
-        share = np.expm1(-(inputs["cycle"] - 1.0) / pace) / np.expm1(-(inputs["last_cycle"] - 1.0) / pace)
-        drifted, heating = drift * share, inputs["branch"] > 0.0
+        drifted, heating = drift * trained(inputs, pace), inputs["branch"] > 0.0
         stroke = np.maximum(1.0 + np.where(heating, k_heating, k_cooling) * drifted, LEAST)
         shift = np.clip(np.where(heating, m_heating, m_cooling) * drifted, -FARTHEST, FARTHEST)
 
@@ -90,6 +89,5 @@ class Training:
             return moved(response, v, -shift)
 
         out, found = curves(shifted, inputs)
-        curve = found["displacement"]
-        out = {**out, "displacement": curve.cold + stroke * (curve.value - curve.cold) + drifted}
-        return {**out, "stiffness": out["stiffness"] / stroke} if "stiffness" in out else out
+        out = stretched(out, found["displacement"], found["displacement"].cold, stroke)
+        return {**out, "displacement": out["displacement"] + drifted}

@@ -17,6 +17,23 @@ CYCLES: Final = 12.0
 """Cycles to train, median."""
 
 
+def trained(inputs: Inputs, pace: Floats) -> Floats:
+    """Share of the way from the first to the last measured cycle, ``(1 - exp(-(N - 1)/N0))/(1 - exp(-(L - 1)/N0))``.
+
+    Parameters
+    ----------
+    inputs : mapping of str to ndarray, shape (n,)
+    pace : ndarray, shape (..., 1)
+        Cycles to train N0.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+    """
+    share = np.expm1(-(inputs["cycle"] - 1.0) / pace) / np.expm1(-(inputs["last_cycle"] - 1.0) / pace)
+    return np.asarray(share)
+
+
 @dataclass(frozen=True)
 class TrainingDrift:
     """Shakedown: ``X -> X + d (1 - exp(-(N - 1)/N0))/(1 - exp(-(L - 1)/N0))`` in cycle N, the same in both plateaus.
@@ -54,6 +71,7 @@ class TrainingDrift:
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out = response(inputs)
-        pace = theta[..., 1:2]
-        share = np.expm1(-(inputs["cycle"] - 1.0) / pace) / np.expm1(-(inputs["last_cycle"] - 1.0) / pace)
-        return {**out, "displacement": out["displacement"] + theta[..., :1] * share}
+        return {
+            **out,
+            "displacement": out["displacement"] + theta[..., :1] * trained(inputs, theta[..., 1:2]),
+        }

@@ -5,6 +5,7 @@ All of it only calls the response, so effects work around any model and around e
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,6 +75,23 @@ def curves(response: Response, inputs: Inputs) -> tuple[dict[str, Floats], dict[
     cold, hot = (response(at(inputs, inputs["temperature"] + by)) for by in (-FAR, FAR))
     names = [c for c in ("force", "displacement") if c in out]
     return out, {c: Curve(out[c], cold[c], hot[c] - cold[c]) for c in names}
+
+
+def stretched(out: Mapping[str, Floats], curve: Curve, fixed: Floats, by: Floats) -> dict[str, Floats]:
+    """Response with a longer stroke; the stiffness, dF/dX, falls by the same factor.
+
+    Parameters
+    ----------
+    out : mapping of str to ndarray, shape (..., n)
+    curve : Curve
+        Of the displacement.
+    fixed : ndarray, shape (..., n)
+        The plateau that stays.
+    by : ndarray, shape (..., n)
+        Factor.
+    """
+    longer = {**out, "displacement": fixed + by * (curve.value - fixed)}
+    return {**longer, "stiffness": out["stiffness"] / by} if "stiffness" in out else longer
 
 
 def slope(response: Response, inputs: Inputs, channel: str) -> Floats:

@@ -121,7 +121,7 @@ def gains(fitted: Fitted, terms: Sequence[Term]) -> list[Gain]:
     return out
 
 
-def beyond_shape(fitted: Fitted) -> Fitted:
+def beyond_shape(fitted: Fitted, terms: Sequence[Term]) -> Fitted:
     """The same fit with the shape of every curve free: a smooth function of temperature on each branch and channel.
 
     What terms and effects bring to it is not what the curve of a specimen has by being no sigmoid, the same in every
@@ -129,7 +129,7 @@ def beyond_shape(fitted: Fitted) -> Fitted:
     """
     parts = [
         term.columns[:, np.any(term.columns != 0.0, axis=0)]
-        for term in terms_of(fitted)
+        for term in terms
         if term.covariate == SHAPE and term.channel in fitted.hypothesis.channels
     ]
     columns = fitted.whiten(np.concatenate(parts, axis=1).T).T
@@ -163,7 +163,7 @@ class Offer:
 
 def offer(fitted: Fitted, found: Sequence[Gain] = ()) -> Offer:
     """What flexible terms bring to a fitted model; `found`, if that is known already for it as it is."""
-    terms = terms_of(fitted)
+    terms = [g.term for g in found] or terms_of(fitted)
     found = found or gains(fitted, terms)
     shapes = [g for g in found if g.term.covariate == SHAPE]
     channels = fitted.hypothesis.channels
@@ -171,7 +171,7 @@ def offer(fitted: Fitted, found: Sequence[Gain] = ()) -> Offer:
     together = worth_of(_best([g for g in shapes if g.term.channel not in channels]))
     shape = max(alone, together)
     others = [t for t in terms if t.covariate != SHAPE]
-    return Offer(_best(found), shape, _best(gains(beyond_shape(fitted), others)))
+    return Offer(_best(found), shape, _best(gains(beyond_shape(fitted, terms), others)))
 
 
 def _best(found: Sequence[Gain]) -> Gain | None:

@@ -4,8 +4,9 @@ Every effect of the catalogue that the data can test is first screened: its sign
 less what the model's parameters absorb, is laid over the residuals. Those that come near the best are refitted in
 full, with all parameters and the noise anew, and judged by the evidence.
 
-Two guards stand against false names. An effect must be worth more than the best flexible term that contains most of
-its signature. And the noise keeps its memory throughout, so slow residuals do not count as often as they were sampled.
+Two guards stand against false names. An effect must be worth more than flexible terms that contain most of its
+signature, or, with a flexible term on top of it, more than flexible terms are without it (`Beside`). And the noise
+keeps its memory throughout, so slow residuals do not count as often as they were sampled.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ SCALES = (0.1, 0.3, 1.0, 3.0)
 """Sizes over those of the grid that are averaged over when an effect is screened."""
 NEAR, FAR_BELOW = 12.0, 0.5
 """Screened gain below the best up to which candidates are refitted: so much, or such a share of it if that is more."""
-LEAST = 3.0
-"""Least ln Bayes factor of an effect that deserves to be added."""
+WORTH = 3.0
+"""Least ln Bayes factor of an effect that is added, and of one that is kept."""
 MISSHAPEN = 20.0
 """Log Bayes factor from which on a curve surely has another shape than the model's."""
 REFITTED = 6
@@ -122,7 +123,7 @@ class Beside:
         apart = Beside(
             own + rest - worth_of(without.beyond), share_of(own, rest), with_it.beyond, on_top, True
         )
-        better = with_it.shape >= MISSHAPEN and apart.over >= LEAST and apart.carried > plain.carried
+        better = with_it.shape >= MISSHAPEN and apart.over >= WORTH and apart.carried > plain.carried
         return apart if better else plain
 
 
@@ -213,7 +214,7 @@ def candidates(
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
         guard, covariate = guard_of(signature_at_mode(fitted, found), flexible, s)
         gained = found.ln_evidence - fitted.ln_evidence
-        beside = Beside.of(gained, offer(found), without) if without and gained >= LEAST else None
+        beside = Beside.of(gained, offer(found), without) if without and gained >= WORTH else None
         out.append(Candidate(s.effect, found, gained, guard, covariate, beside))
     return sorted(out, key=lambda c: -c.ln_bayes_factor)
 

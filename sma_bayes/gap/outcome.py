@@ -17,7 +17,7 @@ from sma_bayes.gap.density import sample_hypothesis
 from sma_bayes.gap.experiments import Proposal, next_experiment
 from sma_bayes.gap.fitting import Fitted
 from sma_bayes.gap.locate import Disagreement
-from sma_bayes.gap.name import MISSHAPEN, Beside, Candidate
+from sma_bayes.gap.name import MISSHAPEN, WORTH, Beside, Candidate
 from sma_bayes.gap.noise import Block, BlockNoise, scatter
 from sma_bayes.gap.periodic import Band, Spectra
 from sma_bayes.gap.study import (
@@ -27,7 +27,6 @@ from sma_bayes.gap.study import (
     FURTHER,
     MOST,
     SIGNIFICANT,
-    WORTH,
     GapStudy,
     Step,
     is_worthy,

@@ -100,14 +100,13 @@ class Spectra:
     def _parts(self) -> tuple[_Spectrum, ...]:
         histories = self.fitted.hypothesis.histories
         parts = []
-        for block in self.fitted.blocks:
+        for block, noise in zip(self.fitted.blocks, self.fitted.noise, strict=True):
             history = histories[block.history]
             smooth = smooth_columns(history, history.inputs["temperature"], FINE)
-            noise = self.fitted.noise[self.fitted.blocks.index(block)]
             parts.append(_Spectrum(block, *_clock(history), np.linalg.qr(noise.whiten(smooth.T).T)[0]))
         return tuple(p for p in parts if p.frequencies.size > 2 * BESIDE[1])
 
-    @property
+    @cached_property
     def ln_bayes_factor(self) -> float:
         """For one line somewhere, given the residuals of the fit."""
         return float(self.of(self.fitted.left[:, None])[0]) if self._parts else -np.inf
@@ -211,9 +210,12 @@ class _Spectrum:
 
     def _power(self, residuals: Floats) -> Floats:
         left = (residuals - self.smooth @ (self.smooth.T @ residuals)) * self._taper[:, None]
-        even = np.fft.rfft(left, axis=0)[LOWEST : LOWEST + self.frequencies.size] if self._even else None
-        waves = self._waves @ left if even is None else even
-        return np.asarray(np.abs(waves) ** 2 / (0.5 * np.sum(self._taper**2)))
+        return np.asarray(np.abs(self._transform(left)) ** 2 / (0.5 * np.sum(self._taper**2)))
+
+    def _transform(self, series: Floats) -> NDArray[np.complex128]:
+        if self._even:
+            return np.asarray(np.fft.rfft(series, axis=0)[LOWEST : LOWEST + self.frequencies.size])
+        return np.asarray(self._waves @ series)
 
     def greatest(self, residuals: Floats) -> tuple[NDArray[np.intp], Floats]:
         """Place among the frequencies and power of the strongest line of each series (n, S)."""

@@ -13,8 +13,8 @@ from sma_bayes.gap.flexible import gains, offer, terms_of, worth_of
 from sma_bayes.gap.hypothesis import Hypothesis, baseline
 from sma_bayes.gap.locate import Disagreement, Look, disagreements, look
 from sma_bayes.gap.name import (
-    LEAST,
     MISSHAPEN,
+    WORTH,
     Candidate,
     candidates,
     guard_of,
@@ -36,8 +36,6 @@ from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
 SIGNIFICANT = 0.02
 """Global p-value up to which a disagreement counts as more than chance."""
-WORTH = LEAST
-"""Least ln Bayes factor of an effect that is added, and of one that is kept."""
 APART = 3.0
 """Least difference of ln Bayes factors by which data tell two effects apart."""
 CARRIED = 0.85
@@ -179,11 +177,11 @@ def study_from(
     first: Fitted, effects: Mapping[str, Effect], rng: np.random.Generator, tell: Progress
 ) -> GapStudy:
     """The loop from a fitted baseline; see `study_campaign`."""
-    current = first
+    current, bare, explained = first, first, 0.0
     steps: list[Step] = []
     while True:
         tell(f"looking for disagreements, round {len(steps) + 1}")
-        least = max(WORTH, FURTHER * explained_by(first, current))
+        least = max(WORTH, FURTHER * explained)
         found = [one_round(current, effects, rng, last=len(steps) == MOST, least=least)]
         if found[0].chosen is None and len(steps) <= MOST - 2:
             found = two_rounds(found[0], effects, rng, least) or found
@@ -193,9 +191,10 @@ def study_from(
             break
         kept = without_needless(chosen.fitted)
         current = fit_with_noise(kept.hypothesis, kept.z)
+        bare = without_effects(first, current)
+        explained = current.ln_evidence - bare.ln_evidence
     where = disagreements(first, _covariates(first))
-    explained = explained_by(first, current)
-    carried = _carried(steps[-1].look, first, current, explained)
+    carried = _carried(steps[-1].look, bare, current, explained)
     verdict = "none" if steps[0].look.p_value > SIGNIFICANT else "named" if carried >= CARRIED else "unnamed"
     return GapStudy(verdict, first, current, tuple(steps), tuple(where), explained, carried)
 
@@ -299,14 +298,12 @@ def without_needless(fitted: Fitted) -> Fitted:
     return fitted
 
 
-def explained_by(first: Fitted, final: Fitted) -> float:
-    """Log Bayes factor of all effects of a model over the one without any, both with the noise of the former.
+def without_effects(first: Fitted, final: Fitted) -> Fitted:
+    """The baseline with the noise of the final model, for its effects to be compared with.
 
-    The noise of the model without effects has a part of what these explain in it, as memory or scatter.
+    The noise of the baseline has a part of what effects explain in it, as memory or scatter.
     """
-    if not final.hypothesis.effects:
-        return 0.0
-    return final.ln_evidence - fit_hypothesis(first.hypothesis, first.z, final.noise).ln_evidence
+    return fit_hypothesis(first.hypothesis, first.z, final.noise)
 
 
 def _without(fitted: Fitted, effect: Effect) -> Fitted:
@@ -322,12 +319,11 @@ def _start_from(fitted: Fitted, hypothesis: Hypothesis) -> Floats:
     return np.array([z[p.name] for p in hypothesis.space.free])
 
 
-def _carried(left: Look, first: Fitted, final: Fitted, explained: float) -> float:
+def _carried(left: Look, bare: Fitted, final: Fitted, explained: float) -> float:
     """See `GapStudy.carried`: the greater share, with the shape of the curve or beside it."""
     if left.p_value > SIGNIFICANT or explained <= 0.0:
         return share_of(explained, 0.0)
-    without = fit_hypothesis(first.hypothesis, first.z, final.noise)
-    before, after = offer(without), offer(final)
+    before, after = offer(bare), offer(final, left.gains)
     plain = share_of(explained, worth_of(after.best))
     if after.shape < MISSHAPEN:
         return plain
