@@ -35,8 +35,8 @@ class AmbientDraught:
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         swing = 0.5 * max(scales.span["ambient_temperature"], LEAST)
-        size = either_sign(0.3 / swing)
-        source = "h between 20 and 100 W/(m2 K) at most, 0.8 in ln h, over half the swing of the room"
+        size = either_sign(0.8 / swing)
+        source = "h between 20 and 100 W/(m2 K): 90 % within 0.8 of ln h over half the swing of the room"
         return (Parameter("e", "1/K", "growth of ln h for each kelvin below", size, source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

@@ -31,7 +31,7 @@ class AmplitudeFatigue:
     needs = ("curve", "cycles")
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
-        prior, source = LogNormal(1e-3, 1.4), "0.01-1 % a cycle, 90 %"
+        prior, source = LogNormal(1e-3, 1.4), "90 % between 0.01 and 1 % a cycle"
         return (Parameter("k", "1", "loss of stroke a cycle", prior, source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

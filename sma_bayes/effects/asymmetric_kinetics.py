@@ -29,10 +29,16 @@ class AsymmetricKinetics:
     needs = ("curve",)
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
-        size, ratio = either_sign(0.7), Normal(0.0, 1.0)
+        size, ratio = either_sign(0.64), Normal(0.0, 1.0)
         return (
-            Parameter("a", "1", "logarithm of the exponent", size, "nu 0.5-2; 90 % between 0.52 and 1.9"),
-            Parameter("r", "1", "the same on cooling over heating", ratio, "either sense is as likely"),
+            Parameter("a", "1", "logarithm of the exponent", size, "nu of 0.5-2: 90 % between 0.53 and 1.9"),
+            Parameter(
+                "r",
+                "1",
+                "the same on cooling over heating",
+                ratio,
+                "either sense is as likely: 90 % within 1.6",
+            ),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

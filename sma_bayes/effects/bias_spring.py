@@ -31,8 +31,10 @@ class BiasSpring:
         force, displacement = scales.units["force"], scales.units["displacement"]
         unit = force if displacement == "1" else f"{force}/{displacement}"
         newtons = (force, displacement) == ("N", "m")
-        size = 130.0 if newtons else scales.span["force"] / scales.span["displacement"]
-        source = "130 N/m, of either sign" if newtons else "span of force over stroke, of either sign"
+        size = 260.0 if newtons else 2.0 * scales.span["force"] / scales.span["displacement"]
+        source = "90 % within " + (
+            "260 N/m, twice the published one" if newtons else "2 spans of force a stroke"
+        )
         return (Parameter("K2", unit, "stiffness of the bias spring", either_sign(size), source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

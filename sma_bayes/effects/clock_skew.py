@@ -28,8 +28,8 @@ class ClockSkew:
     needs = ("force", "displacement", "time")
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
-        prior = either_sign(0.05)
-        return (Parameter("d", "s", "delay of the force", prior, "1-100 ms of either sign"),)
+        prior = either_sign(0.1)
+        return (Parameter("d", "s", "delay of the force", prior, "90 % within 100 ms"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out = response(inputs)

@@ -31,7 +31,7 @@ class ContactError:
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = LogNormal(0.07, 0.9)
-        source = "1-30 % of the excess over ambient is lost; 90 % between 1.6 and 31 %"
+        source = "90 % between 1.6 and 31 %, so that 2-24 % of the excess of the metal over ambient is lost"
         return (Parameter("b", "1", "error over the excess of the reading", prior, source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

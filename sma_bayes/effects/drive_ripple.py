@@ -38,11 +38,25 @@ class DriveRipple:
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         channel = "force" if "force" in scales.step else "displacement"
         half = 0.5 * np.pi
-        size = either_sign(0.02 * scales.span[channel])
+        size = either_sign(0.03 * scales.span[channel])
         return (
-            Parameter("a", scales.units[channel], "amplitude", size, "a few per cent of the span"),
-            Parameter("phi", "rad", "phase", Uniform(-half, half), "any, as the amplitude has a sign"),
-            Parameter("k", "1", "harmonic", Uniform(0.5, HARMONICS + 0.5), "first to eighth"),
+            Parameter(
+                "a", scales.units[channel], "amplitude", size, "a few per cent: 90 % within 3 % of the span"
+            ),
+            Parameter(
+                "phi",
+                "rad",
+                "phase",
+                Uniform(-half, half),
+                "any from -1.571 to 1.571 rad, as the amplitude has a sign",
+            ),
+            Parameter(
+                "k",
+                "1",
+                "harmonic",
+                Uniform(0.5, HARMONICS + 0.5),
+                "first to eighth, and half of one on either side: from 0.5 to 8.5",
+            ),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

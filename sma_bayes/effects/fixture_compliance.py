@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.effects.types import Inputs, Response, Scales
-from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
 
@@ -18,8 +17,9 @@ class FixtureCompliance:
 
     Where force and displacement have the same midpoint and rate, the span of the displacement absorbs it, and only a
     stiffness that was measured by itself tells; where they differ, a share of the force stays visible in the
-    displacement. A shift of the transformation along the path also mixes the two channels, but moves the temperature;
-    a rigid dummy in place of the spring settles it.
+    displacement. Where contraction is logged as positive the compliance counts as negative. A shift of the
+    transformation along the path also mixes the two channels, but moves the temperature; a rigid dummy in place of the
+    spring settles it.
     """
 
     id = "fixture_compliance"
@@ -35,14 +35,14 @@ class FixtureCompliance:
         force, displacement = scales.units["force"], scales.units["displacement"]
         unit = f"{displacement}/{force}"
         if (force, displacement) == ("N", "m"):
-            prior, source = LogNormal(1.4e-4, 1.2), "1-50 N/mm, 90 %"
+            within, source = 5e-4, "90 % within 0.5 mm/N, half within 0.14 mm/N: rigs of 7 N/mm and stiffer"
         elif (force, displacement) == ("Pa", "1"):
             unit = "1/Pa"
-            prior, source = LogNormal(5e-12, 1.2), "some 10 % of the compliance of martensite, 30 GPa"
+            within, source = 1.7e-11, "90 % within 0.5 of the compliance of martensite, 30 GPa"
         else:
-            some = 0.03 * scales.span["displacement"] / scales.span["force"]
-            prior, source = LogNormal(some, 1.2), "some 3 % of the stroke"
-        return (Parameter("q", unit, "compliance of the rig, 1/Kf", prior, source),)
+            within = 0.1 * scales.span["displacement"] / scales.span["force"]
+            source = "90 % within 10 % of the stroke"
+        return (Parameter("q", unit, "compliance of the rig, 1/Kf", either_sign(within), source),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out = response(inputs)

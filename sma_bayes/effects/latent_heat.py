@@ -37,7 +37,7 @@ class LatentHeat:
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = LogNormal(1e4, 0.55)
-        return (Parameter("L", "J/kg", "latent heat", prior, "4-25 kJ/kg, 90 %"),)
+        return (Parameter("L", "J/kg", "latent heat", prior, "90 % between 4 and 25 kJ/kg"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         up, down = (

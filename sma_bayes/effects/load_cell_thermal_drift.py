@@ -42,11 +42,11 @@ class LoadCellThermalDrift:
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         size = either_sign(5e-4 * CAPACITY * scales.level["force"])
         time, soak = LogNormal(300.0, 1.0), LogNormal(0.1, 1.0)
-        whole = "0.05 % of a capacity of 5 times the greatest force"
+        whole = "90 % within 0.05 % of a capacity of 5 times the greatest force"
         return (
             Parameter("k", f"{scales.units['force']}/K", "zero over temperature", size, whole),
-            Parameter("tau", "s", "time constant of the cell", time, "minutes: 90 % from 1 to 26 min"),
-            Parameter("soak", "1", "share of the heat that arrives", soak, "90 % from 2 to 52 %"),
+            Parameter("tau", "s", "time constant of the cell", time, "90 % between 0.97 and 26 min"),
+            Parameter("soak", "1", "share of the heat that arrives", soak, "90 % between 1.9 and 52 %"),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

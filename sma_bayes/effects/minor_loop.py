@@ -41,7 +41,15 @@ class MinorLoop:
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = Normal(0.7, 0.4)
-        return (Parameter("w", "1", "share of the correction", prior, "0 to 1: none to the full rule"),)
+        return (
+            Parameter(
+                "w",
+                "1",
+                "share of the correction",
+                prior,
+                "none to the full rule and beyond: 90 % between 0.042 and 1.36",
+            ),
+        )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out, branch = response(inputs), inputs["branch"]

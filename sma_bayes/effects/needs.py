@@ -173,10 +173,11 @@ def _plateaus(histories: Sequence[History]) -> str:
 
 
 def _flat_tops(histories: Sequence[History]) -> str:
-    """The greatest force occurs again and again, more often than other values do."""
+    """The greatest force, of whichever sign, occurs again and again, more often than other values do."""
     if why := _channel("force")(histories):
         return why
-    force = np.concatenate([h.observed["force"] for h in histories])
+    pull = Scales.of(histories).direction("force")
+    force = pull * np.concatenate([h.observed["force"] for h in histories])
     _, count = np.unique(force, return_counts=True)
     usual = float(np.quantile(count[:-1], 0.99)) if count.size > 1 else 0.0
     return "" if count[-1] >= max(5.0, 3.0 * usual) else "the greatest force is not cut off"

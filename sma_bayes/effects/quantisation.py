@@ -15,6 +15,9 @@ from sma_bayes.quantities import Floats
 HARMONICS: Final = 12
 """Terms of the series; further ones are nothing once the noise is a twentieth of a step."""
 
+LSB: Final = "lattice of the readings, 90 % within 3.3 % of a step over the whole span"
+PLACE: Final = "lattice of the readings, 90 % within 1.6 % of a step"
+
 
 def steps(mean: Floats, step: Floats, place: Floats, noise: Floats) -> Floats:
     """What rounding to a lattice adds to the mean of a noisy reading.
@@ -60,18 +63,23 @@ class Quantisation:
         channel = "force" if "force" in scales.step else "displacement"
         unit, step, place = scales.units[channel], scales.step[channel], scales.on_lattice[channel]
         many = max(scales.span[channel] / step, 1.0)
-        seen = "the lattice of the readings"
         return (
-            Parameter("q", "1", "share of the rounding", LogNormal(1.0, 0.2), "all of it, within 20 %"),
+            Parameter(
+                "q",
+                "1",
+                "share of the rounding",
+                LogNormal(1.0, 0.2),
+                "all of it: 90 % between 0.72 and 1.39",
+            ),
             Parameter(
                 "s",
                 "1",
                 "noise before the converter over a step",
                 LogNormal(0.2, 0.5),
-                "90 % from 0.09 to 0.46",
+                "90 % between 0.088 and 0.46",
             ),
-            Parameter("lsb", unit, "step", Normal(step, 0.02 * step / many), seen),
-            Parameter("F0", unit, "a value on the lattice", Normal(place, 0.01 * step), seen),
+            Parameter("lsb", unit, "step", Normal(step, 0.02 * step / many), LSB),
+            Parameter("F0", unit, "a value on the lattice", Normal(place, 0.01 * step), PLACE),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

@@ -39,14 +39,20 @@ class RPhase:
         place = Uniform(scales.low["temperature"], scales.high["temperature"])
         width = LogNormal(1.5, 0.5)
         return (
-            Parameter("p", "1", "share of the span", LogNormal(0.08, 0.6), "3-20 %; 90 % between 3 and 21 %"),
-            Parameter("TR", "degC", "temperature of the step", place, "anywhere that was measured"),
+            Parameter("p", "1", "share of the span", LogNormal(0.08, 0.6), "3-20 %: 90 % between 3 and 21 %"),
+            Parameter(
+                "TR",
+                "degC",
+                "temperature of the step",
+                place,
+                "anywhere from 0 to 100 % of the measured range",
+            ),
             Parameter(
                 "w",
                 "K",
                 "width of the step",
                 width,
-                "from start to finish (4.4 w) some 3-15 K by calorimetry",
+                "from 10 to 90 % (4.4 w) some 3-15 K by calorimetry: 90 % between 0.66 and 3.4 K",
             ),
         )
 

@@ -42,9 +42,9 @@ class RateDependence:
         return (
             Parameter(
                 "k", "K", f"shift at {scales.level['typical_rate']:.3g} K/s", shift(scales),
-                "0.1-3 K at 1 K/s: 90 % between 0.12 and 3.1 K, carried over to this rate",
+                "at 1 K/s 90 % between 0.12 and 3.1 K, carried over to this rate",
             ),
-            Parameter("m", "1", "exponent of the rate", Uniform(*EXPONENTS), "0.3-1"),
+            Parameter("m", "1", "exponent of the rate", Uniform(*EXPONENTS), "any from 0.3 to 1"),
         )  # fmt: skip
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

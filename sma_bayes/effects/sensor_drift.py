@@ -25,7 +25,11 @@ class SensorDrift:
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = either_sign(0.05 * scales.span["force"] / scales.span["time"])
         unit = f"{scales.units['force']}/s"
-        return (Parameter("r", unit, "rate of the drift", prior, "5 % of the span of force over the record"),)
+        return (
+            Parameter(
+                "r", unit, "rate of the drift", prior, "90 % within 5 % of the span of force over the record"
+            ),
+        )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         out = response(inputs)

@@ -29,10 +29,8 @@ class StressStroke:
     needs = ("curve", "displacement", "several_loads")
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
-        prior = LogNormal(0.5 / scales.level["load"], 1.4)
-        source = (
-            "half of the stroke at no load is added by the greatest load; 90 % between 5 % and five times"
-        )
+        prior = LogNormal(0.5 / scales.level["load"], 1.4, scales.direction("load"))
+        source = "what the greatest load adds to the stroke at no load, 90 % between 5 and 500 %"
         unit = "Pa" if scales.specimen else "N"
         return (
             Parameter(

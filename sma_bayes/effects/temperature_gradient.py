@@ -46,11 +46,13 @@ class TemperatureGradient:
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         excess = max(abs(scales.high["temperature"] - ROOM), abs(scales.low["temperature"] - ROOM), ENDS)
         prior = LogNormal(ENDS / excess, 0.7)
-        source = "2-20 K at the temperature farthest from ambient; 90 % between 2.5 and 25 K"
+        source = "90 % between 2.5 and 25 K at the temperature farthest from ambient"
         wire = LogNormal(8.0, 0.8)
         return (
             Parameter("g", "1", "cooling of the ends over the excess", prior, source),
-            Parameter("tau", "s", "thermal time constant of the wire", wire, "90 % from 2 to 30 s, in air"),
+            Parameter(
+                "tau", "s", "thermal time constant of the wire", wire, "in air, 90 % between 2.1 and 30 s"
+            ),
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:

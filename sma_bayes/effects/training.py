@@ -52,8 +52,8 @@ class Training:
         per = "1" if unit == "1" else f"1/{unit}"
         stroke, shift = either_sign(STROKE / span), either_sign(SHIFT / span)
         ease = "K" if unit == "1" else f"K/{unit}"
-        of_stroke = "either sign; some 20 % where the drift is 10 % of the stroke"
-        of_shift = "either sign; some 10 K where the drift is 10 % of the stroke"
+        of_stroke = "90 % within 20 % where the drift is 10 % of the stroke"
+        of_shift = "90 % within 10 K where the drift is 10 % of the stroke"
         return (
             drift,
             Parameter(

@@ -62,10 +62,10 @@ class TrainingDrift:
         return (
             Parameter(
                 "d", scales.units["displacement"], f"drift of the displacement until cycle {last:.0f}", size,
-                "of either sign, some 10 % of the stroke for a trained spring",
+                "90 % within 10 % of the stroke in the trained spring",
             ),
             Parameter(
-                "N0", "1", "cycles to train", LogNormal(CYCLES, 0.85), "3-50; 90 % between 3 and 49"
+                "N0", "1", "cycles to train", LogNormal(CYCLES, 0.85), "90 % between 3 and 49"
             ),
         )  # fmt: skip
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from scipy.special import stdtrit
 
 from sma_bayes.parameters.distributions import StudentT
 from sma_bayes.parameters.space import Parameter
@@ -50,6 +51,10 @@ class Scales:
     units: Mapping[str, str]
     specimen: bool
     on_lattice: Mapping[str, float] = field(default_factory=dict)
+
+    def direction(self, name: str) -> float:
+        """-1 for an input or channel whose sign is turned round, so that it is mostly negative; else 1."""
+        return -1.0 if -self.low[name] > self.high[name] else 1.0
 
     @staticmethod
     def of(histories: Sequence[History]) -> Scales:
@@ -126,18 +131,18 @@ class Effect(Protocol):
         ...
 
 
-def either_sign(typical: float) -> StudentT:
+def either_sign(within: float) -> StudentT:
     """Prior of a size that may have either sign and of which only the order of magnitude is known.
 
-    Student's t with 2 degrees of freedom: half of it is within 16 % of the typical size, 90 % within 58 %, and one in
-    forty beyond it, so that an effect ten times smaller or larger than usual is not ruled out.
+    Student's t with 2 degrees of freedom: 90 % of it is within a size, half within 28 % of that, and one in a hundred
+    beyond three times as much, so that an effect far smaller or larger than usual is not ruled out.
 
     Parameters
     ----------
-    typical : float
-        Size that would be no surprise [unit of the parameter].
+    within : float
+        Magnitude below which 90 % lie [unit of the parameter].
     """
-    return StudentT(2.0, 0.0, 0.2 * typical)
+    return StudentT(2.0, 0.0, within / float(stdtrit(2.0, 0.95)))
 
 
 def with_effects(response: Response, effects: Sequence[tuple[Effect, Floats]]) -> Response:

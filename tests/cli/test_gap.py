@@ -29,7 +29,7 @@ FORCE = 'force = { name = "force_N", unit = "N" }\n'
 DISPLACEMENT = 'displacement = { name = "displacement_mm", unit = "mm" }\n'
 
 
-def sweeps(seed: int, *, cycles: int = 4, samples: int = 30, training: float = 0.0) -> list[str]:
+def sweeps(seed: int, *, cycles: int = 5, samples: int = 30, training: float = 0.0) -> list[str]:
     """Lines of a CSV of a spring that is cycled, and grows by `training` millimetres as it is trained."""
     rng = np.random.default_rng(seed)
     share = np.arange(samples) / (samples - 1.0)
