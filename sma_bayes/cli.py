@@ -1,7 +1,7 @@
 """The command line: each verb is a call of one workflow function.
 
 Exit status: 0 done, 1 done but not converged, or with --strict not adequate, 2 the input or the call is wrong, 70 a
-mistake in this package, 130 interrupted.
+mistake in this package; 128 and the number of the signal where one ended it, see `sma_bayes.interruption`.
 """
 
 from __future__ import annotations
@@ -20,21 +20,12 @@ import typer
 from sma_bayes import __version__
 from sma_bayes.account import Account
 from sma_bayes.errors import SmaBayesError
+from sma_bayes.interruption import interrupted
 
 T = TypeVar("T")
 
-MISTAKE, INTERRUPTED = 70, 130
-"""Exit statuses besides 0, 1 and 2: as sysexits.h has it, and as shells do."""
-_GO_ON = {
-    "demo": "; the same command goes on from here",
-    "fit": "; the same command with --resume goes on from here",
-    "gap": "; the same command with --resume begins the study anew, or draws the report of one that is finished",
-    "compare": "; the same command with --resume begins anew, or draws the report of what is finished",
-    "conditions": "; the same command with --resume begins anew, or draws the report of what is finished",
-    "report": "; the same command begins anew",
-    "run": "; the same command with --resume goes on from here",
-}
-"""What to do after an interruption, by verb."""
+MISTAKE = 70
+"""Exit status besides 0, 1 and 2, as sysexits.h has it; `sma_bayes.interruption` has those of signals."""
 
 app = typer.Typer(
     name="sma-bayes",
@@ -541,15 +532,13 @@ def main() -> None:
     """Run the command line, and turn the user's mistakes into one message and exit status 2."""
     try:
         app(standalone_mode=True)
-    except SmaBayesError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except SystemExit as end:
-        if end.code == INTERRUPTED:
-            print(f"interrupted{_GO_ON.get(next(iter(sys.argv[1:]), ''), '')}", file=sys.stderr)
-        raise
-    except Exception:  # Python's own status for it, 1, would say that the run did not converge
-        traceback.print_exc()
+    except Exception as error:
+        if interrupted():  # then it follows from that
+            raise
+        if isinstance(error, SmaBayesError):
+            print(f"error: {error}", file=sys.stderr)
+            sys.exit(2)
+        traceback.print_exc()  # Python's own status for it, 1, would say that the run did not converge
         print("error: this is a mistake in sma_bayes, please report the lines above", file=sys.stderr)
         sys.exit(MISTAKE)
 
@@ -620,7 +609,3 @@ def _finish(
     status = summary.get("exit_status", 0 if good else 1)
     if status:
         raise typer.Exit(status)
-
-
-if __name__ == "__main__":
-    main()

@@ -32,6 +32,7 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.errors import WorkerError
+from sma_bayes.inference.workers import follow, signals_left_to_parent
 from sma_bayes.posterior import versions
 
 T = TypeVar("T")
@@ -142,10 +143,17 @@ def _on_processes(
     finished, tries = 0, 1
     while finished < len(items):
         parallel = Parallel(
-            n_jobs=workers, return_as="generator", pre_dispatch="2*n_jobs", idle_worker_timeout=IDLE_S
+            n_jobs=workers,
+            return_as="generator",
+            pre_dispatch="2*n_jobs",
+            idle_worker_timeout=IDLE_S,
+            initializer=follow,
+            initargs=(os.getpid(),),
         )
         try:
-            for done in parallel(delayed(_timed)(task, item) for item in items[finished:]):
+            with signals_left_to_parent():
+                results = parallel(delayed(_timed)(task, item) for item in items[finished:])
+            for done in results:
                 finished, tries = finished + 1, 1
                 yield done
         except TerminatedWorkerError as error:

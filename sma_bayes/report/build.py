@@ -65,6 +65,7 @@ from sma_bayes.report.stored_draws import draws_of
 from sma_bayes.report.tables import Table, report_tables, write_tables
 from sma_bayes.report.took import account_table
 from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, MARK
+from sma_bayes.results.store import nothing_unfinished
 
 
 def build_report(
@@ -95,7 +96,13 @@ def build_report(
         If the folder holds no run, an unfinished one, or can't be written.
     """
     folder = Path(folder).absolute()
-    tell = progress or silent
+    with nothing_unfinished(folder):
+        _build(folder, figures, jobs, progress or silent, account)
+
+
+def _build(
+    folder: Path, figures: str | bool, jobs: int | None, tell: Progress, account: Account | None
+) -> None:
     if GAP.is_in(folder):
         study = read_study(folder)
         _build_report(study, _gap_drawings(study), gap_tables, write_gap_report, jobs, tell, account)

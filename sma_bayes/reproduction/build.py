@@ -12,7 +12,7 @@ from sma_bayes.reproduction.document import reproduction_document
 from sma_bayes.reproduction.page import PICTURES, page
 from sma_bayes.reproduction.pictures import write_pictures
 from sma_bayes.reproduction.study import study_twin
-from sma_bayes.results.store import write_json, write_text
+from sma_bayes.results.store import nothing_unfinished, write_json, write_text
 
 PAGE: Final = "paper.md"
 NUMBERS: Final = "data/paper.json"
@@ -64,6 +64,11 @@ def reproduce_paper(
     """
     place = Path(folder)
     _try_to_write(place)
+    with nothing_unfinished(place):
+        return _reproduced(place, seed, jobs, progress)
+
+
+def _reproduced(place: Path, seed: int, jobs: int | None, progress: Progress | None) -> dict[str, Any]:
     study = study_twin(seed=seed, jobs=jobs, progress=progress)
     found = reproduction_document(study)
     figures = write_pictures(study, found["tables"], place / PICTURES)

@@ -8,13 +8,15 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sma_bayes.disk import NEEDED, reason, unwritable, writing
+from sma_bayes.inference.workers import stop_workers
 from sma_bayes.posterior import versions
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
@@ -40,6 +42,21 @@ def sweep_unfinished(folder: Path) -> None:
     """Remove what a process that was killed has left half-written below a folder."""
     for path in folder.rglob(f"{UNFINISHED}*"):
         path.unlink(missing_ok=True)
+
+
+@contextmanager
+def nothing_unfinished(folder: Path) -> Iterator[None]:
+    """Leave no half-written file below a folder, whatever ends the ``with`` block.
+
+    Where an error or a signal does, workers are ended: they would go on writing.
+    """
+    try:
+        yield
+    except BaseException:
+        stop_workers()
+        raise
+    finally:
+        sweep_unfinished(folder)
 
 
 def write_file(path: Path, write: Callable[[Path], object], *, nbytes: int = 0) -> None:

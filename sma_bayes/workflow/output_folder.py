@@ -9,7 +9,7 @@ from typing import Any
 
 from sma_bayes.errors import OutputError, ResumeError
 from sma_bayes.results.documents import MARK, read_mark
-from sma_bayes.results.store import sweep_unfinished, write_json
+from sma_bayes.results.store import nothing_unfinished, sweep_unfinished, write_json
 
 
 @contextmanager
@@ -17,11 +17,11 @@ def claimed_folder(folder: Path, identity: dict[str, Any], resume: bool) -> Iter
     """Work in a folder that is ours, and leave none behind if nothing came of it; see `claim_folder`."""
     made = claim_folder(folder, identity, resume)
     try:
-        yield
+        with nothing_unfinished(folder):
+            yield
     except BaseException:
         give_back(folder, made)
         raise
-    sweep_unfinished(folder)  # of workers that were lost on the way
 
 
 def give_back(folder: Path, made: Sequence[Path]) -> None:

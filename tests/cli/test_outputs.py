@@ -23,7 +23,7 @@ Run = Callable[..., Any]
 
 def process(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Call the command line in a process of its own, as a pipeline does."""
-    command = [sys.executable, "-m", "sma_bayes.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "sma_bayes", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=240, check=False)
 
 
@@ -150,22 +150,21 @@ def test_priors_go_through_a_pipe_and_back(measured: Path, tmp_path: Path) -> No
     ],
 )
 def test_an_interruption_ends_with_130_and_says_how_to_go_on(
-    run: Run,
-    measured: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    verb: str,
-    work: str,
-    advice: str,
+    measured: Path, tmp_path: Path, verb: str, work: str, advice: str
 ) -> None:
-    def interrupt(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(work, interrupt)
-    outcome = run(verb, measured, "--out", tmp_path / "out", "--jobs", 1)
-    assert (outcome.status, outcome.out) == (130, "")
-    assert outcome.err.startswith("interrupted; the same command")
-    assert advice in outcome.err
+    module, _, name = work.rpartition(".")
+    program = (
+        "import os, signal\nfrom sma_bayes.__main__ import main\n"
+        f"import {module} as module\n"
+        f"module.{name} = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)\nmain()"
+    )
+    given = [verb, str(measured), "--out", str(tmp_path / "out"), "--jobs", "1"]
+    outcome = subprocess.run(
+        [sys.executable, "-c", program, *given], capture_output=True, text=True, timeout=240, check=False
+    )
+    assert (outcome.returncode, outcome.stdout) == (130, "")
+    assert outcome.stderr.startswith("interrupted; the same command")
+    assert advice in outcome.stderr
     assert not (tmp_path / "out").exists(), "nothing was done, so nothing is left"
 
 

@@ -11,7 +11,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_every_room_of_the_package_is_on_the_map():
-    rooms = re.findall(r"^\| (`.+?) \| ", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), re.MULTILINE)
+    rooms = re.findall(
+        r"^\| (`.+?) \| ", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
     named = set(re.findall(r"`(\w+)(?:/|\.py)`", " ".join(rooms)))
     folders = {p.parent.name for p in (ROOT / "sma_bayes").glob("*/__init__.py")}
     assert folders <= named

@@ -44,7 +44,7 @@ def run(package: Path, *command: str, cwd: Path | None = None) -> str:
 
 
 def command_line(*arguments: str) -> tuple[str, ...]:
-    return (sys.executable, "-m", "sma_bayes.cli", *arguments)
+    return (sys.executable, "-m", "sma_bayes", *arguments)
 
 
 def with_outliers(package: Path) -> str:

@@ -52,7 +52,7 @@ def whole(data: Path) -> Path:
 
 def command(data: Path, out: Path, *options: object) -> list[str]:
     fixed = ["--out", str(out), "--no-figures", "--quiet"]
-    return [sys.executable, "-m", "sma_bayes.cli", "fit", str(data), *fixed, *map(str, options)]
+    return [sys.executable, "-m", "sma_bayes", "fit", str(data), *fixed, *map(str, options)]
 
 
 def kill_after(arguments: list[str], ready: Any) -> None:

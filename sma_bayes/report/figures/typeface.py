@@ -8,8 +8,10 @@ for all files.
 from __future__ import annotations
 
 import atexit
+import os
 import shutil
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Final, Literal
@@ -37,8 +39,6 @@ FACES: Final[tuple[tuple[str, Literal["normal", "italic"]], ...]] = (
 @cache
 def families() -> tuple[str, str]:
     """Names of the light typeface and of its base, made known to matplotlib on the first call of a process."""
-    folder = Path(mkdtemp(prefix="sma-bayes-typeface-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
     options = subset.Options(
         layout_features=[], name_IDs=["*"], glyph_names=True, notdef_outline=True, hinting=True
     )
@@ -54,7 +54,20 @@ def families() -> tuple[str, str]:
         for record in font["name"].names:
             text = record.toUnicode()
             record.string = text.replace(BASE, LIGHT).replace(BASE.replace(" ", ""), LIGHT.replace(" ", ""))
-        light = folder / f"{number}.ttf"
-        font.save(light)
-        fontManager.addfont(light)
+        content = BytesIO()
+        font.save(content)
+        fontManager.addfont(_file_of(content.getvalue(), f"{number}.ttf"))
     return LIGHT, BASE
+
+
+def _file_of(content: bytes, name: str) -> str:
+    """Path of a file that is gone when this process is: in memory where the system has such, else temporary."""
+    if hasattr(os, "memfd_create"):
+        descriptor = os.memfd_create(name)
+        with os.fdopen(os.dup(descriptor), "wb") as file:
+            file.write(content)
+        return f"/proc/self/fd/{descriptor}"
+    folder = Path(mkdtemp(prefix="sma-bayes-typeface-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    (folder / name).write_bytes(content)
+    return str(folder / name)

@@ -1,0 +1,114 @@
+"""Signals that ask a run to end: Ctrl-C, SIGTERM, SIGHUP. Each ends it in order, with one line; its work is kept."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Final
+
+SIGNALS: Final = tuple(s for name in ("SIGINT", "SIGTERM", "SIGHUP") if (s := getattr(signal, name, None)))
+"""Signals that are heeded, as far as the platform has them."""
+
+GRACE_S: Final = 10.0
+"""Time for an orderly end, after which the process ends as it is [s]."""
+
+GO_ON: Final = {
+    "demo": "; the same command goes on from here",
+    "fit": "; the same command with --resume goes on from here",
+    "gap": "; the same command with --resume begins the study anew, or draws the report of one that is finished",
+    "compare": "; the same command with --resume begins anew, or draws the report of what is finished",
+    "conditions": "; the same command with --resume begins anew, or draws the report of what is finished",
+    "report": "; the same command begins anew",
+    "run": "; the same command with --resume goes on from here",
+}
+"""What to do after an interruption, by verb."""
+
+_received: list[int] = []
+
+
+class Interrupted(BaseException):
+    """A signal asks the process to end.
+
+    Not a `KeyboardInterrupt`, which libraries turn into exits of their own.
+    """
+
+
+@contextmanager
+def ending_in_order() -> Iterator[None]:
+    """Heed signals inside a ``with`` block: end it with one line on standard error and the exit status of a shell.
+
+    That is 128 and the number of the signal: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP. A signal that the
+    process was started to ignore, as under ``nohup``, stays ignored, and so does every signal after the first.
+    """
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _interrupt)
+    try:
+        yield
+    except (
+        BaseException
+    ):  # also what follows from the signal: workers that it ended, imports that it broke off
+        if not _received:
+            raise
+        _end_children()
+        _say()
+        sys.exit(_status())
+    finally:
+        for number in SIGNALS:
+            if signal.getsignal(number) is _interrupt:
+                signal.signal(number, _interrupt_the_exit)
+
+
+def interrupted() -> bool:
+    """Whether a signal has asked the process to end."""
+    return bool(_received)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    if _received:
+        return
+    _received.append(number)
+    warnings.simplefilter("ignore")
+    sys.unraisablehook = lambda _: None
+    last_resort = threading.Timer(GRACE_S, _end_now)
+    last_resort.daemon = True
+    last_resort.start()
+    raise Interrupted
+
+
+def _interrupt_the_exit(number: int, frame: FrameType | None) -> None:
+    if not _received:
+        _received.append(number)
+        _end_now()
+
+
+def _end_now() -> None:
+    """End where the exception got lost in a library's callback, or tidying up hangs."""
+    _end_children()
+    _say()
+    os._exit(_status())
+
+
+def _status() -> int:
+    return 128 + _received[0]
+
+
+def _end_children() -> None:
+    """End processes that were started for this one; they have nothing to say after its last line."""
+    if "multiprocessing" in sys.modules:
+        from multiprocessing import active_children
+
+        for child in active_children():
+            child.kill()
+            child.join()
+
+
+def _say() -> None:
+    with suppress(OSError, ValueError):  # the terminal may be gone
+        print(f"interrupted{GO_ON.get(next(iter(sys.argv[1:]), ''), '')}", file=sys.stderr, flush=True)

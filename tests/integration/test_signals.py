@@ -1,0 +1,271 @@
+"""A signal ends a run in order, whenever it comes: one line, its status, no process, no half-written file."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.skipif(
+    not Path("/proc/self/environ").exists(), reason="needs signals, and /proc to see what is left"
+)
+
+Same = Callable[[Path, Path], None]
+ENDS_WITHIN_S = 2.0
+"""After the end of the parent, for its workers."""
+TAG = "SMA_BAYES_TEST_RUN"
+VERBS = ("fit", "report", "compare", "gap", "conditions", "run", "ask", "inspect", "demo", "priors", "paper")
+ASKED = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+SPAN_S = {"fit": 8.0, "report": 8.0, "compare": 8.0, "gap": 8.0, "conditions": 6.0, "run": 8.0, "demo": 8.0}
+"""Instants are drawn from so many seconds; 1.5 for other verbs."""
+STUDY = """\
+[study]
+campaign = "campaign.toml"
+out = "study-out"
+jobs = 2
+[fit]
+[[ask]]
+force = "1.5 N"
+"""
+
+
+def springs(folder: Path) -> Path:
+    """A campaign of three conditions."""
+    rng = np.random.default_rng(5)
+    text = """\
+[campaign]
+name = "three"
+[columns]
+temperature = { name = "temperature_C", unit = "degC" }
+force = { name = "force_N", unit = "N" }
+"""
+    for name, load in (("light", 1.0), ("middle", 1.5), ("heavy", 2.0)):
+        up = np.linspace(30.0, 70.0, 40)
+        temperature = np.concatenate([up, up[::-1]])
+        force = load + 2.0 / (1.0 + np.exp(-0.3 * (temperature - 50.0 - load)))
+        force += 0.03 * rng.standard_normal(temperature.size)
+        rows = "".join(f"{t:.6g},{f:.6g}\n" for t, f in zip(temperature, force, strict=True))
+        (folder / f"{name}.csv").write_text("temperature_C,force_N\n" + rows, encoding="utf-8")
+        text += f'[[condition]]\nid = "{name}"\nfile = "{name}.csv"\nload_N = {load}\n'
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+    return folder
+
+
+def arguments(verb: str, campaign: Path, whole: Path, out: Path) -> list[str]:
+    """Arguments of a verb that writes to `out`, if it does."""
+    given = {
+        "fit": ["fit", campaign, "--out", out, "--no-figures", "--jobs", 2],
+        "compare": ["compare", campaign, "--out", out, "--no-figures", "--jobs", 2],
+        "gap": ["gap", campaign, "--out", out, "--no-figures", "--jobs", 2],
+        "conditions": ["conditions", whole, "--out", out, "--jobs", 2],
+        "demo": ["demo", "--out", out, "--no-figures", "--jobs", 2],
+        "run": ["run", campaign / "study.toml", "--out", out],
+        "report": ["report", whole, "--jobs", 2],
+        "ask": ["ask", whole, "--force", "1.5 N"],
+        "inspect": ["inspect", campaign],
+        "priors": ["priors"],
+        "paper": ["paper"],
+    }
+    return [str(a) for a in given[verb]]
+
+
+class Started:
+    """A command in a session of its own, whose processes are known by a mark in their environment."""
+
+    def __init__(self, tmp_path: Path, given: list[str]) -> None:
+        self.mark = f"{os.getpid()}-{time.monotonic_ns()}"
+        self.temporary = tmp_path / f"tmp-{self.mark}"
+        self.temporary.mkdir()
+        self.log = tmp_path / f"log-{self.mark}"
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "sma_bayes", *given],
+                start_new_session=True,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={
+                    **os.environ,
+                    TAG: self.mark,
+                    "TMPDIR": str(self.temporary),
+                    "JOBLIB_TEMP_FOLDER": str(self.temporary),
+                },
+            )
+
+    def alive(self) -> list[str]:
+        """Command lines of its processes that still live."""
+        found = []
+        for place in Path("/proc").iterdir():
+            if not place.name.isdigit():
+                continue
+            try:
+                if f"{TAG}={self.mark}".encode() in (place / "environ").read_bytes():
+                    found.append((place / "cmdline").read_bytes().replace(b"\0", b" ").decode())
+            except OSError:
+                continue  # ended meanwhile, or somebody else's
+        return [line for line in found if line]
+
+    def has_our_handlers(self) -> bool:
+        """Whether it heeds signals by now: as long as Python itself starts, nobody can."""
+        try:
+            status = Path(f"/proc/{self.process.pid}/status").read_text(encoding="ascii")
+        except OSError:
+            return True
+        caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
+        return bool(int(caught.split()[1], 16) & (1 << (signal.SIGHUP - 1)))
+
+    def send_after(self, seconds: float, number: int, *, group: bool) -> None:
+        """Send a signal that long after signals are heeded, unless it has ended."""
+        while self.process.poll() is None and not self.has_our_handlers():
+            time.sleep(0.001)
+        time.sleep(seconds)
+        if self.process.poll() is None:
+            (os.killpg if group else os.kill)(self.process.pid, number)
+
+    def text(self) -> str:
+        return self.log.read_text(encoding="utf-8")
+
+    def assert_nothing_lives(self) -> None:
+        end = time.monotonic() + ENDS_WITHIN_S
+        while self.alive() and time.monotonic() < end:
+            time.sleep(0.05)
+        assert self.alive() == []
+
+
+def end_by(started: Started, seconds: float, number: int, *, group: bool) -> None:
+    """End a run by a signal and check how it ends."""
+    started.send_after(seconds, number, group=group)
+    status = started.process.wait(timeout=240)
+    try:
+        started.assert_nothing_lives()
+    finally:
+        if started.alive():
+            os.killpg(started.process.pid, signal.SIGKILL)
+    if number == signal.SIGKILL:
+        return
+    told = started.text()
+    assert "Traceback" not in told, told
+    if status not in (0, 1):  # it may have been quicker than the signal
+        assert status == 128 + number, told
+        (line,) = [line for line in told.splitlines() if line.startswith("interrupted")]
+        assert told.splitlines()[-1] == line
+    assert list(started.temporary.rglob("*")) == []
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return springs(tmp_path_factory.mktemp("campaign"))
+
+
+def finish(given: list[str]) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "sma_bayes", *given], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode in (0, 1), done.stderr
+
+
+@pytest.fixture(scope="module")
+def whole(campaign: Path) -> Path:
+    """A fit that nobody interrupted."""
+    out = campaign / "whole"
+    finish(arguments("fit", campaign, out, out))
+    return out
+
+
+def try_instants(
+    verbs: tuple[str, ...], numbers: list[int], count: int, seed: int, campaign: Path, whole: Path, tmp_path: Path
+) -> None:  # fmt: skip
+    """Send signals at random instants over verbs; every second time to all processes at once, as a terminal does."""
+    rng = np.random.default_rng(seed)
+    for i in range(count):
+        verb, number = verbs[i % len(verbs)], numbers[(i // len(verbs)) % len(numbers)]
+        out = tmp_path / f"{verb}-{i}"
+        started = Started(tmp_path, arguments(verb, campaign, whole, out))
+        instant = float(rng.uniform(0.0, SPAN_S.get(verb, 1.5)))
+        group = number != signal.SIGKILL and bool(rng.integers(2))
+        try:
+            end_by(started, instant, number, group=group)
+            if number != signal.SIGKILL and out.exists():
+                assert list(out.rglob(".*")) == []
+        except AssertionError as error:
+            raise AssertionError(
+                f"{verb}, {signal.Signals(number).name} after {instant:.3f} s, group {group}, try {i}: {error}"
+            ) from error
+
+
+@pytest.mark.parametrize("number", ASKED)
+def test_a_signal_ends_a_run_with_its_status_and_one_line(
+    campaign: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    started = Started(tmp_path, arguments("fit", campaign, tmp_path, tmp_path / "out"))
+    started.send_after(2.0, number, group=False)
+    assert started.process.wait(timeout=60) == 128 + number
+    assert started.text() == "interrupted; the same command with --resume goes on from here\n"
+    started.assert_nothing_lives()
+
+
+def test_workers_end_with_a_parent_that_is_killed(campaign: Path, tmp_path: Path) -> None:
+    started = Started(tmp_path, arguments("fit", campaign, tmp_path, tmp_path / "out"))
+    end = time.monotonic() + 60
+    while (
+        len(started.alive()) < 4 and time.monotonic() < end
+    ):  # itself, two workers, what counts their resources
+        time.sleep(0.02)
+    os.kill(started.process.pid, signal.SIGKILL)
+    started.process.wait(timeout=60)
+    started.assert_nothing_lives()
+
+
+def test_a_signal_that_was_to_be_ignored_is_ignored(campaign: Path) -> None:
+    command = f"trap '' HUP; exec {sys.executable} -m sma_bayes inspect {campaign} --quiet"
+    process = subprocess.Popen(["sh", "-c", command])
+    time.sleep(0.3)
+    process.send_signal(signal.SIGHUP)
+    assert process.wait(timeout=60) == 0
+
+
+def test_signals_at_random_instants(campaign: Path, whole: Path, tmp_path: Path) -> None:
+    try_instants(("fit", "ask", "inspect"), ASKED, 9, 1, campaign, whole, tmp_path)
+
+
+def test_a_run_goes_on_to_the_same_bits_after_each_signal(
+    campaign: Path, whole: Path, tmp_path: Path, assert_same_run: Same
+) -> None:
+    given = arguments("fit", campaign, whole, tmp_path / "out")
+    rng = np.random.default_rng(3)
+    for i, number in enumerate([*ASKED, signal.SIGKILL]):
+        started = Started(tmp_path, [*given, *(["--resume"] if i else [])])
+        end_by(started, float(rng.uniform(1.0, 3.0)), number, group=number == signal.SIGINT)
+    finish([*given, "--resume"])
+    assert_same_run(whole, tmp_path / "out")
+    assert list((tmp_path / "out").rglob(".*")) == []
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("number", [*ASKED, signal.SIGKILL])
+def test_two_hundred_instants_of_each_signal_over_all_verbs(
+    campaign: Path, whole: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    try_instants(VERBS, [number], 200, int(number), campaign, whole, tmp_path)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(10))
+def test_chains_of_signals_go_on_to_the_same_bits(
+    campaign: Path, whole: Path, tmp_path: Path, assert_same_run: Same, seed: int
+) -> None:
+    given = arguments("fit", campaign, whole, tmp_path / "out")
+    rng = np.random.default_rng(seed)
+    for i in range(5):
+        number = [*ASKED, signal.SIGKILL][int(rng.integers(4))]
+        started = Started(tmp_path, [*given, *(["--resume"] if i else [])])
+        end_by(started, float(rng.uniform(0.0, 5.0)), number, group=bool(rng.integers(2)))
+    finish([*given, "--resume"])
+    assert_same_run(whole, tmp_path / "out")
