@@ -18,6 +18,7 @@ __version__ = "0.1.0"
 
 _PLACES = {
     "read_campaign": "sma_bayes.records.campaign",
+    "start_campaign": "sma_bayes.records.starting_file",
     "twin_campaign": "sma_bayes.paper.twin",
     "read_priors": "sma_bayes.parameters.priors_file",
     "inspect_campaign": "sma_bayes.workflow",

@@ -151,6 +151,23 @@ def demo(
 
 
 @app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with data files.")],
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Write a campaign.toml for a folder of data files, with all guesses marked; nothing is overwritten."""
+    from sma_bayes.records.starting_file import start_campaign
+    from sma_bayes.terminal.starting_file import show_start
+
+    found = start_campaign(folder)
+    if as_json:
+        typer.echo(json.dumps(found, indent=1))
+    elif not quiet:
+        show_start(found)
+
+
+@app.command()
 def inspect(
     path: Source,
     data: Data = None,

@@ -279,7 +279,13 @@ def read_declaration(path: Path, data_dir: Path | None, settings: SplitSettings)
                 remedy="leave --data out",
             )
         return _single_file(path, settings)
-    content = path.read_bytes()
+    return parse_declaration(path.read_bytes(), path, data_dir, settings)
+
+
+def parse_declaration(
+    content: bytes, path: Path, data_dir: Path | None, settings: SplitSettings
+) -> Declaration:
+    """Check the content of a campaign file, which need not be on the disk; see `read_declaration`."""
     document = checked(_Document, parsed_toml(content, path), file=path, where="")
     campaign = checked(_CampaignTable, document.campaign, file=path, where="campaign")
     folder = data_dir if data_dir is not None else path.parent / (campaign.data or "")
@@ -333,8 +339,8 @@ def _campaign_in(folder: Path) -> Path:
         f"the folder has no {CAMPAIGN_FILE}",
         file=folder,
         expected=f"{CAMPAIGN_FILE} beside the data files",
-        remedy="write one, or name a single data file with default column names; the folder holds "
-        + (", ".join(there[:FILES_SHOWN]) or "no files"),
+        remedy=f"`sma-bayes init {folder}` writes one; or name a single data file with default column names; "
+        "the folder holds " + (", ".join(there[:FILES_SHOWN]) or "no files"),
     )
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import warnings
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from sma_bayes.errors import MeasurementError, near_matches
 from sma_bayes.records.formats.layout import shape_of, spread, tabulate
@@ -53,8 +54,27 @@ def read(path: Path, reading: Reading) -> Table:
     return tabulate(enumerate(body, start=reading.skip_rows + 1), shape_of(sample, reading), reading, path)
 
 
+def sheet_titles(path: Path) -> tuple[str, ...]:
+    """Titles of the sheets of a workbook, without reading their cells.
+
+    Raises
+    ------
+    MeasurementError
+        If the workbook is damaged.
+    """
+    with _opened(path) as book:
+        return tuple(sheet.title for sheet in book.worksheets)
+
+
 def _sheets(path: Path) -> dict[str, _Sheet]:
     """Cells of every sheet by its title."""
+    with _opened(path) as book:
+        return {sheet.title: _cells(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Workbook, open for reading of values."""
     import openpyxl
 
     try:
@@ -62,8 +82,7 @@ def _sheets(path: Path) -> dict[str, _Sheet]:
         with path.open("rb") as file, warnings.catch_warnings():
             # parts of a workbook that openpyxl drops (drawings, validation rules) hold no cells
             warnings.simplefilter("ignore", UserWarning)
-            book = openpyxl.load_workbook(file, read_only=True, data_only=True)
-            return {sheet.title: _cells(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
+            yield openpyxl.load_workbook(file, read_only=True, data_only=True)
     except Exception as error:  # on a damaged file the parsers of zip and XML raise whatever they meet
         raise MeasurementError(
             f"the workbook is damaged: {error}",

@@ -1,0 +1,156 @@
+"""A first campaign file: what is guessed of real folders is what their worked examples declare."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sma_bayes.records.campaign import read_campaign
+from sma_bayes.records.guesses import guess_header, guess_unnamed
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
+NOT_GUESSED = {"guarneros_spring_force": {"time"}, "wire_in_water": {"time"}}
+"""What only the authors' notes tell: the step of time of a file that counts its rows, or says nothing of time."""
+UNITS_UNKNOWN = {("guarneros_spring_force", "force"): "arbitrary"}
+"""The calibration of raw counts is not in the files."""
+NO_TEMPERATURE = (
+    "diamond_load_extension",
+    "flexinol_wire_duty_cycle",
+    "muscle_wire_electric_cycling",
+    "nist_strd",
+)
+
+
+@pytest.fixture
+def folder(shared_data: Path, tmp_path: Path) -> Callable[[str], Path]:
+    """A copy of a folder of real data."""
+    return lambda name: Path(shutil.copytree(shared_data / name, tmp_path / name))
+
+
+def declared(path: Path) -> dict[str, Any]:
+    return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+def place(column: dict[str, Any]) -> object:
+    return column.get("name", column.get("column"))
+
+
+@pytest.mark.parametrize("name", sorted(p.stem for p in EXAMPLES.glob("*.toml")))
+def test_guesses_are_what_the_worked_example_declares(
+    run: Callable[..., Any], folder: Callable[[str], Path], name: str
+) -> None:
+    path = folder(name)
+    outcome = run("init", path, "--json")
+    assert outcome.status == 0, outcome.err
+    found = json.loads(outcome.out)
+    assert found["schema"] == "sma-bayes/init/1"
+    guessed, truth = declared(path / "campaign.toml"), declared(EXAMPLES / f"{name}.toml")
+    wanted = {q: c for q, c in truth["columns"].items() if q not in NOT_GUESSED.get(name, ())}
+    assert {q: place(c) for q, c in guessed["columns"].items()} == {q: place(c) for q, c in wanted.items()}
+    for quantity, column in wanted.items():
+        unit = UNITS_UNKNOWN.get((name, quantity), column.get("unit"))
+        assert guessed["columns"][quantity].get("unit") == unit, quantity
+        if 0.0 in column.get("missing", ()):
+            assert guessed["columns"][quantity]["missing"] == [0.0]
+    files = {c["file"]: c for c in guessed["condition"]}
+    for condition in truth["condition"]:
+        assert condition["file"] in files
+        stress = condition.get("stress_MPa")
+        assert files[condition["file"]].get("stress_MPa") == stress
+    assert guessed.get("reading", {}).get("quoted_rows") == truth.get("reading", {}).get("quoted_rows")
+
+
+@pytest.mark.parametrize("name", sorted(p.stem for p in EXAMPLES.glob("*.toml")))
+def test_what_is_written_can_be_read(
+    folder: Callable[[str], Path], run: Callable[..., Any], name: str
+) -> None:
+    path = folder(name)
+    found = json.loads(run("init", path, "--json").out)
+    assert {r.condition.id for r in read_campaign(path).records} == set(found["conditions"])
+
+
+@pytest.mark.parametrize("name", NO_TEMPERATURE)
+def test_data_without_a_temperature_are_told_so(
+    run: Callable[..., Any], folder: Callable[[str], Path], name: str
+) -> None:
+    path = folder(name)
+    outcome = run("init", path)
+    assert outcome.status == 2
+    assert "no column seems to be a temperature" in outcome.err
+    assert "data without a temperature can't be used" in outcome.err
+    assert not (path / "campaign.toml").exists()
+
+
+def test_what_can_not_be_fitted_stands_as_a_comment_with_the_reason(
+    run: Callable[..., Any], folder: Callable[[str], Path]
+) -> None:
+    path = folder("muscle_wire_stress_strain")
+    found = json.loads(run("init", path, "--json").out)
+    assert found["conditions"] == ["March8_2cpm"]
+    assert "hardly varies" in found["left_out"]["pseudoelastic_40C.csv"]
+    text = (path / "campaign.toml").read_text(encoding="utf-8")
+    assert '# file = "pseudoelastic_40C.csv"' in text
+
+
+def test_nothing_is_overwritten(run: Callable[..., Any], measured: Path, tmp_path: Path) -> None:
+    (tmp_path / "campaign.toml").write_text("# mine\n", encoding="utf-8")
+    outcome = run("init", tmp_path)
+    assert outcome.status == 2
+    assert "is there already" in outcome.err
+    assert (tmp_path / "campaign.toml").read_text(encoding="utf-8") == "# mine\n"
+
+
+def test_settings_and_odd_units_are_read_off_names(
+    run: Callable[..., Any], make_sweep: Any, tmp_path: Path
+) -> None:
+    for name in ("2A-150g-10mHz.csv", "1A-150g-10mHz.csv"):
+        lines = ["Time (ms);Temp. wire (K);Room temp (C);Load cell (g);Stroke in mm;note"]
+        for line in make_sweep()[1:]:
+            t, temperature, force, stroke = map(float, line.split(","))
+            lines.append(
+                f"{1000 * t:.0f};{temperature + 273.15:.3f};21;{force / 9.80665e-3:.3f};{stroke:.4f};ok"
+            )
+        (tmp_path / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    outcome = run("init", tmp_path)
+    assert outcome.status == 0, outcome.err
+    assert "next: sma-bayes inspect" in outcome.out
+    found = declared(tmp_path / "campaign.toml")
+    assert found["columns"] == {
+        "time": {"name": "Time (ms)", "unit": "ms"},
+        "temperature": {"name": "Temp. wire (K)", "unit": "kelvin"},
+        "ambient_temperature": {"name": "Room temp (C)", "unit": "degC"},
+        "force": {"name": "Load cell (g)", "unit": "gf"},
+        "displacement": {"name": "Stroke in mm", "unit": "mm"},
+    }
+    assert [c["id"] for c in found["condition"]] == ["1A-150g-10mHz", "2A-150g-10mHz"]
+    assert found["condition"][1]["current_A"] == 2
+    assert found["condition"][1]["load_g"] == 150
+    assert found["condition"][1]["frequency_mHz"] == 10
+    assert len(read_campaign(tmp_path).records) == 4
+
+
+@pytest.mark.parametrize("header", ["Temperature derivative", "T setpoint (C)", "remark"])
+def test_headers_that_are_no_reading(header: str) -> None:
+    assert guess_header(header) is None
+
+
+def test_a_raw_reading_has_an_arbitrary_unit_until_it_is_calibrated() -> None:
+    guess = guess_header("Force (mV)")
+    assert guess is not None
+    assert guess.unit == "arbitrary"
+    assert guess.doubts == ("a raw reading in mV: give scale, offset and to",)
+
+
+def test_a_thermometer_is_told_from_a_force_that_spans_more() -> None:
+    temperature = 25.0 + 60.0 * np.sin(np.linspace(0.0, np.pi, 300)) ** 2
+    force = 400.0 / (1.0 + np.exp(-0.3 * (temperature - 55.0)))
+    noise = np.random.default_rng(0).standard_normal(300)
+    found = guess_unnamed([{0: noise, 1: force, 2: temperature}], 3, [None])
+    assert found.columns["temperature"][0] == 2
