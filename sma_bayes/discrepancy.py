@@ -277,9 +277,10 @@ class Whitened:
         v = weights.solve(weights.project(weights.a))
         if self.noise.is_gaussian:
             return v
+        damping = self.noise.damping(self.shape)[:, None]
         for _ in range(STEPS):
             left = self.noise.decorrelate(self.e - weights.series(v), self.shape, self.steps)
-            v = v + weights.solve(weights.project(self.noise.score(left, self.shape)) - v)
+            v = v + damping * weights.solve(weights.project(self.noise.score(left, self.shape)) - v)
         return v
 
     def marginal_log_density(self) -> Floats:

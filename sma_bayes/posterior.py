@@ -184,7 +184,7 @@ class Posterior:
                         total[part] += self._latent_log_density(theta[part], i)[0].sum(axis=1)
                         continue
                     for channel, e, scale in self._standardised(theta[part], i):
-                        shape = theta[part][:, self.layout[i].noise[channel][1:]]
+                        shape = self.noise_shape(theta[part], i, channel)
                         if channel in self.discrepancy[i]:
                             whitened = self._whitened(theta[part], i, channel, e, scale)
                             total[part] += whitened.marginal_log_density()
@@ -224,7 +224,7 @@ class Posterior:
                     )
                     continue
                 for channel, e, scale in self._standardised(theta[part], i, own):
-                    shape = theta[part][:, self.layout[i].noise[channel][1:]]
+                    shape = self.noise_shape(theta[part], i, channel)
                     density = self.noise.log_density(e, shape, self.steps[i]) - np.log(scale)
                     found[channel][part] = self.noise.information(shape)[:, None] * density
             out.append(found)
@@ -238,7 +238,7 @@ class Posterior:
         theta = np.atleast_2d(theta)
         return tuple(
             {
-                channel: self.noise.innovations(e, theta[:, self.layout[i].noise[channel][1:]], self.steps[i])
+                channel: self.noise.innovations(e, self.noise_shape(theta, i, channel), self.steps[i])
                 for channel, e, _ in self._standardised(theta, i, weights)
             }
             for i in range(len(self.records))
@@ -304,7 +304,6 @@ class Posterior:
         errors of the thermometer have its mean and covariance, and the memory that it gives them.
         """
         theta = np.atleast_2d(theta)
-        place = self.layout[record]
         if self._is_latent(record):
             return self._replicate_latent(rng, theta, record)
         mean, parts = self._moments(theta, record)
@@ -312,14 +311,16 @@ class Posterior:
         before: list[_Channel] = []
         out = {}
         for channel in self.records[record].channels:
-            series = self.noise.draw(rng, theta[:, place.noise[channel][1:]], self.steps[record])
             centre = mean[channel]
             if channel in given:
                 centre = centre + given[channel] @ self.discrepancy[record][channel].rows
-            sd = self.noise_scale(theta, record, channel, mean[channel])
             if not parts:
-                out[channel] = centre + sd * series
+                sd = self.noise_scale(theta, record, channel, mean[channel])
+                out[channel] = self.readings(rng, theta, record, channel, centre, sd, self.steps[record])
                 continue
+            shape = self.noise_shape(theta, record, channel)
+            series = self.noise.draw(rng, shape, self.steps[record])
+            sd = self.noise_scale(theta, record, channel, mean[channel])
             row, scale = _conditioned(parts[channel], sd, before)
             out[channel] = centre + _products(row, [c.whitened for c in before]) + scale * series
             if not self.discrepancy[record]:
@@ -328,15 +329,15 @@ class Posterior:
 
     def _replicate_latent(self, rng: np.random.Generator, theta: Floats, record: int) -> dict[str, Floats]:
         """New measurements at true temperatures that are drawn about the readings."""
-        r, place = self.records[record], self.layout[record]
+        r = self.records[record]
         spread = self.temperature_sd(theta, record)
         assert spread is not None  # `_is_latent` has seen to it
         true = r.temperature + spread[:, None] * rng.standard_normal((len(theta), r.n))
         clean = self.predict(theta, {**r.inputs, "temperature": true}, record=record)
         out = {}
         for channel in r.channels:
-            series = self.noise.draw(rng, theta[:, place.noise[channel][1:]], self.steps[record])
-            out[channel] = clean[channel] + self.noise_scale(theta, record, channel, clean[channel]) * series
+            sd = self.noise_scale(theta, record, channel, clean[channel])
+            out[channel] = self.readings(rng, theta, record, channel, clean[channel], sd, self.steps[record])
         return out
 
     def temperature_sd(self, theta: Floats, record: int = 0) -> Floats | None:
@@ -346,12 +347,34 @@ class Posterior:
             return np.asarray(np.hypot(theta[:, at], declared))
         return np.full(len(theta), declared) if declared > 0.0 else None
 
+    def readings(
+        self,
+        rng: np.random.Generator,
+        theta: Floats,
+        record: int,
+        channel: str,
+        response: Floats,
+        scale: Floats,
+        steps: Steps,
+    ) -> Floats:
+        """Readings (W, n) of a channel about its response (W, n), the noise of standard deviation `scale`."""
+        shape = self.noise_shape(theta, record, channel)
+        return self.noise.readings(
+            rng, response, scale, shape, steps, float(self.records[record].observed[channel][0])
+        )
+
+    def noise_shape(self, theta: Floats, record: int, channel: str) -> Floats:
+        """What shapes the standardised noise of a channel, shape (..., k), at parameters (..., P)."""
+        return self.noise.shape_of(theta[..., self.layout[record].noise[channel]])
+
     def noise_scale(self, theta: Floats, record: int, channel: str, response: Floats) -> Floats:
         """Standard deviation of the noise of a channel where it responds so, shape (W, n) or (W, 1)."""
         at = self.layout[record].noise[channel]
         sd = theta[:, at[0], None]
         low, span = self._range[record][channel]
-        relative = self.noise.relative_scale(theta[:, at[1:]], (response - low) / span)
+        relative = self.noise.relative_scale(
+            self.noise_shape(theta, record, channel), (response - low) / span
+        )
         return np.asarray(sd if relative is None else sd * relative)
 
     def expected(self, theta: Floats, record: int = 0) -> tuple[dict[str, Floats], dict[str, Floats]]:
@@ -410,7 +433,7 @@ class Posterior:
             ``score/information`` of each innovation, the memory put back, and the likeliest discrepancy.
         """
         at, noise, steps = self.layout[record].noise[channel], self.noise, self.steps[record]
-        shape, scale = theta[None, at[1:]], theta[at[0]] * relative[None]
+        shape, scale = self.noise_shape(theta[None], record, channel), theta[at[0]] * relative[None]
         e = residual / scale
         missed: Floats = np.zeros(1)
         if channel in self.discrepancy[record]:
@@ -465,7 +488,7 @@ class Posterior:
         model_theta = theta[:, place.model]
         spread = self.temperature_sd(theta, record)
         assert spread is not None  # `_is_latent` has seen to it
-        shapes = {c: theta[:, place.noise[c][1:]] for c in r.channels}
+        shapes = {c: self.noise_shape(theta, record, c) for c in r.channels}
         information = {c: self.noise.location_information(shapes[c])[:, None] for c in r.channels}
         xi = np.zeros((len(theta), r.n))  # error of the thermometer in its standard deviations
         for step in range(LATENT_STEPS + 1):
@@ -519,7 +542,7 @@ class Posterior:
 
     def _whitened(self, theta: Floats, record: int, channel: str, e: Floats, scale: Floats) -> Whitened:
         place = self.layout[record]
-        shape = theta[:, place.noise[channel][1:]]
+        shape = self.noise_shape(theta, record, channel)
         rows = self.discrepancy[record][channel].rows
         size = theta[:, place.size[channel], None]
         return Whitened(self.noise, shape, self.steps[record], e, scale, rows, size)

@@ -208,8 +208,8 @@ def new_samples(curves: CurveDraws, channel: str, temperature: Floats, rng: np.r
         [unit of the channel].
     """
     posterior, record, theta = curves.posterior, curves.record, curves.theta
-    at = posterior.layout[record].noise[channel]
-    series = posterior.noise.draw(rng, theta[:, at[1:]], Steps.apart(temperature.size))
+    shape = posterior.noise_shape(theta, record, channel)
+    series = posterior.noise.draw(rng, shape, Steps.apart(temperature.size))
     spread = posterior.temperature_sd(theta, record)
     true: Floats = temperature
     if spread is not None:

@@ -185,12 +185,16 @@ def predictive_checks(fit: Fit, record: int = 0) -> list[Check]:
     theta = fit.flat[::every]
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 2, *r.key.encode()]))
     weights = tuple({c: w[::every] for c, w in own.items()} for own in fit.discrepancy)
-    measured = fit.posterior.residuals(theta, weights)[record]
-    noise, steps = fit.posterior.noise, fit.posterior.steps[record]
+    posterior = fit.posterior
+    measured = posterior.residuals(theta, weights)[record]
+    response = posterior.predict(theta, r.inputs, record=record, weights=weights)
+    noise, steps = posterior.noise, posterior.steps[record]
     out = []
     for channel in r.channels:
-        shape = theta[:, fit.posterior.layout[record].noise[channel][1:]]
-        replicated = noise.innovations(noise.draw(rng, shape, steps), shape, steps)
+        shape = posterior.noise_shape(theta, record, channel)
+        scale = posterior.noise_scale(theta, record, channel, response[channel])
+        again = posterior.readings(rng, theta, record, channel, response[channel], scale, steps)
+        replicated = noise.innovations((again - response[channel]) / scale, shape, steps)
         series = Series.of(fit, record, channel, theta)
         for name, statistic in STATISTICS.items():
             if name == "sweep_means" and len(series.sweeps) < 2:

@@ -158,7 +158,7 @@ class Predictor:
         (channel,) = record.channels
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far tails of a prior
             (pointwise,) = posterior.pointwise_log_likelihood(theta)
-        share = posterior.noise.information(theta[:, posterior.layout[0].noise[channel][1:]])
+        share = posterior.noise.information(posterior.noise_shape(theta, 0, channel))
         density = pointwise[channel] / share[:, None]
         return np.where(np.isnan(density), -np.inf, density), share
 

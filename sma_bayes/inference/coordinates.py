@@ -285,7 +285,7 @@ class NoiseScaledCoordinates:
             posterior = self.equations.posterior
             value = posterior.log_prior(z) - 0.5 * squares - log_volume
             for rows, at, steps in self.equations.channels():
-                shape, n = theta[:, at[1:]], rows.shape[1]
+                shape, n = posterior.noise.shape_of(theta[:, at]), rows.shape[1]
                 density = posterior.noise.total_log_density(np.zeros((len(z), n)), shape, steps)
                 value += posterior.noise.information(shape) * (density - n * np.log(theta[:, at[0]]))
             value += 0.5 * normal.pull_squared - normal.log_volume

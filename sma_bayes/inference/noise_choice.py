@@ -48,6 +48,9 @@ SIMPLER = {"growing": EARNED, "temperature_error": 15.0}
 WIDE = 2.0
 """Standard deviation of ln sd a priori where descriptions are compared: how much of the residuals is noise is open."""
 SIMPLEST = "independent"
+ROUNDED = "rounded"
+COARSE = 2.0
+"""Step of the readings, in standard deviations of the noise before rounding, from which rounding is described."""
 
 Bases = tuple[Mapping[str, DiscrepancyBasis], ...]
 
@@ -116,6 +119,7 @@ def choose_noise(
     """
     residuals = _Residuals(posterior, start, priors, discrepancy)
     found: dict[str, _Description] = {}
+    coarse: dict[str, float] = {}
 
     def look(name: str) -> _Description:
         if name not in found:
@@ -126,11 +130,18 @@ def choose_noise(
         best = noise
         look(noise)
     else:
+        coarse = residuals.coarse(look(SIMPLEST))
+    if noise is None and coarse:
+        best = ROUNDED
+        look(best)
+        found = {best: found[best]}  # a density that need not be finite where readings repeat is no rival
+    elif noise is None:
         signs = residuals.signs(look(SIMPLEST))
         names = [
             name
             for name, model in NOISE_MODELS.items()
             if model.is_density
+            and not model.stands_alone
             and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
             and (signs.memory or not model.remembers)
             and (model.is_gaussian or (signs.tails and not residuals.bent))
@@ -157,7 +168,7 @@ def choose_noise(
     neighbours = neighbour_correlation(posterior, start)
     return NoiseChoice(
         best,
-        _reason(best, rivals, neighbours, chosen),
+        _reason(best, rivals, neighbours, chosen, coarse),
         neighbours,
         rivals,
         chosen.gain,
@@ -193,17 +204,21 @@ def _reason(
     rivals: Mapping[str, float],
     neighbours: Mapping[str, float],
     description: _Description,
+    coarse: Mapping[str, float],
 ) -> str:
     title = NOISE_MODELS[name].title
     parts = []
     correlations = ", ".join(f"{value:.2f} ({channel})" for channel, value in neighbours.items())
     parts.append(f"neighbouring residuals of the least-squares fit are correlated by {correlations}")
+    if coarse:
+        steps = ", ".join(f"{value:.2g} ({channel})" for channel, value in coarse.items())
+        parts.append(f"readings come in steps that are large for what is left, {steps} times as large")
     others = sorted(((v, k) for k, v in rivals.items() if k != name), reverse=True)
     if others:
         ahead = rivals[name] - others[0][0]
         less = "less" if ahead >= 0 else "more, which is too little to prefer it"
         parts.append(f"{NOISE_MODELS[others[0][1]].title} comes second, ln evidence {abs(ahead):.1f} {less}")
-    elif name == SIMPLEST:
+    elif name == SIMPLEST and not coarse:
         parts.append("what is left shows neither memory, heavy tails, growth nor a trace of the slope")
     taken = sorted({channel for bases in description.bases for channel in bases})
     if taken:
@@ -301,6 +316,26 @@ class _Residuals:
                     )
         return found
 
+    def coarse(self, description: _Description) -> dict[str, float]:
+        """Channels with readings in steps of more than `COARSE` standard deviations of the noise before rounding.
+
+        Returns
+        -------
+        dict of str to float
+            The step over the standard deviation of what is left, in which rounding has its share of ``q**2/12``.
+        """
+        found: dict[str, float] = {}
+        if self.bent:
+            return found
+        least = COARSE / np.sqrt(1.0 + COARSE**2 / 12.0)
+        for record, own in zip(self.posterior.records, description.estimate, strict=True):
+            step = RecordScales.of([record]).step
+            for channel in record.channels:
+                ratio = step[channel] / float(own[channel][0])
+                if ratio > max(least, found.get(channel, 0.0)):
+                    found[channel] = ratio
+        return found
+
     @property
     def bent(self) -> bool:
         """Whether the thermometer is known to err: to the moments that are looked at here that seems like tails."""
@@ -329,7 +364,8 @@ class _Residuals:
         for i, record in enumerate(self.posterior.records):
             for channel in record.channels:
                 alone = self._look(noise, i, channel, None)
-                basis = self.bases[i].get(channel) if noise.is_density else None
+                usable = noise.is_density and not (noise.stands_alone and self.bent)
+                basis = self.bases[i].get(channel) if usable else None
                 beside = None if basis is None else self._look(noise, i, channel, basis)
                 found[i, channel] = (alone, beside)
                 gain[channel] += -np.inf if beside is None else beside.ln_evidence - alone.ln_evidence
@@ -361,7 +397,7 @@ class _Residuals:
             return True
         steps = self.posterior.steps[i]
         longest = np.diff(np.append(np.flatnonzero(steps.first), steps.first.size)).max()
-        return noise.memory(found.theta[1:], steps) < LONGEST_MEMORY * float(longest)
+        return noise.memory(noise.shape_of(found.theta), steps) < LONGEST_MEMORY * float(longest)
 
     def _look(self, noise: NoiseModel, i: int, channel: str, basis: DiscrepancyBasis | None) -> _Found:
         record = self.posterior.records[i]
@@ -496,14 +532,14 @@ class _ResidualDensity:
             whitened = self._whitened(theta)
             found = whitened.likeliest_weights()
             e = whitened.e - found @ whitened.rows / whitened.scale
-            innovations = np.nan_to_num(self.noise.innovations(e, theta[:, 1:], self.steps)[0])
+            innovations = np.nan_to_num(self.noise.innovations(e, whitened.shape, self.steps)[0])
         if self.basis is None or not np.isfinite(found).all():
             return None, innovations
         return found[0, : self.basis.count], innovations
 
     def _whitened(self, theta: Floats) -> Whitened:
         scale = theta[:, :1]
-        shape = theta[:, 1:]
+        shape = self.noise.shape_of(theta)
         relative = self.noise.relative_scale(shape, self.response)
         if relative is not None:
             scale = scale * relative

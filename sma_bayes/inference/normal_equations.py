@@ -139,7 +139,7 @@ class NormalEquations:
         log_volume = np.zeros(len(theta))
         for rows, basis, at, size, steps in self._channels_with_bases():
             per_variance = 1.0 / theta[:, at[0]] ** 2
-            shape = theta[:, at[1:]]
+            shape = self.posterior.noise.shape_of(theta[:, at])
             if basis is None:
                 gram = self.posterior.noise.weighted_gram(rows, shape, steps)
             else:
@@ -259,7 +259,7 @@ class _Axes:
         noise = equations.posterior.noise
         weights = np.empty((len(theta), len(self.squares)))
         for c, (_, at, steps) in enumerate(equations.channels()):
-            of_one = noise.weighted_gram(ONE, theta[:, at[1:]], steps)[:, 0, 0]
+            of_one = noise.weighted_gram(ONE, noise.shape_of(theta[:, at]), steps)[:, 0, 0]
             np.divide(of_one, theta[:, at[0]] ** 2, out=weights[:, c])
         pull = weights @ self.pulls[:-1] + self.pulls[-1]
         precision = 1.0 + weights @ self.information

@@ -10,6 +10,7 @@ from sma_bayes.noise.base import NoiseModel, Steps
 from sma_bayes.noise.effective_samples import EffectiveSamples
 from sma_bayes.noise.heteroscedastic import WRAPPERS
 from sma_bayes.noise.independent import Independent
+from sma_bayes.noise.rounded import Rounded
 from sma_bayes.noise.student_t import StudentT
 
 
@@ -19,6 +20,10 @@ class NoiseCatalogue(Catalogue[NoiseModel]):
     def __getitem__(self, name: str) -> NoiseModel:
         series, *others = name.split("+")
         model = super().__getitem__(series)
+        if others and model.stands_alone:
+            raise UnknownNameError(
+                f"no noise model is called {name!r}", expected=f"{series}, to which nothing can be added"
+            )
         for suffix, wrapper in WRAPPERS.items():
             if suffix in others:
                 model = wrapper(model)
@@ -49,6 +54,7 @@ NOISE_MODELS = NoiseCatalogue(
             StudentT(),
             StudentT(AR1()),
             StudentT(AR1Time()),
+            Rounded(),
             EffectiveSamples(),
         )
     },

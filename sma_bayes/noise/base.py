@@ -79,6 +79,8 @@ class NoiseModel(ABC):
         Whether a sample depends on the one before it.
     is_density : bool
         Whether the likelihood is a density of the data, so that evidences and criteria can be compared.
+    stands_alone : bool
+        Whether nothing may follow its name after a plus sign.
     is_gaussian : bool
         Whether what `decorrelate` leaves is normal, so that a Gaussian discrepancy can be integrated out exactly.
     """
@@ -89,6 +91,7 @@ class NoiseModel(ABC):
     remembers: bool = False
     is_density: bool = True
     is_gaussian: bool = False
+    stands_alone: bool = False
 
     @property
     def feels_temperature(self) -> bool:
@@ -107,6 +110,13 @@ class NoiseModel(ABC):
         """
         return (sd_fact(channel, unit),)
 
+    def shape_of(self, values: Floats) -> Floats:
+        """What shapes the standardised series (..., k), from the parameters (..., 1 + k) of a channel.
+
+        By default those after ``sd``, as they are.
+        """
+        return values[..., 1:]
+
     def information(self, shape: Floats) -> Floats:
         """Share of the log likelihood that counts, shape (...); 1 for a density of the data."""
         return np.ones(shape.shape[:-1])
@@ -119,7 +129,7 @@ class NoiseModel(ABC):
         ----------
         e : ndarray, shape (..., n)
         shape : ndarray, shape (..., k)
-            The parameters after ``sd``; others may follow them.
+            From `shape_of`; others may follow.
         steps : Steps
 
         Returns
@@ -160,6 +170,10 @@ class NoiseModel(ABC):
         up, down = innovation + step, innovation - step
         rise = self.log_density(up, shape, steps) - self.log_density(down, shape, steps)
         return np.asarray(-rise / (up - down))
+
+    def damping(self, shape: Floats) -> Floats:
+        """Share of a step of Fisher scoring that is taken, shape (...); 1 by default."""
+        return np.ones(shape.shape[:-1])
 
     def location_information(self, shape: Floats) -> Floats:
         """Fisher information of the location of one sample that `decorrelate` leaves, shape (...)."""
@@ -249,6 +263,30 @@ class NoiseModel(ABC):
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         """Standardised series drawn from the model, shape (..., n) for `shape` (..., k)."""
         ...
+
+    def readings(
+        self,
+        rng: np.random.Generator,
+        response: Floats,
+        scale: Floats,
+        shape: Floats,
+        steps: Steps,
+        one: float,
+    ) -> Floats:
+        """Readings (..., n) drawn about a response, as the instrument shows them.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        response : ndarray, shape (..., n)
+        scale : ndarray, shape (..., n) or (..., 1)
+            Standard deviation of the noise.
+        shape : ndarray, shape (..., k)
+        steps : Steps
+        one : float
+            Some reading of the channel [unit of the channel].
+        """
+        return np.asarray(response + scale * self.draw(rng, shape, steps))
 
     def relative_scale(self, shape: Floats, response: Floats) -> Floats | None:
         """Standard deviation of each sample as a multiple of ``sd``, shape (..., n); None where it is 1 throughout.

@@ -79,6 +79,9 @@ class Wrapped(NoiseModel):
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         return self.series.parameters(channel, unit, time_unit)
 
+    def shape_of(self, values: Floats) -> Floats:
+        return self.series.shape_of(values)
+
     def information(self, shape: Floats) -> Floats:
         return self.series.information(shape)
 
@@ -103,6 +106,9 @@ class Wrapped(NoiseModel):
     def score(self, innovation: Floats, shape: Floats) -> Floats:
         return self.series.score(innovation, shape)
 
+    def damping(self, shape: Floats) -> Floats:
+        return self.series.damping(shape)
+
     def location_information(self, shape: Floats) -> Floats:
         return self.series.location_information(shape)
 
@@ -120,6 +126,17 @@ class Wrapped(NoiseModel):
 
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         return self.series.draw(rng, shape, steps)
+
+    def readings(
+        self,
+        rng: np.random.Generator,
+        response: Floats,
+        scale: Floats,
+        shape: Floats,
+        steps: Steps,
+        one: float,
+    ) -> Floats:
+        return self.series.readings(rng, response, scale, shape, steps, one)
 
     def relative_scale(self, shape: Floats, response: Floats) -> Floats | None:
         return self.series.relative_scale(shape, response)

@@ -9,11 +9,15 @@ import numpy as np
 
 from sma_bayes.errors import PriorError, near_matches
 from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.records.quality import digit
 from sma_bayes.records.types import Record
 
 TYPICAL = {False: {"displacement": 0.01, "force": 1.0}, True: {"displacement": 0.03, "force": 1e8}}
 """Order of magnitude of a channel that was not observed: a spring's stroke of 1 cm and force of 1 N; a
 specimen's transformation strain of 3 % and stress of 100 MPa."""
+
+FEW = 12
+"""Readings, differences of which may all be multiples of the least by chance."""
 
 _SERIES = ("temperature", "time", *CHANNELS)
 
@@ -37,6 +41,8 @@ class RecordScales:
         Residual standard error of the least-squares fit, where it is known already.
     memory : mapping of str to float
         Samples that count as one, from the correlation of those residuals.
+    step : mapping of str to float
+        Step of each channel whose readings are whole multiples of one; else 0.
     """
 
     low: Mapping[str, float]
@@ -46,6 +52,7 @@ class RecordScales:
     typical: Mapping[str, float]
     residual: Mapping[str, float] = field(default_factory=dict)
     memory: Mapping[str, float] = field(default_factory=dict)
+    step: Mapping[str, float] = field(default_factory=dict)
 
     def with_residual(self, residual: Mapping[str, float]) -> RecordScales:
         """The same with the residual standard error of each channel."""
@@ -81,7 +88,8 @@ class RecordScales:
                 span[name] = float(np.ptp(values)) or max(abs(level[name]), 1.0) * 1e-6
         canonical = all(first.units.get(c) in (None, "m", "N", "N/m", "1", "Pa") for c in first.channels)
         typical = TYPICAL[first.specimen] if canonical else {"displacement": 1.0, "force": 1.0}
-        return RecordScales(low, span, level, trend, typical)
+        step = {c: _step(series[c]) for c in first.channels}
+        return RecordScales(low, span, level, trend, typical, step=step)
 
     def resolve(self, expression: str, channel: str = "") -> tuple[float, float]:
         """Scale and shift that an expression stands for.
@@ -89,9 +97,9 @@ class RecordScales:
         Parameters
         ----------
         expression : str
-            Products and quotients of ``span(x)``, ``level(x)``, ``typical(x)``, ``residual(x)`` and ``memory(x)``, or
-            ``position(x)`` alone: 0 at the bottom of the range of ``x`` and 1 at its top. ``x`` is temperature,
-            time or a channel.
+            Products and quotients of ``span(x)``, ``level(x)``, ``typical(x)``, ``residual(x)``, ``memory(x)`` and
+            ``step(x)``, or ``position(x)`` alone: 0 at the bottom of the range of ``x`` and 1 at its top. ``x`` is
+            temperature, time or a channel.
         channel : str
             What the word ``channel`` stands for.
 
@@ -121,16 +129,21 @@ class RecordScales:
                 return self.span[name], self.low[name]
             tables = {
                 "span": self.span, "level": self.level, "typical": self.typical, "residual": self.residual,
-                "memory": self.memory,
+                "memory": self.memory, "step": self.step,
             }  # fmt: skip
             if kind not in tables or not rest.endswith(")"):
                 raise PriorError(
                     f"scale {expression!r} can't be understood",
-                    expected="products of span(x), level(x), typical(x), residual(x), memory(x), or position(x) alone; "
-                    + near_matches(kind, [*tables, "position"]),
+                    expected="products of span(x), level(x), typical(x), residual(x), memory(x), step(x), "
+                    "or position(x) alone; " + near_matches(kind, [*tables, "position"]),
                 )
             scale *= tables[kind][name] ** sign
         return scale, shift
+
+
+def _step(values: Floats) -> float:
+    """Step of readings (n,); a few of them are too few to tell, and coarse readings need not come twice."""
+    return digit(values, most=1.0) if values.size >= FEW else 0.0
 
 
 def _factors(expression: str) -> list[tuple[int, str]]:

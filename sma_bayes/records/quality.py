@@ -39,12 +39,14 @@ GAP_STEPS, GAP_JUMPS, GAP_SHARE = 10.0, 5.0, 0.05
 large ones (a large one is exceeded by a tenth of the steps)."""
 
 
-def digit(values: Floats) -> float:
+def digit(values: Floats, most: float = 0.5) -> float:
     """Smallest step by which a quantised channel changes.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
+    most : float
+        Different values that there may be, as a share of all of them.
 
     Returns
     -------
@@ -57,7 +59,7 @@ def digit(values: Floats) -> float:
     0.1
     """
     levels = np.unique(values[np.isfinite(values)])
-    if levels.size < 3 or levels.size > 0.5 * values.size:
+    if levels.size < 3 or levels.size > most * values.size:
         return 0.0
     steps = np.diff(levels)
     resolution = 1e-9 * max(abs(levels[0]), abs(levels[-1]))

@@ -60,8 +60,8 @@ def standardised_residuals(
     out = {}
     for channel, curve in curves.items():
         facts = noise.parameters(channel, "1", "s")
-        sd, *rest = (float(np.median(stored.draws[fact.name])) for fact in facts)
-        shape = np.array(rest)
+        values = np.array([float(np.median(stored.draws[fact.name])) for fact in facts])
+        sd, shape = float(values[0]), noise.shape_of(values)
         low, span = observed_range(stored.observed[channel])
         relative = noise.relative_scale(shape, (curve - low) / span)
         scale = sd * (np.ones(1) if relative is None else relative)

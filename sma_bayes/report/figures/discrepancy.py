@@ -102,9 +102,10 @@ def _quantiles(draws: RecordDraws, channel: str) -> Mapping[str, Floats]:
 def _noise(draws: RecordDraws, channel: str, temperature: Floats, curve: Floats) -> Floats:
     """Standard deviation (m,) of the noise of a reading, the error of its temperature included; median parameters."""
     posterior, place = draws.posterior, draws.posterior.layout[0]
-    sd, *shape = np.median(draws.theta[:, place.noise[channel]], axis=0).tolist()
+    values = np.median(draws.theta[:, place.noise[channel]], axis=0)
+    sd, shape = float(values[0]), posterior.noise.shape_of(values)
     low, span = posterior.observed_range(0, channel)
-    relative = posterior.noise.relative_scale(np.array(shape), (curve - low) / span)
+    relative = posterior.noise.relative_scale(shape, (curve - low) / span)
     own = np.broadcast_to(sd * (1.0 if relative is None else relative), temperature.shape)
     at = place.temperature_sd
     error = float(np.hypot(draws.record.temperature_sd, 0.0 if at is None else np.median(draws.theta[:, at])))

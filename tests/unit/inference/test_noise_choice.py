@@ -69,6 +69,44 @@ def test_a_real_memory_seldom_passes_for_misfit(make_record: Callable[..., Recor
         assert all(gain < 5.0 for gain in c.discrepancy.values())
 
 
+def rounded(record: Record, steps_of_noise: float, sd: float = 0.01) -> Record:
+    """Readings rounded to so many standard deviations of the noise, which is a share `sd` of the range."""
+    observed = {}
+    for channel, y in record.observed.items():
+        step = steps_of_noise * sd * np.ptp(y)
+        observed[channel] = step * np.round(y / step)
+    return replace(record, observed=observed)
+
+
+@pytest.mark.parametrize("n", [60, 200])
+def test_readings_in_coarse_steps_are_taken_as_intervals(make_record: Callable[..., Record], n: int) -> None:
+    record = make_record(n=n, seed=4)
+    choice = choice_for(rounded(record, 5.0))
+    assert choice.name == "rounded"
+    assert "in steps that are large for what is left" in choice.reason
+    assert list(choice.ln_evidence) == ["rounded"]
+    assert not choice.bases[0]
+    fine = choice_for(rounded(record, 0.5))
+    assert fine.name == choice_for(record).name
+    assert "steps" not in fine.reason
+
+
+def test_misfit_is_told_apart_from_coarse_steps(make_record: Callable[..., Record]) -> None:
+    choice = choice_for(rounded(with_a_second_step(make_record(n=200, seed=5)), 3.0))
+    assert choice.name == "rounded"
+    assert set(choice.bases[0]) == {"force", "displacement"}
+    for channel, values in choice.estimate[0].items():
+        assert values.size == 3, channel
+
+
+def test_a_declared_error_of_the_thermometer_stands_beside_rounding_without_a_discrepancy(
+    make_record: Callable[..., Record],
+) -> None:
+    record = replace(rounded(make_record(n=100, seed=6), 5.0), temperature_sd=0.3)
+    assert choice_for(record).name != "rounded"
+    assert not choice_for(record, noise="rounded").bases[0]
+
+
 def with_a_second_step(record: Record) -> Record:
     t = record.temperature
     observed = {
