@@ -22,6 +22,8 @@ STEP = 1e-4
 """Step of finite differences, in standard deviations of the prior."""
 ROUNDS = 8
 """Greatest number of times that noise and parameters are fitted in turn; once or twice is the rule."""
+MOST_STEPS = 60
+"""Greatest number of steps to a mode."""
 CHUNK = 1 << 17
 """Samples times parameter vectors that are evaluated at a time."""
 
@@ -142,6 +144,29 @@ def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise) -> Fitte
     return problem.fitted(problem.climb(np.asarray(start, dtype=float), noise), noise)
 
 
+def climbed(
+    hypothesis: Hypothesis, start: Floats, noise: Noise, steps: int, held: int
+) -> tuple[Floats, float]:
+    """Where a few steps from a start lead, and the log likelihood there.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    start : ndarray, shape (D,)
+        Sampled coordinates.
+    noise : tuple of BlockNoise
+    steps : int
+        As many again come first in which the last coordinates stay.
+    held : int
+        How many of them.
+    """
+    problem = _Problem(hypothesis)
+    z = np.asarray(start, dtype=float)
+    for free in (z.size - held, z.size):
+        z = problem.climb(z, noise, steps, free)
+    return z, problem.log_likelihood(z, noise)
+
+
 def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> Fitted:
     """Find mode and noise in turn."""
     problem = _Problem(hypothesis)
@@ -212,19 +237,21 @@ class _Problem:
         w = whiten(self.blocks, noise, self.residual(z))
         return float(-0.5 * w @ w - sum(n.log_scale for n in noise) - HALF_LN_2PI * w.size)
 
-    def climb(self, z: Floats, noise: Noise) -> Floats:
-        """Levenberg-Marquardt on the log posterior at fixed noise."""
+    def climb(self, z: Floats, noise: Noise, steps: int = MOST_STEPS, free: int | None = None) -> Floats:
+        """Levenberg-Marquardt on the log posterior at fixed noise, in so many coordinates from the first on."""
         damping = 1e-3
         w = whiten(self.blocks, noise, self.residual(z))
         prior, gradient, curvature = self.prior(z)
         value = 0.5 * float(w @ w) - prior
-        for _ in range(60):
+        for _ in range(steps):
             jacobian = self._jacobian(z, noise)
             slope = jacobian.T @ w + gradient
             precision = jacobian.T @ jacobian - np.diag(curvature)
             accepted = False
             while damping < 1e8:
-                step = np.linalg.solve(precision + damping * np.diag(np.diag(precision)), slope)
+                damped = precision + damping * np.diag(np.diag(precision))
+                step = np.zeros(z.size)
+                step[:free] = np.linalg.solve(damped[:free, :free], slope[:free])
                 step = np.clip(step, -3.0 * self.width, 3.0 * self.width)
                 trial = z + step
                 w_trial = whiten(self.blocks, noise, self.residual(trial))

@@ -12,7 +12,7 @@ keeps its memory throughout, so slow residuals do not count as often as they wer
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -20,6 +20,7 @@ from scipy.special import logsumexp
 
 from sma_bayes.effects.needs import untestable
 from sma_bayes.effects.types import Effect
+from sma_bayes.gap.finite import STRONG, gained_in_steps
 from sma_bayes.gap.fitting import Fitted, added_by, fit_hypothesis, stacked
 from sma_bayes.gap.flexible import Gain, Offer, offer, worth_of
 from sma_bayes.parameters.distributions import Distribution, LogNormal
@@ -204,6 +205,8 @@ def candidates(
     list of Candidate
         Best first.
     """
+    if refit and flexible and flexible[0].ln_bayes_factor >= STRONG:
+        screened = _in_steps(fitted, screened)
     out: list[Candidate] = []
     without = offer(fitted, flexible) if refit else None
     for place, s in enumerate(screened):
@@ -217,6 +220,15 @@ def candidates(
         beside = Beside.of(gained, offer(found), without) if without and gained >= WORTH else None
         out.append(Candidate(s.effect, found, gained, guard, covariate, beside))
     return sorted(out, key=lambda c: -c.ln_bayes_factor)
+
+
+def _in_steps(fitted: Fitted, screened: Sequence[Screened]) -> list[Screened]:
+    """Screened effects with what they gain in a few steps of a fit; greatest gain first."""
+    out = []
+    for s in screened:
+        gain, start = gained_in_steps(fitted, s.effect, s.start)
+        out.append(replace(s, gain=gain, start=start))
+    return sorted(out, key=lambda s: -s.gain)
 
 
 def screen(fitted: Fitted, effect: Effect) -> Screened:
