@@ -6,6 +6,7 @@ Posteriors are NetCDF with flat groups, as `arviz.from_netcdf` of arviz 0.23 and
 from __future__ import annotations
 
 import json
+import math
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -21,7 +22,7 @@ from sma_bayes.posterior import versions
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.results.fit import Fit
-from sma_bayes.results.netcdf import write_tree
+from sma_bayes.results.netcdf import Group, Variable, axes, write_groups
 
 PRIOR_DRAWS = 500
 PRIOR_GRID = 81
@@ -30,8 +31,16 @@ WEIGHTS, FUNCTIONS = "_discrepancy_weights", "_discrepancy_functions"
 """How the names of variables end that hold what a curve misses."""
 NODE, FUNCTION = "_discrepancy_node", "_discrepancy_function"
 """And those of their dimensions: temperatures between which natural cubic splines run, and numbers of functions."""
-PREDICTIVE_DRAWS = 250
+PREDICTIVE_DRAWS = 125
 """Draws of each ensemble for which pointwise likelihood and replicated data are stored."""
+LOG_STEP = 2.0**-7
+"""To what log densities of samples are rounded; the error of their sum over draws is far below that of the draws."""
+NOISE_STEP = 2.0**-5
+"""To what replicated data are rounded: this part of their standard deviation, or a little less."""
+CURVE_BITS = 12
+"""To how many binary digits curves of the prior are rounded."""
+PACKED_GROUPS = ("log_likelihood", "posterior_predictive", "prior_predictive")
+"""Groups that are compressed; what is rounded to a power of two takes a third of the room then."""
 
 
 UNFINISHED = ".unfinished-"
@@ -103,13 +112,16 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
 
 def write_csv(path: Path, columns: Mapping[str, Any], digits: int = 9) -> None:
     """Write columns of equal length as CSV with a header."""
-    names = list(columns)
-    values = [np.asarray(columns[name]) for name in names]
     form = f"%.{digits}g"
-    rows = [",".join(names)]
-    for row in zip(*values, strict=True):
-        rows.append(",".join(_cell(v, form) for v in row))
+    cells = [_cells(np.asarray(values), form) for values in columns.values()]
+    rows = [",".join(columns), *(",".join(row) for row in zip(*cells, strict=True))]
     write_text(path, "\n".join(rows) + "\n")
+
+
+def _cells(values: Any, form: str) -> list[str]:
+    if values.dtype.kind == "f":
+        return [form % v if math.isfinite(v) else "" for v in values.tolist()]
+    return [_cell(v, form) for v in values]
 
 
 def _cell(value: Any, form: str) -> str:
@@ -150,97 +162,117 @@ def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, 
     replicated : mapping of str to ndarray, shape (G N, n)
         Replicated data, one series for each kept draw.
     """
-    tree = _tree(fit, record, replicated)
+    groups = _groups(fit, record, replicated)
     write_file(
         path,
-        lambda place: write_tree(place, tree, packed=("/log_likelihood", "/posterior_predictive")),
-        nbytes=int(tree.nbytes),
+        lambda place: write_groups(place, groups, packed=PACKED_GROUPS),
+        nbytes=sum(group.nbytes for group in groups.values()),
     )
 
 
-def _tree(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> Any:
-    import xarray as xr
-
+def _groups(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> dict[str, Group]:
     r = fit.records[record]
-    groups, kept, _ = fit.theta.shape
-    chain, draw = np.arange(groups), np.arange(kept)
-    stride = max(1, kept // PREDICTIVE_DRAWS)
-    few = draw[::stride]
+    chains, kept, _ = fit.theta.shape
+    dims = ("chain", "draw")
+    coords = axes(chain=np.arange(chains), draw=np.arange(kept))
     theta = fit.calibrated(record).reshape(fit.theta.shape)
     own = _own_parameters(fit, record)
-    posterior = xr.Dataset(
-        {
-            name: (("chain", "draw"), theta[:, :, i], {"unit": p.unit, "long_name": p.meaning, "prior": repr(p.prior),
-                                                       "prior_source": p.source})
-            for name, i in own.items()
-            for p in [fit.posterior.space.parameters[i]]
-        },
-        coords={"chain": chain, "draw": draw},
-    )  # fmt: skip
+    posterior = {
+        name: Variable(dims, theta[:, :, i], {"unit": p.unit, "long_name": p.meaning, "prior": repr(p.prior),
+                                              "prior_source": p.source})
+        for name, i in own.items()
+        for p in [fit.posterior.space.parameters[i]]
+    }  # fmt: skip
     flat = fit.z.reshape(-1, fit.z.shape[-1])
-    log_prior = fit.posterior.log_prior(flat).reshape(groups, kept)
-    log_likelihood = fit.posterior.log_likelihood(fit.flat).reshape(groups, kept)
-    sample_stats = xr.Dataset(
-        {
-            "lp": (("chain", "draw"), log_prior + log_likelihood),
-            "log_prior": (("chain", "draw"), log_prior),
-            "log_likelihood": (("chain", "draw"), log_likelihood),
-            **_discrepancy_weights(fit, record),
-        },
-        coords={"chain": chain, "draw": draw, **_functions(fit, record)},
-    )
-    points = {
-        "row": ("obs", r.row),
-        **{k: ("obs", v, {"unit": r.units.get(k, "1")}) for k, v in r.inputs.items()},
+    log_prior = fit.posterior.log_prior(flat).reshape(chains, kept)
+    log_likelihood = fit.posterior.log_likelihood(fit.flat).reshape(chains, kept)
+    densities = {"lp": log_prior + log_likelihood, "log_prior": log_prior, "log_likelihood": log_likelihood}
+    points = axes(obs=np.arange(r.n)) | {
+        "row": Variable(("obs",), r.row),
+        **{k: Variable(("obs",), v, {"unit": r.units.get(k, "1")}) for k, v in r.inputs.items()},
     }
+    prior, prior_predictive = _prior_groups(fit, record, own)
+    return {
+        "/": Group(attributes=_attributes(fit, r)),
+        "posterior": Group(posterior, coords),
+        "sample_stats": Group(
+            {name: Variable(dims, values) for name, values in densities.items()}
+            | _discrepancy_weights(fit, record),
+            coords | _functions(fit, record),
+        ),
+        **_pointwise_groups(fit, record, replicated, points),
+        "log_prior": Group({"log_prior": Variable(dims, log_prior)}, coords),
+        "observed_data": Group(
+            {
+                c: Variable(("obs",), v, {"unit": r.units[c], "quantity": r.quantity(c)})
+                for c, v in r.observed.items()
+            },
+            points,
+        ),
+        "prior": prior,
+        "prior_predictive": prior_predictive,
+        "constant_data": _constants(fit, record, points),
+    }
+
+
+def _pointwise_groups(
+    fit: Fit, record: int, replicated: Mapping[str, Floats], points: dict[str, Variable]
+) -> dict[str, Group]:
+    """Log likelihood of each sample and replicated data, for every n-th draw; rounded, as they are most of the file."""
+    r = fit.records[record]
+    chains, kept, _ = fit.theta.shape
+    stride = max(1, kept // PREDICTIVE_DRAWS)
+    few = np.arange(kept)[::stride]
     some = fit.theta[:, ::stride].reshape(-1, fit.theta.shape[-1])
-    few_weights = tuple(
-        {c: w.reshape(groups, kept, -1)[:, ::stride].reshape(len(some), -1) for c, w in own.items()}
+    weights = tuple(
+        {c: w.reshape(chains, kept, -1)[:, ::stride].reshape(len(some), -1) for c, w in own.items()}
         for own in fit.discrepancy
     )
-    pointwise = fit.posterior.pointwise_log_likelihood(some, few_weights)[record]
-    shape = (groups, few.size, r.n)
+    pointwise = fit.posterior.pointwise_log_likelihood(some, weights)[record]
     dims = ("chain", "draw", "obs")
-    few_coords = {"chain": chain, "draw": few, "obs": np.arange(r.n), **points}
+    coords = axes(chain=np.arange(chains), draw=few) | points
+    densities, data = {}, {}
+    for channel, values in pointwise.items():
+        shaped = values.reshape(chains, few.size, r.n)
+        densities[channel] = Variable(dims, _rounded(shaped, LOG_STEP), {"rounded_to": LOG_STEP})
+    for channel in r.channels:
+        drawn = replicated[channel].reshape(chains, kept, r.n)[:, ::stride]
+        step = NOISE_STEP * float(drawn.std(axis=(0, 1)).min())
+        data[channel] = Variable(dims, _rounded(drawn, step), {"rounded_to": step})
+    return {"log_likelihood": Group(densities, coords), "posterior_predictive": Group(data, coords)}
 
-    def replicas(channel: str) -> Floats:
-        return replicated[channel].reshape(groups, kept, r.n)[:, ::stride].astype(np.float32)
 
-    prior, prior_predictive = _prior_groups(fit, record, own)
-    return xr.DataTree.from_dict(
-        {
-            "/": xr.Dataset(attrs=_attributes(fit, r)),
-            "posterior": posterior,
-            "sample_stats": sample_stats,
-            "log_likelihood": xr.Dataset(
-                {c: (dims, v.reshape(shape)) for c, v in pointwise.items()}, few_coords
-            ),
-            "log_prior": xr.Dataset(
-                {"log_prior": (("chain", "draw"), log_prior)}, {"chain": chain, "draw": draw}
-            ),
-            "posterior_predictive": xr.Dataset({c: (dims, replicas(c)) for c in r.channels}, few_coords),
-            "observed_data": xr.Dataset(
-                {
-                    c: ("obs", v, {"unit": r.units[c], "quantity": r.quantity(c)})
-                    for c, v in r.observed.items()
-                },
-                {"obs": np.arange(r.n), **points},
-            ),
-            "prior": prior,
-            "prior_predictive": prior_predictive,
-            "constant_data": _constants(fit, record, points),
-        }
+def _rounded(values: Floats, step: float) -> Any:
+    """Values to the next power of two not above a step, in single precision; as they are where the step is 0.
+
+    Examples
+    --------
+    >>> _rounded(np.array([1.3, -0.1]), 0.3).tolist()
+    [1.25, 0.0]
+    """
+    if not step > 0.0:
+        return values.astype(np.float32)
+    power = 2.0 ** np.floor(np.log2(step))
+    return (np.round(values / power) * power + 0.0).astype(np.float32)
+
+
+def _significant(values: Floats, bits: int) -> Any:
+    """Values to so many binary digits, in single precision, whose far ends stand for what overflows."""
+    largest = float(np.finfo(np.float32).max)
+    mantissa, exponent = np.frexp(np.clip(values, -largest, largest))
+    return np.clip(np.ldexp(np.round(mantissa * 2.0**bits) / 2.0**bits, exponent), -largest, largest).astype(
+        np.float32
     )
 
 
-def _discrepancy_weights(fit: Fit, record: int) -> dict[str, Any]:
+def _discrepancy_weights(fit: Fit, record: int) -> dict[str, Variable]:
     """Weights of what the curve misses, for each kept draw."""
-    groups, kept, _ = fit.theta.shape
+    chains, kept, _ = fit.theta.shape
     own = fit.discrepancy[record] if fit.discrepancy else {}
     return {
-        f"{channel}{WEIGHTS}": (
+        f"{channel}{WEIGHTS}": Variable(
             ("chain", "draw", f"{channel}{FUNCTION}"),
-            weights.reshape(groups, kept, -1),
+            weights.reshape(chains, kept, -1),
             {
                 "unit": fit.records[record].units[channel],
                 "long_name": f"weights of what the curve of {channel} misses",
@@ -250,46 +282,40 @@ def _discrepancy_weights(fit: Fit, record: int) -> dict[str, Any]:
     }
 
 
-def _functions(fit: Fit, record: int) -> dict[str, Any]:
+def _functions(fit: Fit, record: int) -> dict[str, Variable]:
     """Numbers of these functions, the coordinates of their dimension."""
     bases = fit.posterior.discrepancy[record]
-    return {f"{channel}{FUNCTION}": np.arange(basis.count) for channel, basis in bases.items()}
+    return axes(**{f"{channel}{FUNCTION}": np.arange(basis.count) for channel, basis in bases.items()})
 
 
-def _constants(fit: Fit, record: int, points: Mapping[str, Any]) -> Any:
+def _constants(fit: Fit, record: int, points: Mapping[str, Variable]) -> Group:
     """Inputs of the model, and the functions of temperature of which what a curve misses is made."""
-    import xarray as xr
-
     r, bases = fit.records[record], fit.posterior.discrepancy[record]
-    coords = {"obs": np.arange(r.n), **_functions(fit, record)}
+    coords = axes(obs=points["obs"].values) | _functions(fit, record)
     coords |= {
-        f"{c}{NODE}": (f"{c}{NODE}", b.temperature, {"unit": r.units["temperature"]})
+        f"{c}{NODE}": Variable((f"{c}{NODE}",), b.temperature, {"unit": r.units["temperature"]})
         for c, b in bases.items()
     }
-    values = {f"{c}{FUNCTIONS}": ((f"{c}{NODE}", f"{c}{FUNCTION}"), b.values) for c, b in bases.items()}
-    return xr.Dataset({**points, **values}, coords)
+    values = {
+        f"{c}{FUNCTIONS}": Variable((f"{c}{NODE}", f"{c}{FUNCTION}"), b.values) for c, b in bases.items()
+    }
+    return Group({name: v for name, v in points.items() if name != "obs"} | values, coords)
 
 
-def _prior_groups(fit: Fit, record: int, own: Mapping[str, int]) -> tuple[Any, Any]:
+def _prior_groups(fit: Fit, record: int, own: Mapping[str, int]) -> tuple[Group, Group]:
     """Draws from the prior, and the curves that they give over the observed temperatures."""
-    import xarray as xr
-
     r = fit.records[record]
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 3, *r.key.encode()]))
     theta = fit.posterior.space.to_physical(fit.posterior.draw_prior(rng, PRIOR_DRAWS))
     grid = np.linspace(r.temperature.min(), r.temperature.max(), PRIOR_GRID)
     curve = fit.posterior.predict(theta, {"temperature": grid}, record=record)
-    largest = float(np.finfo(np.float32).max)  # far tails of the prior overflow the number format of the file
-    coords = {"chain": [0], "draw": np.arange(PRIOR_DRAWS)}
-    draws = xr.Dataset({name: (("chain", "draw"), theta[None, :, i]) for name, i in own.items()}, coords)
-    curves = xr.Dataset(
-        {
-            c: (("chain", "draw", "temperature"), np.clip(v[None], -largest, largest).astype(np.float32))
-            for c, v in curve.items()
-        },
-        {**coords, "temperature": grid},
-    )
-    return draws, curves
+    coords = axes(chain=[0], draw=np.arange(PRIOR_DRAWS))
+    draws = {name: Variable(("chain", "draw"), theta[None, :, i]) for name, i in own.items()}
+    curves = {
+        c: Variable(("chain", "draw", "temperature"), _significant(v[None], CURVE_BITS))
+        for c, v in curve.items()
+    }
+    return Group(draws, coords), Group(curves, coords | axes(temperature=grid))
 
 
 def _own_parameters(fit: Fit, record: int) -> dict[str, int]:

@@ -6,20 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from sma_bayes.arviz_bridge import arviz, open_posterior
 from sma_bayes.errors import OutputError
-from sma_bayes.results.netcdf import write_tree
+from sma_bayes.results.netcdf import Group, Variable, axes, write_groups
 
 DRAWS = np.random.default_rng(0).normal(50.0, 1.0, (4, 25))
 
 
 def write(path: Path, group: str) -> Path:
-    chains = {"chain": np.arange(4), "draw": np.arange(25)}
-    draws = xr.Dataset({"B3": (("chain", "draw"), DRAWS, {"unit": "degC"})}, chains)
-    seed = xr.Dataset(attrs={"seed": 3})
-    write_tree(path, xr.DataTree.from_dict({"/": seed, group: draws, "sample_stats": draws}))
+    chains = axes(chain=np.arange(4), draw=np.arange(25))
+    draws = Group({"B3": Variable(("chain", "draw"), DRAWS, {"unit": "degC"})}, chains)
+    write_groups(path, {"/": Group(attributes={"seed": 3}), group: draws, "sample_stats": draws})
     return path
 
 
