@@ -26,8 +26,6 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Generic, TypeVar
 
-from joblib import Parallel, delayed
-from joblib.externals.loky.process_executor import TerminatedWorkerError
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
@@ -43,6 +41,9 @@ IDLE_S = 21_600.0
 
 By joblib's default, 300 s, a stage that follows another after five minutes may hand out tasks just as the processes
 retire, and wait for ever: seen once on a busy machine, with joblib 1.6."""
+
+WORTH_S = 5.0
+"""Expected time of light tasks from which processes are started for them [s]; to start two takes half of that."""
 
 TRIES = 4
 """How often a task is begun, at most, where worker processes come to an end in the middle of it."""
@@ -86,6 +87,7 @@ def run(
     *,
     account: Account | None = None,
     stage: str | None = None,
+    light: bool = False,
 ) -> Iterator[R]:
     """Results of ``task(item)`` in the order of `items`, as they become ready.
 
@@ -102,6 +104,9 @@ def run(
         Told of the workers, of those that were lost and, if there is a `stage`, of the time that tasks took.
     stage : str, optional
         Stage of the account to which the time is added.
+    light : bool
+        Tasks that hardly take longer than to start a process. Without `jobs` they are done in this process, as long as
+        what is left is not expected to take more than `WORTH_S`.
 
     Raises
     ------
@@ -110,14 +115,14 @@ def run(
         any more. What a task itself raises arrives as it is.
     """
     account = account if account is not None else Account()
-    for done in _done(task, items, jobs, account):
+    for done in _done(task, items, jobs, account, light):
         if stage is not None:
             account.add(stage, done.wall, done.cpu)
         yield done.result
 
 
 def _done(
-    task: Callable[[T], R], items: Sequence[T], jobs: int | None, account: Account
+    task: Callable[[T], R], items: Sequence[T], jobs: int | None, account: Account, light: bool
 ) -> Iterator[_Done[R]]:
     client = _CLIENT.get()
     if client is not None:
@@ -125,8 +130,24 @@ def _done(
     workers = processes(jobs, len(items))
     if workers == 1:
         return (_timed(task, item) for item in items)
-    account.workers = f"{workers} processes"
+    if light and jobs is None:
+        return _here_first(task, items, workers, account)
     return _on_processes(task, items, workers, account)
+
+
+def _here_first(
+    task: Callable[[T], R], items: Sequence[T], workers: int, account: Account
+) -> Iterator[_Done[R]]:
+    """Tasks here, and on processes what is left once that is worth starting them."""
+    spent = 0.0
+    for number, item in enumerate(items):
+        left = len(items) - number
+        if number and spent / number * left > WORTH_S:
+            yield from _on_processes(task, items[number:], min(workers, left), account)
+            return
+        done = _timed(task, item)
+        spent += done.wall
+        yield done
 
 
 def _timed(task: Callable[[T], R], item: T) -> _Done[R]:
@@ -140,6 +161,10 @@ def _timed(task: Callable[[T], R], item: T) -> _Done[R]:
 def _on_processes(
     task: Callable[[T], R], items: Sequence[T], workers: int, account: Account
 ) -> Iterator[_Done[R]]:
+    from joblib import Parallel, delayed
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    account.workers = f"{workers} processes"
     finished, tries = 0, 1
     while finished < len(items):
         parallel = Parallel(
@@ -168,7 +193,7 @@ def _on_processes(
             tries += 1
 
 
-def _signals(error: TerminatedWorkerError) -> str:
+def _signals(error: Exception) -> str:
     told = re.search(r"exit codes of the workers are (\{.*\})", str(error))
     return told[1].strip("{}") if told else "no one knows why"
 

@@ -17,17 +17,22 @@ from sma_bayes.assess.loops import loop_quantities
 from sma_bayes.assess.summary import record_summary
 from sma_bayes.errors import OutputError, SmaBayesError
 from sma_bayes.inference.jobs import run
+from sma_bayes.inference.moves import SAMPLERS
 from sma_bayes.records.types import Branch, Record
+from sma_bayes.response import AUTO_MODEL
 from sma_bayes.results.documents import MARK
 from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import fit_records
 from sma_bayes.results.store import plain, write_csv, write_posterior
-from sma_bayes.workflow.options import FitOptions, models_of, plan_for
+from sma_bayes.workflow.options import DEFAULT_SAMPLER, FitOptions, models_of, plan_for
 from sma_bayes.workflow.parts import Part, part_path, read_part, write_part
 
 WHOLE_CONDITIONS = 20
 """Number of conditions from which on a task is a condition with its branches. With fewer, a branch is a task: that
 keeps more processes busy, but sends all draws to the process that joins the branches."""
+
+LIGHT = 1000
+"""Samples up to which a fit hardly takes longer than to start a process for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +42,13 @@ class FitTask:
     records: tuple[Record, ...]
     options: FitOptions
     folder: Path | None
+
+    @property
+    def light(self) -> bool:
+        """Whether it hardly takes longer than to start a process for it."""
+        o = self.options
+        plain = o.plan.sampler == SAMPLERS[DEFAULT_SAMPLER] and o.model != AUTO_MODEL
+        return plain and sum(r.n for r in self.records) <= LIGHT
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +108,7 @@ def fitted(
         yield from _by_whole_conditions(conditions, folder, jobs, account)
         return
     assessed = []
-    for found in run(_assess_task, tasks, jobs, account=account):
+    for found in run(_assess_task, tasks, jobs, account=account, light=all(t.light for t in tasks)):
         assessed.append(found.fit)
         yield Part(found.summaries, [], found.scored, found.account)
     yield Part([], plain(_loops(assessed)), [])
@@ -115,8 +127,13 @@ def _by_whole_conditions(
 ) -> Iterator[Part]:
     """Conditions one by one; those that an earlier call has finished are read, not done again."""
     finished = {name for name, tasks in conditions.items() if _is_finished(folder, name, tasks)}
+    light = all(t.light for tasks in conditions.values() for t in tasks)
     todo = run(
-        _condition_task, [c for n, c in conditions.items() if n not in finished], jobs, account=account
+        _condition_task,
+        [c for n, c in conditions.items() if n not in finished],
+        jobs,
+        account=account,
+        light=light,
     )
     for name in conditions:
         part = read_part(folder, name) if name in finished else None

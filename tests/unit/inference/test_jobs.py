@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_info
 
 from sma_bayes.account import Account
 from sma_bayes.errors import PriorError, WorkerError
+from sma_bayes.inference import jobs as jobs_module
 from sma_bayes.inference.jobs import TRIES, processes, run
 
 
@@ -89,6 +90,28 @@ def test_the_account_holds_what_tasks_took(jobs: int) -> None:
     assert account.wall["sleep"] >= 0.2
     assert account.cpu["sleep"] < account.wall["sleep"]
     assert set(account.document()) == {"stages_s", "stages_cpu_s"}
+
+
+def own_process(_: int) -> int:
+    return os.getpid()
+
+
+def test_light_tasks_start_no_process() -> None:
+    account = Account()
+    assert set(run(own_process, range(6), None, account=account, light=True)) == {os.getpid()}
+    assert account.run_document()["workers"]["where"] == "this process"
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="a machine with one core")
+def test_light_tasks_that_add_up_are_shared_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jobs_module, "WORTH_S", 0.0)
+    first, *others = run(own_process, range(6), None, light=True)
+    assert first == os.getpid()
+    assert os.getpid() not in others
+
+
+def test_processes_that_are_asked_for_are_started() -> None:
+    assert os.getpid() not in set(run(own_process, range(6), 2, light=True))
 
 
 def test_no_more_processes_than_tasks() -> None:
