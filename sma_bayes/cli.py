@@ -87,8 +87,8 @@ Source = Annotated[
 Figures = Annotated[
     str,
     typer.Option(
-        help="'all', 'campaign': none of single conditions and records, 'none': no report either, or 'auto': all "
-        "up to 100 records, campaign beyond."
+        help="'report': those that the report shows; 'all': diagnostics of each condition and record too; "
+        "'none': no report either."
     ),
 ]
 NoFigures = Annotated[bool, typer.Option("--no-figures", help="The same as --figures none.")]
@@ -122,7 +122,7 @@ def demo(
     seed: Seed = 0,
     jobs: Jobs = None,
     noise: Noise = "auto",
-    figures: Figures = "auto",
+    figures: Figures = "report",
     no_figures: NoFigures = False,
     scheduler: Scheduler = None,
     resume: Resume = False,
@@ -220,7 +220,7 @@ def fit(
     arrangement: Arranged = None,
     bias: Bias = None,
     bias_sd: BiasSd = None,
-    figures: Figures = "auto",
+    figures: Figures = "report",
     no_figures: NoFigures = False,
     scheduler: Scheduler = None,
     resume: Resume = False,
@@ -267,7 +267,7 @@ def gap(
         str, typer.Option(help="Only 'auto': the study estimates the noise by itself.")
     ] = "auto",
     pool: PoolChoice = "none",
-    figures: Figures = "auto",
+    figures: Figures = "report",
     no_figures: NoFigures = False,
     scheduler: Scheduler = None,
     resume: Resume = False,
@@ -311,7 +311,7 @@ def compare(
         typer.Option(help="Noise model of all models, or 'auto': Gaussian, counting independent samples."),
     ] = "auto",
     pool: PoolChoice = "none",
-    figures: Figures = "auto",
+    figures: Figures = "report",
     no_figures: NoFigures = False,
     scheduler: Scheduler = None,
     resume: Resume = False,
@@ -424,7 +424,7 @@ def conditions(
     ] = None,
     seed: Seed = 0,
     jobs: Jobs = None,
-    figures: Figures = "auto",
+    figures: Figures = "report",
     no_figures: NoFigures = False,
     scheduler: Scheduler = None,
     resume: Resume = False,
@@ -482,7 +482,7 @@ def report(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder that fit, gap, compare or conditions has written.")
     ],
-    figures: Figures = "auto",
+    figures: Figures = "report",
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     quiet: Quiet = False,

@@ -1,4 +1,4 @@
-"""Which figures are drawn: of a campaign of thousands nobody looks at those of every record."""
+"""Which figures are drawn: those that the report shows, unless all are asked for."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ from typing import Literal
 
 from sma_bayes.errors import UnknownNameError, near_matches
 
-Drawn = Literal["all", "campaign", "none"]
-"""``all``: those of the campaign, of each condition and of each record; ``campaign``: only the first; ``none``: no
-figures and no report."""
+Drawn = Literal["all", "report", "none"]
+"""``report``: those that the report shows; ``all``: diagnostics of each condition and record too; ``none``: no figures
+and no report."""
 
-AUTO = "auto"
+REPORT: Drawn = "report"
 MANY = 100
-"""Number of records above which `AUTO` draws the figures of the campaign only."""
+"""Number of records above which the report tells of the campaign, and each record has a page of its own."""
+FEW = 3
+"""Number of conditions up to which the report shows each by itself, and of records whose misfit it shows."""
 
 
-def figures_for(choice: str | bool, records: int) -> Drawn:
-    """What is drawn for a campaign.
+def figures_for(choice: str | bool) -> Drawn:
+    """What is drawn.
 
     Parameters
     ----------
     choice : str or bool
-        ``all``, ``campaign``, ``none``, or ``auto``: ``all`` up to `MANY` records, ``campaign`` beyond. True stands for
-        ``auto``, False for ``none``.
-    records : int
+        ``report``, ``all`` or ``none``. True stands for ``report``, False for ``none``.
 
     Raises
     ------
@@ -32,18 +32,16 @@ def figures_for(choice: str | bool, records: int) -> Drawn:
 
     Examples
     --------
-    >>> figures_for("auto", 18), figures_for("auto", 2000), figures_for("all", 2000)
-    ('all', 'campaign', 'all')
+    >>> figures_for("report"), figures_for(True), figures_for(False)
+    ('report', 'report', 'none')
     """
-    if choice is True or choice == AUTO:
-        return "all" if records <= MANY else "campaign"
+    if choice is True or choice == REPORT:
+        return REPORT
     if choice == "all":
         return "all"
-    if choice == "campaign":
-        return "campaign"
     if choice is False or choice == "none":
         return "none"
-    known = (AUTO, "all", "campaign", "none")
     raise UnknownNameError(
-        f"there is no choice of figures {choice!r}", expected=near_matches(str(choice), known)
+        f"there is no choice of figures {choice!r}",
+        expected=near_matches(str(choice), (REPORT, "all", "none")),
     )

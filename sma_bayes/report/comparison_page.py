@@ -9,7 +9,7 @@ from sma_bayes.assess.verdict import CANNOT_TELL
 from sma_bayes.report.comparison_outputs import StoredComparison
 from sma_bayes.report.comparison_tables import short
 from sma_bayes.report.content import PAPER_CORRELATION
-from sma_bayes.report.figures import FigureFiles
+from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
 

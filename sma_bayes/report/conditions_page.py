@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from sma_bayes.report.conditions_outputs import StoredConditions
-from sma_bayes.report.figures import FigureFiles
+from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
 

@@ -19,8 +19,7 @@ from sma_bayes.report.content import (
     RecordContent,
     parameters_by_channel,
 )
-from sma_bayes.report.figures import FigureFiles
-from sma_bayes.report.figures.sheet import numbered
+from sma_bayes.report.figures.sheet import FigureFiles, numbered
 from sma_bayes.report.html import Picture, embedded, estimate_text, rendered
 from sma_bayes.report.notation import MISSING, write
 from sma_bayes.report.tables import Cell, Column, Table, cell_text, report_tables

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from sma_bayes.gap.words import channel_text, covariate_text, p_text, periodic_text, remainder_text
-from sma_bayes.report.figures import FigureFiles
+from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.gap_outputs import StoredStudy
 from sma_bayes.report.html import select, write_page
 from sma_bayes.report.tables import Table

@@ -14,21 +14,19 @@ from sma_bayes.paper.specifications import TEXT_VALUES, specification
 from sma_bayes.paper.twin import recipes
 from sma_bayes.quantities import Floats, convert
 from sma_bayes.records.types import Branch, Record
-from sma_bayes.report.figures import (
+from sma_bayes.report.figures.averages import model_average_figure
+from sma_bayes.report.figures.paper import (
     Curve,
-    Drawing,
-    FigureFiles,
     Nearest,
     Plugged,
     Profile,
     extremes_figure,
-    model_average_figure,
     nearest_figure,
     plugged_figure,
     profile_figure,
     rival_figure,
-    save_picture,
 )
+from sma_bayes.report.figures.sheet import Drawing, FigureFiles, save_picture
 from sma_bayes.reproduction.distance import Distance, distances, nearest_line, nearest_logistic, rising_part
 from sma_bayes.reproduction.study import TwinStudy
 from sma_bayes.response.logistic import Logistic, printed_constants

@@ -19,9 +19,10 @@ def screen() -> Console:
 
 def show_end(console: Console, found: dict[str, Any], out: Path) -> None:
     """Tell what was left out, what was lost on the way, how long it took and where it is."""
-    if found.get("figures") == "campaign":
+    if found.get("figures") == "report":
         console.print(
-            f"figures of the campaign only; `sma-bayes report {out} --figures all` draws the others"
+            f"figures of the report only; `sma-bayes report {out} --figures all` draws the others",
+            soft_wrap=True,
         )
     for text in found.get("workers", {}).get("lost", ()):
         console.print(f"a worker came to an end ({text}); what it did was done again", soft_wrap=True)

@@ -13,7 +13,7 @@ from sma_bayes.inference.jobs import run
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Campaign, Record
-from sma_bayes.report.choice import figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.arrangement import BiasSpring
 from sma_bayes.results.documents import FIT
@@ -98,7 +98,7 @@ def fit_campaign(
     extrapolate: float = 0.0,
     bias: BiasSpring | None = None,
     resume: bool = False,
-    figures: str | bool = "auto",
+    figures: str | bool = REPORT,
     progress: Progress | None = None,
     account: Account | None = None,
 ) -> dict[str, Any]:
@@ -117,8 +117,7 @@ def fit_campaign(
     resume : bool
         Go on with a run that was interrupted. The result is the same to the bit.
     figures : str or bool
-        ``all``, ``campaign`` (none of single conditions and records), ``none`` (no report either), or ``auto``: see
-        `figures_for`.
+        ``report`` (those that the report shows), ``all`` or ``none`` (no report either), see `figures_for`.
     progress : callable, optional
     account : Account, optional
         Account to go on with, such as one in which the reading was timed.
@@ -146,7 +145,7 @@ def fit_campaign(
         bias=bias,
         model=model,
     )
-    drawn = figures_for(figures, len(campaign.records))
+    drawn = figures_for(figures)
     work = UnderWay(FIT, jobs, drawn, progress or silent, account or Account())
     groups = groups_of(campaign, pool)
     check_call(groups, options)

@@ -33,7 +33,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Branch, Campaign, Record
-from sma_bayes.report.choice import figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.results.documents import COMPARISON
 from sma_bayes.results.store import plain, write_csv, write_text
@@ -56,7 +56,7 @@ def compare(
     pool: Pool = "none",
     jobs: int | None = None,
     resume: bool = False,
-    figures: str | bool = "auto",
+    figures: str | bool = REPORT,
     progress: Progress | None = None,
     account: Account | None = None,
 ) -> dict[str, Any]:
@@ -84,7 +84,7 @@ def compare(
     resume : bool
         Where `out` holds this very comparison already, only what is missing of its report is made.
     figures : str or bool
-        ``all``, ``campaign`` (none of single records), ``none`` (no report either), or ``auto``: see `figures_for`.
+        ``report`` (of single records up to 100 of them), ``all`` or ``none`` (no report either), see `figures_for`.
     progress : callable, optional
     account : Account, optional
         Account to go on with, such as one in which the reading was timed.
@@ -106,7 +106,7 @@ def compare(
     options = FitOptions(prior_set(priors, one_model(model)), seed, noise, pool, model=model)
     records = units_of(campaign, pool)
     check(records, options)
-    drawn = figures_for(figures, len(records))
+    drawn = figures_for(figures)
     work = UnderWay(COMPARISON, jobs, drawn, progress or silent, account or Account())
     identity = {**run_identity(campaign, options), "kind": COMPARISON.verb}
     return work.carry_out(

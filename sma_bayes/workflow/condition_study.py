@@ -22,7 +22,7 @@ from sma_bayes.conditions.study import ConditionStudy, bands_of, study
 from sma_bayes.errors import OutputError
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Condition
-from sma_bayes.report.choice import figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.report.outputs import StoredRun, read_run
 from sma_bayes.report.stored_draws import stored_draws
 from sma_bayes.results.documents import CONDITIONS
@@ -44,7 +44,7 @@ def study_conditions(
     model: str | None = None,
     jobs: int | None = None,
     resume: bool = False,
-    figures: str | bool = "auto",
+    figures: str | bool = REPORT,
     progress: Progress | None = None,
     account: Account | None = None,
 ) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def study_conditions(
     resume : bool
         Where `out` holds this very study already, only what is missing of its report is made.
     figures : str or bool
-        ``all``, ``campaign`` (none of single conditions), ``none`` (no report either), or ``auto``: see `figures_for`.
+        ``report``, ``all`` or ``none`` (no report either), see `figures_for`.
     progress : callable, optional
     account : Account, optional
         Account to go on with, such as one in which the reading was timed.
@@ -106,7 +106,7 @@ def study_conditions(
     specimen = records[0].record.specimen
     asked = tuple(condition_at(a, specimen=specimen) if isinstance(a, str) else a for a in at)
     question = _Question(run, records, asked, tuple(leave_out), seed, scatter)
-    drawn = figures_for(figures, len(records))
+    drawn = figures_for(figures)
     work = UnderWay(CONDITIONS, jobs, drawn, progress or silent, spent)
     return work.carry_out(out, question.identity(), resume, lambda place: _studied(question, place, work))
 

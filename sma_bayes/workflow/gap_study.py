@@ -18,7 +18,7 @@ from sma_bayes.gap.store import write_study
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Campaign
-from sma_bayes.report.choice import Drawn, figures_for
+from sma_bayes.report.choice import REPORT, Drawn, figures_for
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.results.documents import GAP
 from sma_bayes.results.fitting import AUTO
@@ -39,7 +39,7 @@ def study_gap(
     pool: Pool = "none",
     jobs: int | None = None,
     resume: bool = False,
-    figures: str | bool = "auto",
+    figures: str | bool = REPORT,
     progress: Progress | None = None,
     account: Account | None = None,
 ) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def study_gap(
     options = FitOptions(prior_set(priors, one_model(model)), seed, pool=pool, model=model)
     can = comparable(campaign)
     check_call(groups_of(can.campaign, pool), options)
-    drawn: Drawn = "none" if figures_for(figures, len(campaign.records)) == "none" else "all"
+    drawn: Drawn = "none" if figures_for(figures) == "none" else "all"
     work = UnderWay(GAP, jobs, drawn, progress or silent, account or Account())
     identity = {**run_identity(campaign, options), "kind": GAP.verb, "effects": sorted(EFFECTS)}
     return work.carry_out(out, identity, resume, lambda folder: _studied(can, folder, options, work))

@@ -15,7 +15,7 @@ from sma_bayes.records.toml_table import StrictTable, as_toml, checked, parsed_t
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.workflow.question import PROBABILITY, TOLERANCE, WANTED
 
-Figures = Literal["auto", "all", "campaign", "none"]
+Figures = Literal["report", "all", "none"]
 
 
 class StudyTable(StrictTable):
@@ -40,7 +40,7 @@ class StudyTable(StrictTable):
     pool : str
         ``none`` or ``campaign``.
     figures : str
-        ``auto``, ``all``, ``campaign`` or ``none``, see `figures_for`.
+        ``report``, ``all`` or ``none``, see `figures_for`.
     strict : bool
         Whether a fit that is not adequate makes the exit status 1.
     """
@@ -54,7 +54,7 @@ class StudyTable(StrictTable):
     priors: str | None = None
     noise: str = "auto"
     pool: Literal["none", "campaign"] = "none"
-    figures: Figures = "auto"
+    figures: Figures = "report"
     strict: bool = False
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from sma_bayes.paper.twin import twin_campaign
 from sma_bayes.report.content import Content, RecordContent
-from sma_bayes.report.figures import BranchData
+from sma_bayes.report.figures.sheet import BranchData
 from sma_bayes.report.gather import report_content
 from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
 from sma_bayes.report.residuals import median_curves

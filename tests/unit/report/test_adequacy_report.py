@@ -15,8 +15,8 @@ import pytest
 from sma_bayes.assess.adequacy import Reason
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.report.content import Content
-from sma_bayes.report.figures import discrepancy_figure, save
-from sma_bayes.report.figures.sheet import STYLE
+from sma_bayes.report.figures.discrepancy import discrepancy_figure
+from sma_bayes.report.figures.sheet import STYLE, save
 from sma_bayes.report.fit_page import render
 from sma_bayes.report.gather import report_content
 from sma_bayes.report.outputs import StoredRun, read_run

@@ -21,7 +21,7 @@ def built(
 
     folder = Path(shutil.copytree(finished, tmp_path_factory.mktemp("built") / "run"))
     told: list[tuple[int, int, str]] = []
-    build_report(folder, jobs=1, progress=lambda *args: told.append(args))
+    build_report(folder, figures="all", jobs=1, progress=lambda *args: told.append(args))
     return folder, told
 
 
@@ -39,6 +39,18 @@ def test_everything_is_there(built: tuple[Path, list[tuple[int, int, str]]], con
     assert len(list((folder / "figures").iterdir())) == 3 * len(stems)
     assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 15
     assert not [p for p in folder.rglob(".*") if p.is_file()]  # no temporary file is left
+
+
+def test_unasked_only_the_figures_of_the_report_are_drawn(run_copy: Path, content: Content) -> None:
+    build_report(run_copy, jobs=1)
+    stems = {p.stem for p in (run_copy / "figures").iterdir()}
+    assert stems == {
+        "loop-100g-10mHz",
+        "printed",
+        *(f"discrepancy-{r.key}" for r in content.records if r.missed),
+    }
+    text = (run_copy / "report.html").read_text(encoding="utf-8")
+    assert all(f'id="figure-{stem}"' in text for stem in stems)
 
 
 def test_the_pictures_are_inside(built: tuple[Path, list[tuple[int, int, str]]]) -> None:
@@ -67,7 +79,7 @@ def test_building_again_gives_the_same(
     folder, _ = built
     outputs = ("report.html", "tables/parameters.tex", "figures/trace-100g-10mHz-heating.pdf")
     before = {name: (folder / name).read_bytes() for name in outputs}
-    build_report(folder, jobs=1)
+    build_report(folder, figures="all", jobs=1)
     assert {name: (folder / name).read_bytes() for name in outputs} == before
 
 

@@ -38,7 +38,7 @@ def many(content: Content, times: int) -> Content:
 
 
 @pytest.mark.usefixtures("two_are_many")
-@pytest.mark.parametrize(("figures", "drawn"), [("all", 5 + 9), ("campaign", 5)])
+@pytest.mark.parametrize(("figures", "drawn"), [("all", 5 + 9), ("report", 5)])
 def test_each_record_has_a_page_and_every_link_leads_somewhere(
     run_copy: Path, content: Content, figures: str, drawn: int
 ) -> None:
@@ -78,8 +78,8 @@ def test_worst_records_are_shown_first(content: Content) -> None:
     assert head.index("1.7") < head.index("1.00")
 
 
-def test_figures_are_those_of_the_campaign_from_a_hundred_records_on() -> None:
-    assert [figures_for(c, 100) for c in ("auto", True, False, "none")] == ["all", "all", "none", "none"]
-    assert [figures_for(c, 101) for c in ("auto", "all", "campaign")] == ["campaign", "all", "campaign"]
+def test_figures_are_those_of_the_report_unless_all_or_none_are_asked_for() -> None:
+    assert [figures_for(c) for c in ("report", True, "all")] == ["report", "report", "all"]
+    assert [figures_for(c) for c in (False, "none")] == ["none", "none"]
     with pytest.raises(Exception, match=r"no choice of figures 'al'\n.*'all'"):
-        figures_for("al", 3)
+        figures_for("al")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.report.content import Content, RecordContent
-from sma_bayes.report.figures import BranchData
+from sma_bayes.report.figures.sheet import BranchData
 from sma_bayes.report.outputs import StoredRecord
 from sma_bayes.report.residuals import median_curves, standardised_residuals
 
