@@ -142,7 +142,7 @@ def _here_first(
     spent = 0.0
     for number, item in enumerate(items):
         left = len(items) - number
-        if number and spent / number * left > WORTH_S:
+        if number and left > 1 and spent / number * left > WORTH_S:
             yield from _on_processes(task, items[number:], min(workers, left), account)
             return
         done = _timed(task, item)
