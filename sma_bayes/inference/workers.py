@@ -7,12 +7,9 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import active_children, resource_tracker
-from typing import Final
-
-from joblib.externals.loky.backend import resource_tracker as loky_tracker
-from joblib.externals.loky.backend.process import LokyProcess
+from typing import Any, Final
 
 from sma_bayes.interruption import SIGNALS
 
@@ -50,6 +47,8 @@ def signals_left_to_parent() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    from joblib.externals.loky.backend import resource_tracker as loky_tracker
+
     for tracker in (
         resource_tracker,
         loky_tracker,
@@ -64,7 +63,21 @@ def signals_left_to_parent() -> Iterator[None]:
 
 def stop_workers() -> None:
     """End all workers at once, whatever they are doing; the next task gets new ones."""
-    for worker in active_children():
+    children = active_children()
+    if not children:
+        return
+    from joblib.externals.loky.backend.process import LokyProcess
+
+    for worker in children:
         if isinstance(worker, LokyProcess):
-            worker.kill()
+            _kill(worker)
             worker.join()
+
+
+def _kill(worker: Any) -> None:
+    """End a worker; those of loky know SIGTERM alone, which they leave to their parent."""
+    if os.name == "posix":
+        with suppress(ProcessLookupError):
+            os.kill(worker.pid, signal.SIGKILL)
+    else:
+        worker.terminate()

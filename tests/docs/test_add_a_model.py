@@ -113,7 +113,7 @@ def told(place: Path, *arguments: str) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def fitted(place: Path) -> dict[str, Any]:
-    return told(place, "fit", "bench", "--model", "gompertz", "--out", "results", "--figures", "campaign")
+    return told(place, "fit", "bench", "--model", "gompertz", "--out", "results", "--figures", "report")
 
 
 def test_it_is_listed_and_its_priors_are_shown(place: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from multiprocessing import active_children
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from sma_bayes.account import Account
 from sma_bayes.errors import PriorError, WorkerError
 from sma_bayes.inference import jobs as jobs_module
 from sma_bayes.inference.jobs import TRIES, processes, run
+from sma_bayes.inference.workers import stop_workers
 
 
 def square(x: int) -> int:
@@ -112,6 +114,13 @@ def test_light_tasks_that_add_up_are_shared_out(monkeypatch: pytest.MonkeyPatch)
 
 def test_processes_that_are_asked_for_are_started() -> None:
     assert os.getpid() not in set(run(own_process, range(6), 2, light=True))
+
+
+def test_workers_are_ended_at_once_and_the_next_task_gets_new_ones() -> None:
+    first = set(run(own_process, range(4), 2))
+    stop_workers()
+    assert not active_children()
+    assert not first & set(run(own_process, range(4), 2))
 
 
 def test_no_more_processes_than_tasks() -> None:

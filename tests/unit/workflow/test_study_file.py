@@ -32,7 +32,7 @@ model = "phase_slopes"
 
 [conditions]
 at = ["current_A=2"]
-figures = "campaign"
+figures = "all"
 
 [[ask]]
 stiffness = "130 N/m"
@@ -57,14 +57,14 @@ def test_paths_are_relative_to_the_file_and_steps_inherit(tmp_path: Path) -> Non
     mine = str(tmp_path / "mine.toml")
     assert study.steps == {
         "fit": {
-            "model": "modified_sigmoid", "priors": mine, "pool": "none", "figures": "auto", "noise": "student_t",
+            "model": "modified_sigmoid", "priors": mine, "pool": "none", "figures": "report", "noise": "student_t",
             "sampler": "independence", "extrapolate": 0.0, "arrangement": "parallel", "bias": 120.0,
         },
         "compare": {
-            "model": "modified_sigmoid", "priors": "paper", "pool": "campaign", "figures": "auto", "noise": "ar1",
+            "model": "modified_sigmoid", "priors": "paper", "pool": "campaign", "figures": "report", "noise": "ar1",
         },
         "gap": {"model": "phase_slopes", "priors": mine, "pool": "none", "figures": "none"},
-        "conditions": {"at": ("current_A=2",), "leave_out": (), "scatter": 0.1, "figures": "campaign"},
+        "conditions": {"at": ("current_A=2",), "leave_out": (), "scatter": 0.1, "figures": "all"},
     }  # fmt: skip
     assert [a["stiffness"] or a["force"] for a in study.asks] == ["130 N/m", "2 N"]
     assert study.asks[1]["probability"] == 0.95
