@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
@@ -75,7 +76,14 @@ def reason(error: OSError | RuntimeError) -> str:
 
 
 def unwritable(path: Path, why: str, what: str) -> OutputError:
-    """Error about a file that can't be written."""
+    """Error about a file that can't be written; of a folder that is gone it says so, as no room would bring it back."""
+    if why == os.strerror(errno.ENOENT):
+        return OutputError(
+            f"can't be written: the folder {str(path.parent)!r} is not there any more",
+            file=path,
+            expected="a folder that stays where it is until the run has ended",
+            remedy="repeat the command; move or remove results only after the end of the run",
+        )
     return OutputError(
         f"can't be written: {why}",
         file=path,

@@ -23,7 +23,7 @@ class SmaBayesError(Exception):
     row : int, optional
         Line of that file, counted from 1.
     column : str, optional
-        Column, key or option.
+        Column of a data file, or key of a TOML file.
     expected : str, optional
         What would have been right.
     remedy : str, optional
@@ -49,12 +49,13 @@ class SmaBayesError(Exception):
         self.remedy = remedy
 
     def __str__(self) -> str:
+        kind = "key" if (self.file or "").lower().endswith(".toml") else "column"
         where = [
             text
             for text, given in (
                 (self.file, self.file is not None),
                 (f"row {self.row}", self.row is not None),
-                (f"column {self.column!r}", self.column is not None),
+                (f"{kind} {self.column!r}", self.column is not None),
             )
             if given and text
         ]

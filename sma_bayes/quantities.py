@@ -81,6 +81,13 @@ _NOT_A_UNIT: Final = (
 """What pint lets through, besides its own error, where a text is no unit: ``N/0``, ``N/(m``, ``kg**0``."""
 
 
+_MEANT: Final = {
+    ("c", "degC"): "degC", ("celsius", "degC"): "degC", ("deg c", "degC"): "degC", ("f", "degC"): "degF",
+    ("g", "N"): "gf", ("gram", "N"): "gf", ("kg", "N"): "kgf",
+}  # fmt: skip
+"""What is meant by a unit that is another quantity's: C is the coulomb, F the farad, g a mass and no weight."""
+
+
 @lru_cache(maxsize=1)
 def _registry() -> UnitRegistry[Any]:
     from pint import UnitRegistry
@@ -129,13 +136,16 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
     import pint
 
     ureg = _registry()
+    meant = _MEANT.get((unit.lower(), to))
     try:
         source = ureg.Unit(unit)
     except (pint.errors.UndefinedUnitError, *_NOT_A_UNIT):
         raise QuantityError(
             f"unit {unit!r} of {what} is not known",
             expected=f"a unit such as {to!r}, or 'arbitrary'",
-            remedy=near_matches(unit, ("degC", "kelvin", "degF", "N", "mm", "percent", to)),
+            remedy=f"did you mean {meant!r}?"
+            if meant
+            else near_matches(unit, ("degC", "kelvin", "degF", "N", "mm", "percent", to)),
         ) from None
     try:
         return np.asarray(ureg.Quantity(array, source).to(to).magnitude, dtype=float)
@@ -147,7 +157,9 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
         raise QuantityError(
             f"unit {unit!r} of {what} is of the wrong kind",
             expected=f"a unit that can be turned into {to!r}",
-            remedy="correct the unit or map the column to another quantity",
+            remedy=f"did you mean {meant!r}?"
+            if meant
+            else "correct the unit or map the column to another quantity",
         ) from None
 
 

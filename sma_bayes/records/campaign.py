@@ -68,7 +68,7 @@ def digest(declaration: Declaration) -> str:
     Depends on what the files hold, not on where they are.
     """
     total = hashlib.sha256(declaration.content)
-    for path in _unique(condition.path for condition in declaration.conditions):
+    for path in _unique(path for condition in declaration.conditions for path in condition.paths):
         with path.open("rb") as file:
             total.update(hashlib.file_digest(file, "sha256").digest())
     return total.hexdigest()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Annotated, Any, Final, get_type_hints
 
@@ -15,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from sma_bayes.errors import CampaignError, SmaBayesError, near_matches
+from sma_bayes.errors import CampaignError, SmaBayesError, many, near_matches
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, STANDARD_GRAVITY
 from sma_bayes.records.formats import Reading
 from sma_bayes.records.split import SplitSettings
@@ -24,11 +25,14 @@ from sma_bayes.records.types import Condition
 
 CAMPAIGN_FILE: Final = "campaign.toml"
 
-FILES_SHOWN: Final = 10
-"""So many files of a folder are listed in a message."""
+FILES_SHOWN, FILES_NAMED = 10, 3
+"""So many files of a folder are listed in a message, and so many of a condition."""
 
-UNITLESS: Final = ("cycle", "branch", "drive")
-"""Quantities whose column needs no unit."""
+UNITLESS: Final = ("time", "cycle", "branch", "drive")
+"""Quantities whose column needs no unit: time does not where it is a clock."""
+
+SETTING_COLUMNS: Final = {"load": "N", "frequency": "Hz", "duty_cycle": "1"}
+"""What was set on the rig and may stand in a column as well, with its unit; the load of a specimen is a stress [Pa]."""
 
 CHANNEL_OF: Final = {quantity: channel for channel, quantity in SPECIMEN_QUANTITY.items()}
 """Channel in which stress, strain and modulus are kept."""
@@ -67,6 +71,8 @@ class Column(StrictTable):
         Codes of a missing value in this column.
     valid : tuple of (float, float), optional
         Readings outside these limits are missing [unit].
+    file : str, optional
+        Which of the files of a condition this is about: a name, or a pattern such as ``*_force.csv``.
     """
 
     name: str | None = None
@@ -82,6 +88,7 @@ class Column(StrictTable):
     sd: float | None = Field(default=None, ge=0)
     missing: Annotated[tuple[float | str, ...], Field(strict=False)] = ()
     valid: Annotated[tuple[float, float], Field(strict=False)] | None = None
+    file: str | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Column:
@@ -121,7 +128,7 @@ class ConditionTable(StrictTable):
     """One ``[[condition]]``: its file, what was set on the rig, and what it has of its own."""
 
     id: str
-    file: str
+    file: str | Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
     current_A: float | None = Field(default=None, ge=0)
     load_g: float | None = Field(default=None, ge=0)
     load_N: float | None = Field(default=None, ge=0)
@@ -132,6 +139,11 @@ class ConditionTable(StrictTable):
     columns: dict[str, Any] = Field(default_factory=dict)
     reading: dict[str, Any] = Field(default_factory=dict)
     segmentation: dict[str, Any] = Field(default_factory=dict)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names and patterns of the data files."""
+        return (self.file,) if isinstance(self.file, str) else self.file
 
     @field_validator("id")
     @classmethod
@@ -201,10 +213,13 @@ class DeclaredCondition:
         File to name in messages about the declaration.
     where : str
         Place in that file, for messages.
-    path : Path
-        Data file.
-    columns : mapping of str to Column
-        Empty where the columns are to be known by their default names.
+    paths : tuple of Path
+        Data files.
+    names : tuple of str
+        The same as the campaign names them.
+    columns : mapping of str to tuple of Column
+        Empty where the columns are to be known by their default names. A quantity has several entries where the files
+        call it differently.
     reading : Reading
     window : TimeWindow
     settings : SplitSettings
@@ -213,11 +228,43 @@ class DeclaredCondition:
     table: ConditionTable
     declared_in: Path
     where: str
-    path: Path
-    columns: Mapping[str, Column]
+    paths: tuple[Path, ...]
+    names: tuple[str, ...]
+    columns: Mapping[str, tuple[Column, ...]]
     reading: Reading
     window: TimeWindow
     settings: SplitSettings
+
+    @property
+    def path(self) -> Path:
+        """The data file, or the first of several."""
+        return self.paths[0]
+
+    @property
+    def title(self) -> str:
+        """Names of the files, for messages and records."""
+        named = ", ".join(self.names[:FILES_NAMED])
+        return named + (f" and {len(self.names) - FILES_NAMED} more" if len(self.names) > FILES_NAMED else "")
+
+    def of_each_file(self) -> tuple[DeclaredCondition, ...]:
+        """The same for each file by itself, with the entries of columns that are about it."""
+        return tuple(
+            replace(
+                self,
+                paths=(path,),
+                names=(name,),
+                columns={
+                    quantity: own
+                    for quantity, entries in self.columns.items()
+                    if (
+                        own := tuple(
+                            c for c in entries if c.file is None or fnmatch(path.name, Path(c.file).name)
+                        )
+                    )
+                },
+            )
+            for path, name in zip(self.paths, self.names, strict=True)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,12 +368,15 @@ def require_channels(names: Mapping[str, object] | set[str], *, file: Path, wher
         )
     if "temperature" not in names or not spring | specimen:
         lacking = "a channel" if "temperature" in names else "the temperature"
+        remedy = "declare its column under [columns]"
+        if "temperature" not in names:
+            remedy += "; data without a temperature can't be used: the curves are functions of temperature"
         raise CampaignError(
             f"{lacking} is not declared",
             file=file,
             column=where,
             expected=f"temperature and at least one of {', '.join((*CHANNELS, *CHANNEL_OF))}",
-            remedy="declare its column under [columns]",
+            remedy=remedy,
         )
 
 
@@ -346,7 +396,9 @@ def _campaign_in(folder: Path) -> Path:
 
 def _single_file(path: Path, settings: SplitSettings) -> Declaration:
     table = checked(ConditionTable, {"id": path.stem, "file": path.name}, file=path, where="file name")
-    condition = DeclaredCondition(table, path, "", path, {}, Reading(), TimeWindow(), settings)
+    condition = DeclaredCondition(
+        table, path, "", (path,), (path.name,), {}, Reading(), TimeWindow(), settings
+    )
     return Declaration(path.stem, path, b"", (condition,))
 
 
@@ -369,20 +421,13 @@ def _conditions(
             path,
             _place("segmentation", table.segmentation, where),
         )
-        data = folder / table.file
-        if not data.is_file():
-            raise CampaignError(
-                f"there is no file {str(data)!r}",
-                file=path,
-                column=f"{where}.file",
-                expected="a data file" + (" in the data folder" if folder != path.parent else ""),
-                remedy=_similar(data),
-            )
+        paths = _data_files(table, folder, path, where)
         yield DeclaredCondition(
             table=table,
             declared_in=path,
             where=where,
-            path=data,
+            paths=tuple(paths.values()),
+            names=tuple(paths),
             columns=columns,
             reading=checked(Reading, reading, file=path, where=_place("reading", table.reading, where)),
             window=window,
@@ -390,19 +435,51 @@ def _conditions(
         )
 
 
+def _data_files(table: ConditionTable, folder: Path, declared_in: Path, where: str) -> dict[str, Path]:
+    """Data files of a condition by their names; a pattern stands for all files that match it, in alphabetical order."""
+    found: dict[str, Path] = {}
+    for name in table.files:
+        path = folder / name
+        matching = (
+            [] if path.is_file() else sorted(p for p in folder.glob(name) if p.is_file()) if name else []
+        )
+        if not path.is_file() and not matching:
+            raise CampaignError(
+                f"there is no file {str(path)!r}",
+                file=declared_in,
+                column=f"{where}.file",
+                expected="a data file" + (" in the data folder" if folder != declared_in.parent else ""),
+                remedy=_similar(path),
+            )
+        found |= {p.relative_to(folder).as_posix(): p for p in matching} if matching else {name: path}
+    return found
+
+
 def _place(table: str, own: Mapping[str, object], where: str) -> str:
     """Name of a table for messages: the condition's own where it has one."""
     return f"{where}.{table}" if own else table
 
 
-def _columns(tables: Mapping[str, Any], path: Path, where: str) -> dict[str, Column]:
-    return {name: _column(name, values, path, f"{where}.{name}") for name, values in tables.items()}
+def _columns(tables: Mapping[str, Any], path: Path, where: str) -> dict[str, tuple[Column, ...]]:
+    found = {}
+    for name, values in tables.items():
+        entries = values if isinstance(values, list) else [values]
+        found[name] = tuple(_column(name, entry, path, f"{where}.{name}") for entry in entries)
+        if len(entries) != 1 and not (entries and all(c.file for c in found[name])):
+            raise CampaignError(
+                f"{many(len(entries), 'table')} for {name}",
+                file=path,
+                column=f"{where}.{name}",
+                expected="one table, or a list of tables each with the `file` that it is about",
+            )
+    return found
 
 
 def _column(name: str, values: Any, path: Path, where: str) -> Column:
-    if name not in QUANTITIES:
+    if name not in QUANTITIES and name not in SETTING_COLUMNS:
+        known = (*QUANTITIES, *SETTING_COLUMNS)
         raise CampaignError(
-            f"unknown quantity {name!r}", file=path, column=where, expected=near_matches(name, QUANTITIES)
+            f"unknown quantity {name!r}", file=path, column=where, expected=near_matches(name, known)
         )
     if not isinstance(values, Mapping):
         raise CampaignError(
@@ -422,7 +499,10 @@ def _misplaced(name: str, column: Column) -> tuple[str, str] | None:
     """What in a column's table doesn't suit its quantity: what was found, what was expected."""
     uncertain = column.scale_sd is not None or column.offset_sd is not None
     if column.unit is None and name not in UNITLESS:
-        return "no unit", f'unit = "{QUANTITIES[name].unit}" or another unit of {name}, or "arbitrary"'
+        usual = SETTING_COLUMNS.get(name) or QUANTITIES[name].unit
+        return "no unit", f'unit = "{usual}" or another unit of {name}, or "arbitrary"'
+    if column.row_interval is not None and column.unit is None:
+        return "no unit", 'unit = "s" or another unit of time beside row_interval'
     if column.row_interval is not None and name != "time":
         return "row_interval", "row_interval for time only; other columns have a name or a number"
     if column.sd is not None and name != "temperature":

@@ -8,6 +8,7 @@ from typing import Final
 
 from sma_bayes.errors import QuantityError
 from sma_bayes.quantities import QUANTITIES, convert
+from sma_bayes.records.declaration import SETTING_COLUMNS
 
 EXAMPLES: Final = (
     "time_s",
@@ -22,7 +23,8 @@ EXAMPLES: Final = (
 )
 """The names as they are documented; any other unit may stand at their end."""
 
-_QUANTITY = "|".join(sorted(QUANTITIES, key=len, reverse=True))
+_UNIT_OF: Final = {**{name: q.unit for name, q in QUANTITIES.items()}, **SETTING_COLUMNS}
+_QUANTITY = "|".join(name.replace("_", "[ _]") for name in sorted(_UNIT_OF, key=len, reverse=True))
 _HEADER = re.compile(rf"({_QUANTITY})(?:[ _]*[(\[](.+)[)\]]|[ _]+(.+))?", re.IGNORECASE)
 _UNITS = {
     "C": "degC",
@@ -59,16 +61,21 @@ def recognised(header: str) -> tuple[str, str] | None:
     match = _HEADER.fullmatch(header.strip())
     if match is None:
         return None
-    quantity = match.group(1).lower()
+    quantity = match.group(1).lower().replace(" ", "_")
     written = match.group(2) or match.group(3)
     if quantity in _BARE or written is None:
         return (quantity, "1") if quantity in _BARE and written is None else None
     unit = _UNITS.get(written.strip(), written.strip().replace("_per_", "/"))
+    kinds = ("N", "kg", "Pa") if quantity == "load" else (_UNIT_OF[quantity],)
+    return (quantity, unit) if any(_is_unit_of(unit, kind) for kind in kinds) else None
+
+
+def _is_unit_of(unit: str, kind: str) -> bool:
     try:
-        convert(1.0, unit, QUANTITIES[quantity].unit)
+        convert(1.0, unit, kind)
     except QuantityError:
-        return None
-    return quantity, unit
+        return False
+    return True
 
 
 def described(found: Sequence[tuple[str, str, str]], unused: Sequence[str]) -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from typing import Final
 
 import numpy as np
@@ -13,9 +14,11 @@ from sma_bayes.errors import QuantityError
 from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, Floats, convert
 from sma_bayes.records.declaration import CHANNEL_OF
 
+_NO_READING = r"derivative|\brate\b|set ?point|target|reference"
+
 _WORDS: Final[tuple[tuple[str, str], ...]] = (
     ("ambient_temperature", r"(?=.*\b(ambient\w*|room|air|surround\w*)\b).*(\btemp|\bt\b)|\bt ?(a|amb|air|room)\b"),
-    ("", r"derivative|\brate\b|set ?point|target|reference"),
+    ("", _NO_READING),
     ("temperature", r"\btemp|\bt\b|thermo|\btc ?\d*\b|\bpt ?100+\b"),
     ("time", r"\btime|\bt\b|\bzeit\b|elapsed|timestamp|\bclock\b"),
     ("stiffness", r"stiffness|spring (rate|constant)|\bk\b"),
@@ -138,13 +141,29 @@ def guess_header(header: str) -> Guess | None:
         unit = _SPELT.get(written.strip().lower(), written.strip())
         quantity = _quantity(name, unit)
         if quantity:
-            return Guess(quantity, unit)
+            return Guess(quantity, "" if quantity == "drive" else unit)
     quantity = _quantity(bracketed[1] if bracketed else text, "")
     if quantity and bracketed and bracketed[2].strip() in RAW:
         return Guess(
             quantity, ARBITRARY, (f"a raw reading in {bracketed[2].strip()}: give scale, offset and to",)
         )
     return Guess(quantity, "") if quantity else None
+
+
+def near_quantity(header: str) -> str:
+    """Quantity that a header names or nearly names; empty for none.
+
+    Examples
+    --------
+    >>> near_quantity("Kraft (N)"), near_quantity("displacment mm"), near_quantity("note")
+    ('force', 'displacement', '')
+    """
+    guess = guess_header(header)
+    if guess is not None:
+        return guess.quantity
+    word = re.split(r"[ _(\[]", header.strip().lower())[0]
+    near = get_close_matches(word, QUANTITIES, n=1, cutoff=0.8)
+    return near[0] if near and not re.search(_NO_READING, header.lower()) else ""
 
 
 def _quantity(name: str, unit: str) -> str:
@@ -166,7 +185,7 @@ def _suits(unit: str, quantity: str) -> bool:
     return True
 
 
-def guess_named(names: Sequence[str], values: Mapping[int, Floats]) -> Guesses:
+def guess_named(names: Sequence[str], values: Mapping[int, Floats], clocks: Collection[int] = ()) -> Guesses:
     """What columns with headers hold.
 
     Parameters
@@ -174,11 +193,14 @@ def guess_named(names: Sequence[str], values: Mapping[int, Floats]) -> Guesses:
     names : sequence of str
     values : mapping of int to ndarray
         Columns of numbers, by their position.
+    clocks : collection of int
+        Columns of clock times.
     """
     found: dict[str, tuple[int, Guess]] = {}
     for i, header in enumerate(names):
         guess = guess_header(header) if header else None
-        if guess is None or (i not in values and guess.quantity not in ("time", "branch")):
+        readable = i in values or guess is None or guess.quantity == "branch"
+        if guess is None or not (readable or (guess.quantity == "time" and i in clocks)):
             continue
         other = found.get(guess.quantity)
         if other is None or _rank(header, guess.quantity) < _rank(names[other[0]], guess.quantity):

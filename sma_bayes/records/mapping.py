@@ -2,22 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 
 from sma_bayes.errors import CampaignError, MeasurementError, QuantityError, many, near_matches
-from sma_bayes.quantities import ARBITRARY, QUANTITIES, Floats, convert
-from sma_bayes.records.declaration import CHANNEL_OF, Column, DeclaredCondition, require_channels
+from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, STANDARD_GRAVITY, Floats, convert, unit_text
+from sma_bayes.records.declaration import (
+    CHANNEL_OF,
+    SETTING_COLUMNS,
+    Column,
+    DeclaredCondition,
+    require_channels,
+)
 from sma_bayes.records.default_names import EXAMPLES, described, recognised
 from sma_bayes.records.formats import Table, read_table
+from sma_bayes.records.formats.clock import clock_seconds, is_clock
 from sma_bayes.records.formats.numbers import numbers
 from sma_bayes.records.formats.table import Cells, rows_finding
+from sma_bayes.records.guesses import near_quantity
+from sma_bayes.records.joining import FileColumns, joined
+from sma_bayes.records.quality import levels
 from sma_bayes.records.run import Run
-from sma_bayes.records.types import Branch, Calibration, Condition, Finding, Ints
+from sma_bayes.records.types import Branch, Calibration, Condition, Finding, Ints, setting_unit
 
 _BRANCH_SIGN = {Branch.HEATING.value: 1.0, Branch.COOLING.value: -1.0}
+CLOCKS: Final = frozenset(
+    {"time", "timestamp", "clock", "clock time", "datetime", "date time", "date_time", "date/time"}
+)
+"""Headers, in small letters, of a column of clock times that is known by its name."""
+
+SAME: Final = 0.05
+"""A setting that varies by less than this share of itself is one setting."""
+
+ROWS_SHOWN, COLUMNS_SHOWN = 3, 8
+"""Rows and columns of a file without a header that a message shows."""
+
 _BRANCHES = "heating or cooling, or 1 or -1"
 
 
@@ -44,21 +66,20 @@ def read_run(declared: DeclaredCondition) -> tuple[Run, tuple[Finding, ...]]:
     QuantityError
         If a unit is unknown or of the wrong kind.
     """
-    table = read_table(declared.path, declared.reading)
-    findings = list(table.findings)
-    columns = declared.columns
-    if not columns:
-        columns, seen = _by_default_names(table, declared)
-        findings.append(seen)
-    values: dict[str, Floats] = {}
-    for quantity, column in columns.items():
-        values[quantity], seen_here = _canonical(quantity, column, table, declared)
-        findings += seen_here
+    files = [_read_file(part, alone=len(declared.paths) == 1) for part in declared.of_each_file()]
+    _require_all(files, declared)
+    whole, how = joined(files)
+    values = dict(whole.values)
+    settings = {q: values.pop(q) for q in SETTING_COLUMNS if q in values}
+    columns = {q: c for q, c in whole.columns.items() if q in values}
+    if whole.clock:
+        values["time"] = values["time"] - np.nanmin(values["time"])
     specimen = not CHANNEL_OF.keys().isdisjoint(columns)
+    condition, told = _with_columns(_condition(declared, specimen=specimen), settings, whole.row, specimen)
     run = Run(
-        condition=_condition(declared, specimen=specimen),
-        file=declared.table.file,
-        row=table.row[: _common_length(values, declared)],
+        condition=condition,
+        file=declared.title,
+        row=whole.row,
         columns={CHANNEL_OF.get(quantity, quantity): v for quantity, v in values.items()},
         units={CHANNEL_OF.get(q, q): canonical_unit(q, column) for q, column in columns.items()},
         specimen=specimen,
@@ -70,24 +91,144 @@ def read_run(declared: DeclaredCondition) -> tuple[Run, tuple[Finding, ...]]:
         },
     )
     run, cut = _within_window(run, declared)
-    return run, tuple(
-        replace(finding, condition=declared.table.id, file=declared.table.file)
-        for finding in (*findings, *cut)
+    seen = [replace(f, file=file.name) for file in files for f in file.findings]
+    seen += [replace(f, file=declared.title) for f in (*how, *told, *cut)]
+    return run, tuple(replace(finding, condition=declared.table.id) for finding in seen)
+
+
+def _read_file(declared: DeclaredCondition, *, alone: bool) -> FileColumns:
+    """Columns of one file of a condition; where there are others it need not have all."""
+    table = read_table(declared.path, declared.reading)
+    findings = list(table.findings)
+    columns: Mapping[str, Column] = {q: entries[0] for q, entries in declared.columns.items()}
+    if not columns:
+        columns, seen = _by_default_names(table, declared, alone=alone)
+        findings += (seen, *_nearly_named(columns, table))
+    elif not alone:
+        columns = {q: c for q, c in columns.items() if _holds(c, table)}
+    values: dict[str, Floats] = {}
+    clock = False
+    for quantity, column in columns.items():
+        is_time = quantity == "time" and column.row_interval is None
+        if is_time and is_clock(table.columns[_index(quantity, column, table, declared)]):
+            values[quantity], clock = _clock(column, table, declared), True
+            continue
+        if is_time and column.unit is None:
+            raise CampaignError(
+                "no unit",
+                file=declared.declared_in,
+                column=_place(quantity, declared),
+                expected='unit = "s" or another unit of time; only a clock such as 12:34:56 needs none',
+            )
+        values[quantity], seen_here = _canonical(quantity, column, table, declared)
+        findings += seen_here
+    row = table.row[: _common_length(values, declared)] if values else table.row
+    return FileColumns(declared.path, declared.names[0], row, columns, values, clock, tuple(findings))
+
+
+def _holds(column: Column, table: Table) -> bool:
+    """Whether a file has a column."""
+    if column.name is not None:
+        return " ".join(column.name.split()) in (table.names or ())
+    return column.column is None or column.column <= len(table.columns)
+
+
+def _require_all(files: Sequence[FileColumns], declared: DeclaredCondition) -> None:
+    """Check that together the files of a condition have what was declared, or by their names what a record needs."""
+    there = {q for f in files for q in f.values}
+    for quantity, entries in declared.columns.items():
+        if quantity not in there:
+            raise CampaignError(
+                f"none of {many(len(files), 'file')} has a column {entries[0].name or entries[0].column!r}",
+                file=declared.declared_in,
+                column=_place(quantity, declared),
+                expected="a column of one of " + ", ".join(f.name for f in files),
+            )
+    if not declared.columns and len(files) > 1:
+        require_channels(there, file=declared.declared_in, where=f"{declared.where}.file")
+
+
+def _clock(column: Column, table: Table, declared: DeclaredCondition) -> Floats:
+    """Time by the clock, shifted by the declared offset [s]."""
+    index = _index("time", column, table, declared)
+    cells = table.columns[index]
+    seconds = clock_seconds(
+        list(cells), table.row[: len(cells)], file=declared.path, column=table.shown_names[index]
     )
+    return seconds + float(convert(column.offset or 0.0, column.to or column.unit or "s", "s", what="time"))
+
+
+def _nearly_named(columns: Mapping[str, Column], table: Table) -> tuple[Finding, ...]:
+    """Finding about columns that are not used, although they are nearly called as a quantity that is not there."""
+    specimen = not CHANNEL_OF.keys().isdisjoint(columns)
+    absent = (
+        {*QUANTITIES, *SETTING_COLUMNS} - set(columns) - set(CHANNELS if specimen else CHANNEL_OF) - {"drive"}
+    )
+    used = {c.name for c in columns.values()}
+    near = [(name, near_quantity(name)) for name in table.names or () if name and name not in used]
+    found = [(name, quantity) for name, quantity in near if quantity in absent]
+    if not found:
+        return ()
+    what = ", ".join(f"{name!r} (a {quantity}?)" for name, quantity in found)
+    message = (
+        f"not used, although the name is nearly that of a quantity: {what}; rename the column, or name it under "
+        "[columns] in a campaign.toml"
+    )
+    return (Finding("unused-column", message, column=found[0][0]),)
+
+
+def _with_columns(
+    condition: Condition,
+    settings: Mapping[str, Floats],
+    row: Ints,
+    specimen: bool,
+) -> tuple[Condition, tuple[Finding, ...]]:
+    """Condition with settings that stand in columns, as far as it does not state them itself."""
+    findings: list[Finding] = []
+    for setting, values in settings.items():
+        usual = float(np.nanmedian(values))
+        stated = getattr(condition, setting)
+        unit = unit_text(setting_unit(setting, specimen=specimen))
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        if high - low > SAME * abs(usual):
+            steps = levels(values)
+            course = (
+                ", ".join(f"{s.value:.4g} {unit} in rows {row[s.start]} to {row[s.stop - 1]}" for s in steps)
+                or f"from {low:.4g} to {high:.4g} {unit}"
+            )
+            how = "changes in steps" if steps else "varies"
+            message = (
+                f"{setting.replace('_', ' ')} {how} within one condition: {course}; its "
+                f"median {usual:.4g} {unit} is taken; make a condition of each stretch by first_row and last_row"
+            )
+            findings.append(Finding("load-steps" if steps else "setting-varies", message, column=setting))
+        if stated is None:
+            changes: dict[str, Any] = {setting: usual}
+            condition = replace(condition, **changes)
+        elif abs(stated - usual) > SAME * abs(usual):
+            message = f"{setting} is declared as {stated:.4g} {unit} and is taken so; its column has {usual:.4g} {unit}"
+            findings.append(Finding("setting-contradicted", message, column=setting))
+    return condition, tuple(findings)
 
 
 def canonical_unit(quantity: str, column: Column) -> str:
     """Unit in which a quantity is kept: canonical, or as declared where there is nothing to convert."""
     unit = column.calibrated_unit
+    if quantity in SETTING_COLUMNS:
+        return SETTING_COLUMNS[quantity]
     return unit if unit == ARBITRARY or quantity == "drive" else QUANTITIES[quantity].unit
 
 
-def _by_default_names(table: Table, declared: DeclaredCondition) -> tuple[dict[str, Column], Finding]:
+def _by_default_names(
+    table: Table, declared: DeclaredCondition, *, alone: bool
+) -> tuple[dict[str, Column], Finding]:
     """Columns known by their default names, and a finding that says which."""
     columns: dict[str, Column] = {}
     found: list[tuple[str, str, str]] = []
-    for header in table.names or ():
-        known = recognised(header)
+    for header, cells in zip(table.names or (), table.columns, strict=table.names is not None):
+        known = recognised(header) or (
+            ("time", "s") if header.strip().lower() in CLOCKS and is_clock(cells) else None
+        )
         if known is None:
             continue
         quantity, unit = known
@@ -100,18 +241,39 @@ def _by_default_names(table: Table, declared: DeclaredCondition) -> tuple[dict[s
             )
         columns[quantity] = Column(name=header, unit=unit)
         found.append((header, quantity, unit))
+    if alone:
+        _require_named(columns, table, declared)
+    unused = [name for name in table.names or () if name and name not in {header for header, _, _ in found}]
+    return columns, Finding("recognised", described(found, unused))
+
+
+def _require_named(columns: Mapping[str, Column], table: Table, declared: DeclaredCondition) -> None:
+    """Check that the columns that are known by their names make a record."""
     try:
         require_channels(columns, file=declared.path, where="header")
     except CampaignError as error:
-        headers = ", ".join(repr(name) for name in table.names or ()) or "no header"
+        there = ", ".join(repr(name) for name in table.names or ())
+        what = f"has {there}" if there else _headless(table)
+        remedy = "rename the columns, or let `sma-bayes init` write a campaign.toml with [columns]"
+        if "temperature" not in columns:
+            remedy += "; data without a temperature can't be used: the curves are functions of temperature"
         raise CampaignError(
             error.found.replace("declared", "among the columns"),
             file=declared.path,
-            expected=f"column names such as {', '.join(EXAMPLES)}; the file has {headers}",
-            remedy="rename the columns, or write a campaign.toml with [columns]",
+            expected=f"column names such as {', '.join(EXAMPLES)}; the file {what}",
+            remedy=remedy,
         ) from None
-    unused = [name for name in table.names or () if name and recognised(name) is None]
-    return columns, Finding("recognised", described(found, unused))
+
+
+def _headless(table: Table) -> str:
+    """What a file without a header has: how many columns, and its first rows."""
+    width = len(table.columns)
+    rows = [
+        " ".join(str(cells[i]).strip() if i < len(cells) else "" for cells in table.columns[:COLUMNS_SHOWN])
+        + (" ..." if width > COLUMNS_SHOWN else "")
+        for i in range(min(ROWS_SHOWN, table.row.size))
+    ]
+    return f"has no header but {many(width, 'column')}, which begin: {' | '.join(rows)}"
 
 
 def _canonical(
@@ -143,6 +305,8 @@ def _canonical(
     value = (1.0 if column.scale is None else column.scale) * reading + (column.offset or 0.0)
     unit = canonical_unit(quantity, column)
     try:
+        if quantity == "load":
+            return _weight(value, column.calibrated_unit, declared), findings
         return convert(value, column.calibrated_unit, unit, what=quantity), findings
     except QuantityError as error:
         raise QuantityError(
@@ -154,6 +318,17 @@ def _canonical(
         ) from None
 
 
+def _weight(value: Floats, unit: str, declared: DeclaredCondition) -> Floats:
+    """Load [N] of a mass, which is turned into its weight, or of a force; of a specimen a stress [Pa]."""
+    specimen = not CHANNEL_OF.keys().isdisjoint(declared.columns)
+    if specimen:
+        return convert(value, unit, "Pa", what="load")
+    try:
+        return STANDARD_GRAVITY * convert(value, unit, "kg", what="load")
+    except QuantityError:
+        return convert(value, unit, "N", what="load")
+
+
 def _index(quantity: str, column: Column, table: Table, declared: DeclaredCondition) -> int:
     """Which column of the file a declared column is, from 0."""
     there = ", ".join(repr(name) for name in table.shown_names)
@@ -162,7 +337,7 @@ def _index(quantity: str, column: Column, table: Table, declared: DeclaredCondit
         if column.column <= len(table.columns):
             return column.column - 1
         raise CampaignError(
-            f"{declared.table.file!r} has no column {column.column}",
+            f"{declared.names[0]!r} has no column {column.column}",
             file=declared.declared_in,
             column=where,
             expected=f"a number from 1 to {len(table.columns)}: {there}",
@@ -173,24 +348,24 @@ def _index(quantity: str, column: Column, table: Table, declared: DeclaredCondit
         return found[0]
     if table.names is None:
         raise CampaignError(
-            f"{declared.table.file!r} has no header, so no column {name!r}",
+            f"{declared.names[0]!r} has no header, so no column {name!r}",
             file=declared.declared_in,
             column=where,
-            expected=f"a number from 1 to {len(table.columns)}",
+            expected=f"a number from 1 to {len(table.columns)}; the file {_headless(table)}",
             remedy="give the column by its number, { column = 2, unit = ... }; if there is a header, set "
             "header = true and perhaps skip_rows in [reading] of campaign.toml",
         )
     if found:
         numbers_there = " and ".join(str(i + 1) for i in found)
         raise CampaignError(
-            f"{declared.table.file!r} has {len(found)} columns called {name!r}",
+            f"{declared.names[0]!r} has {len(found)} columns called {name!r}",
             file=declared.declared_in,
             column=where,
             expected="a name that occurs once",
             remedy=f"give the column by its number: {numbers_there}",
         )
     raise CampaignError(
-        f"{declared.table.file!r} has no column {name!r}",
+        f"{declared.names[0]!r} has no column {name!r}",
         file=declared.declared_in,
         column=where,
         expected=near_matches(name, [title for title in table.names if title]),

@@ -5,8 +5,8 @@ Which findings keep rows out and which are only reported:
 =====================  ==================================================================
 kept out and counted   missing temperature, missing or spoilt channel to fit, drop-out,
                        spike, duplicate row, time running backwards
-only reported          quantised, clipped, gap, repeated time stamps, held samples,
-                       restart of the clock, no transformation, narrow sweep
+only reported          quantised, clipped, gap, steps of the load, kelvin, row numbers,
+                       repeated time stamps, held samples, restart of the clock, no transformation, narrow sweep
 =====================  ==================================================================
 
 All functions take plain arrays and return masks or numbers; nothing is changed.
@@ -17,6 +17,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -37,6 +38,35 @@ JUDGED_WITHIN = 0.1
 GAP_STEPS, GAP_JUMPS, GAP_SHARE = 10.0, 5.0, 0.05
 """A gap is a step of time of ten usual ones, or a step of temperature of a twentieth of the sweep and of five
 large ones (a large one is exceeded by a tenth of the steps)."""
+
+
+LEVEL_STEP, LEVEL_ROWS = 0.05, 5
+"""A load was changed where it steps by more than this share of its largest value and stays for so many rows."""
+
+COLDEST_KELVIN, HOTTEST_KELVIN = 250.0, 650.0
+"""Readings that all lie between these are more likely kelvin than degrees Celsius: rigs begin near room temperature."""
+
+
+def looks_like_kelvin(temperature: Floats) -> bool:
+    """Whether readings in degrees Celsius are more likely in kelvin, see `COLDEST_KELVIN`.
+
+    Examples
+    --------
+    >>> looks_like_kelvin(np.array([295.0, 370.0])), looks_like_kelvin(np.array([25.0, 300.0]))
+    (True, False)
+    """
+    return bool(temperature.min() >= COLDEST_KELVIN and temperature.max() <= HOTTEST_KELVIN)
+
+
+def are_row_numbers(values: Floats) -> bool:
+    """Whether values count the rows: 0, 1, 2 and so on, or from 1.
+
+    Examples
+    --------
+    >>> are_row_numbers(np.arange(1.0, 30.0)), are_row_numbers(np.arange(20.0, 90.0))
+    (True, False)
+    """
+    return bool(values.size > 2 and values[0] in (0.0, 1.0) and np.all(np.diff(values) == 1.0))
 
 
 def digit(values: Floats, most: float = 0.5) -> float:
@@ -325,6 +355,49 @@ def clipped(values: Floats) -> tuple[FlatTop, ...]:
         sides = values[[max(0, start - aside), min(values.size, stop + aside) - 1]]
         if length[k] >= max(5, 3 * usual) and np.abs(sides - extreme).max() > 2.5 * pace:
             found.append(FlatTop(start, stop, int(length[at].sum()), float(extreme)))
+    return tuple(found)
+
+
+def levels(values: Floats, against: Floats | None = None) -> tuple[FlatTop, ...]:
+    """Stretches of a load that was changed in steps.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        In order of acquisition.
+    against : ndarray, shape (n,), optional
+        Temperature. Given, each stretch must cover half of its range: a force that answers to the temperature does not
+        stand still while that sweeps.
+
+    Returns
+    -------
+    tuple of FlatTop
+        Two or more, each with its median; empty where the load was not changed, or otherwise than in steps of more than
+        `LEVEL_STEP` of its largest value between stretches of at least `LEVEL_ROWS` rows, twenty at most.
+
+    Examples
+    --------
+    >>> [(s.start, s.stop, s.value) for s in levels(np.repeat([1.0, 1.5], 10))]
+    [(0, 10, 1.0), (10, 20, 1.5)]
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    load = values[there]
+    if load.size < 2 * LEVEL_ROWS:
+        return ()
+    ranked = np.sort(load)
+    apart = np.flatnonzero(np.diff(ranked) > LEVEL_STEP * float(np.abs(ranked).max()))
+    if not apart.size:
+        return ()
+    level = np.searchsorted(0.5 * (ranked[apart] + ranked[apart + 1]), load)
+    cut = np.r_[0, np.flatnonzero(np.diff(level)) + 1, load.size]
+    length = np.diff(cut)
+    if length.size > 20 or length.min() < LEVEL_ROWS:
+        return ()
+    found = []
+    for a, b in pairwise(int(c) for c in cut):
+        if against is not None and np.ptp(against[there[a:b]]) < 0.5 * np.ptp(against[there]):
+            return ()
+        found.append(FlatTop(int(there[a]), int(there[b - 1]) + 1, b - a, float(np.median(load[a:b]))))
     return tuple(found)
 
 

@@ -38,7 +38,7 @@ from sma_bayes.records.held import (
     rows_of,
 )
 from sma_bayes.records.ledger import Ledger
-from sma_bayes.records.quality import gaps
+from sma_bayes.records.quality import are_row_numbers, gaps, levels, looks_like_kelvin
 from sma_bayes.records.reduction import Blocks, average, blocks_of
 from sma_bayes.records.run import Run
 from sma_bayes.records.segmentation import (
@@ -390,7 +390,13 @@ def _long_enough(ledger: Ledger, legs: list[Leg], least: int) -> list[Leg]:
         raise _no_branch(ledger, least)
     found = {leg.branch for leg in legs}
     if len(found) == 1:
-        message = f"there is a {found.pop().value} branch only; it is fitted alone"
+        (only,) = found
+        ends = ledger.run.columns["temperature"][legs[0].rows[[0, -1]]]
+        course = " to ".join(ledger.amount("temperature", float(t)) for t in ends)
+        message = (
+            f"there is a {only.value} branch only, from {course}; it is fitted alone, and nothing follows about "
+            "hysteresis, for which the way back has to be recorded too"
+        )
         ledger.note(ledger.rows[:0], "one-branch", message)
     return legs
 
@@ -410,6 +416,8 @@ def _note_quality(ledger: Ledger, legs: list[Leg], channels: tuple[str, ...]) ->
         note_digits(ledger, column, rows)
     for channel in channels:
         note_no_transformation(ledger, legs, channel)
+    _note_temperature(ledger, rows)
+    _note_steps(ledger, rows)
     swept = float(np.ptp(run.columns["temperature"][rows]))
     if run.units.get("temperature") == "degC" and swept < DRIFT:
         message = f"the temperature hardly varies, by {ledger.amount('temperature', swept)} in all: a drift, no sweep"
@@ -425,6 +433,41 @@ def _note_quality(ledger: Ledger, legs: list[Leg], channels: tuple[str, ...]) ->
         if index.size:
             message = "gaps in time or temperature; the rows listed are the first after them"
             ledger.note(index, "gap", message, branch=branch.value)
+
+
+def _note_steps(ledger: Ledger, rows: Ints) -> None:
+    """Report a force that stands still during each sweep and is another in the next."""
+    run = ledger.run
+    if "force" not in run.columns:
+        return
+    steps = levels(run.columns["force"][rows], run.columns["temperature"][rows])
+    if not steps:
+        return
+    course = ", ".join(
+        f"{ledger.amount('force', s.value)} in rows {run.row[rows[s.start]]} to {run.row[rows[s.stop - 1]]}"
+        for s in steps
+    )
+    message = (
+        f"{ledger.quantity('force')} changes in steps: {course}; if that is the load, each is a condition of its own: "
+        "cut them apart by first_row and last_row"
+    )
+    ledger.note(rows[[s.start for s in steps]], "load-steps", message, column="force")
+
+
+def _note_temperature(ledger: Ledger, rows: Ints) -> None:
+    """Report a temperature that is more likely in kelvin, or the number of the row."""
+    temperature = ledger.run.columns["temperature"]
+    swept = temperature[rows]
+    if ledger.run.units.get("temperature") == "degC" and looks_like_kelvin(swept):
+        low, high = (ledger.amount("temperature", float(t)) for t in (swept.min(), swept.max()))
+        message = f'temperatures from {low} to {high} look like kelvin; if so, declare unit = "kelvin"'
+        ledger.note(rows[:0], "kelvin", message, column="temperature")
+    if are_row_numbers(temperature):
+        message = (
+            "the temperature counts the rows, 1 more in each: the column is no thermometer's, and nothing that follows "
+            "means anything; map another column"
+        )
+        ledger.note(rows[:0], "row-numbers", message, column="temperature")
 
 
 # records

@@ -14,8 +14,9 @@ import numpy as np
 from sma_bayes.disk import writing
 from sma_bayes.errors import CampaignError, MeasurementError, OutputError, SmaBayesError, many
 from sma_bayes.quantities import Floats
-from sma_bayes.records.declaration import CAMPAIGN_FILE, CHANNEL_OF, FILES_SHOWN, UNITLESS, parse_declaration
+from sma_bayes.records.declaration import CAMPAIGN_FILE, CHANNEL_OF, FILES_SHOWN, parse_declaration
 from sma_bayes.records.formats import Reading, Table, read_table, recognise
+from sma_bayes.records.formats.clock import is_clock
 from sma_bayes.records.formats.numbers import is_blank, looks_numeric, numbers
 from sma_bayes.records.formats.xlsx import sheet_titles
 from sma_bayes.records.guesses import Guess, Guesses, guess_named, guess_unnamed, one_kind, settings_in
@@ -235,7 +236,8 @@ def _source(path: Path, file: str, reading: Mapping[str, Any], table: Table) -> 
         values[i] = found[np.isfinite(found)]
         codes[i] = tuple(sorted(set(texts)))
     settings = settings_in(file.rsplit(".", 1)[0] + " " + str(reading.get("sheet", "")))
-    guesses = Guesses() if table.names is None else guess_named(table.names, values)
+    clocks = {i for i, cells in enumerate(table.columns) if is_clock(cells)}
+    guesses = Guesses() if table.names is None else guess_named(table.names, values, clocks)
     width = max((i + 1 for i, cells in enumerate(table.columns) if not all(map(is_blank, cells))), default=0)
     return _Source(file, reading, table.names, width, values, codes, guesses, settings)
 
@@ -404,7 +406,7 @@ def _column_line(quantity: str, i: int, guess: Guess, source: _Source) -> str:
     header = source.names[i] if source.names else ""
     once = bool(header) and source.names is not None and source.names.count(header) == 1
     keys = [f"name = {_quoted(header)}" if once else f"column = {i + 1}"]
-    if guess.unit and quantity not in UNITLESS:
+    if guess.unit:
         keys.append(f"unit = {_quoted(guess.unit)}")
     doubts = list(guess.doubts)
     codes: list[Any] = list(source.codes.get(i, ()))

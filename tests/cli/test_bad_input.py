@@ -82,7 +82,7 @@ def test_a_folder_without_a_campaign(run: Run, measured: Path, tmp_path: Path) -
 CAMPAIGNS = {
     "a column that is not there": (
         ('"force_N"', '"force"'),
-        ["campaign.toml, column 'columns.force'", "has no column 'force'", "did you mean 'force_N'?"],
+        ["campaign.toml, key 'columns.force'", "has no column 'force'", "did you mean 'force_N'?"],
     ),
     "an unknown unit": (('unit = "N"', 'unit = "Nn"'), ["'columns.force.unit'", "unit 'Nn' of force is not known"]),
     "a unit of the wrong kind": (('unit = "N"', 'unit = "K"'), ["unit 'K' of force is of the wrong kind", "into 'N'"]),
@@ -91,7 +91,7 @@ CAMPAIGNS = {
     "a typing error in a table": (("[columns]", "[colums]"), ["unknown key 'colums'", "did you mean 'columns'?"]),
     "a typing error in a key": (("file =", "flie ="), ["condition 'a'", "'flie'"]),
     "no TOML": (("[columns]", "[columns"), ["campaign.toml, row 3", "expected: TOML"]),
-    "a single bracket": (("[[condition]]", "[condition]"), ["column 'condition'", "[[name]]"]),
+    "a single bracket": (("[[condition]]", "[condition]"), ["key 'condition'", "[[name]]"]),
     "a missing data file": (('"a.csv"', '"b.csv"'), ["there is no file", "b.csv", "did you mean 'a.csv'?"]),
     "equal ids": (
         ("[[condition]]", '[[condition]]\nid = "a"\nfile = "a.csv"\n[[condition]]'),
@@ -129,7 +129,7 @@ PRIORS = {
     "NaN": (B2, B2.replace("1.2", "nan"), ["'both.B2'", "sigma = nan", "a finite number"]),
     "no TOML": ("[both.B2]", "[both.B2", ["p.toml, row ", "is not valid TOML"]),
     "typing error": ("family", "famly", ["unknown key 'famly'", "did you mean 'family'?"]),
-    "another schema": ("sma-bayes/priors/1", "sma-bayes/priors/9", ["column 'schema'", "'sma-bayes/priors/1'"]),
+    "another schema": ("sma-bayes/priors/1", "sma-bayes/priors/9", ["key 'schema'", "'sma-bayes/priors/1'"]),
 }  # fmt: skip
 
 

@@ -108,7 +108,9 @@ def test_every_toml_example_is_understood(page, tmp_path):
             place = tmp_path / "campaign.toml"
             place.write_text(text, encoding="utf-8")
             for condition in document["condition"]:
-                (tmp_path / condition["file"]).write_text("", encoding="utf-8")
+                files = condition["file"] if isinstance(condition["file"], list) else [condition["file"]]
+                for file in files:
+                    (tmp_path / file.replace("*", "x")).write_text("", encoding="utf-8")
             assert read_declaration(place, None, SplitSettings()).conditions
         elif "study" in document:
             place = tmp_path / "study.toml"

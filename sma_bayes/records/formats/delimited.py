@@ -6,11 +6,14 @@ import codecs
 import csv
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from sma_bayes.errors import MeasurementError
 from sma_bayes.records.formats.layout import Row, Shape, shape_of, spread, tabulate
+from sma_bayes.records.formats.numbers import has_decimal_commas
 from sma_bayes.records.formats.table import WHITESPACE, Format, Reading, Table
+from sma_bayes.records.types import Finding
 
 CANDIDATES = ("\t", ";", "|", ",", WHITESPACE)
 """Delimiters that are found by themselves; of two that split the sample alike the first is taken."""
@@ -57,7 +60,7 @@ def read(path: Path, reading: Reading) -> Table:
 
     try:
         delimiter, shape = _delimiter(body, reading, path)
-        return tabulate(_rows(body, delimiter, reading.skip_rows), shape, reading, path, resplit)
+        table = tabulate(_rows(body, delimiter, reading.skip_rows), shape, reading, path, resplit)
     except csv.Error as error:
         raise MeasurementError(
             f"the text can't be split into cells: {error}",
@@ -65,6 +68,18 @@ def read(path: Path, reading: Reading) -> Table:
             expected="quotation marks in pairs",
             remedy="close the quotation mark; where each whole row stands in quotes set quoted_rows = true",
         ) from None
+    if "decimal" in reading.model_fields_set or delimiter == ",":
+        return table
+    return _with_decimal_mark(table, shape)
+
+
+def _with_decimal_mark(table: Table, shape: Shape) -> Table:
+    """Table with the decimal comma that its cells show, where they do."""
+    some = spread(table.row.size)
+    if not has_decimal_commas(table.columns[i][k] for i in shape.numeric for k in some):
+        return table
+    seen = Finding("decimal-comma", "the decimal mark is a comma: no number has a point")
+    return replace(table, decimal=",", findings=(*table.findings, seen))
 
 
 def text_lines(path: Path, encoding: str | None) -> list[str]:

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sma_bayes.errors import MeasurementError, many
-from sma_bayes.records.formats.numbers import is_blank, looks_numeric
+from sma_bayes.records.formats.numbers import NOT_AVAILABLE, is_blank, looks_numeric
 from sma_bayes.records.formats.table import Reading, Table, cut_findings, rows_finding
 from sma_bayes.records.types import Finding, Ints
 
@@ -164,7 +164,9 @@ def _is_data(cells: Sequence[object], shape: Shape, reading: Reading) -> bool:
 
 
 def _is_number(cell: object, reading: Reading) -> bool:
-    return looks_numeric(cell) or (isinstance(cell, str) and cell.strip() in reading.missing)
+    if looks_numeric(cell):
+        return True
+    return isinstance(cell, str) and (cell.strip() in reading.missing or cell.strip() in NOT_AVAILABLE)
 
 
 def _is_units(cells: Sequence[object]) -> bool:

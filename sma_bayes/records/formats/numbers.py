@@ -1,14 +1,16 @@
 """From the cells of a column to numbers: missing values are counted, anything else is refused.
 
-NaN or infinity written in a text file is refused too, unless declared as a code: nobody but its author knows whether
+What spreadsheets and loggers write where a value is not available (`NOT_AVAILABLE`) is missing without being declared.
+NaN or infinity written in a text file is refused, unless declared as a code: nobody but its author knows whether
 it stands for a missing value, a division by zero or a broken sensor.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,12 @@ from sma_bayes.quantities import Floats
 from sma_bayes.records.formats.table import Cells, rows_finding
 from sma_bayes.records.types import Finding, Ints
 
+NOT_AVAILABLE: Final = frozenset({"#N/A", "#N/A N/A", "N/A", "n/a", "#NA", "NA"})
+"""Texts that say that a value is not available, and nothing else."""
+
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 # float() accepts 1_000, a Python habit that no instrument has; with a decimal comma a point can only group
 # thousands, which would be read a thousand times too small. Both become a character that float() refuses.
@@ -74,6 +81,10 @@ def numbers(
     ([1.5, nan, nan], ['empty', 'missing-code'])
     """
     values, empty, unread = _parse(cells, missing, decimal)
+    absent = {text for i in np.flatnonzero(unread) if (text := str(cells[int(i)]).strip()) in NOT_AVAILABLE}
+    if absent:
+        missing = (*missing, *sorted(absent))
+        values, empty, unread = _parse(cells, missing, decimal)
     coded = _coded(cells, values, empty, missing)
     if isinstance(cells, np.ndarray):
         empty = np.isnan(values)
@@ -122,6 +133,20 @@ def looks_numeric(cell: object) -> bool:
     except ValueError:
         return _COMMA_NUMBER.fullmatch(cell.strip()) is not None
     return True
+
+
+def has_decimal_commas(cells: Iterable[object]) -> bool:
+    """Whether cells are written with a decimal comma, and can't be whole numbers with commas between thousands.
+
+    Examples
+    --------
+    >>> has_decimal_commas(["12,5", "7", "0,125"]), has_decimal_commas(["1,250", "2,500"])
+    (True, False)
+    """
+    texts = [cell.strip() for cell in cells if isinstance(cell, str) and ("," in cell or "." in cell)]
+    commas = [text for text in texts if _COMMA_NUMBER.fullmatch(text)]
+    points = any(looks_numeric(text) for text in texts if "." in text)
+    return bool(commas) and not points and not all(_THOUSANDS.fullmatch(text) for text in commas)
 
 
 def is_blank(cell: object) -> bool:

@@ -40,7 +40,7 @@ class Reading(BaseModel):
     delimiter : str, optional
         One character, or ``"whitespace"``; found by itself otherwise.
     decimal : {".", ","}
-        Decimal mark.
+        Decimal mark; where it isn't declared, found by itself in text whose cells a comma does not separate.
     missing : tuple of float or str
         Codes that stand for a missing value in any column. A number matches by value, a text by its letters.
     quoted_rows : bool
@@ -106,7 +106,7 @@ class Table:
     findings : tuple of Finding
         What was skipped on the way.
     decimal : str or None
-        Decimal mark, where the file itself declares one.
+        Decimal mark, where the file itself declares or shows one.
     """
 
     names: tuple[str, ...] | None

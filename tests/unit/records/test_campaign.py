@@ -692,7 +692,7 @@ class TestExamples:
             shared_data / "guarneros_spring_force",
             SplitSettings(),
         )
-        column = declared.conditions[0].columns["force"]
+        (column,) = declared.conditions[0].columns["force"]
         assert column.scale == pytest.approx(slope, rel=1e-6)
         assert column.offset == pytest.approx(intercept - 2.1, abs=1e-6)
         assert column.reference == pytest.approx(counts.mean(), abs=0.05)
