@@ -10,6 +10,7 @@ from pathlib import Path
 from sma_bayes.account import Account
 from sma_bayes.inference.jobs import run
 from sma_bayes.progress import Progress
+from sma_bayes.report.answer import answer_tables
 from sma_bayes.report.choice import FEW, Drawn, figures_for
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.drawn import FigureTask, draw_all
@@ -57,7 +58,7 @@ def build_fit_report(
     pictures = draw_all(tasks, jobs, tell, spent)
     with spent.timed("report"):
         took = account_table(stored.summary, spent if known else Account())
-        tables = report_tables(content) | {"account": took}
+        tables = report_tables(content) | {t.name: t for t in answer_tables(content)} | {"account": took}
         write_tables(tables, folder / "tables")
         write_report(folder, content, tables, pictures)
     if content.paged:
@@ -162,14 +163,15 @@ class _CampaignTask:
             yield partial(average_figure, self.content)
         if self.content.printed:
             yield partial(printed_figure, self.content)
-        if not several:
-            return  # the loop of the only condition shows it all
         for number, part in enumerate(self.content.by_units(), 1):
-            yield partial(parameters_of_many if many else parameter_figure, part, number)
+            if several:
+                yield partial(parameters_of_many if many else parameter_figure, part, number)
             if many:
                 continue
             branches = {c: [_branch_data(self.folder, r) for r in part.branches(c)] for c in part.conditions}
             for channel in part.channels:
+                if not several and channel.channel != "stiffness":
+                    continue  # the loop of the only condition shows it
                 yield partial(overview_figure, channel.channel, branches, number)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from sma_bayes.quantities import ARBITRARY
+from sma_bayes.report.answer import answer_tables, next_steps
 from sma_bayes.report.content import (
     CHECK_TAIL,
     INTERVAL,
@@ -20,6 +21,7 @@ from sma_bayes.report.content import (
     parameters_by_channel,
 )
 from sma_bayes.report.figures.sheet import FigureFiles, numbered
+from sma_bayes.report.findings import finding_groups
 from sma_bayes.report.html import Picture, embedded, estimate_text, rendered
 from sma_bayes.report.notation import MISSING, write
 from sma_bayes.report.tables import Cell, Column, Table, cell_text, report_tables
@@ -134,6 +136,9 @@ def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str,
         overview=parameter_overview,
         noise_groups=noise_groups(content),
         parts=content.by_units(),
+        answers=answer_tables(content),
+        steps=next_steps(content),
+        groups=finding_groups(content.findings),
         arbitrary=any(_has_arbitrary_unit(r) for r in content.records),
         numbered=numbered,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from sma_bayes.errors import OutputError
 from sma_bayes.report.content import (
@@ -21,6 +21,7 @@ from sma_bayes.report.content import (
     TARGET,
     Estimate,
     Number,
+    RecordContent,
 )
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.notation import count_text, interval_text, unit_label, write
@@ -95,6 +96,7 @@ def page_environment(most: int | None = None) -> Environment:
         "estimate": estimate_text,
         "number": _number,
         "rows": rows_text,
+        "commands": _commands,
         "joined": lambda parts: list(chain.from_iterable(parts)),
         "plain": lambda value, digits=4: write([value], digits=digits).plain[0],
     }
@@ -109,7 +111,7 @@ def page_environment(most: int | None = None) -> Environment:
         "is_interval": lambda cell: isinstance(cell, Estimate),
         "few": lambda entries: entries[:most],
         "worst_first": worst_first if most else lambda table: table,
-        "with_any": lambda records, what: [r for r in records if any(getattr(p, what) for p in r.parameters)],
+        "with_any": _with_any,
     }
     return environment
 
@@ -145,6 +147,24 @@ def estimate_text(e: Estimate) -> str:
 
 def _number(n: Number) -> str:
     return f"{write([n.value], n.resolution).plain[0]} {unit_label(n.unit)}".rstrip()
+
+
+def _with_any(records: Sequence[RecordContent], what: str, **facts: Any) -> list[RecordContent]:
+    """Records of which some parameter has a property, and these facts."""
+    return [
+        r
+        for r in records
+        if any(getattr(p, what) and all(getattr(p, k) == v for k, v in facts.items()) for p in r.parameters)
+    ]
+
+
+def _commands(text: str) -> Markup:
+    """Text with what stands in backquotes set as code."""
+    parts = text.split("`")
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if number % 2 else escape(part)
+        for number, part in enumerate(parts)
+    )
 
 
 def _header_text(column: Column) -> str:

@@ -25,6 +25,7 @@ from sma_bayes.report.content import (
     RecordContent,
     TransformationTemperature,
 )
+from sma_bayes.report.findings import severity
 from sma_bayes.report.notation import (
     MISSING,
     interval_text,
@@ -644,6 +645,7 @@ def finding_table(content: Content) -> Table:
         "Rows are lines of the file, counted from 1. Nothing is repaired or left out silently.",
         (
             Column("kind", "kind"),
+            Column("severity", "severity"),
             Column("file", "file"),
             Column("rows", "rows"),
             Column("condition", "condition"),
@@ -654,7 +656,10 @@ def finding_table(content: Content) -> Table:
             Column("finding", "finding"),
         ),
         tuple(
-            (f.kind, f.file, rows_text(f.rows, f.count), f.condition, f.branch, f.column, f.count, f.dropped, f.message)
+            (
+                f.kind, severity(f.kind), f.file, rows_text(f.rows, f.count), f.condition, f.branch, f.column, f.count,
+                f.dropped, f.message,
+            )
             for f in content.findings
         ),
     )  # fmt: skip

@@ -166,7 +166,8 @@ def overview_figure(channel: str, conditions: Mapping[str, Sequence[BranchData]]
         caption=(
             f"{found.name.capitalize()} against temperature, condition by condition. Line: posterior median of the "
             "curve; dark and light band: pointwise equal-tailed 50 % and 90 % credible intervals; points: "
-            "measurements. Each panel has its own axes."
+            "measurements."
+            + (" Each panel has its own axes." if len(conditions) > 1 else "")
             + (
                 " Dashed: did not converge, so without a band."
                 if any(not b.content.converged for d in conditions.values() for b in d)

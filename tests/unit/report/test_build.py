@@ -37,7 +37,7 @@ def test_everything_is_there(built: tuple[Path, list[tuple[int, int, str]]], con
         *(f"discrepancy-{r.key}" for r in content.records if r.missed),
     }  # fmt: skip
     assert len(list((folder / "figures").iterdir())) == 3 * len(stems)
-    assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 15
+    assert len(list((folder / "tables").glob("*.csv"))) == len(list((folder / "tables").glob("*.tex"))) == 16
     assert not [p for p in folder.rglob(".*") if p.is_file()]  # no temporary file is left
 
 
@@ -46,6 +46,7 @@ def test_unasked_only_the_figures_of_the_report_are_drawn(run_copy: Path, conten
     stems = {p.stem for p in (run_copy / "figures").iterdir()}
     assert stems == {
         "loop-100g-10mHz",
+        "overview-stiffness",
         "printed",
         *(f"discrepancy-{r.key}" for r in content.records if r.missed),
     }

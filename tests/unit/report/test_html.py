@@ -12,6 +12,7 @@ import pytest
 from sma_bayes.report.content import Content, Finding
 from sma_bayes.report.fit_page import noise_groups, parameter_overview, render, without_empty
 from sma_bayes.report.html import Picture, anchor, select
+from sma_bayes.report.notation import interval_text
 from sma_bayes.report.tables import Column, Table, report_tables
 
 Page = Callable[[Content], "Reader"]
@@ -102,11 +103,19 @@ def test_every_link_has_a_target_and_every_picture_words(page: Reader) -> None:
     assert [a.get("lang") for t, a in page.tags if t == "html"] == ["en"]
 
 
-def test_diagnostics_come_before_conclusions_and_provenance_last(page: Reader) -> None:
+def test_the_answer_comes_first_with_whether_to_believe_it_and_provenance_last(
+    page: Reader, content: Content
+) -> None:
     order = [
-        page.source.index(f'id="{name}"') for name in ("diagnostics", "conclusions", "records", "provenance")
+        page.source.index(f'id="{name}"')
+        for name in ("answer", "next", "conclusions", "diagnostics", "records", "provenance")
     ]
     assert order == sorted(order)
+    answer = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page.section("answer", "next")))
+    assert "may it be believed?" in answer
+    for r in content.records:
+        least = next(q.estimate for q in r.quantities if q.name == "least stiffness")
+        assert interval_text(least.median, least.q05, least.q95) in answer.replace("\u00a0", " ")
 
 
 def test_the_interval_is_named_with_kind_and_level(page: Reader) -> None:
@@ -139,7 +148,7 @@ def test_one_bad_branch_is_announced_and_left_out_of_the_conclusions(content: Co
     reader = page_of(unconverged(content, "heating"))
     assert "Not converged: 1 of 2 records." in reader.text
     assert "A1 (R-hat 1.300" in reader.text
-    conclusions = reader.section("conclusions", "records")
+    conclusions = reader.section("conclusions", "diagnostics")
     assert "Left out of this chapter" in conclusions
     table = re.sub(r"<[^>]+>", " ", conclusions[conclusions.index('id="parameters"') :])
     assert "cooling" in table
@@ -150,7 +159,7 @@ def test_one_bad_branch_is_announced_and_left_out_of_the_conclusions(content: Co
 
 def test_with_no_record_left_there_are_no_conclusions(content: Content) -> None:
     reader = page_of(unconverged(content, "heating", "cooling"))
-    conclusions = reader.section("conclusions", "records")
+    conclusions = reader.section("conclusions", "diagnostics")
     assert "there are no conclusions" in conclusions
     assert "<table" not in conclusions
     assert "<img" not in conclusions
@@ -161,7 +170,7 @@ def test_findings_name_file_and_rows(content: Content) -> None:
     text = page_of(replace(content, findings=(finding,))).text
     assert "w.csv" in text
     assert "4–6, 9" in text
-    assert "4 rows of data kept out, 1 finding" in text
+    assert "4 rows of data kept out" in re.sub(r"\s+", " ", text)
 
 
 def test_what_users_write_stays_text(content: Content) -> None:

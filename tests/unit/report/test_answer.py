@@ -1,0 +1,72 @@
+"""The first screen: how stiff, how sure, may it be believed, and what to do next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from sma_bayes.assess.adequacy import Reason
+from sma_bayes.report.answer import answer_tables, belief, next_steps
+from sma_bayes.report.content import Content, Finding
+from sma_bayes.report.findings import finding_groups, severity
+
+
+def finding(kind: str, condition: str, dropped: int = 0) -> Finding:
+    return Finding(kind, f"what {kind} means", "run.csv", (), dropped, dropped, condition, "", "")
+
+
+def test_the_table_has_a_row_a_record_with_the_numbers_of_the_run(content: Content) -> None:
+    (table,) = answer_tables(content)
+    keys = [c.key for c in table.columns]
+    assert [c.unit for c in table.columns if c.key.endswith("stiffness")] == ["N/cm", "N/cm"]
+    for row, r in zip(table.rows, content.records, strict=True):
+        cells = dict(zip(keys, row, strict=True))
+        assert (cells["condition"], cells["branch"]) == (r.condition, r.branch)
+        estimates = {q.name: q.estimate for q in r.quantities}
+        assert cells["least_stiffness"] == estimates["least stiffness"]
+        assert cells["greatest_stiffness"] == estimates["greatest stiffness"]
+        ends = {t.name: t.estimate for t in r.transformation}
+        names = ("As", "Af") if r.branch == "heating" else ("Ms", "Mf")
+        assert (cells["start"], cells["finish"]) == tuple(ends[n] for n in names)
+
+
+def test_no_number_is_given_of_what_did_not_converge(content: Content) -> None:
+    bad = replace(content, records=tuple(replace(r, converged=False) for r in content.records))
+    (table,) = answer_tables(bad)
+    assert all(cell is None for row in table.rows for cell in row[2:-1])
+    assert all(row[-1] == "no: not converged" for row in table.rows)
+    assert "not converged" in next_steps(bad)[0]
+
+
+def test_an_inadequate_record_is_named_with_its_reason_and_a_remedy(content: Content) -> None:
+    first, *others = content.records
+    reason = Reason("curve", "force", "the curve misses 9 % of the range of force")
+    bad = replace(content, records=(replace(first, adequate=False, reasons=(reason,)), *others))
+    assert belief(bad.records[0]) == f"with care: {reason.message}"
+    (step,) = (s for s in next_steps(bad) if reason.message in s)
+    assert step.startswith(first.key)
+    assert "`sma-bayes gap`" in step
+
+
+def test_a_slope_that_is_the_rigs_is_said_to_be_and_no_temperature_is_looked_for(content: Content) -> None:
+    straight = tuple(
+        replace(r, adequate=True, path_kind="straight_path", path_message="a bias spring")
+        for r in content.records
+    )
+    flat = replace(content, records=straight)
+    assert all(belief(r) == "yes, but the slope is that of the rig" for r in straight)
+    assert not [s for s in next_steps(flat) if "sma-bayes ask" in s]
+    assert [s for s in next_steps(content) if "sma-bayes ask" in s]
+
+
+def test_findings_are_grouped_and_the_serious_come_first(content: Content) -> None:
+    findings = [finding("reduced", f"c{i}") for i in range(14)]
+    findings += [finding("spike", "c1", 3), finding("clipped", "c2")]
+    groups = finding_groups(findings)
+    assert [(g.kind, g.severity, g.count) for g in groups] == [
+        ("clipped", "serious", 1), ("spike", "look", 1), ("reduced", "note", 14),
+    ]  # fmt: skip
+    assert groups[1].dropped == 3
+    assert severity("a kind of tomorrow") == "look"
+    steps = next_steps(replace(content, findings=tuple(findings)))
+    assert [s for s in steps if "what clipped means" in s]
+    assert not [s for s in steps if "reduced" in s]
