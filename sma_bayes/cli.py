@@ -345,6 +345,14 @@ def compare(
 @app.command()
 def ask(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
+    at: Annotated[
+        list[str] | None,
+        typer.Option(help="A temperature, such as '60 degC', at which to tell everything; may be repeated."),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(help="Unit of the answer to --at, such as 'N/mm', for what it suits; may be repeated."),
+    ] = None,
     stiffness: Annotated[
         str | None, typer.Option("--stiffness", "--modulus", help="Wanted stiffness, such as '130 N/m'.")
     ] = None,
@@ -375,12 +383,14 @@ def ask(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Tell which temperatures give a wanted stiffness, force or displacement, and how surely."""
-    from sma_bayes.terminal.answer import answer_text
+    """Tell what a temperature gives, or which temperatures give a wanted value, and how surely."""
+    from sma_bayes.terminal.answer import answer_text, show_values_at
     from sma_bayes.workflow.question import ask as ask_folder
 
     found = ask_folder(
         folder,
+        at=at,
+        unit=unit,
         stiffness=stiffness,
         force=force,
         displacement=displacement,
@@ -393,7 +403,8 @@ def ask(
         temperature_sd=temperature_sd,
         temperature_unit=temperature_unit,
     )
-    _finish(found, quiet, as_json, lambda: typer.echo(answer_text(found)))
+    show = partial(show_values_at, found) if at else lambda: typer.echo(answer_text(found))
+    _finish(found, quiet, as_json, show)
 
 
 @app.command()

@@ -5,8 +5,66 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from rich.table import Table
+
 from sma_bayes.quantities import QUANTITIES, unit_text
+from sma_bayes.terminal.screen import screen
 from sma_bayes.workflow.question import OVERALL
+
+
+def show_values_at(found: Mapping[str, Any]) -> None:
+    """What temperatures give: a table for each record, a row for each temperature."""
+    console = screen()
+    set_to = f", temperature set to within {_error_text(found)} (sd)" if found["temperature_sd"] else ""
+    console.print(
+        f"{found['campaign']}: median, and in brackets the interval that holds {found['probability']:g}{set_to}",
+        soft_wrap=True,
+    )
+    for a in found["answers"]:
+        console.print()
+        console.print(_values_table(a))
+        if any(a["extrapolated"]):
+            told = all(v is not None for q in a["quantities"].values() for v in q["median"])
+            remedy = "" if told else "; --extrapolate tells values there all the same"
+            console.print(f"* {_range(a)}{remedy}", soft_wrap=True)
+        if not a["converged"]:
+            console.print("NOT CONVERGED: these numbers must not be relied on", soft_wrap=True)
+        if not a["adequate"]:
+            console.print("NOT ADEQUATE: curve and noise do not describe the data", soft_wrap=True)
+        if a["caution"]:
+            console.print(f"caution: {a['caution']}", soft_wrap=True)
+
+
+def _range(a: Mapping[str, Any]) -> str:
+    low, high = a["measured"]
+    return f"measured from {low:.4g} to {high:.4g} {unit_text(a['temperature_unit'])}"
+
+
+def _values_table(a: Mapping[str, Any]) -> Table:
+    table = Table(title=f"{a['key']}, {_range(a)}", title_justify="left")
+    table.add_column(f"T [{unit_text(a['temperature_unit'])}]", justify="right")
+    shown = []
+    for q in a["quantities"].values():
+        symbol = QUANTITIES["stiffness" if q["name"] == OVERALL else q["name"]].symbol
+        unit = unit_text(q["unit"]) or "1"
+        name = q["name"].replace("_", " ")
+        shown.append((q, ""))
+        table.add_column(f"{name} {symbol} [{unit}]", justify="right")
+        if any(v is not None for v in q["pred_median"]):
+            shown.append((q, "pred_"))
+            table.add_column(f"a reading of {symbol} [{unit}]", justify="right")
+    for i, t in enumerate(a["temperature"]):
+        mark = " *" if a["extrapolated"][i] else ""
+        table.add_row(f"{t:.6g}{mark}", *(_value_text(q, prefix, i) for q, prefix in shown))
+    return table
+
+
+def _value_text(q: Mapping[str, Any], prefix: str, i: int) -> str:
+    low, median, high = (q[prefix + name][i] for name in ("low", "median", "high"))
+    if median is None:
+        return "-"
+    low, median, high = (f"{v:.4g}" for v in (low, median, high))
+    return f"({low} to {high})" if prefix else f"{median} ({low} to {high})"
 
 
 def answer_text(found: Mapping[str, Any]) -> str:

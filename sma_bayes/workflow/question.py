@@ -1,4 +1,4 @@
-"""Inverse questions to a finished fit: which temperature gives a wanted stiffness, force or displacement."""
+"""Questions to a finished fit: what a temperature gives, and which temperature gives a wanted value."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.special import ndtri
 
+from sma_bayes.assess.at import Interval, credible_at, predictive_at
 from sma_bayes.assess.bands import bias_draws
 from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, search_grid
 from sma_bayes.conditions.draws import RecordDraws
@@ -29,6 +30,7 @@ from sma_bayes.response.arrangement import Arrangement, BiasSpring, overall_stif
 from sma_bayes.results.store import plain
 
 SCHEMA: Final = "sma-bayes/ask/1"
+AT_SCHEMA: Final = "sma-bayes/ask-at/1"
 OVERALL: Final = "overall_stiffness"
 """Stiffness of the spring together with its bias spring, Eq. (8)."""
 WANTED: Final = ("stiffness", "force", "displacement", OVERALL)
@@ -67,6 +69,8 @@ class _Question:
 def ask(
     folder: str | Path,
     *,
+    at: str | Sequence[str] | None = None,
+    unit: str | Sequence[str] | None = None,
     stiffness: str | None = None,
     force: str | None = None,
     displacement: str | None = None,
@@ -79,12 +83,16 @@ def ask(
     temperature_sd: float = 0.0,
     temperature_unit: str | None = None,
 ) -> dict[str, Any]:
-    """Temperatures that give a wanted value, from the posteriors of a finished fit.
+    """What temperatures give, or which temperatures give a wanted value, from the posteriors of a finished fit.
 
     Parameters
     ----------
     folder : str or Path
         Output folder of `fit` or `demo`.
+    at : str or sequence of str, optional
+        Temperatures with their unit, ``"60 degC"``, at which all quantities of the records are told.
+    unit : str or sequence of str, optional
+        Units of the answer to `at`, such as ``"N/mm"``, each for the quantities of its kind; else those of the fit.
     stiffness, force, displacement, overall_stiffness : str, optional
         The wanted value with its unit, ``"130 N/m"``, in which the answer comes too; exactly one of them. Of a specimen
         they mean modulus, stress and strain. `overall_stiffness` is that of the spring with the bias spring which the
@@ -106,12 +114,12 @@ def ask(
     Returns
     -------
     dict
-        ``sma-bayes/ask/1``: see docs/reference/files.md.
+        ``sma-bayes/ask/1``, or for `at` ``sma-bayes/ask-at/1``: see docs/reference/files.md.
 
     Raises
     ------
     SmaBayesError
-        If not exactly one value is wanted, or probability or range make no sense.
+        If neither temperatures nor exactly one value are asked about, or probability or range make no sense.
     QuantityError
         If a value has no unit, or an unknown or wrong one.
     UnknownNameError
@@ -123,12 +131,19 @@ def ask(
     """
     given = dict(zip(WANTED, (stiffness, force, displacement, overall_stiffness), strict=True))
     wanted = {channel: value for channel, value in given.items() if value is not None}
-    if len(wanted) != 1:
+    asked = [at] if isinstance(at, str) else list(at or ())
+    if len(wanted) + bool(asked) != 1:
         raise SmaBayesError(
-            f"{len(wanted)} values are asked for" if wanted else "no value is asked for",
-            expected=f"exactly one of {', '.join(WANTED)}, such as --stiffness '130 N/m'",
+            f"{len(wanted)} values{' and temperatures' if asked else ''} are asked for"
+            if wanted or asked
+            else "no value is asked for",
+            expected=f"exactly one of {', '.join(WANTED)}, such as --stiffness '130 N/m', or --at '60 degC'",
         )
-    ((channel, value),) = wanted.items()
+    if unit and not asked:
+        raise SmaBayesError(
+            f"--unit {unit!r} without --at",
+            expected="--unit with --at; a wanted value is answered in its own unit",
+        )
     if not 0.0 < probability <= 1.0:
         raise SmaBayesError(f"probability {probability}", expected="more than 0 and at most 1")
     for name, number in (("extrapolate", extrapolate), ("temperature-sd", temperature_sd)):
@@ -136,6 +151,10 @@ def ask(
             raise SmaBayesError(f"--{name} {number}", expected="a finite number of degrees, at least 0")
     run = read_run(Path(folder))
     records = _selected(run, condition, branch)
+    if asked:
+        units = [unit] if isinstance(unit, str) else list(unit or ())
+        return _ask_at(run, records, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
+    ((channel, value),) = wanted.items()
     question = _Question(
         channel, value, tolerance, probability, extrapolate, temperature_sd, temperature_unit
     )
@@ -164,6 +183,129 @@ def ask(
         "without": {r["key"]: _lacking(run, r, channel) for r in records if r not in able},
     })  # fmt: skip
     return document
+
+
+def _ask_at(
+    run: StoredRun,
+    records: Sequence[Mapping[str, Any]],
+    asked: Sequence[str],
+    units: Sequence[str],
+    probability: float,
+    extrapolate: float,
+    temperature_sd: float,
+    temperature_unit: str | None,
+) -> dict[str, Any]:
+    for text in units:
+        if not any(_converts(q["unit"], text) for r in records for q in r["quantities"].values()):
+            raise QuantityError(
+                f"--unit {text!r} is of no quantity of the fit",
+                expected="a unit that one of these can be turned into: "
+                + ", ".join(dict.fromkeys(q["unit"] for r in records for q in r["quantities"].values())),
+            )
+    answers = [
+        _answer_at(run, r, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
+        for r in records
+    ]
+    document: dict[str, Any] = plain({
+        "schema": AT_SCHEMA,
+        "campaign": run.summary["campaign"],
+        "seed": run.summary["seed"],
+        "data_sha256": run.summary["data_sha256"],
+        "at": list(asked),
+        "probability": probability,
+        "extrapolate": extrapolate,
+        "temperature_sd": temperature_sd,
+        "converged": all(a["converged"] for a in answers),
+        "answers": answers,
+    })  # fmt: skip
+    return document
+
+
+def _converts(unit: str, to: str) -> bool:
+    try:
+        convert(1.0, unit, to)
+    except QuantityError:
+        return False
+    return True
+
+
+def _answer_at(
+    run: StoredRun,
+    summary: Mapping[str, Any],
+    asked: Sequence[str],
+    units: Sequence[str],
+    level: float,
+    extrapolate: float,
+    temperature_sd: float,
+    temperature_unit: str | None,
+) -> dict[str, Any]:
+    """What one record gives at the temperatures: all of them, also those that it can't tell of, in the asked order."""
+    draws = draws_of(run, summary)
+    stored = summary["temperature"]["unit"]
+    degrees = temperature_unit or number_and_unit(asked[0], what="temperature")[1] or stored
+    given = np.array([_asked_temperature(text, stored, degrees) for text in asked])
+    low, high = (_temperature(t, stored, degrees) for t in (draws.coldest, draws.hottest))
+    known = (given >= low - extrapolate) & (given <= high + extrapolate)
+    beyond = (given < low) | (given > high)
+    error = temperature_sd * _normal_scores(draws.size) if temperature_sd else 0.0
+    step = _temperature(1.0, stored, degrees) - _temperature(0.0, stored, degrees)
+    at = np.array([_converted(t, degrees, stored, "temperature") for t in given])
+    quantities = {}
+    for channel in (*draws.quantities, *((OVERALL,) if not _lacking(run, summary, OVERALL) else ())):
+        own = summary["quantities"]["stiffness" if channel == OVERALL else channel]["unit"]
+        unit = next((u for u in units if _converts(own, u)), own)
+        curve = credible_at(_curve(run, draws, channel, own), at, level, error / step)
+        new = predictive_at(draws.curves, channel, at, level, int(run.summary["seed"]), error / step)
+        quantities[channel] = {
+            "name": _name(summary, channel),
+            "unit": unit,
+            **_told(curve, own, unit, known, ""),
+            **_told(new, own, unit, known, "pred_"),
+        }
+    path = summary["path"]
+    return {
+        "key": summary["key"],
+        "condition": summary["condition"],
+        "branch": summary["branch"],
+        "converged": summary["converged"],
+        "adequate": summary["adequate"],
+        "temperature_unit": degrees,
+        "temperature": given,
+        "measured": [low, high],
+        "extrapolated": beyond,
+        "quantities": quantities,
+        "caution": path["message"] if "stiffness" in quantities and path["kind"] != "path_slope" else None,
+    }
+
+
+def _asked_temperature(text: str, stored: str, degrees: str) -> float:
+    number, unit = number_and_unit(text, what="temperature")
+    if not unit and stored != ARBITRARY:
+        raise QuantityError(
+            f"temperature {text!r} has no unit",
+            expected=f"a number with its unit, such as '{number:g} {degrees}'",
+        )
+    return _converted(_temperature_back(number, unit or stored, stored), stored, degrees, "temperature")
+
+
+def _temperature_back(number: float, unit: str, stored: str) -> float:
+    """A temperature in the unit of the fit."""
+    _temperature(0.0, stored, unit)  # refuses what is no unit of temperature
+    return _converted(number, unit, stored, "temperature")
+
+
+def _told(
+    found: Interval | None, stored: str, unit: str, known: np.ndarray[Any, np.dtype[np.bool_]], prefix: str
+) -> dict[str, Any]:
+    """Interval in the unit of the answer; None at temperatures of which nothing is known."""
+    out: dict[str, list[float | None]] = {}
+    for name in ("low", "median", "high"):
+        if found is None:
+            out[prefix + name] = [None] * known.size
+        else:
+            values = convert(getattr(found, name), stored, unit)
+            out[prefix + name] = [float(v) if k else None for v, k in zip(values, known, strict=True)]
+    return out
 
 
 def _selected(run: StoredRun, condition: str | None, branch: str | None) -> list[Mapping[str, Any]]:

@@ -33,7 +33,7 @@ from sma_bayes.workflow.options import (
     prior_set,
 )
 from sma_bayes.workflow.output_folder import claimed_folder
-from sma_bayes.workflow.question import WANTED, ask
+from sma_bayes.workflow.question import AT_SCHEMA, WANTED, ask
 from sma_bayes.workflow.study_file import Study, read_study
 
 DONE, NOT_CONVERGED, WRONG = 0, 1, 2
@@ -158,6 +158,9 @@ def _check(study: Study) -> None:
             if asked[name] is not None:
                 with _place(study, f"ask {number}.{name}"):
                     number_and_unit(asked[name].rstrip("% "), what=name)
+        for text in asked["at"]:
+            with _place(study, f"ask {number}.at"):
+                number_and_unit(text, what="temperature")
 
 
 @contextmanager
@@ -258,6 +261,8 @@ def _told(kind: str, found: Mapping[str, Any]) -> str:
     if kind == "conditions":
         counts = {"effects": "effects", "predictions": "predictions", "held_out": "left out"}
         return ", ".join(f"{len(found[key])} {what}" for key, what in counts.items())
+    if found["schema"] == AT_SCHEMA:
+        return f"{len(found['answers'])} records at {', '.join(found['at'])}"
     sure = sum(bool(a["within"]["intervals"]) for a in found["answers"])
     return (
         f"{found['quantity'].replace('_', ' ')} {found['value']}: {sure} of {len(found['answers'])} branches give it "

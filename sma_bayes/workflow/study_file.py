@@ -109,6 +109,8 @@ class ConditionsTable(DrawnTable):
 class AskTable(StrictTable):
     """One ``[[ask]]``; values with their units, as `ask` takes them."""
 
+    at: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    unit: Annotated[tuple[str, ...], Field(strict=False)] = ()
     stiffness: str | None = None
     force: str | None = None
     displacement: str | None = None
@@ -123,8 +125,10 @@ class AskTable(StrictTable):
 
     @model_validator(mode="after")
     def _one_value(self) -> AskTable:
-        if sum(getattr(self, name) is not None for name in WANTED) != 1:
-            raise ValueError(f"exactly one of {', '.join(WANTED)}")
+        if sum(getattr(self, name) is not None for name in WANTED) + bool(self.at) != 1:
+            raise ValueError(f"exactly one of {', '.join(WANTED)}, at")
+        if self.unit and not self.at:
+            raise ValueError("unit beside `at` only")
         return self
 
 
