@@ -27,6 +27,7 @@ _PLACES = {
     "study_gap": "sma_bayes.workflow",
     "compare": "sma_bayes.workflow",
     "ask": "sma_bayes.workflow",
+    "diff": "sma_bayes.workflow",
     "cluster": "sma_bayes.inference.jobs",
     "run_study": "sma_bayes.workflow",
     "study_conditions": "sma_bayes.workflow",

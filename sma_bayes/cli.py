@@ -408,6 +408,29 @@ def ask(
 
 
 @app.command()
+def diff(
+    a: Annotated[Path, typer.Argument(metavar="A", help="Folder that fit or demo has written.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="Another one.")],
+    tolerance: Annotated[
+        float, typer.Option(help="Up to how many standard deviations medians may differ and be the same.")
+    ] = 0.25,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Compare two fits: what went in differently, how far results are apart; exit status 1 if they differ."""
+    from sma_bayes.terminal.difference import show_diff
+    from sma_bayes.workflow.difference import diff as diff_folders
+
+    found = diff_folders(a, b, tolerance=tolerance)
+    if as_json:
+        typer.echo(json.dumps(found, indent=1))
+    elif not quiet:
+        show_diff(found)
+    if not found["same"]:
+        raise typer.Exit(1)
+
+
+@app.command()
 def conditions(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
     out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],

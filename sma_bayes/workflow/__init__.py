@@ -17,6 +17,7 @@ _PLACES = {
     "study_gap": "gap_study",
     "study_conditions": "condition_study",
     "ask": "question",
+    "diff": "difference",
     "run_study": "study",
 }
 

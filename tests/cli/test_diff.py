@@ -1,0 +1,100 @@
+"""`sma-bayes diff`: two fits of the same data agree, whatever the seed; others are told apart, with what went in."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import sma_bayes
+from sma_bayes.workflow import fit_campaign
+
+
+@pytest.fixture(scope="module")
+def folders(make_campaign: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    place = tmp_path_factory.mktemp("diff")
+    bench = make_campaign(place / "bench")
+    campaign = sma_bayes.read_campaign(bench)
+    for name, seed in (("a", 0), ("b", 1)):
+        fit_campaign(campaign, place / name, seed=seed, noise="independent", jobs=1, figures="none")
+    lines = (bench / "a.csv").read_text(encoding="utf-8").splitlines()
+    warmer = [lines[0]]
+    for line in lines[1:]:
+        time, temperature, *rest = line.split(",")
+        warmer.append(",".join([time, f"{float(temperature) + 1.0:.6g}", *rest]))
+    (bench / "a.csv").write_text("\n".join(warmer) + "\n", encoding="utf-8")
+    fit_campaign(
+        sma_bayes.read_campaign(bench), place / "warmer", noise="independent", jobs=1, figures="none"
+    )
+    return {name: place / name for name in ("a", "b", "warmer")}
+
+
+def test_another_seed_gives_the_same(run: Callable[..., Any], folders: dict[str, Path]) -> None:
+    outcome = run("diff", folders["a"], folders["b"], "--json")
+    assert (outcome.status, outcome.err) == (0, "")
+    found = json.loads(outcome.out)
+    assert found["schema"] == "sma-bayes/diff/1"
+    assert found == sma_bayes.diff(folders["a"], folders["b"])
+    assert found["same"]
+    assert found["inputs"] == {"seed": [0, 1]}
+    assert all(0.0 < abs(p["shift"]) < 0.25 for r in found["records"] for p in r["parameters"].values())
+
+
+def test_a_run_is_the_same_as_itself(folders: dict[str, Path]) -> None:
+    found = sma_bayes.diff(folders["a"], folders["a"])
+    assert found["same"]
+    assert found["inputs"] == {}
+    assert {p["shift"] for r in found["records"] for p in r["parameters"].values()} == {0.0}
+
+
+def test_a_thermometer_that_is_off_shows_where_it_should(
+    run: Callable[..., Any], folders: dict[str, Path]
+) -> None:
+    outcome = run("diff", folders["a"], folders["warmer"])
+    assert outcome.status == 1
+    assert "data sha256" in outcome.out
+    assert "DIFFERENT: 0 of 2 records agree" in outcome.out
+    heating = sma_bayes.diff(folders["a"], folders["warmer"])["records"][0]
+    for name in ("A3", "B3"):
+        p = heating["parameters"][name]
+        assert p["b"]["median"] - p["a"]["median"] == pytest.approx(1.0, abs=0.02)
+        assert p["shift"] == pytest.approx(
+            (p["b"]["median"] - p["a"]["median"]) / max(p["a"]["sd"], p["b"]["sd"])
+        )
+    assert abs(heating["parameters"]["B1"]["shift"]) < 0.25, "the span is what it was"
+    assert abs(heating["bands"]["force"]["shift"]) > 3.0
+    assert heating["changed"]["temperature"][1]["lowest"] == 31.0
+
+
+def test_a_record_that_is_in_one_only_is_a_difference(
+    run: Callable[..., Any], folders: dict[str, Path], tmp_path: Path
+) -> None:
+    copy = Path(shutil.copytree(folders["a"], tmp_path / "copy"))
+    summary = json.loads((copy / "summary.json").read_text(encoding="utf-8"))
+    del summary["records"][1]
+    summary["records"][0]["adequate"] = not summary["records"][0]["adequate"]
+    (copy / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    outcome = run("diff", folders["a"], copy)
+    assert outcome.status == 1
+    assert "a-cooling: only in a" in outcome.out
+    assert "adequate: " in outcome.out
+    assert run("diff", folders["a"], copy, "--quiet").out == ""
+
+
+@pytest.mark.parametrize("arguments", [("--tolerance", "0"), ("--tolerance", "nan")])
+def test_a_tolerance_that_makes_no_sense(
+    run: Callable[..., Any], folders: dict[str, Path], arguments: tuple[str, ...]
+) -> None:
+    outcome = run("diff", folders["a"], folders["b"], *arguments)
+    assert (outcome.status, outcome.out) == (2, "")
+    assert "a positive number" in outcome.err
+
+
+def test_a_folder_without_a_fit(run: Callable[..., Any], folders: dict[str, Path], tmp_path: Path) -> None:
+    outcome = run("diff", folders["a"], tmp_path)
+    assert (outcome.status, outcome.out) == (2, "")
+    assert outcome.err.count("error: ") == 1
