@@ -116,6 +116,30 @@ class Posterior:
         ranges = tuple({c: observed_range(r.observed[c]) for c in r.channels} for r in self.records)
         object.__setattr__(self, "_range", ranges)
 
+    def on(
+        self,
+        records: Sequence[Record],
+        *,
+        discrepancy: Sequence[Mapping[str, DiscrepancyBasis]] = (),
+        space: ParameterSpace | None = None,
+    ) -> Posterior:
+        """The posterior of other samples under the same priors; noise that grows does so over the range seen here.
+
+        Parameters
+        ----------
+        records : sequence of Record
+            As many as there are, each of other samples.
+        discrepancy : sequence of mapping
+            For each record, channel to the basis for these samples; none by default.
+        space : ParameterSpace, optional
+            In place of its own, with some parameters held.
+        """
+        other = replace(
+            self, records=tuple(records), discrepancy=tuple(discrepancy), space=space or self.space
+        )
+        object.__setattr__(other, "_range", self._range)
+        return other
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the sampled parameters, in the order of ``z``."""

@@ -1,9 +1,12 @@
 """Compare the modified sigmoid with the baselines on one record of one channel.
 
-All contenders see the same samples under the same noise. By default that is Gaussian noise in which only as many
-samples are counted as are independent: the number of samples that count as one is measured on the residuals of the
-contender that fits best, and holds for all. So a curve that misses the data smoothly is not excused by a memory of the
-noise, and a densely sampled sweep does not count as more than it tells.
+All contenders see the same samples under the same noise. By default evidence chooses it, as for a fit
+(`sma_bayes.inference.noise_choice`), from what the contender leaves that fits best; its parameters are estimated with
+each curve anew. Where that contender misses the data smoothly a discrepancy stands beside every curve, kept off the
+tangents of its own (`sma_bayes.discrepancy`): else thousands of samples would be taken for so many witnesses against
+whichever curve misses a little more. What a curve needs of it costs evidence, the more the larger it is. Densities of
+what was held out are those of curve and discrepancy, as far as it is known without; predicted values, correlation
+factors and curves are those of the contender alone.
 """
 
 from __future__ import annotations
@@ -23,17 +26,19 @@ from sma_bayes.assess.contenders import (
     contenders,
     copy_of,
     curve_of,
+    model_of,
+    model_priors,
     posterior_of,
     unavailable,
     with_constants,
 )
 from sma_bayes.assess.correlation import Agreement, agreement
-from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, folds_of
-from sma_bayes.assess.held_out import on as on_samples
+from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, density_of, folds_of, missed_by, of_samples
 from sma_bayes.assess.verdict import Standing, Verdict, judge, stacking_weights
 from sma_bayes.inference.bridge import Evidence, bridge_evidence
-from sma_bayes.inference.importance import WeightedDraws, importance_draws
+from sma_bayes.inference.importance import MOST_MODES, WeightedDraws, importance_draws
 from sma_bayes.inference.laplace import Mode, climb
+from sma_bayes.inference.noise_choice import SIMPLEST, Bases, NoiseChoice, choose_noise, discrepancy_bases
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.inference.weighted import resampled, weighted_quantiles
 from sma_bayes.noise import NOISE_MODELS, NoiseModel
@@ -124,8 +129,10 @@ class Comparison:
     ----------
     record : Record
     noise : NoiseModel
+    noise_choice : NoiseChoice or None
+        Why, where it was chosen.
     memory : float
-        Samples that count as one.
+        Samples that count as one, under `EffectiveSamples`; else one.
     folds : Folds
     fitted : mapping of str to Fitted
         Those that were fitted; `copies` have the numbers of another, `unavailable` none.
@@ -145,6 +152,7 @@ class Comparison:
 
     record: Record
     noise: NoiseModel
+    noise_choice: NoiseChoice | None
     memory: float
     folds: Folds
     fitted: Mapping[str, Fitted]
@@ -161,6 +169,11 @@ class Comparison:
     def channel(self) -> str:
         """The channel."""
         return self.record.channels[0]
+
+    @property
+    def has_discrepancy(self) -> bool:
+        """Whether one stands beside every curve."""
+        return self.noise_choice is not None and any(self.noise_choice.bases)
 
     @property
     def converged(self) -> bool:
@@ -217,16 +230,30 @@ def compare_record(
     copies = {c.name: other for c in entrants if c.name not in missing and (other := copy_of(c, record))}
     running = [c for c in entrants if c.name not in missing and c.name not in copies]
     with threadpool_limits(limits=1):
-        scatter = NOISE_MODELS[EffectiveSamples.name if noise == AUTO else noise]
+        scatter = NOISE_MODELS[SIMPLEST if noise == AUTO else noise]
         start_seed, *seeds = root.spawn(len(running) + 1)
         rng = np.random.default_rng(start_seed)
-        modes = {c.name: _modes(posterior_of(c, record, scatter, priors), c, rng) for c in running}
+        modes = {c.name: _modes(posterior_of(c, record, scatter, priors), rng) for c in running}
         memory = _memory(record, scatter, running, priors, modes)
+        choice, bases = None, {}
+        if noise == AUTO:
+            choice = _noise_choice(record, running, priors, modes, rng)
+            scatter = NOISE_MODELS[choice.name]
+            bases = {c.name: _bases(c, record, priors, modes[c.name]) for c in running if any(choice.bases)}
+            modes = {
+                c.name: _modes_beside(
+                    posterior_of(c, record, scatter, priors, discrepancy=bases.get(c.name)),
+                    modes[c.name],
+                    choice,
+                )
+                for c in running
+            }
         folds = folds_of(record)
-        task = _Task(record, scatter, priors, memory, folds)
+        task = _Task(record, scatter, priors, memory, folds, bases)
         fitted = {c.name: task.fit(c, modes[c.name], own) for c, own in zip(running, seeds, strict=True)}
     first = Comparison(
-        record, scatter, memory, folds, fitted, copies, missing, {}, _UNDECIDED, task.grid, 0.0, entrants, _rank(record)
+        record, scatter, choice, memory, folds, fitted, copies, missing, {}, _UNDECIDED, task.grid, 0.0, entrants,
+        _rank(record),
     )  # fmt: skip
     weights = stacking_weights({name: f.folds.log_density for name, f in fitted.items()})
     verdict = judge(first.standings())
@@ -243,7 +270,7 @@ def _standing(f: Fitted, comparison: Comparison) -> Standing:
     return Standing(c.name, c.family, curve, c.extra, f.evidence.value, f.evidence.sd, folds)
 
 
-def _modes(posterior: Posterior, contender: Contender, rng: np.random.Generator) -> tuple[Mode, ...]:
+def _modes(posterior: Posterior, rng: np.random.Generator) -> tuple[Mode, ...]:
     """Modes of a posterior, best first: from draws of the prior, each with the noise that its residuals ask for."""
     space, place = posterior.space, posterior.layout[0]
     record, model = posterior.records[0], posterior.model
@@ -277,6 +304,44 @@ def _modes(posterior: Posterior, contender: Contender, rng: np.random.Generator)
     return tuple(sorted(modes, key=lambda m: -m.log_prob))
 
 
+def _bases(contender: Contender, record: Record, priors: PriorSet, modes: Sequence[Mode]) -> Bases:
+    """Basis of the discrepancy of a contender, kept off the tangents of its curve at its best mode."""
+    if FREQUENCY in record.inputs:  # where conditions were joined, at their mean frequency
+        mean = float(record.inputs[FREQUENCY].mean())
+        record = replace(record, inputs={**record.inputs, FREQUENCY: np.full(record.n, mean)})
+    posterior = posterior_of(contender, record, NOISE_MODELS[SIMPLEST], priors)
+    theta = posterior.space.to_physical(modes[0].z)[posterior.layout[0].model]
+    return discrepancy_bases(posterior, theta)
+
+
+def _modes_beside(posterior: Posterior, alone: Sequence[Mode], choice: NoiseChoice) -> tuple[Mode, ...]:
+    """Modes of a posterior with chosen noise, best first, from those of the same curve in plain noise.
+
+    Either all that the curve misses is noise, or the noise is as chosen and what exceeds it is smooth.
+    """
+    space, place, record = posterior.space, posterior.layout[0], posterior.records[0]
+    (channel,) = record.channels
+    at, known, width = place.noise[channel], choice.estimate[0][channel], space.prior_sd()
+    starts = []
+    for mode in alone[:MOST_MODES]:
+        z = space.prior_centre()
+        z[: posterior.sampled_model.size] = mode.z[: posterior.sampled_model.size]
+        theta = space.to_physical(z)
+        left = record.observed[channel] - posterior.predict(theta, record.inputs)[channel]
+        spread = max(float(np.sqrt(np.mean(left**2))), float(known[0]))
+        theta[at] = known[: at.size]
+        if place.temperature_sd is not None:
+            theta[place.temperature_sd] = choice.temperature_sd[0]
+        for sd, size in ((float(known[0]), spread), (spread, 0.2 * spread)):
+            theta[at[0]] = sd
+            if channel in place.size:
+                theta[place.size[channel]] = size
+            start = space.to_sampled(theta)
+            starts.append(np.where(np.isfinite(start), start, z))
+    modes = [m for m in (climb(posterior, s, width) for s in starts) if m is not None]
+    return tuple(sorted(modes, key=lambda m: -m.log_prob))
+
+
 def _memory(
     record: Record,
     noise: NoiseModel,
@@ -287,21 +352,47 @@ def _memory(
     """Samples that count as one, from the residuals of the contender that fits best."""
     if noise.name != EffectiveSamples.name:
         return 1.0
+    best, residual = _best_fitting(record, noise, contenders, priors, modes)
+    steps = posterior_of(best, record, noise, priors).steps[0]
+    if lag1(residual, steps) < 2.0 / np.sqrt(record.n):  # within what independent samples show
+        return 1.0
+    return memory_of(residual, steps)
+
+
+def _best_fitting(
+    record: Record,
+    noise: NoiseModel,
+    contenders: Sequence[Contender],
+    priors: PriorSet,
+    modes: Mapping[str, Sequence[Mode]],
+) -> tuple[Contender, Floats]:
+    """The contender that fits best, and its residuals (n,)."""
     (channel,) = record.channels
-    best: tuple[float, Floats] | None = None
+    found = []
     for c in contenders:
         posterior = posterior_of(c, record, noise, priors)
         theta = posterior.space.to_physical(modes[c.name][0].z)
         residual = record.observed[channel] - posterior.predict(theta, record.inputs)[channel]
         # as many parameters as were fitted are paid for, or the richest curve would always be taken
         spread = float(residual @ residual) / max(record.n - posterior.space.dimension, 1)
-        if best is None or spread < best[0]:
-            best = (spread, residual)
-    residual = best[1] if best is not None else np.zeros(record.n)
-    steps = posterior.steps[0]
-    if lag1(residual, steps) < 2.0 / np.sqrt(record.n):  # within what independent samples show
-        return 1.0
-    return memory_of(residual, steps)
+        found.append((spread, c, residual))
+    _, best, left = min(found, key=lambda f: f[0])
+    return best, left
+
+
+def _noise_choice(
+    record: Record,
+    contenders: Sequence[Contender],
+    priors: PriorSet,
+    modes: Mapping[str, Sequence[Mode]],
+    rng: np.random.Generator,
+) -> NoiseChoice:
+    """Noise that the evidence prefers for what the contender leaves that fits best."""
+    noise = NOISE_MODELS[SIMPLEST]
+    best, _ = _best_fitting(record, noise, contenders, priors, modes)
+    posterior = posterior_of(best, record, noise, priors)
+    own = model_priors(model_of(best, record), priors)
+    return choose_noise(posterior, warm_start(posterior, rng), own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,6 +404,7 @@ class _Task:
     priors: PriorSet
     memory: float
     folds: Folds
+    bases: Mapping[str, Bases]
 
     @property
     def grid(self) -> Floats:
@@ -320,20 +412,28 @@ class _Task:
         return np.linspace(t.min(), t.max(), GRID)
 
     def fit(self, contender: Contender, modes: Sequence[Mode], seed: np.random.SeedSequence) -> Fitted:
-        sample_seed, bridge_seed, loo_seed, fold_seed, curve_seed = seed.spawn(5)
-        posterior = posterior_of(contender, self.record, self.noise, self.priors, self.memory)
+        sample_seed, bridge_seed, loo_seed, fold_seed, curve_seed, missed_seed = seed.spawn(6)
+        posterior = posterior_of(
+            contender,
+            self.record,
+            self.noise,
+            self.priors,
+            self.memory,
+            discrepancy=self.bases.get(contender.name),
+        )
         width = posterior.space.prior_sd()
         draws = importance_draws(posterior, [m.z for m in modes], width, sample_seed)
         theta = posterior.space.to_physical(draws.z)
 
         def without(part: Record) -> Posterior:
             if contender.name not in PLUGGED_IN:
-                return on_samples(posterior, part)
+                return of_samples(posterior, part)
             fresh = {k: v for k, v in _plugged_in(part).items() if k in posterior.model.parameter_names}
-            return with_constants(on_samples(posterior, part), fresh)
+            return with_constants(of_samples(posterior, part), fresh)
 
-        predictor = Predictor(posterior, draws, without, contender.name in PLUGGED_IN)
-        full, _ = predictor.density(theta, self.record)
+        weights = missed_by(posterior, theta, missed_seed)
+        predictor = Predictor(posterior, draws, weights, without, contender.name in PLUGGED_IN)
+        full, _ = density_of(posterior, theta, weights, self.record)
         n, folds = self.record.n, self.folds
         loo = predictor.leave_out(list(np.eye(n, dtype=bool)), loo_seed)
         blocks = [folds.number == b for b in range(folds.count)]

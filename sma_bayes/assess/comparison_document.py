@@ -37,6 +37,8 @@ def record_document(comparison: Comparison) -> dict[str, Any]:
         "temperature_unit": record.units["temperature"],
         "n": record.n,
         "noise": comparison.noise.name,
+        "noise_choice": _noise_choice(comparison),
+        "discrepancy": comparison.has_discrepancy,
         "memory": comparison.memory,
         "held_out": {"kind": comparison.folds.kind, "folds": list(comparison.folds.labels)},
         **asdict(verdict),
@@ -45,6 +47,12 @@ def record_document(comparison: Comparison) -> dict[str, Any]:
         "converged": comparison.converged,
         "wall_s": comparison.wall_s,
     }
+
+
+def _noise_choice(comparison: Comparison) -> dict[str, Any] | None:
+    """Why the noise is as it is; None where it was named."""
+    choice = comparison.noise_choice
+    return None if choice is None else {"reason": choice.reason, "ln_evidence": dict(choice.ln_evidence)}
 
 
 def stem_of(comparison: Comparison) -> str:

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.discrepancy import DiscrepancyBasis
 from sma_bayes.errors import MeasurementError
 from sma_bayes.noise import NoiseModel
 from sma_bayes.parameters.distributions import Normal
@@ -202,6 +203,8 @@ def posterior_of(
     noise: NoiseModel,
     priors: PriorSet,
     memory: float = 1.0,
+    *,
+    discrepancy: Sequence[Mapping[str, DiscrepancyBasis]] | None = None,
 ) -> Posterior:
     """Posterior of a contender.
 
@@ -216,10 +219,14 @@ def posterior_of(
         In force, see `model_priors`.
     memory : float
         Samples that count as one, for `EffectiveSamples`.
+    discrepancy : sequence of mapping, optional
+        Channel to the basis of what the curve misses; none by default.
     """
     model = model_of(contender, record)
     told = [dict.fromkeys(record.channels, memory)]
-    posterior = build_posterior([record], noise, model_priors(model, priors), model=model, memory=told)
+    posterior = build_posterior(
+        [record], noise, model_priors(model, priors), model=model, memory=told, discrepancy=discrepancy
+    )
     return with_constants(posterior, constants_of(contender, record))
 
 
@@ -233,9 +240,6 @@ def with_constants(posterior: Posterior, constants: Mapping[str, float]) -> Post
         else p
         for p in posterior.space.parameters
     )
-    return replace_space(posterior, ParameterSpace(parameters))
-
-
-def replace_space(posterior: Posterior, space: ParameterSpace) -> Posterior:
-    """The posterior with other priors, or other parameters held."""
-    return Posterior(posterior.records, posterior.model, posterior.noise, space, posterior.layout)
+    return posterior.on(
+        posterior.records, discrepancy=posterior.discrepancy, space=ParameterSpace(parameters)
+    )

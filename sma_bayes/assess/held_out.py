@@ -22,10 +22,11 @@ from scipy.special import logsumexp
 
 from sma_bayes.assess.contenders import CONDITION
 from sma_bayes.assess.correlation import Agreement, agreement
+from sma_bayes.discrepancy import DiscrepancyBasis
 from sma_bayes.inference.importance import WeightedDraws, importance_draws
 from sma_bayes.inference.pareto import RELIABLE, smoothed_weights
 from sma_bayes.inference.weighted import resampled, weighted_quantiles
-from sma_bayes.posterior import Posterior
+from sma_bayes.posterior import Posterior, Weights
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 
@@ -88,9 +89,51 @@ def part(record: Record, kept: Mask) -> Record:
     return replace(record, inputs=inputs, observed=observed, row=record.row[kept])
 
 
-def on(posterior: Posterior, record: Record) -> Posterior:
-    """The posterior of other samples under the same priors."""
-    return Posterior((record,), posterior.model, posterior.noise, posterior.space, posterior.layout)
+def of_samples(posterior: Posterior, record: Record) -> Posterior:
+    """The posterior of other samples of its record, its discrepancy included.
+
+    The functions of the discrepancy are turned so that they are orthogonal over these samples; a priori that changes
+    nothing.
+    """
+    bases = {}
+    for channel, basis in posterior.discrepancy[0].items():
+        rows = basis.at(record.temperature).T
+        _, axes = np.linalg.eigh(rows @ rows.T)
+        bases[channel] = DiscrepancyBasis(basis.temperature, basis.values @ axes, axes.T @ rows)
+    return posterior.on([record], discrepancy=[bases])
+
+
+def density_of(
+    posterior: Posterior, theta: Floats, weights: Weights, record: Record
+) -> tuple[Floats, Floats]:
+    """Full log density (S, n) of each sample of a record, and the share by which it counts (S,).
+
+    Parameters
+    ----------
+    posterior : Posterior
+        With the discrepancy whose weights are given.
+    theta : ndarray, shape (S, P)
+    weights : tuple of mapping
+    record : Record
+        Of other samples of one channel.
+    """
+    (channel,) = record.channels
+    bases = {
+        c: DiscrepancyBasis.tabulated(b.temperature, b.values, record.temperature)
+        for c, b in posterior.discrepancy[0].items()
+    }
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far tails of a prior
+        there = posterior.on([record], discrepancy=[bases])
+        (pointwise,) = there.pointwise_log_likelihood(theta, weights)
+    share = posterior.noise.information(posterior.noise_shape(theta, 0, channel))
+    density = pointwise[channel] / share[:, None]
+    return np.where(np.isnan(density), -np.inf, density), share
+
+
+def missed_by(posterior: Posterior, theta: Floats, seed: np.random.SeedSequence) -> Weights:
+    """Weights of the discrepancy, one set for each of the parameter vectors (S, P)."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return posterior.draw_discrepancy(np.random.default_rng(seed), theta)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,6 +179,8 @@ class Predictor:
     posterior : Posterior
         Of one record of one channel.
     draws : WeightedDraws
+    weights : tuple of mapping
+        Weights of the discrepancy beside each draw.
     without : callable
         Posterior of a part of the record; constants that were plugged in come from that part.
     plugged_in : bool
@@ -144,6 +189,7 @@ class Predictor:
 
     posterior: Posterior
     draws: WeightedDraws
+    weights: Weights
     without: Callable[[Record], Posterior]
     plugged_in: bool
 
@@ -152,18 +198,8 @@ class Predictor:
         """The record."""
         return self.posterior.records[0]
 
-    def density(self, theta: Floats, record: Record) -> tuple[Floats, Floats]:
-        """Full log density (S, n) of each sample of a record, and the share by which it counts (S,)."""
-        posterior = on(self.posterior, record)
-        (channel,) = record.channels
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far tails of a prior
-            (pointwise,) = posterior.pointwise_log_likelihood(theta)
-        share = posterior.noise.information(posterior.noise_shape(theta, 0, channel))
-        density = pointwise[channel] / share[:, None]
-        return np.where(np.isnan(density), -np.inf, density), share
-
     def mean_curve(self, theta: Floats, record: Record) -> Floats:
-        """Predictions (S, n)."""
+        """The curves (S, n), without a discrepancy."""
         return self.posterior.predict(theta, record.inputs)[record.channels[0]]
 
     def leave_out(
@@ -191,7 +227,7 @@ class Predictor:
         """
         record = self.record
         theta = self.posterior.space.to_physical(self.draws.z)
-        full, share = self.density(theta, record)
+        full, share = density_of(self.posterior, theta, self.weights, record)
         left = np.stack([(full[:, t] * share[:, None]).sum(axis=1) for t in targets], axis=1)
         log_weight, k = smoothed_weights(self.draws.log_weight[:, None] - left)
         curve = self.mean_curve(theta, record)
@@ -230,6 +266,7 @@ class Predictor:
             posterior, starts, posterior.space.prior_sd(), seed, others=[self.draws.proposal]
         )
         theta = posterior.space.to_physical(draws.z)
+        weights = missed_by(posterior, theta, seed.spawn(1)[0])
         test = part(self.record, target)
-        full, _ = self.density(theta, test)
+        full, _ = density_of(posterior, theta, weights, test)
         return draws, full, self.mean_curve(theta, test)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from sma_bayes.assess import held_out
 from sma_bayes.assess.comparison import Comparison, Fitted, compare_record
@@ -20,6 +20,7 @@ from sma_bayes.assess.correlation import joined
 from sma_bayes.assess.held_out import folds_of, part
 from sma_bayes.errors import MeasurementError
 from sma_bayes.inference.importance import WeightedDraws
+from sma_bayes.inference.noise_choice import discrepancy_bases
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
@@ -212,12 +213,86 @@ def test_counting_samples_as_fewer_widens_all_alike(record: Record) -> None:
     wave = replace(
         record, observed={"stiffness": record.observed["stiffness"] + 20.0 * np.sin(record.temperature / 3.0)}
     )
-    found = compare_record(wave, PRIORS, only=["polynomial_corrected", "logistic_refitted"])
+    names = ["polynomial_corrected", "logistic_refitted"]
+    found = compare_record(wave, PRIORS, noise="effective_samples", only=names)
     assert found.memory > 1.5
+    assert found.noise_choice is None
     plain = compare_record(wave, PRIORS, noise="independent", only=["polynomial_corrected"])
     factor = [c.fitted["polynomial_corrected"].draws for c in (found, plain)]
     sd = [np.sqrt(np.exp(d.log_weight) @ (d.z - np.exp(d.log_weight) @ d.z) ** 2)[1] for d in factor]
     assert sd[0] / sd[1] == pytest.approx(np.sqrt(found.memory), rel=0.15)
+
+
+def wavy_line(n: int, seed: int) -> Record:
+    """A line that every contender misses smoothly, by ten times the noise."""
+    record = noisy_line(n, seed)
+    missed = 30.0 * np.sin(record.temperature / 4.0)
+    return replace(record, observed={"stiffness": record.observed["stiffness"] + missed})
+
+
+def test_where_the_best_contender_misses_a_discrepancy_stands_beside_all() -> None:
+    found = compare_record(wavy_line(90, 4), PRIORS, only=["polynomial_corrected", "logistic_refitted"])
+    assert found.noise.name == "independent"
+    assert found.has_discrepancy
+    assert found.memory == 1.0
+    assert found.converged
+    for fitted in found.fitted.values():
+        names = [p.name for p in fitted.posterior.space.parameters]
+        theta = fitted.posterior.space.to_physical(fitted.draws.z)
+        mean = dict(zip(names, np.exp(fitted.draws.log_weight) @ theta, strict=True))
+        assert mean["stiffness_sd"] == pytest.approx(
+            3.0, rel=0.3
+        )  # that of a reading, whatever the curve misses
+        assert mean["stiffness_discrepancy"] > 10.0
+
+
+def test_a_curve_that_describes_the_data_gets_no_discrepancy(record: Record) -> None:
+    found = compare_record(record, PRIORS, only=["polynomial_corrected", "logistic_refitted"])
+    assert not found.has_discrepancy
+    assert record_document(found)["noise_choice"]["reason"]
+
+
+def test_the_density_of_a_fold_is_normal_with_the_discrepancy_conditioned_on_the_rest() -> None:
+    """At given parameters curve, discrepancy and noise are jointly normal: a fold's density against the closed form."""
+    record = wavy_line(90, 4)
+    left = folds_of(record).number == 4
+    theta = np.array([115.0, 1.5, 3.0, 20.0])
+    level, slope, sd, size = theta
+    alone = posterior_of(LINE, record, NOISE_MODELS["independent"], PRIORS)
+    bases = discrepancy_bases(alone, np.array([level, slope]))
+    posterior = posterior_of(LINE, record, NOISE_MODELS["independent"], PRIORS, discrepancy=bases)
+    rows = bases[0]["stiffness"].rows
+    y = record.observed["stiffness"] - posterior.predict(theta, record.inputs)["stiffness"]
+    covariance = size**2 * rows.T @ rows + sd**2 * np.eye(record.n)
+    gain = np.linalg.solve(covariance[np.ix_(~left, ~left)], covariance[np.ix_(~left, left)]).T
+    mean = gain @ y[~left]
+    variance = np.diag(covariance[np.ix_(left, left)] - gain @ covariance[np.ix_(~left, left)])
+    # a standard deviation off what is expected: farther out too few of the draws below would count
+    observed = record.observed["stiffness"].copy()
+    observed[left] += mean + np.sqrt(variance) - y[left]
+    record = replace(record, observed={"stiffness": observed})
+    expected = norm.logpdf(1.0) - 0.5 * np.log(variance)
+    rest = held_out.of_samples(posterior, part(record, ~left))
+    whole = multivariate_normal(np.zeros(int(np.sum(~left))), covariance[np.ix_(~left, ~left)])
+    assert rest.log_likelihood(theta)[0] == pytest.approx(whole.logpdf(y[~left]), abs=1e-6)
+    many = np.tile(theta, (40_000, 1))
+    weights = held_out.missed_by(rest, many, np.random.SeedSequence(1))
+    density, _ = held_out.density_of(rest, many, weights, part(record, left))
+    error = np.exp(density).std(axis=0) / np.exp(density).mean(axis=0) / np.sqrt(len(many))
+    got = np.log(np.exp(density).mean(axis=0))
+    # none of nine beyond 4.5 standard errors: a false alarm in 16,000 files, were the seed drawn anew
+    assert np.all(np.abs(got - expected) < 4.5 * error)
+
+
+def test_noise_that_grows_does_so_over_the_range_of_the_whole_record() -> None:
+    """What is held out is judged by the scale that was fitted, not by one of its own range."""
+    record = noisy_line(40, 2)
+    posterior = posterior_of(LINE, record, NOISE_MODELS["independent+growing"], PRIORS)
+    theta = posterior.space.to_physical(posterior.space.prior_centre())[None]
+    (whole,) = posterior.pointwise_log_likelihood(theta)
+    hot = np.arange(40) >= 30
+    (own,) = held_out.of_samples(posterior, part(record, hot)).pointwise_log_likelihood(theta)
+    np.testing.assert_allclose(own["stiffness"], whole["stiffness"][:, hot])
 
 
 def test_of_a_displacement_modified_sigmoid_and_bounded_logistic_have_one_evidence(
