@@ -45,7 +45,7 @@ Priors = Annotated[
 Model = Annotated[
     str,
     typer.Option(
-        help="Response model: 'sma-bayes priors --list' names them; for fit also 'auto', the best supported.",
+        help="Response model: 'sma-bayes priors --list' names them; 'auto' takes the best supported of a ladder.",
         metavar="NAME",
     ),
 ]
@@ -308,7 +308,7 @@ def compare(
     priors: Priors = None,
     noise: Annotated[
         str,
-        typer.Option(help="Noise model of all models, or 'auto': Gaussian, counting independent samples."),
+        typer.Option(help="Noise model of all models, or 'auto': chosen by evidence for each record."),
     ] = "auto",
     pool: PoolChoice = "none",
     figures: Figures = "report",
@@ -453,7 +453,9 @@ def conditions(
     model: Annotated[
         str | None,
         typer.Option(
-            help="Response model that the fit must have been made with; any by default.", metavar="NAME"
+            help="Response model that the fit must have been made with; 'auto': the one that all records together "
+            "support best, fitted again where the fit has another; any by default.",
+            metavar="NAME",
         ),
     ] = None,
     seed: Seed = 0,

@@ -174,8 +174,9 @@ def _groups(records: Sequence[RecordDraws]) -> tuple[list[Group], list[str]]:
             if len(own) < FEWEST:
                 stated = ", ".join(design.stated) or "no setting"
                 remarks.append(
-                    f"{own[0].key} ({', '.join(own[0].channels)}; stated: {stated}) has no other condition to be "
-                    "compared with, of the same channels and settings and whose curves rise or fall as its own do"
+                    f"{own[0].key} ({own[0].posterior.model.name}: {', '.join(own[0].channels)}; stated: {stated}) has "
+                    "no other condition to be compared with, of the same model, channels and settings and whose curves "
+                    "rise or fall as its own do"
                 )
                 continue
             groups.append(Group(design, own[0].branch, own))

@@ -1,6 +1,7 @@
 """Choose among response models that contain the published curve: each step up must be earned.
 
-A richer curve is taken where its evidence is greater and it predicts better what was held out. Evidence is found by
+A richer curve is taken where its evidence is greater and it predicts better what was held out, of one record or of all
+records of a study together, whose evidences add up. Evidence is found by
 Laplace's method at the mode of the whole posterior, what stands beside the curve included
 (`sma_bayes.inference.noise_choice`), so that a curve need not be richer than what a discrepancy leaves to it.
 """
@@ -47,6 +48,22 @@ class Prepared:
     priors: PriorSet
     start: WarmStart
     noise: NoiseChoice | None
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """What records that share parameters say of each model of a ladder, the simplest first.
+
+    Attributes
+    ----------
+    ln_evidence : mapping of str to float
+        Minus infinity where there is none.
+    held_out : mapping of str to float
+        See `held_out`.
+    """
+
+    ln_evidence: Mapping[str, float]
+    held_out: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,33 +133,50 @@ def log_evidence(prepared: Prepared) -> float:
     return mode.log_prob + 0.5 * float(np.linalg.slogdet(2.0 * np.pi * mode.covariance)[1])
 
 
-def choose_model(prepared: Sequence[Prepared]) -> tuple[Prepared, ModelChoice]:
-    """Choose among prepared models, the simplest first.
+def support_of(prepared: Sequence[Prepared]) -> Support:
+    """What the records of prepared models, the simplest first, say of each."""
+    names = [p.posterior.model.name for p in prepared]
+    return Support(
+        dict(zip(names, map(log_evidence, prepared), strict=True)),
+        dict(zip(names, map(held_out, prepared), strict=True)),
+    )
+
+
+def best_supported(support: Sequence[Support]) -> ModelChoice:
+    """Choose one model for all records.
 
     A model takes the place of the one chosen so far if its evidence is greater by `EARNED` and its least-squares curve
-    misses less of what is held out (stretches of temperature, each fold fitted without them).
+    misses less of what is held out (stretches of temperature, each fold fitted without them). Evidences are added up,
+    what is missed is averaged. Models that can't be fitted to all records are left out.
+
+    Parameters
+    ----------
+    support : sequence of Support
+        One for each set of records that share parameters.
     """
-    names = [p.posterior.model.name for p in prepared]
-    evidence = [log_evidence(p) for p in prepared]
-    missed = [held_out(p) for p in prepared]
-    best = 0
-    for i in range(1, len(prepared)):
-        if evidence[i] > evidence[best] + EARNED and missed[i] < missed[best]:
-            best = i
-    relative = {n: e - evidence[best] for n, e in zip(names, evidence, strict=True)}
-    rivals = sorted(((v, n) for n, v in relative.items() if n != names[best]), reverse=True)
-    said = f"{names[best]}: "
-    if rivals:
-        value, second = rivals[0]
-        more = "less" if value <= 0 else "more, but it does not predict better or is too close to prefer it"
-        said += (
-            f"{second} has an ln evidence {abs(value):.1f} {more}; of what is held out their least-squares curves miss "
-            f"{missed[best]:.2%} and {missed[names.index(second)]:.2%} of the range"
-        )
-    else:
-        said += "no other model of the ladder can be fitted to these channels"
-    choice = ModelChoice(names[best], said, relative, dict(zip(names, missed, strict=True)))
-    return prepared[best], choice
+    names = [n for n in support[0].ln_evidence if all(n in s.ln_evidence for s in support)]
+    evidence = {n: float(sum(s.ln_evidence[n] for s in support)) for n in names}
+    missed = {n: float(np.mean([s.held_out[n] for s in support])) for n in names}
+    best = names[0]
+    for name in names[1:]:
+        if evidence[name] > evidence[best] + EARNED and missed[name] < missed[best]:
+            best = name
+    top = evidence[best] if np.isfinite(evidence[best]) else 0.0
+    relative = {n: e - top for n, e in evidence.items()}
+    return ModelChoice(best, _reason(best, relative, missed, len(support)), relative, missed)
+
+
+def _reason(best: str, relative: Mapping[str, float], missed: Mapping[str, float], count: int) -> str:
+    together = f" of all {count} together" if count > 1 else ""
+    rivals = sorted(((v, n) for n, v in relative.items() if n != best and np.isfinite(v)), reverse=True)
+    if not rivals:
+        return f"{best}: no other model of the ladder can be fitted to these channels"
+    value, second = rivals[0]
+    more = "less" if value <= 0 else "more, but it does not predict better or is too close to prefer it"
+    return (
+        f"{best}: {second} has an ln evidence{together} {abs(value):.1f} {more}; of what is held out their "
+        f"least-squares curves miss {missed[best]:.2%} and {missed[second]:.2%} of the range"
+    )
 
 
 def held_out(prepared: Prepared) -> float:

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
@@ -102,6 +102,14 @@ class PriorSet:
             for table in {*self.entries, *other.entries}
         }
         return replace(self, title=other.title, source=other.source, entries=entries, file=other.file)
+
+    def without(self, names: Collection[str]) -> PriorSet:
+        """The same beliefs, but none about these parameters of the curve."""
+        entries = {
+            table: {k: v for k, v in beliefs.items() if table == "noise" or k not in names}
+            for table, beliefs in self.entries.items()
+        }
+        return replace(self, entries=entries)
 
     def parameter(
         self, fact: ParameterFact, branch: Branch, scales: RecordScales, *, noise: bool = False

@@ -12,6 +12,7 @@ from sma_bayes.report.content import PAPER_CORRELATION
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
+from sma_bayes.response import DEFAULT_MODEL
 
 TEMPLATE: Final = "comparison.html.j2"
 
@@ -64,7 +65,7 @@ def command(found: Mapping[str, Any]) -> str:
     options = found["options"]
     more = "".join(
         f" --{name} {options[name]}"
-        for name, usual in (("noise", "auto"), ("pool", "none"))
+        for name, usual in (("model", DEFAULT_MODEL), ("noise", "auto"), ("pool", "none"))
         if options[name] != usual
     )
     return (

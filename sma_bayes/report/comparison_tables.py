@@ -148,19 +148,25 @@ def verdict_table(stored: StoredComparison) -> Table:
             Column("preferred", "preferred"),
             Column("rival", "rival"),
             Column("ln Bayes factor", "ln_bayes_factor", "1"),
-            Column("samples that count as one", "memory", "1", brief=False),
+            Column("noise", "noise", brief=False),
             Column("held out", "held_out"),
             Column("why", "finding", brief=False),
         ),
         tuple(
             (
                 r["condition"], r["branch"], r["quantity"], r["verdict"], short(r["preferred"]),
-                short(r["rival"]), Number(r["ln_bayes_factor"], "1", 0.5), Number(r["memory"], "1", 0.5),
+                short(r["rival"]), Number(r["ln_bayes_factor"], "1", 0.5), _noise(r),
                 r["held_out"]["kind"], r["why"],
             )
             for r in stored.found["records"]
         ),
     )  # fmt: skip
+
+
+def _noise(record: Mapping[str, Any]) -> str:
+    """Noise of all models, with the number of samples that count as one where it is not one."""
+    fewer = f", {record['memory']:.1f} samples count as one" if record["memory"] != 1.0 else ""
+    return f"{record['noise']}{fewer}"
 
 
 def overall_table(stored: StoredComparison) -> Table:

@@ -70,5 +70,6 @@ def command(found: Mapping[str, Any]) -> str:
     options = found["options"]
     more = "".join(f' --at "{text}"' for text in options["at"])
     more += "".join(f' --leave-out "{name}"' for name in options["leave_out"])
+    more += f" --model {options['model']}" if options["model"] else ""
     fixed = f"--out DIR --seed {found['seed']} --scatter {options['scatter']:g}"
     return f'sma-bayes conditions "{found["source"]}" {fixed}{more}'

@@ -12,6 +12,7 @@ from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.gap_outputs import StoredStudy
 from sma_bayes.report.html import select, write_page
 from sma_bayes.report.tables import Table
+from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 
 TEMPLATE: Final = "gap.html.j2"
 
@@ -135,5 +136,7 @@ def by_single_need(untestable: Table) -> list[tuple[str, list[str]]]:
 
 def command(found: Mapping[str, Any]) -> str:
     """The command that gives the same study again."""
-    pool = "" if found["pool"] == "none" else f" --pool {found['pool']}"
-    return f'sma-bayes gap "{found["source"]}" --out DIR --seed {found["seed"]} --priors priors.toml{pool}'
+    model = AUTO_MODEL if found["model_choice"] else found["model"]
+    more = "" if model == DEFAULT_MODEL else f" --model {model}"
+    more += "" if found["pool"] == "none" else f" --pool {found['pool']}"
+    return f'sma-bayes gap "{found["source"]}" --out DIR --seed {found["seed"]} --priors priors.toml{more}'

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.inference.ensembles import Plan, sample
-from sma_bayes.inference.model_choice import choose_model, prepare
+from sma_bayes.inference.model_choice import Prepared, Support, best_supported, prepare, support_of
 from sma_bayes.inference.noise_choice import noise_start, posterior_with
 from sma_bayes.inference.warm_start import WarmStart
 from sma_bayes.parameters.priors_file import PriorSet
@@ -70,16 +70,13 @@ def fit_records(
     account = Account()
     with threadpool_limits(limits=1):  # linear algebra on several threads may round differently
         with account.timed("warm_start"):
-            root = _seed(records, seed)
-            start_seed, sample_seed = root.spawn(2)
-            only = None if noise == AUTO else noise
-            prepared = [
-                prepare(records, m, p, np.random.default_rng(start_seed), noise=only, discrepancy=discrepancy)
-                for m, p in (ladder or [(model or ModifiedSigmoid(records[0].channels), priors)])
-            ]
+            start_seed, sample_seed = _seed(records, seed).spawn(2)
+            models = ladder or [(model or ModifiedSigmoid(records[0].channels), priors)]
+            prepared = _prepared(records, models, noise, start_seed, discrepancy=discrepancy)
             best, model_choice = prepared[0], None
             if len(prepared) > 1:
-                best, model_choice = choose_model(prepared)
+                model_choice = best_supported([support_of(prepared)])
+                best = next(p for p in prepared if p.posterior.model.name == model_choice.name)
             first, start, choice = best.posterior, best.start, best.noise
         name = choice.name if choice else noise
         with account.timed("sample"):
@@ -106,6 +103,37 @@ def fit_records(
         chosen=noise == AUTO,
         model_choice=model_choice,
     )
+
+
+def support_for(
+    records: Sequence[Record], ladder: Sequence[tuple[ResponseModel, PriorSet]], *, noise: str, seed: int
+) -> Support:
+    """What records that share parameters say of each model of a ladder: what `fit_records` would choose by.
+
+    Parameters
+    ----------
+    records, ladder, noise, seed
+        See `fit_records`.
+    """
+    with threadpool_limits(limits=1):
+        start_seed, _ = _seed(records, seed).spawn(2)
+        return support_of(_prepared(records, ladder, noise, start_seed))
+
+
+def _prepared(
+    records: Sequence[Record],
+    ladder: Sequence[tuple[ResponseModel, PriorSet]],
+    noise: str,
+    seed: np.random.SeedSequence,
+    *,
+    discrepancy: bool = True,
+) -> list[Prepared]:
+    """Models with their starts, and with what stands beside them."""
+    only = None if noise == AUTO else noise
+    return [
+        prepare(records, m, p, np.random.default_rng(seed), noise=only, discrepancy=discrepancy)
+        for m, p in ladder
+    ]
 
 
 def _starts(z: Floats, start: WarmStart) -> list[Floats]:

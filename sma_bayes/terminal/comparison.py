@@ -11,6 +11,8 @@ from sma_bayes.errors import many
 def comparison_text(found: Mapping[str, Any]) -> str:
     """What `comparison.json` says, in a few lines for a terminal."""
     lines = [f"{found['campaign']}, seed {found['seed']}"]
+    if choice := found.get("model_choice"):
+        lines.append(f"  model {choice['reason']}")
     width = max(len(r["key"]) for r in found["records"])
     for r in found["records"]:
         rival = f", ln Bayes factor {r['ln_bayes_factor']:.1f} over {r['rival']}" if r["rival"] else ""

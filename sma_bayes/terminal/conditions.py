@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from sma_bayes.report.conditions_tables import named, quantity, setting_name, setting_text
@@ -17,6 +17,8 @@ HEADLINES: Final = (
 def conditions_text(found: Mapping[str, Any]) -> str:
     """What `conditions.json` says, in a few lines for a terminal."""
     lines, specimen = [f"{found['campaign']}, seed {found['seed']}"], found["specimen"]
+    if choice := found.get("model_choice"):
+        lines.append(f"model {choice['reason']}{_again(found['refitted'])}")
     for group in found["groups"]:
         ranges = [
             _range_text(n, min(v["values"]), max(v["values"]), v["unit"]) for n, v in group["varied"].items()
@@ -45,6 +47,10 @@ def conditions_text(found: Mapping[str, Any]) -> str:
     if not found["converged"]:
         lines.append("NOT CONVERGED: the numbers must not be relied on.")
     return "\n".join(lines)
+
+
+def _again(keys: Sequence[str]) -> str:
+    return f"; fitted again with it: {', '.join(keys)}" if keys else ""
 
 
 def _sure(effect: Mapping[str, Any]) -> bool:

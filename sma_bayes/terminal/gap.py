@@ -26,6 +26,8 @@ def show_gap(found: dict[str, Any], out: Path) -> None:
     if found["verdict"] == "named" and remainder_text(found):
         verdict = f"{verdict}, {remainder_text(found)}"
     console.print(f"{found['campaign']}: {verdict} ({chance})", soft_wrap=True)
+    if choice := found.get("model_choice"):
+        console.print(f"  model {choice['reason']}", soft_wrap=True)
     for line in found["periodic"][:3]:
         console.print(f"  {periodic_text(found, line)} ({line['size_sigma']:.1f} sigma)", soft_wrap=True)
     for d in found["disagreement"][:3]:

@@ -28,17 +28,17 @@ from sma_bayes.assess.contenders import (
 from sma_bayes.errors import MeasurementError
 from sma_bayes.inference.jobs import run
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.noise.effective_samples import EffectiveSamples
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
-from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
+from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.results.documents import COMPARISON
 from sma_bayes.results.store import plain, write_csv, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import FitOptions, Pool, one_model, prior_set
+from sma_bayes.workflow.options import FitOptions, Pool, check_model_and_noise, models_of, prior_set
+from sma_bayes.workflow.shared_model import with_shared_model
 from sma_bayes.workflow.under_way import UnderWay
 
 FEWEST_CONDITIONS = 2
@@ -70,12 +70,13 @@ def compare(
     seed : int
         Decides every draw.
     noise : str
-        Name of a noise model, the same for all models; ``auto``: Gaussian, with only as many samples counted as are
-        independent.
+        Name of a noise model, the same for all models; ``auto``: chosen for each record by evidence, from what the
+        model leaves that fits best.
     priors : str, Path or PriorSet, optional
         Of `model` and of the noise; every other model has its own.
     model : str
-        Name of a response model that takes part beside those that always do.
+        Name of a response model that takes part beside those that always do; ``auto``: the one of the ladder that all
+        records together support best.
     pool : {'none', 'campaign'}
         With ``campaign`` one curve a branch serves all conditions, conditions are left out in turn, and the
         polynomial may use the frequency of the drive.
@@ -103,7 +104,7 @@ def compare(
     OutputError, ResumeError
         If `out` can't be used.
     """
-    options = FitOptions(prior_set(priors, one_model(model)), seed, noise, pool, model=model)
+    options = FitOptions(prior_set(priors, model), seed, noise, pool, model=model)
     records = units_of(campaign, pool)
     check(records, options)
     drawn = figures_for(figures)
@@ -142,14 +143,14 @@ def units_of(campaign: Campaign, pool: Pool) -> list[Record]:
 
 def check(records: Sequence[Record], options: FitOptions) -> None:
     """Refuse, before anything is written or sampled, what no contender could be fitted with."""
-    noise = NOISE_MODELS[EffectiveSamples.name if options.noise == AUTO else options.noise]
-    own = RESPONSE_MODELS[options.model]
+    noise = NOISE_MODELS["independent" if options.noise == AUTO else options.noise]
+    check_model_and_noise(options.model, options.noise)
     for record in records:
-        if not own.refusal(record.channels):
-            build_posterior(
-                [record], NOISE_MODELS["independent"], options.priors, model=own.made_for([record])
-            )
-        for contender in contenders(options.model):
+        chosen = options.model == AUTO_MODEL
+        if chosen or not RESPONSE_MODELS[options.model].refusal(record.channels):
+            for model, priors in models_of([record], options):
+                build_posterior([record], NOISE_MODELS["independent"], priors, model=model)
+        for contender in contenders(DEFAULT_MODEL if chosen else options.model):
             if not unavailable(contender, record) and not copy_of(contender, record):
                 posterior = posterior_of(contender, record, noise, options.priors)
                 if record.n <= posterior.space.dimension:
@@ -178,9 +179,10 @@ def _compared(
     options: FitOptions,
     work: UnderWay,
 ) -> dict[str, Any]:
-    work.tell(0, len(records), "comparing")
+    work.tell(0, len(records), "choosing the model" if options.model == AUTO_MODEL else "comparing")
+    chosen, choice = with_shared_model([(r,) for r in records], options, work.jobs, work.account)
     comparisons = []
-    tasks = [_Task(r, options) for r in records]
+    tasks = [_Task(r, chosen) for r in records]
     for found in run(_compare_task, tasks, work.jobs, account=work.account, stage="compare"):
         comparisons.append(found)
         work.tell(len(comparisons), len(records), f"compared {stem_of(found)}")
@@ -196,6 +198,7 @@ def _compared(
         "options": {
             "model": options.model, "noise": options.noise, "pool": options.pool, "priors": options.priors.title
         },
+        "model_choice": None if choice is None else asdict(choice),
         "versions": all_versions(),
         "data_sha256": campaign.sha256,
         "converged": all(c.converged for c in comparisons),

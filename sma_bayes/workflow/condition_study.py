@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,20 +16,26 @@ from sma_bayes.conditions.document import (
     stem,
     study_document,
 )
-from sma_bayes.conditions.draws import RecordDraws
+from sma_bayes.conditions.draws import RecordDraws, record_draws
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.conditions.study import ConditionStudy, bands_of, study
 from sma_bayes.errors import OutputError
+from sma_bayes.inference.jobs import run as run_tasks
+from sma_bayes.inference.model_choice import ModelChoice
+from sma_bayes.parameters.priors_file import parse_priors
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Condition
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.report.outputs import StoredRun, read_run
 from sma_bayes.report.stored_draws import stored_draws
+from sma_bayes.response import AUTO_MODEL
 from sma_bayes.results.documents import CONDITIONS
 from sma_bayes.results.store import plain, write_csv
 from sma_bayes.workflow.condition_text import condition_at, text_of
+from sma_bayes.workflow.fit_tasks import FitTask, sample_task
 from sma_bayes.workflow.identity import all_versions
-from sma_bayes.workflow.options import one_model
+from sma_bayes.workflow.options import FitOptions, check_model_and_noise, model_named
+from sma_bayes.workflow.shared_model import with_shared_model
 from sma_bayes.workflow.under_way import UnderWay
 
 
@@ -66,7 +72,9 @@ def study_conditions(
         Median of the prior of the scatter between conditions, as a share of what a curve has by itself: see
         `sma_bayes.conditions.population`.
     model : str, optional
-        Name of the response model that the fit must have been made with; by default whichever it was.
+        Name of the response model that the fit must have been made with; by default whichever it was, and what is
+        learnt over conditions joins those of the same. With ``auto`` all have the one of the ladder that they support
+        best together; those that were fitted with another are fitted again.
     jobs : int, optional
         Processes; by default one for each core.
     resume : bool
@@ -92,20 +100,22 @@ def study_conditions(
         If a setting or condition is not known.
     """
     source, spent = Path(folder), account or Account()
-    wanted = None if model is None else one_model(model)
+    wanted = None if model is None else model_named(model)
     with spent.timed("read"):
         run, records = read_run(source), stored_draws(source)
     found = sorted({r.posterior.model.name for r in records})
-    if wanted is not None and found != [wanted]:
+    if wanted == AUTO_MODEL:
+        check_model_and_noise(AUTO_MODEL, run.summary["options"]["noise"])
+    elif wanted is not None and found != [wanted]:
         raise OutputError(
             f"holds a fit of {' and '.join(repr(name) for name in found)}",
             file=source,
             expected=f"a fit of the model {wanted!r}",
-            remedy=f"leave --model out, or fit anew with --model {wanted}",
+            remedy=f"leave --model out, fit anew with --model {wanted}, or give --model {AUTO_MODEL}",
         )
     specimen = records[0].record.specimen
     asked = tuple(condition_at(a, specimen=specimen) if isinstance(a, str) else a for a in at)
-    question = _Question(run, records, asked, tuple(leave_out), seed, scatter)
+    question = _Question(run, records, asked, tuple(leave_out), seed, scatter, wanted == AUTO_MODEL)
     drawn = figures_for(figures)
     work = UnderWay(CONDITIONS, jobs, drawn, progress or silent, spent)
     return work.carry_out(out, question.identity(), resume, lambda place: _studied(question, place, work))
@@ -121,6 +131,8 @@ class _Question:
     left_out: tuple[str, ...]
     seed: int
     scatter: float
+    chooses: bool
+    """Whether one model is to be chosen for all records."""
 
     def identity(self) -> dict[str, Any]:
         """What decides the numbers: what `run.json` holds, and what must agree for a study to be resumed."""
@@ -137,7 +149,9 @@ class _Question:
             "leave_out": list(self.left_out),
             "seed": self.seed,
             "scatter": self.scatter,
-            "models": sorted({r.posterior.model.name for r in self.records}),
+            "models": [AUTO_MODEL]
+            if self.chooses
+            else sorted({r.posterior.model.name for r in self.records}),
             "versions": all_versions(),
         }
 
@@ -145,8 +159,9 @@ class _Question:
 def _studied(question: _Question, folder: Path | None, work: UnderWay) -> dict[str, Any]:
     q = question
     specimen = q.records[0].record.specimen
+    records, choice, refitted = _of_one_model(q, work) if q.chooses else (q.records, None, [])
     found = study(
-        q.records, q.asked, q.left_out, seed=q.seed, scatter=q.scatter, jobs=work.jobs, tell=work.tell,
+        records, q.asked, q.left_out, seed=q.seed, scatter=q.scatter, jobs=work.jobs, tell=work.tell,
         account=work.account,
     )  # fmt: skip
     if folder is not None:
@@ -161,13 +176,36 @@ def _studied(question: _Question, folder: Path | None, work: UnderWay) -> dict[s
             "scatter": q.scatter,
             "at": [text_of(c, specimen=specimen) for c in q.asked],
             "leave_out": q.left_out,
+            "model": AUTO_MODEL if q.chooses else None,
         },
+        "model_choice": None if choice is None else asdict(choice),
+        "refitted": refitted,
         "versions": all_versions(),
         "data_sha256": q.run.summary["data_sha256"],
         "specimen": specimen,
         **study_document(found, specimen=specimen),
     })  # fmt: skip
     return document
+
+
+def _of_one_model(
+    question: _Question, work: UnderWay
+) -> tuple[tuple[RecordDraws, ...], ModelChoice, list[str]]:
+    """Draws under the model that all records together support best, why, and the keys of those fitted again."""
+    q, summary = question, question.run.summary
+    work.tell(0, len(q.records), "choosing the model")
+    priors = parse_priors(q.run.priors, str(q.run.folder / "priors.toml"))
+    options = FitOptions(priors, int(summary["seed"]), summary["options"]["noise"], model=AUTO_MODEL)
+    groups = [(r.record,) for r in q.records]
+    options, choice = with_shared_model(groups, options, work.jobs, work.account)
+    assert choice is not None  # the model was to be chosen
+    others = [r for r in q.records if r.posterior.model.name != choice.name]
+    tasks = [FitTask((r.record,), options, None) for r in others]
+    again: dict[str, RecordDraws] = {}
+    for fit in run_tasks(sample_task, tasks, work.jobs, account=work.account, stage="sample"):
+        again[fit.records[0].key] = record_draws(fit)
+        work.tell(len(again), len(others), f"fitted {fit.records[0].key} again")
+    return tuple(again.get(r.key, r) for r in q.records), choice, list(again)
 
 
 def _write(folder: Path, found: ConditionStudy, seed: int) -> None:

@@ -24,7 +24,8 @@ from sma_bayes.results.documents import GAP
 from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, write_text
 from sma_bayes.workflow.identity import all_versions, run_identity
-from sma_bayes.workflow.options import FitOptions, Pool, check_call, groups_of, one_model, prior_set
+from sma_bayes.workflow.options import FitOptions, Pool, check_call, groups_of, prior_set
+from sma_bayes.workflow.shared_model import with_shared_model
 from sma_bayes.workflow.under_way import UnderWay
 
 
@@ -55,7 +56,10 @@ def study_gap(
     resume : bool
         Go on with this very study: sampling where it stopped, or, where `gap.json` is there already, only what is
         missing of the report. The search is repeated, to the same end; it takes seconds.
-    seed, priors, model, pool, jobs, figures, progress, account
+    model : str
+        Name of the response model of the baseline; ``auto``: the one of the ladder that all records together support
+        best, so that what is missing is not the shape of a curve that can be had.
+    seed, priors, pool, jobs, figures, progress, account
         See `fit_campaign`. With ``pool="campaign"`` one set of A and B a branch serves all conditions: what differs
         between conditions (stress, rate, lag) then shows instead of being swallowed.
 
@@ -80,7 +84,7 @@ def study_gap(
             "noise that is told from residuals would swallow the very disagreement that is looked for",
             remedy="leave --noise out; gap.json states the noise that was found",
         )
-    options = FitOptions(prior_set(priors, one_model(model)), seed, pool=pool, model=model)
+    options = FitOptions(prior_set(priors, model), seed, pool=pool, model=model)
     can = comparable(campaign)
     check_call(groups_of(can.campaign, pool), options)
     drawn: Drawn = "none" if figures_for(figures) == "none" else "all"
@@ -97,11 +101,14 @@ def _studied(
 ) -> dict[str, Any]:
     """Study a campaign, and write what was found except `gap.json`, which comes last."""
     campaign = can.campaign
+    work.tell(0, STAGES, "choosing the model")
+    groups = groups_of(campaign, options.pool)
+    chosen, choice = with_shared_model(groups, options, work.jobs, work.account)
     with threadpool_limits(limits=1):
         outcome = gap_outcome(
             campaign,
-            options.priors,
-            model=RESPONSE_MODELS[options.model],
+            chosen.priors,
+            model=RESPONSE_MODELS[chosen.model],
             pooled=options.pool == "campaign",
             seed=options.seed,
             jobs=work.jobs,
@@ -116,7 +123,8 @@ def _studied(
             "campaign": campaign.name,
             "source": campaign.source,
             "seed": options.seed,
-            "model": options.model,
+            "model": chosen.model,
+            "model_choice": None if choice is None else asdict(choice),
             "pool": options.pool,
             "priors": options.priors.title,
             "versions": all_versions(),

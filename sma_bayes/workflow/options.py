@@ -88,25 +88,6 @@ def model_named(name: str) -> str:
     return name if name == AUTO_MODEL else RESPONSE_MODELS[name].name
 
 
-def one_model(name: str) -> str:
-    """Check the name of a response model where a single one must be named.
-
-    Raises
-    ------
-    SmaBayesError
-        If it is to be chosen from the records.
-    UnknownNameError
-        If there is none of that name.
-    """
-    if name == AUTO_MODEL:
-        raise SmaBayesError(
-            f"--model {AUTO_MODEL}",
-            expected="the name of one response model: it is the same for all records here",
-            remedy=f"fit with --model {AUTO_MODEL} first, and name the model that it takes",
-        )
-    return model_named(name)
-
-
 def pool_named(name: str) -> Pool:
     """Check the name of a way to pool.
 
@@ -185,15 +166,32 @@ def bias_spring(
 def models_of(records: Sequence[Record], options: FitOptions) -> list[tuple[ResponseModel, PriorSet]]:
     """Response models to choose from for records that share a posterior, simplest first, each with its priors.
 
-    One unless the model is ``auto``; then those of the ladder that can be fitted to the channels, with the user's
-    priors for all parameters that these speak of.
+    One unless the model is ``auto``; then those of the ladder that can be fitted to the channels, each with the user's
+    priors of the parameters that it has.
     """
     if options.model != AUTO_MODEL:
         return [(RESPONSE_MODELS[options.model].made_for(records), options.priors)]
+    models = [m.made_for(records) for m in ladder(records[0].channels)]
+    known = frozenset[str]().union(*(m.spoken_of() for m in models))
     return [
-        (m.made_for(records), m.default_priors().overridden_by(options.priors))
-        for m in ladder(records[0].channels)
+        (m, m.default_priors().overridden_by(options.priors.without(known - m.spoken_of()))) for m in models
     ]
+
+
+def check_model_and_noise(model: str, noise: str) -> None:
+    """Refuse a choice of the model by evidence under a noise that gives none.
+
+    Raises
+    ------
+    SmaBayesError
+        If both are named together.
+    """
+    if model == AUTO_MODEL and noise != AUTO and not NOISE_MODELS[noise].is_density:
+        raise SmaBayesError(
+            f"--model {AUTO_MODEL} with --noise {noise}",
+            expected=f"a noise that is a density of the data: the model is chosen by evidence, which {noise} has not",
+            remedy="leave --noise out, or name the model",
+        )
 
 
 def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
@@ -214,11 +212,13 @@ def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
     PriorError
         If a prior is missing, has no parameter, or is wrong, or records can't share parameters.
     SmaBayesError
-        If bands are to go on for ever, or the noise needs time and a record has none.
+        If bands are to go on for ever, the noise needs time and a record has none, or gives no evidence by which a
+        model is to be chosen.
     """
     if not np.isfinite(options.extrapolate):
         raise SmaBayesError(f"--extrapolate {options.extrapolate}", expected="a finite number of degrees")
     noise = NOISE_MODELS["independent" if options.noise == AUTO else options.noise]
+    check_model_and_noise(options.model, options.noise)
     timeless = [record.key for group in groups for record in group if "time" not in record.inputs]
     if noise.needs_time and timeless:
         raise SmaBayesError(

@@ -27,8 +27,8 @@ from sma_bayes.workflow.identity import all_versions
 from sma_bayes.workflow.options import (
     DEFAULT_SAMPLER,
     bias_spring,
+    check_model_and_noise,
     model_named,
-    one_model,
     plan_with,
     prior_set,
 )
@@ -141,14 +141,16 @@ def _identity(campaign: Campaign) -> dict[str, Any]:
 def _check(study: Study) -> None:
     """Refuse names that no step could do with, before the campaign is read."""
     for name, options in study.steps.items():
-        if "model" in options:
+        model, noise = options.get("model"), options.get("noise", AUTO)
+        if model is not None:
             with _place(study, f"{name}.model"):
-                (model_named if name == "fit" else one_model)(options["model"])
+                model_named(model)
+        if "priors" in options:
             with _place(study, f"{name}.priors"):
                 prior_set(options["priors"], options["model"])
-        noise = options.get("noise", AUTO)
         with _place(study, f"{name}.noise"):
             NOISE_MODELS["independent" if noise == AUTO else noise]
+            check_model_and_noise(str(model), noise)
     with _place(study, "fit.sampler"):
         plan_with(study.steps.get("fit", {}).get("sampler", DEFAULT_SAMPLER))
     with _place(study, "fit.arrangement"):

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.errors import StudyError, near_matches
 from sma_bayes.records.toml_table import StrictTable, as_toml, checked, parsed_toml
-from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.workflow.question import PROBABILITY, TOLERANCE, WANTED
 
 Figures = Literal["report", "all", "none"]
@@ -99,8 +99,12 @@ class GapTable(StepTable):
 
 
 class ConditionsTable(DrawnTable):
-    """``[conditions]``: `at` and `leave_out` as the command line takes them."""
+    """``[conditions]``: `at` and `leave_out` as the command line takes them.
 
+    Where the fit takes the best supported model of each record, the study takes that of all records together.
+    """
+
+    model: str | None = None
     at: Annotated[tuple[str, ...], Field(strict=False)] = ()
     leave_out: Annotated[tuple[str, ...], Field(strict=False)] = ()
     scatter: float = Field(default=SCATTER, gt=0.0)
@@ -202,6 +206,10 @@ def read_study(path: Path) -> Study:
     if not steps:
         raise StudyError("no step is declared", file=path, expected="at least one of [fit], [compare], [gap]")
     _refuse_without_fit(steps, asks, path)
+    if "conditions" in steps:
+        own = tables["conditions"].get("model")
+        chosen = AUTO_MODEL if steps["fit"]["model"] == AUTO_MODEL else None
+        steps["conditions"]["model"] = own or chosen
     folder = path.parent
     return Study(
         file=path,

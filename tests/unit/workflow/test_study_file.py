@@ -64,7 +64,7 @@ def test_paths_are_relative_to_the_file_and_steps_inherit(tmp_path: Path) -> Non
             "model": "modified_sigmoid", "priors": "paper", "pool": "campaign", "figures": "report", "noise": "ar1",
         },
         "gap": {"model": "phase_slopes", "priors": mine, "pool": "none", "figures": "none"},
-        "conditions": {"at": ("current_A=2",), "leave_out": (), "scatter": 0.1, "figures": "all"},
+        "conditions": {"at": ("current_A=2",), "leave_out": (), "scatter": 0.1, "figures": "all", "model": None},
     }  # fmt: skip
     assert [a["stiffness"] or a["force"] for a in study.asks] == ["130 N/m", "2 N"]
     assert study.asks[1]["probability"] == 0.95
@@ -131,3 +131,14 @@ def test_what_is_no_study(tmp_path: Path, text: str, told: str) -> None:
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="can't be read"):
         read_study(tmp_path / "no.toml")
+
+
+@pytest.mark.parametrize(
+    ("fit", "conditions", "taken"),
+    [("", "", None), ('model = "auto"', "", "auto"), ('model = "auto"', 'model = "two_stage"', "two_stage")],
+)
+def test_conditions_take_one_model_where_the_fit_chooses(
+    tmp_path: Path, fit: str, conditions: str, taken: str | None
+) -> None:
+    text = f'[study]\ncampaign = "bench"\nout = "results"\n[fit]\n{fit}\n[conditions]\n{conditions}\n'
+    assert read_study(written(tmp_path, text)).steps["conditions"]["model"] == taken
