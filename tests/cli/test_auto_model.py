@@ -24,7 +24,7 @@ STUDY = """\
 campaign = "bench"
 out = "results"
 jobs = 1
-figures = "campaign"
+figures = "report"
 model = "auto"
 noise = "independent"
 [fit]
