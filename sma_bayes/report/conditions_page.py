@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from sma_bayes.report.conditions_outputs import StoredConditions
+from sma_bayes.report.conditions_tables import preferred_way, share_text
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
@@ -36,6 +37,8 @@ def write_conditions_report(
         figures,
         found=stored.found,
         coverage=coverage(stored.found),
+        advised=preferred_way(stored.found),
+        share_text=share_text,
         command=command(stored.found),
         tables=tables,
         stems={

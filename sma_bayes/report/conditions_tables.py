@@ -26,6 +26,10 @@ NAMES: Final[Mapping[str, str]] = {
     "duty_cycle": "duty cycle",
 }
 """Features and settings, for people."""
+HOPELESS: Final = 100.0
+"""Spans of a curve from which a width or an error says no more than that nothing is known."""
+HELD: Final = 0.8
+"""Share of left-out curves that a 90 % band has to hold for its way of predicting to be advised."""
 EDGE: Final = 0.5
 """Probability from which an extreme is said to lie at an end of the measured temperatures."""
 
@@ -72,6 +76,43 @@ def setting_text(name: str, value: float, unit: str) -> str:
     if unit == "Hz" and value < 1.0:
         return f"{value * 1e3:g} mHz"
     return f"{value:.4g} {unit_label(unit)}".strip()
+
+
+def share_text(share: float) -> str:
+    """A width or an error as a share of the span; words where it is so large that it says nothing.
+
+    Examples
+    --------
+    >>> share_text(0.1234), share_text(3.2e22)
+    ('0.12', 'no limit')
+    """
+    return f"{share:.2g}" if share < HOPELESS else "no limit"
+
+
+def preferred_way(found: Mapping[str, Any]) -> str:
+    """Which way of predicting to use where they disagree, by what was left out; empty where nothing was.
+
+    It is the narrowest of those whose 90 % band held at least `HELD` of the curves; extrapolations and stiffness, whose
+    width is one of logarithms, do not count.
+    """
+    rows: dict[str, list[tuple[float, float]]] = {}
+    for h in found["held_out"]:
+        if not h["on_log"] and not h["extrapolates"]:
+            for name, score in h["ways"].items():
+                rows.setdefault(name, []).append((score["covers_curve"], score["width"] / h["span"]))
+    if not rows:
+        return ""
+    means = {
+        name: tuple(sum(v) / len(parts) for v in zip(*parts, strict=True)) for name, parts in rows.items()
+    }
+    good = {name: m for name, m in means.items() if m[0] >= HELD}
+    best = min(good, key=lambda n: good[n][1]) if good else max(means, key=lambda n: means[n][0])
+    held, width = means[best]
+    count = len(rows[best])
+    told = f"its 90 % band held {held:.0%} of the curves that were left out ({count}), {share_text(width)} of the span wide"
+    if good:
+        return f"where predictions disagree use {best}: {told}"
+    return f"no way of predicting holds what was left out; the best is {best}: {told}"
 
 
 def design_table(stored: StoredConditions) -> Table:
@@ -317,9 +358,13 @@ def _held_out_rows(found: Mapping[str, Any]) -> Iterator[tuple[Cell, ...]]:
             yield (
                 h["condition"], h["branch"], h["quantity"], name,
                 *(Number(score[n], "1", 0.01) for n in ("covers_curve", "covers_samples")), score["holds_whole"],
-                *(Number(score[n] / size, "1", 0.01) for n in ("width", "error")),
+                *(_share(score[n] / size) for n in ("width", "error")),
                 _warning(h, specimen) if name == "hierarchical" else "",
             )  # fmt: skip
+
+
+def _share(share: float) -> Cell:
+    return Number(share, "1", 0.01) if share < HOPELESS else share_text(share)
 
 
 def pooled_table(stored: StoredConditions) -> Table:

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from sma_bayes.report.conditions_tables import named, quantity, setting_name, setting_text
+from sma_bayes.report.conditions_tables import (
+    named,
+    preferred_way,
+    quantity,
+    setting_name,
+    setting_text,
+    share_text,
+)
+from sma_bayes.report.notation import interval_text, unit_label
 
 HEADLINES: Final = (
     "least_stiffness", "greatest_stiffness", "stiffness_ratio", "hysteresis_width", "midpoint",
@@ -42,6 +50,8 @@ def conditions_text(found: Mapping[str, Any]) -> str:
     for h in found["held_out"]:
         ways = "; ".join(_score_text(n, s, h) for n, s in h["ways"].items())
         lines.append(f"left out {h['condition']}, {h['branch']}, {h['quantity']}: {ways}")
+    advised = preferred_way(found)
+    lines += [advised] if advised else []
     lines += [f"caution: {c}" for c in found["cautions"]]
     lines += [f"remark: {r}" for r in found["remarks"]]
     if not found["converged"]:
@@ -61,11 +71,11 @@ def _sure(effect: Mapping[str, Any]) -> bool:
 def _effect_text(e: Mapping[str, Any], specimen: bool) -> str:
     b = e["beyond"]
     sign = "×" if e["kind"] == "factor" else ""
-    unit = "" if e["kind"] == "factor" else f" {e['unit']}"
+    unit = "" if e["kind"] == "factor" else f" {unit_label(e['unit'])}"
     along = ", ".join(named(c["name"]) for c in e["confounded_with"] if c["strong"])
     reach = _range_text(e["setting"], e["from"], e["to"], e["setting_unit"])
     return (
-        f"  {reach}: {_feature_text(e, specimen)} {sign}{b['median']:.3g} [{b['q05']:.3g}, {b['q95']:.3g}]{unit}"
+        f"  {reach}: {_feature_text(e, specimen)} {sign}{interval_text(b['median'], b['q05'], b['q95'])}{unit}"
         + (f"; or {along}" if along else "")
     )
 
@@ -83,10 +93,12 @@ def _feature_text(e: Mapping[str, Any], specimen: bool) -> str:
 
 
 def _estimate_text(f: Mapping[str, Any], specimen: bool) -> str:
-    return f"{_feature_text(f, specimen)}: {f['median']:.4g} [{f['q05']:.4g}, {f['q95']:.4g}] {f['unit']}"
+    value = interval_text(f["median"], f["q05"], f["q95"])
+    return f"{_feature_text(f, specimen)}: {value} {unit_label(f['unit'])}".rstrip()
 
 
 def _score_text(name: str, score: Mapping[str, Any], held: Mapping[str, Any]) -> str:
     size = 1.0 if held["on_log"] else held["span"]
     width, error = score["width"] / size, score["error"] / size
-    return f"{name} covers {score['covers_curve']:.0%}, width {width:.2g}, error {error:.2g}"
+    of = "in ln" if held["on_log"] else "of the span"
+    return f"{name} covers {score['covers_curve']:.0%}, width {share_text(width)}, error {share_text(error)} {of}"

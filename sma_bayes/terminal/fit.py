@@ -19,9 +19,13 @@ from sma_bayes.terminal.screen import SHOWN, screen, show_end
 COLUMNS = (
     "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
 )  # fmt: skip
-UNBROKEN = ("converged", "adequate")
+UNBROKEN = ("record", "converged", "adequate")
 WIDE, LEFT_OUT = 110, ("n", "r")
 """Width from which a screen shows all columns [characters], and what a narrower one leaves to the report."""
+LAST_LEFT_OUT = ("not identified", "noise", "least ESS", "worst R-hat")
+"""What is left to the report, one after the other, where names of records are long: they are never shortened."""
+OTHERS = 10
+"""Room that any other column takes [characters]."""
 
 
 def show_fit(summary: dict[str, Any], out: Path) -> None:
@@ -34,7 +38,8 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         box=SIMPLE_HEAD if narrow else HEAVY_HEAD,
         padding=(0, 1 if not narrow else 0),
     )
-    names = [name for name in COLUMNS if not (narrow and name in LEFT_OUT)]
+    records = _worth_a_row(summary["records"])
+    names = _columns_beside([r["key"] for r in records], console.width)
     for name in names:
         words = name in ("record", "noise", "not identified", "r")
         table.add_column(
@@ -43,7 +48,7 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
             overflow="fold",
             no_wrap=name in UNBROKEN,
         )
-    for r in _worth_a_row(summary["records"]):
+    for r in records:
         sampled = [p for p in r["parameters"].values() if p["rhat"] is not None]
         prior_driven = [n for n, p in r["parameters"].items() if not p["identified"] and not p["fixed"]]
         factors = ", ".join(
@@ -83,6 +88,18 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     for sentence in adequacy_sentences(summary["records"], summary["options"]["model"]):
         console.print(sentence, soft_wrap=True)
     show_end(console, summary, out)
+
+
+def _columns_beside(keys: Sequence[str], width: int) -> list[str]:
+    """Columns that have room beside the names of the records."""
+    if width >= WIDE:
+        return list(COLUMNS)
+    names = [name for name in COLUMNS if name not in LEFT_OUT]
+    room = width - max(map(len, keys), default=0)
+    for name in LAST_LEFT_OUT:
+        if OTHERS * (len(names) - 1) > room:
+            names.remove(name)
+    return names
 
 
 SUBJECTS = {

@@ -82,3 +82,11 @@ def test_a_narrow_screen_cuts_no_word_off(
 def test_every_kind_of_reason_has_its_words(kind: str) -> None:
     assert "{records}" in SUBJECTS[kind]
     assert REMEDIES[kind]
+
+
+@pytest.mark.parametrize("length", [10, 30, 45, 60])
+def test_the_name_of_a_record_is_never_shortened(length: int) -> None:
+    names = fit._columns_beside(["x" * length], 80)
+    assert {"record", "converged", "adequate"} <= set(names)
+    assert length + fit.OTHERS * (len(names) - 1) <= 80 or len(names) == 3
+    assert fit._columns_beside(["x" * length], 160) == list(fit.COLUMNS)
