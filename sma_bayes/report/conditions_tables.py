@@ -108,8 +108,10 @@ def preferred_way(found: Mapping[str, Any]) -> str:
     good = {name: m for name, m in means.items() if m[0] >= HELD}
     best = min(good, key=lambda n: good[n][1]) if good else max(means, key=lambda n: means[n][0])
     held, width = means[best]
-    count = len(rows[best])
-    told = f"its 90 % band held {held:.0%} of the curves that were left out ({count}), {share_text(width)} of the span wide"
+    told = (
+        f"its 90 % band held {held:.0%} of the curves that were left out ({len(rows[best])}), {share_text(width)} of "
+        "the span wide"
+    )
     if good:
         return f"where predictions disagree use {best}: {told}"
     return f"no way of predicting holds what was left out; the best is {best}: {told}"

@@ -1,0 +1,109 @@
+"""Pages in a real browser: nothing cut, nothing overlapping, no console error; narrow, wide, dark and printed."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sma_bayes.paper.twin import twin_campaign
+from sma_bayes.workflow import fit_campaign
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+
+WIDTHS = (390, 1400, 2200)
+HARNESS = """<!DOCTYPE html><meta charset="utf-8"><body>
+%(frames)s<pre id="found"></pre><script>
+function look(frame) {
+  const page = frame.contentDocument, root = page.documentElement, wide = root.clientWidth, cut = [], over = [];
+  page.querySelectorAll("details").forEach(d => d.open = true);
+  const name = e => e.tagName + "." + e.className + "#" + e.id + " " + e.textContent.trim().slice(0, 40);
+  for (const e of page.body.querySelectorAll("*")) {
+    const r = e.getBoundingClientRect();
+    if (r.width && !e.closest(".scroll") && (r.right > wide + 1 || r.left < -1)) cut.push(name(e));
+    if (e.matches("p, h1, h2, h3, li, dd, dt, figcaption") && e.scrollWidth > e.clientWidth + 1) cut.push(name(e));
+  }
+  for (const parent of page.querySelectorAll("main, section, details, header")) {
+    const rows = [...parent.children].map(e => [e, e.getBoundingClientRect()]).filter(([, r]) => r.width && r.height);
+    for (let i = 1; i < rows.length; i++)
+      if (rows[i][1].top < rows[i - 1][1].bottom - 1) over.push(name(rows[i][0]));
+  }
+  for (const c of page.querySelectorAll(".scroll caption > span"))
+    if (c.getBoundingClientRect().right > wide + 1) cut.push(name(c));
+  const style = getComputedStyle(page.body);
+  return {wide, cut, over, beyond: root.scrollWidth - wide,
+    blank: [...page.images].filter(i => !i.naturalWidth).map(i => i.alt),
+    ink: style.color, paper: style.backgroundColor};
+}
+window.onload = () => {
+  const found = [...document.querySelectorAll("iframe")].map(look);
+  document.getElementById("found").textContent = JSON.stringify(found);
+};
+</script>"""
+
+
+def browser(*options: str) -> subprocess.CompletedProcess[str]:
+    quiet = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking")
+    return subprocess.run(
+        [str(BROWSER), *quiet, *options], capture_output=True, text=True, timeout=300, check=True
+    )
+
+
+def looked_at(page: Path, place: Path, *options: str) -> list[dict[str, Any]]:
+    """What the page looks like at each width; fails on an error of the console."""
+    frames = "".join(
+        f'<iframe src="{page.as_uri()}" style="width: {w}px; height: 900px; border: 0"></iframe>\n'
+        for w in WIDTHS
+    )
+    harness = place / "harness.html"
+    harness.write_text(HARNESS % {"frames": frames}, encoding="utf-8")
+    told = browser(
+        "--allow-file-access-from-files", "--enable-logging=stderr", "--virtual-time-budget=20000", "--dump-dom",
+        *options, harness.as_uri(),
+    )  # fmt: skip
+    assert not [line for line in told.stderr.splitlines() if "CONSOLE" in line]
+    found = re.search(r'<pre id="found">(.*?)</pre>', told.stdout, re.DOTALL)
+    assert found is not None
+    return list(json.loads(found[1]))
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    twin = twin_campaign(0, ("force", "displacement"))
+    few = replace(twin, records=tuple(r for r in twin.records if r.condition.id.startswith(("100g", "150g"))))
+    folder = tmp_path_factory.mktemp("browser") / "run"
+    fit_campaign(few, folder, jobs=1)
+    return folder / "report.html"
+
+
+def test_nothing_is_cut_and_nothing_overlaps(report: Path, tmp_path: Path) -> None:
+    for found in looked_at(report, tmp_path):
+        assert found["cut"] == []
+        assert found["over"] == []
+        assert found["beyond"] <= 0
+        assert found["blank"] == []
+
+
+def test_a_dark_page_is_dark(report: Path, tmp_path: Path) -> None:
+    def brightness(colour: str) -> int:
+        return sum(int(v) for v in re.findall(r"\d+", colour)[:3])
+
+    light, dark = (
+        looked_at(report, tmp_path, f"--blink-settings=preferredColorScheme={scheme}")[1] for scheme in (1, 0)
+    )
+    assert brightness(light["paper"]) > brightness(light["ink"]) + 400
+    assert brightness(dark["ink"]) > brightness(dark["paper"]) + 400
+
+
+def test_a_printed_page_has_no_more_pages_than_it_needs(report: Path, tmp_path: Path) -> None:
+    out = tmp_path / "report.pdf"
+    browser(f"--print-to-pdf={out}", report.as_uri())
+    pages = len(re.findall(rb"/Type\s*/Page\b", out.read_bytes()))
+    assert 3 <= pages <= 25

@@ -1,0 +1,62 @@
+"""What is imported before it is needed: start-up is felt at every command. Modules are counted, not seconds."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HEAVY = ("arviz", "corner", "dask", "distributed", "emcee", "h5py", "joblib", "matplotlib", "numpy", "pandas", "pint",
+         "scipy", "xarray")  # fmt: skip
+
+
+def imported(code: str, *arguments: str) -> set[str]:
+    """Packages that are there after some code has run."""
+    told = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys\nprint('', *sys.modules, sep='\\n@')", *arguments],
+        capture_output=True, text=True, timeout=300, check=True,
+    )  # fmt: skip
+    return {line[1:].partition(".")[0] for line in told.stdout.splitlines() if line.startswith("@")}
+
+
+def test_help_and_the_package_itself_import_nothing_heavy() -> None:
+    assert not imported("import sma_bayes") & set(HEAVY)
+    command = "from typer.testing import CliRunner; from sma_bayes.cli import app; CliRunner().invoke(app, ['--help'])"
+    assert not imported(command) & set(HEAVY)
+
+
+@pytest.mark.parametrize(
+    ("figures", "without"),
+    [
+        ("none", ("arviz", "corner", "distributed", "joblib", "matplotlib", "pandas", "xarray")),
+        ("report", ("arviz", "corner", "distributed", "joblib", "pandas", "xarray")),
+    ],
+)
+def test_a_fit_imports_only_what_it_uses(
+    measured: Path, tmp_path: Path, figures: str, without: tuple[str, ...]
+) -> None:
+    code = (
+        "import sys; from sma_bayes.records.campaign import read_campaign; from sma_bayes.workflow import fit_campaign;"
+        "fit_campaign(read_campaign(sys.argv[1]), sys.argv[2], figures=sys.argv[3])"
+    )
+    found = imported(code, str(measured), str(tmp_path / "out"), figures)
+    assert {"numpy", "emcee", "h5py"} <= found
+    assert not found & set(without)
+
+
+@pytest.fixture
+def measured(tmp_path: Path) -> Path:
+    """A file with one heating and one cooling of displacement under a dead weight."""
+    import numpy as np
+
+    rng = np.random.default_rng(0)
+    up = np.linspace(25.0, 95.0, 60)
+    t = np.concatenate([up, up[::-1]])
+    middle = np.concatenate([np.full(60, 66.0), np.full(60, 52.0)])
+    x = 14.0 + 26.0 / (1.0 + np.exp((t - middle) / 4.0)) + rng.normal(0.0, 0.2, t.size)
+    rows = "".join(f"{i * 0.5},{a:.4f},{b:.4f}\n" for i, (a, b) in enumerate(zip(t, x, strict=True)))
+    path = tmp_path / "run.csv"
+    path.write_text(f"time_s,temperature_C,displacement_mm\n{rows}", encoding="utf-8")
+    return path
