@@ -11,43 +11,22 @@ The names below are the public ones; each is imported from its module when it is
 
 from __future__ import annotations
 
+import ast
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 __version__ = "0.1.0"
 
-_PLACES = {
-    "read_campaign": "sma_bayes.records.campaign",
-    "start_campaign": "sma_bayes.records.starting_file",
-    "twin_campaign": "sma_bayes.paper.twin",
-    "read_priors": "sma_bayes.parameters.priors_file",
-    "inspect_campaign": "sma_bayes.workflow",
-    "fit": "sma_bayes.workflow",
-    "fit_campaign": "sma_bayes.workflow",
-    "study_gap": "sma_bayes.workflow",
-    "compare": "sma_bayes.workflow",
-    "ask": "sma_bayes.workflow",
-    "diff": "sma_bayes.workflow",
-    "cluster": "sma_bayes.inference.jobs",
-    "run_study": "sma_bayes.workflow",
-    "study_conditions": "sma_bayes.workflow",
-    "reproduce_paper": "sma_bayes.reproduction.build",
-    "fit_records": "sma_bayes.results.fitting",
-    "credible_band": "sma_bayes.assess.bands",
-    "correlation_factors": "sma_bayes.assess.correlation",
-    "loop_quantities": "sma_bayes.assess.loops",
-    "record_draws": "sma_bayes.conditions.draws",
-    "stored_draws": "sma_bayes.report.stored_draws",
-    "condition_features": "sma_bayes.conditions.features",
-    "operating_effects": "sma_bayes.conditions.effects",
-    "transformation_temperatures": "sma_bayes.assess.transformation",
-    "open_posterior": "sma_bayes.arviz_bridge",
-    "Campaign": "sma_bayes.records.types",
-    "Condition": "sma_bayes.records.types",
-    "Record": "sma_bayes.records.types",
-    "SmaBayesError": "sma_bayes.errors",
-}
 
+def _places() -> dict[str, str]:
+    """Module of each public name, as the stub that type checkers read states it."""
+    stub = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imports = (node for node in stub.body if isinstance(node, ast.ImportFrom))
+    return {name.name: f"{__name__}.{node.module}" for node in imports for name in node.names}
+
+
+_PLACES = _places()
 __all__ = ["__version__", *sorted(_PLACES)]
 
 

@@ -16,16 +16,16 @@ DEFAULT_SETTINGS: Final = SplitSettings()
 
 
 def read_campaign(
-    path: Path, *, data_dir: Path | None = None, settings: SplitSettings = DEFAULT_SETTINGS
+    path: str | Path, *, data_dir: str | Path | None = None, settings: SplitSettings = DEFAULT_SETTINGS
 ) -> Campaign:
     """Read a campaign: every data file it declares, split into one record per condition and branch.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         Folder with a ``campaign.toml``, a campaign file, or a single data file whose columns have the default
         names (``temperature_C``, ``force_N`` and so on, see `default_names`).
-    data_dir : Path, optional
+    data_dir : str or Path, optional
         Folder of the data files, in place of the one that the campaign declares.
     settings : SplitSettings, optional
         How runs are split, as far as ``[segmentation]`` leaves it open.

@@ -349,6 +349,45 @@ def parse_declaration(
     return Declaration(name, path, content, conditions)
 
 
+def declared_condition(
+    table: Mapping[str, Any], columns: Mapping[str, Any], declared_in: Path, settings: SplitSettings
+) -> DeclaredCondition:
+    """Check one condition whose measurements are in no file.
+
+    Parameters
+    ----------
+    table : mapping
+        As a ``[[condition]]``; `file` is how messages call the measurements.
+    columns : mapping
+        As ``[columns]``.
+    declared_in : Path
+        How messages call the declaration.
+    settings : SplitSettings
+
+    Raises
+    ------
+    CampaignError
+        If a key, a quantity or a value is wrong.
+    """
+    where = f"condition {table.get('id')!r}"
+    condition = checked(ConditionTable, table, file=declared_in, where=where)
+    declared = _columns(columns, declared_in, "columns")
+    if declared:
+        require_channels(declared, file=declared_in, where="columns")
+    names = condition.files
+    return DeclaredCondition(
+        condition,
+        declared_in,
+        where,
+        tuple(map(Path, names)),
+        names,
+        declared,
+        Reading(),
+        TimeWindow(),
+        settings,
+    )
+
+
 def require_channels(names: Mapping[str, object] | set[str], *, file: Path, where: str) -> None:
     """Check that the quantities make a record.
 

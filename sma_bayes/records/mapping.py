@@ -10,6 +10,7 @@ import numpy as np
 
 from sma_bayes.errors import CampaignError, MeasurementError, QuantityError, many, near_matches
 from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, STANDARD_GRAVITY, Floats, convert, unit_text
+from sma_bayes.records.clock import clock_seconds, is_clock
 from sma_bayes.records.declaration import (
     CHANNEL_OF,
     SETTING_COLUMNS,
@@ -19,7 +20,6 @@ from sma_bayes.records.declaration import (
 )
 from sma_bayes.records.default_names import EXAMPLES, described, recognised
 from sma_bayes.records.formats import Table, read_table
-from sma_bayes.records.formats.clock import clock_seconds, is_clock
 from sma_bayes.records.formats.numbers import numbers
 from sma_bayes.records.formats.table import Cells, rows_finding
 from sma_bayes.records.guesses import near_quantity
@@ -66,7 +66,13 @@ def read_run(declared: DeclaredCondition) -> tuple[Run, tuple[Finding, ...]]:
     QuantityError
         If a unit is unknown or of the wrong kind.
     """
-    files = [_read_file(part, alone=len(declared.paths) == 1) for part in declared.of_each_file()]
+    return run_of_tables(declared, [read_table(path, declared.reading) for path in declared.paths])
+
+
+def run_of_tables(declared: DeclaredCondition, tables: Sequence[Table]) -> tuple[Run, tuple[Finding, ...]]:
+    """The same from what the files hold, one table for each; see `read_run`."""
+    parts = zip(declared.of_each_file(), tables, strict=True)
+    files = [_file_columns(part, table, alone=len(tables) == 1) for part, table in parts]
     _require_all(files, declared)
     whole, how = joined(files)
     values = dict(whole.values)
@@ -96,9 +102,8 @@ def read_run(declared: DeclaredCondition) -> tuple[Run, tuple[Finding, ...]]:
     return run, tuple(replace(finding, condition=declared.table.id) for finding in seen)
 
 
-def _read_file(declared: DeclaredCondition, *, alone: bool) -> FileColumns:
+def _file_columns(declared: DeclaredCondition, table: Table, *, alone: bool) -> FileColumns:
     """Columns of one file of a condition; where there are others it need not have all."""
-    table = read_table(declared.path, declared.reading)
     findings = list(table.findings)
     columns: Mapping[str, Column] = {q: entries[0] for q, entries in declared.columns.items()}
     if not columns:

@@ -14,9 +14,9 @@ import numpy as np
 from sma_bayes.disk import writing
 from sma_bayes.errors import CampaignError, MeasurementError, OutputError, SmaBayesError, many
 from sma_bayes.quantities import Floats
+from sma_bayes.records.clock import is_clock
 from sma_bayes.records.declaration import CAMPAIGN_FILE, CHANNEL_OF, FILES_SHOWN, parse_declaration
 from sma_bayes.records.formats import Reading, Table, read_table, recognise
-from sma_bayes.records.formats.clock import is_clock
 from sma_bayes.records.formats.numbers import is_blank, looks_numeric, numbers
 from sma_bayes.records.formats.xlsx import sheet_titles
 from sma_bayes.records.guesses import Guess, Guesses, guess_named, guess_unnamed, one_kind, settings_in

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
 from sma_bayes.account import Account
 from sma_bayes.assess.correlation_average import Averages
+from sma_bayes.errors import SmaBayesError
 from sma_bayes.inference.jobs import run
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
@@ -21,6 +23,7 @@ from sma_bayes.results.fit import Fit
 from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import write_text
 from sma_bayes.workflow.fit_tasks import FitTask, fitted, sample_task
+from sma_bayes.workflow.fitted import Fits, by_record, shown_progress
 from sma_bayes.workflow.identity import all_versions, run_identity
 from sma_bayes.workflow.options import (
     DEFAULT_SAMPLER,
@@ -35,9 +38,14 @@ from sma_bayes.workflow.output_folder import claimed_folder
 from sma_bayes.workflow.parts import remove_parts
 from sma_bayes.workflow.under_way import UnderWay
 
+if TYPE_CHECKING:
+    from sma_bayes.records.memory import Measurements
+
+LOG: Final = logging.getLogger("sma_bayes")
+
 
 def fit(
-    campaign: Campaign,
+    data: Campaign | Measurements,
     *,
     seed: int = 0,
     noise: str = AUTO,
@@ -46,13 +54,17 @@ def fit(
     pool: Pool = "none",
     sampler: str = DEFAULT_SAMPLER,
     jobs: int | None = None,
-) -> dict[str, Fit]:
-    """Fit every record of a campaign, in memory.
+    columns: Mapping[str, Mapping[str, Any]] | None = None,
+    conditions: Mapping[str, Mapping[str, float]] | None = None,
+    progress: bool | Progress = False,
+) -> Fits:
+    """Fit every record of a campaign, a data frame or arrays, in memory.
 
     Parameters
     ----------
-    campaign : Campaign
-        As `read_campaign` gives it.
+    data : Campaign, frame, or mapping of str to frame
+        As `read_campaign` gives it; or a data frame or a mapping of column names to arrays, or several by the ids of
+        their conditions, see `campaign_of`.
     seed : int
         Decides every draw.
     noise : str
@@ -68,20 +80,41 @@ def fit(
         times as long.
     jobs : int, optional
         Processes; by default one for each core.
+    columns, conditions : mapping, optional
+        Of data in memory: what ``[columns]`` and ``[[condition]]`` of a campaign file say, see `campaign_of`.
+    progress : bool or callable
+        True for a bar in a notebook or terminal; or what is called with the number of posteriors that are done, of all,
+        and a message, ``progress(done, total, message)``. The logger ``sma_bayes`` is told the same.
 
     Returns
     -------
-    dict of str to Fit
-        By the key of the record, ``<condition>-<branch>``. Pooled records share one `Fit`.
+    Fits
+        A dictionary of `RecordFit` by the key of the record, ``<condition>-<branch>``. Pooled records share draws.
     """
+    if isinstance(data, Campaign):
+        if columns is not None or conditions is not None:
+            raise SmaBayesError(
+                "columns or conditions beside a campaign",
+                expected="them with data in memory only; a campaign has its own",
+            )
+        campaign = data
+    else:
+        from sma_bayes.records.memory import campaign_of
+
+        campaign = campaign_of(data, columns=columns, conditions=conditions)
     options = FitOptions(prior_set(priors, model), seed, noise, pool, plan=plan_with(sampler), model=model)
     groups = groups_of(campaign, pool)
     check_call(groups, options)
     tasks = [FitTask(g, options, None) for g in groups]
-    out: dict[str, Fit] = {}
-    for group, found in zip(groups, run(sample_task, tasks, jobs), strict=True):
-        out |= {record.key: found for record in group}
-    return out
+    fits: list[Fit] = []
+    with shown_progress(progress, len(tasks)) as tell:
+        for found in run(sample_task, tasks, jobs):
+            fits.append(found)
+            state = "" if found.converged else " (NOT CONVERGED)"
+            message = f"sampled {', '.join(r.key for r in found.records)}{state}"
+            tell(len(fits), len(tasks), message)
+            LOG.info("%d of %d: %s", len(fits), len(tasks), message)
+    return by_record(fits)
 
 
 def fit_campaign(

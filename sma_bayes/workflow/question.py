@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypedDict
 
 import numpy as np
 from scipy.special import ndtri
@@ -24,7 +25,7 @@ from sma_bayes.quantities import (
     unit_text,
 )  # fmt: skip
 from sma_bayes.records.types import Branch
-from sma_bayes.report.outputs import StoredRun, read_run
+from sma_bayes.report.outputs import read_run
 from sma_bayes.report.stored_draws import draws_of
 from sma_bayes.response.arrangement import Arrangement, BiasSpring, overall_stiffness
 from sma_bayes.results.store import plain
@@ -61,6 +62,43 @@ class _Question:
     value: str
     tolerance: str
     probability: float
+    extrapolate: float
+    temperature_sd: float
+    temperature_unit: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A fit that is asked: one in a folder, or one in memory.
+
+    Attributes
+    ----------
+    folder : str or Path
+        Its name, for messages.
+    summary : mapping
+        ``campaign``, ``seed``, ``data_sha256``, ``options`` and ``records`` as in ``summary.json``.
+    draws : callable
+        Draws of the record of an entry of ``records``.
+    """
+
+    folder: str | Path
+    summary: Mapping[str, Any]
+    draws: Callable[[Mapping[str, Any]], RecordDraws]
+
+
+class Question(TypedDict, total=False):
+    """What `ask` takes beside the fit."""
+
+    at: str | Sequence[str] | None
+    unit: str | Sequence[str] | None
+    stiffness: str | None
+    force: str | None
+    displacement: str | None
+    overall_stiffness: str | None
+    tolerance: str
+    probability: float
+    condition: str | None
+    branch: str | None
     extrapolate: float
     temperature_sd: float
     temperature_unit: str | None
@@ -129,6 +167,44 @@ def ask(
     OutputError
         If the folder holds no finished fit.
     """
+    run = read_run(Path(folder))
+    source = Source(folder, run.summary, partial(draws_of, run))
+    return answer(
+        source,
+        at=at,
+        unit=unit,
+        stiffness=stiffness,
+        force=force,
+        displacement=displacement,
+        overall_stiffness=overall_stiffness,
+        tolerance=tolerance,
+        probability=probability,
+        condition=condition,
+        branch=branch,
+        extrapolate=extrapolate,
+        temperature_sd=temperature_sd,
+        temperature_unit=temperature_unit,
+    )
+
+
+def answer(
+    run: Source,
+    *,
+    at: str | Sequence[str] | None = None,
+    unit: str | Sequence[str] | None = None,
+    stiffness: str | None = None,
+    force: str | None = None,
+    displacement: str | None = None,
+    overall_stiffness: str | None = None,
+    tolerance: str = TOLERANCE,
+    probability: float = PROBABILITY,
+    condition: str | None = None,
+    branch: str | None = None,
+    extrapolate: float = 0.0,
+    temperature_sd: float = 0.0,
+    temperature_unit: str | None = None,
+) -> dict[str, Any]:
+    """Answer a question from a fit, wherever it is; see `ask`."""
     given = dict(zip(WANTED, (stiffness, force, displacement, overall_stiffness), strict=True))
     wanted = {channel: value for channel, value in given.items() if value is not None}
     asked = [at] if isinstance(at, str) else list(at or ())
@@ -149,7 +225,6 @@ def ask(
     for name, number in (("extrapolate", extrapolate), ("temperature-sd", temperature_sd)):
         if not (np.isfinite(number) and number >= 0.0):
             raise SmaBayesError(f"--{name} {number}", expected="a finite number of degrees, at least 0")
-    run = read_run(Path(folder))
     records = _selected(run, condition, branch)
     if asked:
         units = [unit] if isinstance(unit, str) else list(unit or ())
@@ -163,7 +238,7 @@ def ask(
         which = records[0]["key"] if len(records) == 1 else f"any of the {len(records)} records"
         raise MeasurementError(
             f"no {_named(_name(records[0], channel))} follows from {which}: {_lacking(run, records[0], channel)}",
-            file=folder,
+            file=run.folder,
             expected=f"one of {', '.join(_has(run, records))}",
         )
     answers = [_answer(run, r, question) for r in able]
@@ -186,7 +261,7 @@ def ask(
 
 
 def _ask_at(
-    run: StoredRun,
+    run: Source,
     records: Sequence[Mapping[str, Any]],
     asked: Sequence[str],
     units: Sequence[str],
@@ -230,7 +305,7 @@ def _converts(unit: str, to: str) -> bool:
 
 
 def _answer_at(
-    run: StoredRun,
+    run: Source,
     summary: Mapping[str, Any],
     asked: Sequence[str],
     units: Sequence[str],
@@ -240,7 +315,7 @@ def _answer_at(
     temperature_unit: str | None,
 ) -> dict[str, Any]:
     """What one record gives at the temperatures: all of them, also those that it can't tell of, in the asked order."""
-    draws = draws_of(run, summary)
+    draws = run.draws(summary)
     stored = summary["temperature"]["unit"]
     degrees = temperature_unit or number_and_unit(asked[0], what="temperature")[1] or stored
     given = np.array([_asked_temperature(text, stored, degrees) for text in asked])
@@ -308,7 +383,7 @@ def _told(
     return out
 
 
-def _selected(run: StoredRun, condition: str | None, branch: str | None) -> list[Mapping[str, Any]]:
+def _selected(run: Source, condition: str | None, branch: str | None) -> list[Mapping[str, Any]]:
     records = list(run.summary["records"])
     branches = [b.value for b in Branch]
     if branch is not None and branch not in branches:
@@ -341,12 +416,12 @@ def _named(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _has(run: StoredRun, records: Sequence[Mapping[str, Any]]) -> list[str]:
+def _has(run: Source, records: Sequence[Mapping[str, Any]]) -> list[str]:
     names = [_name(r, c) for c in WANTED for r in records if not _lacking(run, r, c)]
     return [f"--{n.replace('_', '-')}" for n in dict.fromkeys(names)]
 
 
-def _lacking(run: StoredRun, record: Mapping[str, Any], channel: str) -> str:
+def _lacking(run: Source, record: Mapping[str, Any], channel: str) -> str:
     """Why a record can't tell of a channel; empty where it can."""
     known = record["quantities"]
     if channel != OVERALL:
@@ -367,8 +442,8 @@ def _lacking(run: StoredRun, record: Mapping[str, Any], channel: str) -> str:
     return ""
 
 
-def _answer(run: StoredRun, summary: Mapping[str, Any], question: _Question) -> dict[str, Any]:
-    draws = draws_of(run, summary)
+def _answer(run: Source, summary: Mapping[str, Any], question: _Question) -> dict[str, Any]:
+    draws = run.draws(summary)
     channel = "stiffness" if question.channel == OVERALL else question.channel
     stored = (summary["temperature"]["unit"], summary["quantities"][channel]["unit"])
     unit, target, bounds = _target(question, stored[1], _named(_name(summary, question.channel)))
@@ -475,7 +550,7 @@ def _in_units(curve: Curve, stored: tuple[str, str], asked: tuple[str, str]) -> 
     return lambda temperature: convert(curve(convert(temperature, asked[0], stored[0])), stored[1], asked[1])
 
 
-def _curve(run: StoredRun, draws: RecordDraws, channel: str, unit: str) -> Curve:
+def _curve(run: Source, draws: RecordDraws, channel: str, unit: str) -> Curve:
     if channel != OVERALL:
         return lambda temperature: draws.curve(channel, temperature)
     stated = run.summary["options"]["bias_spring"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.errors import MeasurementError
-from sma_bayes.records.formats.clock import clock_seconds, is_clock
+from sma_bayes.records.clock import clock_seconds, is_clock
 
 START = datetime(2024, 11, 30, 23, 59, 30, 250000)
 TIMES = [START + timedelta(seconds=7.25 * i) for i in range(20)]
