@@ -9,8 +9,8 @@ parameters could describe stays with them, and they are those of the curve of th
 
 ``delta`` is a priori a smoothing spline, a little rougher than the cubic one (G. Wahba, J. R. Stat. Soc. B 40 (1978)
 364): a Gaussian process without a length, whose size alone is a parameter, decided by evidence. It is smooth in a
-coordinate that runs evenly through both the range of temperature and the transformation, since misfit changes as fast
-as the curve does. Its leading eigenfunctions, less their share along the tangents, are the basis,
+coordinate that runs evenly through the range of temperature, the response and its slope, since misfit changes where the
+curve does, and fastest where it bends. Its leading eigenfunctions, less their share along the tangents, are the basis,
 
     delta(T) = sum of w_k psi_k(T),    w_k ~ N(0, size**2),
 
@@ -36,13 +36,11 @@ from sma_bayes.quantities import Floats
 
 FUNCTIONS = 30
 """Eigenfunctions of the smoothing spline that are kept; the next has 1/170 of the first."""
-ROUGHER = 0.5
+ROUGHER = 1.0
 """Power of their number by which eigenfunctions are larger than those of a cubic smoothing spline: amplitudes fall as
-``k**-1.5`` for ``k**-2``. Intervals of the spline itself are too narrow where the misfit is local."""
+``k**-1`` for ``k**-2``. Intervals of the spline itself are too narrow where the misfit is local."""
 NODES = 161
 """Temperatures at which they are tabulated; a natural cubic spline runs between them and goes on straight beyond."""
-SWEPT = 0.5
-"""Share of the coordinate that the transformation takes; temperature itself takes the rest."""
 GREATEST_INFORMATION = 1e14
 """Information about weights, in units of that of their prior, beyond which a point counts as impossible."""
 STEPS = 6
@@ -193,12 +191,13 @@ def nodes_of(low: float, high: float, temperature: Floats, curve: Floats) -> Flo
 
 
 def _coordinate(temperature: Floats, curve: Floats) -> Floats:
-    """Coordinate from 0 to 1 that runs evenly through the temperatures and through the response."""
-    even = (temperature - temperature[0]) / (temperature[-1] - temperature[0])
-    passed = np.concatenate([np.zeros(1), np.cumsum(np.abs(np.diff(curve)))])
-    if not (np.isfinite(passed[-1]) and passed[-1] > 0.0):
-        return np.asarray(even)
-    return np.asarray((1.0 - SWEPT) * even + SWEPT * passed / passed[-1])
+    """Coordinate from 0 to 1: the mean of those that run evenly through temperatures, response and slope."""
+    paths = [(temperature - temperature[0]) / (temperature[-1] - temperature[0])]
+    for series in (curve, np.gradient(curve, temperature)):
+        passed = np.concatenate([np.zeros(1), np.cumsum(np.abs(np.diff(series)))])
+        if np.isfinite(passed[-1]) and passed[-1] > 0.0:
+            paths.append(passed / passed[-1])
+    return np.asarray(np.mean(paths, axis=0))
 
 
 @cache
