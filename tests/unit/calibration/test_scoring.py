@@ -12,7 +12,7 @@ from calibration import page
 from calibration.curves import Curve
 from calibration.scoring import curve_scores, thirds
 from calibration.summary import QUANTITIES, least_expected, quantities, read_csv, share, table, write_csv
-from calibration.trials import Trial, attempt, read, to_do
+from calibration.trials import Trial, attempt, collected, read, to_do
 from scipy.stats import binom
 from typer.testing import CliRunner
 
@@ -132,21 +132,66 @@ def test_the_page_is_replaced_between_its_marks(line: dict[str, Any], tmp_path: 
         page.replaced("no marks", "part")
 
 
-def test_a_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_a_run_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import measure_calibration
 
+    monkeypatch.setattr(measure_calibration, "KEPT", tmp_path / "kept.jsonl.gz")
     out = tmp_path / "lines.jsonl"
     arguments = ["run", "--out", str(out), "--truths", "white", "--jobs", "1"]
     assert CliRunner().invoke(measure_calibration.app, [*arguments, "--repeats", "1"]).exit_code == 0
     with out.open("a") as file:
         file.write('{"truth": "white", "rep')  # cut off
-    assert to_do([Trial("white", 0), Trial("white", 1)], out) == [Trial("white", 1)]
+    assert to_do([Trial("white", 0), Trial("white", 1)], read(out)) == [Trial("white", 1)]
     result = CliRunner().invoke(measure_calibration.app, [*arguments, "--repeats", "2"])
     assert result.exit_code == 0
     assert "1 of 2 to do" in result.output
     assert [r["repeat"] for r in read(out)] == [0, 1]
     shown = CliRunner().invoke(measure_calibration.app, ["show", str(out)])
     assert "white" in shown.output
+
+
+def test_what_the_page_kept_is_taken_up_by_a_later_run(
+    line: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import measure_calibration
+
+    docs = tmp_path / "docs"
+    for folder in ("data", "explanation"):
+        (docs / folder).mkdir(parents=True)
+    (docs / "explanation" / "calibration.md").write_text(f"{page.BEGIN}\n{page.END}\n", encoding="utf-8")
+    kept, first, second = docs / "data" / "calibration.jsonl.gz", tmp_path / "1.jsonl", tmp_path / "2.jsonl"
+    monkeypatch.setattr(measure_calibration, "ROOT", tmp_path)
+    monkeypatch.setattr(measure_calibration, "KEPT", kept)
+    first.write_text(json.dumps(line) + "\n", encoding="utf-8")
+    assert CliRunner().invoke(measure_calibration.app, ["page", str(first)]).exit_code == 0
+    assert list(read(kept)) == [line]
+    run = ["run", "--truths", "white", "--jobs", "1", "--repeats", "4", "--out", str(second)]
+    other = line | {"repeat": 2, "code": "0123456789ab"}
+    second.write_text(
+        "".join(json.dumps(x) + "\n" for x in (line | {"repeat": 0}, line | {"repeat": 1}, other)),
+        encoding="utf-8",
+    )
+    accepted = CliRunner().invoke(measure_calibration.app, [*run, "--accept", "0123456789ab"])
+    assert "0 of 4 to do" in accepted.output
+    plain = CliRunner().invoke(measure_calibration.app, run)
+    assert "1 results of code 0123456789ab don't count" in plain.output
+    assert "1 of 4 to do" in plain.output
+    assert CliRunner().invoke(measure_calibration.app, ["page", str(second)]).exit_code == 0
+    assert [x["repeat"] for x in read(kept)] == [0, 1, 2, 3]
+    assert {x["code"] for x in read(kept)} == {line["code"]}
+    before = kept.read_bytes()
+    assert CliRunner().invoke(measure_calibration.app, ["page", str(second)]).exit_code == 0
+    assert kept.read_bytes() == before
+
+
+def test_the_present_code_counts_before_what_is_accepted(line: dict[str, Any], tmp_path: Path) -> None:
+    old = line | {"code": "0123456789ab", "seconds": 0.0}
+    files = [tmp_path / "old.jsonl", tmp_path / "new.jsonl"]
+    for file, content in zip(files, (old, line), strict=True):
+        file.write_text(json.dumps(content) + "\n", encoding="utf-8")
+    assert collected(files, ["0123456789ab"]) == ([line], {})
+    assert collected(files) == ([line], {"0123456789ab": 1})
+    assert collected(files[:1], ["0123456789ab"]) == ([old], {})
 
 
 @pytest.mark.parametrize("truths", ["whit", "white,", ""])
