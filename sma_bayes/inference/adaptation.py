@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import emcee
 import numpy as np
@@ -33,6 +34,8 @@ from sma_bayes.records.types import Ints
 
 DRAWS = 500
 """Importance draws of one round."""
+SHELVED = 4 * DRAWS
+"""Those beside a discrepancy under noise that is not normal, of whose parameters linearising tells little."""
 FIRST = 256
 """Those of a first look at a proposal as linearising gives it."""
 LINEAR, EVEN = 0.92, 2.0
@@ -188,8 +191,11 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapt
         return best
     evaluations = best.evaluations
     fitted: list[Adapted] = []
+    # the size of a discrepancy goes down to where it does nothing: of that shelf a few draws tell nothing
+    shelved = density.has_discrepancy and not density.noise.is_gaussian
+    draws = SHELVED if shelved else DRAWS
     for proposal in proposals:
-        fitted.append(_refine(density, proposal, rng, DRAWS, HELD))
+        fitted.append(_refine(density, proposal, rng, draws, HELD))
         best = max(fitted, key=lambda f: f.weights.efficiency)
         if best.good:
             break
@@ -307,11 +313,11 @@ def _start(
             parts.append(next(fits))
             continue
         covariance = mode.covariance[np.ix_(block, block)]
+        marginal = coordinates.log_noise_marginal
         if block.size > ON_A_GRID and not posterior.noise.is_gaussian:
-            # what is linear and normal tells little of the noise; the curvature at the mode tells more
-            parts.append(one_component(mode.z[block], 1.5 * covariance))
-            continue
-        parts.append(_fit_together(coordinates, centre, block - m, covariance, rng))
+            # what is linear and normal tells little of the noise
+            marginal = partial(_marginal_along_the_ridge, posterior, coordinates)
+        parts.append(_fit_together(marginal, centre, block - m, covariance, rng))
     return FactorisedMixture((np.arange(m), *noise), tuple(parts))
 
 
@@ -342,8 +348,22 @@ def _fit_alone(
     return fits
 
 
+def _marginal_along_the_ridge(
+    posterior: Posterior, coordinates: NoiseScaledCoordinates, noise_z: Floats
+) -> Floats:
+    """Log posterior of the noise parameters (W,), up to a constant.
+
+    The model's are taken as normal: it is the density itself at the centre of their coordinates, times their volume.
+    """
+    u = np.concatenate([np.zeros((len(noise_z), coordinates.count)), noise_z], axis=1)
+    z, log_jacobian, found = coordinates.inverse(u)
+    value = np.full(len(u), -np.inf)
+    value[found] = posterior.log_prob(z[found]) - log_jacobian[found]
+    return value
+
+
 def _fit_together(
-    coordinates: NoiseScaledCoordinates,
+    marginal: Callable[[Floats], Floats],
     centre: Floats,
     block: Ints,
     covariance: Floats,
@@ -367,7 +387,7 @@ def _fit_together(
         x = mean + grid @ np.linalg.cholesky(covariance).T
         noise_z = np.tile(centre, (len(x), 1))
         noise_z[:, block] = x
-        weights = Weights(coordinates.log_noise_marginal(noise_z) - log_q)
+        weights = Weights(marginal(noise_z) - log_q)
         weight = weights.normalised if block.size <= ON_A_GRID else tempered(weights)
         mean = weight @ x
         covariance = ((x - mean) * weight[:, None]).T @ (x - mean) + 1e-3 * covariance
