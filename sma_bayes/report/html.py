@@ -25,7 +25,7 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.notation import count_text, interval_text, unit_label, write
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, cell_text, group_text, rows_text
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, cell_text, group_text, powers, rows_text
 from sma_bayes.results.store import write_text
 
 
@@ -107,6 +107,7 @@ def page_environment(most: int | None = None) -> Environment:
         "interval": INTERVAL,
         "target": TARGET,
         "group_text": group_text,
+        "powers": powers,
         "is_numeric": _is_numeric,
         "is_interval": lambda cell: isinstance(cell, Estimate),
         "few": lambda entries: entries[:most],
@@ -167,15 +168,15 @@ def _commands(text: str) -> Markup:
     )
 
 
-def _header_text(column: Column) -> str:
+def _header_text(column: Column, power: int | None = None) -> str:
     """Header of a column, which may be broken between words only; a unit that rows name is left out."""
-    text = column.name if column.unit == OF_ROW else column.header
+    text = column.name if column.unit == OF_ROW else column.header_with(power or 0)
     return text.replace("-", "\u2011").replace(" > ", "\u00a0>\u00a0")
 
 
-def _cell_text(cell: Cell) -> str:
+def _cell_text(cell: Cell, power: int | None = None) -> str:
     """A cell as people read it; an estimate may be broken before its interval, not within."""
-    text = cell_text(cell)
+    text = cell_text(cell, power)
     if not isinstance(cell, Estimate):
         return text
     median, bracket, interval = text.partition(" [")

@@ -59,7 +59,13 @@ class Written:
         return tuple(f"${d}{power}$" if d != MISSING else "--" for d in self.digits)
 
 
-def write(values: Sequence[float | None], resolution: float | None = None, digits: int = 4) -> Written:
+def write(
+    values: Sequence[float | None],
+    resolution: float | None = None,
+    digits: int = 4,
+    *,
+    exponent: int | None = None,
+) -> Written:
     """Write numbers that belong together with the same power of ten and the same last place.
 
     Parameters
@@ -70,6 +76,8 @@ def write(values: Sequence[float | None], resolution: float | None = None, digit
         Their uncertainty [unit of the values]; two digits of it are shown. Without it the largest number has
         `digits` significant digits.
     digits : int
+    exponent : int, optional
+        Power of ten to write them with; by default what suits them.
 
     Examples
     --------
@@ -84,30 +92,36 @@ def write(values: Sequence[float | None], resolution: float | None = None, digit
     top = _place(max(largest, resolution if sure and resolution is not None else 0.0))
     last = _place(resolution) - 1 if sure and resolution is not None else top - digits + 1
     last = max(last, top - MOST_DIGITS + 1)
-    exponent = 0 if top in FIXED else top
+    if exponent is None:
+        exponent = 0 if top in FIXED else top
     decimals = max(0, exponent - last)
     return Written(tuple(_digits(v, exponent, decimals, last) for v in values), exponent)
 
 
-def write_interval(median: float | None, low: float | None, high: float | None) -> Written:
+def write_interval(
+    median: float | None, low: float | None, high: float | None, *, exponent: int | None = None
+) -> Written:
     """Median and ends of a 90 % interval, with the digits that its width bears.
 
     An interval no wider than the last of `MOST_DIGITS` is one of rounding: what it holds does not depend on anything
     that is uncertain, and the three are one number.
     """
     if median is None or low is None or high is None:
-        return write((median, low, high))
+        return write((median, low, high), exponent=exponent)
     width = high - low
     if width < 10.0**-MOST_DIGITS * abs(median):
-        return write((median,) * 3)
-    return write((median, low, high), resolution=width / NORMAL_90)
+        return write((median,) * 3, exponent=exponent)
+    return write((median, low, high), resolution=width / NORMAL_90, exponent=exponent)
 
 
-def interval_text(median: float | None, low: float | None, high: float | None) -> str:
+def interval_text(
+    median: float | None, low: float | None, high: float | None, *, power: int | None = None
+) -> str:
     """Median and 90 % interval on one line: ``0.722 [0.721, 0.723]``, a common power of ten behind.
 
     What has no width is one number. Where the ends differ `LOPSIDED` times, digits that the width bears would say
-    nothing of the lower, and each number has two of its own.
+    nothing of the lower, and each number has two of its own. With a `power` of ten, which is told
+    elsewhere, none is written.
 
     Examples
     --------
@@ -119,14 +133,18 @@ def interval_text(median: float | None, low: float | None, high: float | None) -
     if median is not None and low is not None and high is not None and low * high > 0.0:
         sizes = sorted((abs(low), abs(high)))
         if math.inf > sizes[1] > LOPSIDED * sizes[0]:
-            middle, least, most = (write([v], digits=2).plain[0] for v in (median, low, high))
+            middle, least, most = (
+                write([v], digits=2, exponent=power).plain[0] if power is None
+                else _signed(write([v], digits=2, exponent=power).digits[0])
+                for v in (median, low, high)
+            )  # fmt: skip
             return f"{middle} [{least}, {most}]"
-    written = write_interval(median, low, high)
+    written = write_interval(median, low, high, exponent=power)
     middle, least, most = (_signed(d) for d in written.digits)
     if middle == least == most:
-        return written.plain[0]
+        return written.plain[0] if power is None else middle
     text = f"{middle} [{least}, {most}]"
-    if not written.exponent:
+    if not written.exponent or power is not None:
         return text
     return f"({text}) × 10{power_text(written.exponent)}"
 

@@ -29,10 +29,12 @@ from sma_bayes.report.findings import severity
 from sma_bayes.report.notation import (
     MISSING,
     interval_text,
+    power_text,
     squared,
     tex_text,
     unit_label,
     write,
+    write_interval,
 )
 from sma_bayes.results.store import write_csv, write_text
 
@@ -78,7 +80,12 @@ class Column:
     @property
     def header(self) -> str:
         """Name with unit, for people."""
+        return self.header_with(0)
+
+    def header_with(self, power: int) -> str:
+        """The same, with the power of ten that all numbers of the column have in common."""
         label = self.unit if self.unit in (OF_ROW, SQUARED) else unit_label(self.unit)
+        label = " ".join(part for part in (f"10{power_text(power)}" if power else "", label) if part)
         return f"{self.name} [{label}]" if label and self.unit else self.name
 
     @property
@@ -722,17 +729,35 @@ def printed_table(content: Content) -> Table:
 # --- how they are written -----------------------------------------------------------------------------
 
 
-def cell_text(cell: Cell) -> str:
-    """A cell as people read it."""
-    return _cell_text(cell, lambda text: text)
+def cell_text(cell: Cell, power: int | None = None) -> str:
+    """A cell as people read it; a `power` of ten that stands in the header is not written again."""
+    return _cell_text(cell, lambda text: text, power)
 
 
-def cell_tex(cell: Cell) -> str:
+def cell_tex(cell: Cell, power: int | None = None) -> str:
     """A cell in LaTeX."""
-    return _cell_text(cell, tex_text)
+    return _cell_text(cell, tex_text, power)
 
 
-def _cell_text(cell: Cell, escape: Callable[[str], str]) -> str:
+def powers(table: Table) -> tuple[int | None, ...]:
+    """Power of ten of each column whose numbers share a unit, so that all are written alike; None for other columns."""
+    return tuple(
+        _power([row[place] for row in table.rows]) if column.unit not in ("", OF_ROW, SQUARED) else None
+        for place, column in enumerate(table.columns)
+    )
+
+
+def _power(cells: Sequence[Cell]) -> int | None:
+    """That of the largest estimate, 0 for numbers of ordinary size; None where there are none."""
+    written = {
+        max(abs(c.median), abs(c.q05), abs(c.q95)): write_interval(c.median, c.q05, c.q95).exponent
+        for c in cells
+        if isinstance(c, Estimate) and c.median is not None and c.q05 is not None and c.q95 is not None
+    }
+    return written[max(written)] if written and any(written.values()) else None
+
+
+def _cell_text(cell: Cell, escape: Callable[[str], str], power: int | None) -> str:
     match cell:
         case None:
             return escape(MISSING)
@@ -743,7 +768,7 @@ def _cell_text(cell: Cell, escape: Callable[[str], str]) -> str:
         case Estimate(median=None):
             return escape(MISSING)
         case Estimate(median, low, high):
-            return escape(interval_text(median, low, high))
+            return escape(interval_text(median, low, high, power=power))
         case _:
             return escape(str(cell)) if cell != "" else escape(MISSING)
 
@@ -801,9 +826,13 @@ def tex(table: Table) -> str:
         A ``longtable`` with caption and label, in ASCII and Latin letters.
     """
     places = [i for i, c in enumerate(table.columns) if c.brief and i >= table.grouped]
-    columns = [table.columns[i] for i in places]
+    columns, common = [table.columns[i] for i in places], powers(table)
+    heads = [tex_text(table.columns[i].header_with(common[i] or 0)) for i in places]
     size, gap = (r"\scriptsize", 2) if len(columns) > 10 else (r"\footnotesize", 3)
-    header = " & ".join(rf"\textbf{{{tex_text(c.header)}}}" for c in columns) + r" \\"
+    header = (
+        " & ".join(rf"\textbf{{{tex_text(table.columns[i].header_with(common[i] or 0))}}}" for i in places)
+        + r" \\"
+    )
     lines = [
         "% needs \\usepackage{array,booktabs,longtable,textcomp}; wide tables want a landscape page",
         rf"\begingroup{size}\setlength{{\tabcolsep}}{{{gap}pt}}",
@@ -828,13 +857,14 @@ def _alignment(table: Table, place: int) -> str:
 
 def _tex_rows(table: Table, places: Sequence[int]) -> Iterator[str]:
     group: tuple[Cell, ...] | None = None
+    common = powers(table)
     for number, row in enumerate(table.rows):
         if table.grouped and row[: table.grouped] != group:
             group = row[: table.grouped]
             if number:
                 yield r"\addlinespace"
             yield rf"\multicolumn{{{len(places)}}}{{l}}{{\textit{{{tex_text(group_text(table, group))}}}}} \\*"
-        yield " & ".join(cell_tex(row[i]) for i in places) + r" \\"
+        yield " & ".join(cell_tex(row[i], common[i]) for i in places) + r" \\"
 
 
 def group_text(table: Table, group: Sequence[Cell]) -> str:

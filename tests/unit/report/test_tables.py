@@ -18,6 +18,7 @@ from sma_bayes.report.tables import (
     cell_text,
     csv_columns,
     group_text,
+    powers,
     report_tables,
     rows_text,
     tex,
@@ -146,3 +147,20 @@ def test_cells_as_people_read_them() -> None:
     assert [cell_text(c) for c in (True, False, None, "", 7)] == ["yes", "no", "–", "–", "7"]
     assert cell_text(Number(0.5, "N", 0.01)) == "0.500"
     assert cell_text(Estimate(None, None, None)) == "–"
+
+
+def test_a_column_with_one_unit_has_one_notation_and_its_power_in_the_head() -> None:
+    cells = [Estimate(2.31e10, 2.30e10, 2.32e10, "Pa"), Estimate(4.0e8, 3.9e8, 4.1e8, "Pa"), None]
+    table = Table("t", "T", "", (Column("modulus", "modulus", "Pa"),), tuple((c,) for c in cells))
+    assert powers(table) == (10,)
+    text = tex(table)
+    assert "modulus [10$^{10}$ Pa]" in text.replace("$^{1}$$^{0}$", "$^{10}$")
+    assert "2.3100 [2.3000, 2.3200]" in text
+    assert "0.04000 [0.03900, 0.04100]" in text
+    assert text.count("times") == 0
+
+
+def test_numbers_of_ordinary_size_keep_their_notation() -> None:
+    table = Table("t", "T", "", (Column("K", "k", "N/m"),), ((Estimate(80.8, 70.4, 84.2, "N/m"),),))
+    assert powers(table) == (None,)
+    assert "K [N/m]" in tex(table)
