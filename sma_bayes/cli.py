@@ -519,6 +519,12 @@ def report(
         Path, typer.Argument(metavar="DIR", help="Folder that fit, gap, compare or conditions has written.")
     ],
     figures: Figures = "report",
+    formats: Annotated[
+        str, typer.Option("--format", help="Of the figures: 'pdf', 'svg', 'png', or several: 'pdf,svg'.")
+    ] = "pdf,png",
+    workbook: Annotated[
+        bool, typer.Option("--workbook", help="All tables as tables/results.xlsx too, a sheet a table.")
+    ] = False,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     quiet: Quiet = False,
@@ -527,7 +533,14 @@ def report(
     from sma_bayes.report.build import build_report
 
     with _workers(scheduler, jobs), _progress(quiet) as progress:
-        build_report(folder, figures=figures, jobs=jobs, progress=progress)
+        build_report(
+            folder,
+            figures=figures,
+            formats=formats.split(","),
+            workbook=workbook,
+            jobs=jobs,
+            progress=progress,
+        )
     if not quiet:
         typer.echo(f"report: {folder / 'report.html'}")
 

@@ -5,12 +5,13 @@ What only another kind of run needs is not imported: it takes as long as a figur
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from sma_bayes.account import Account
 from sma_bayes.errors import OutputError
 from sma_bayes.progress import Progress, silent
-from sma_bayes.report.choice import REPORT
+from sma_bayes.report.choice import REPORT, Wanted, figures_for, formats_for
 from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, MARK
 from sma_bayes.results.store import nothing_unfinished
 
@@ -19,6 +20,8 @@ def build_report(
     folder: Path,
     *,
     figures: str | bool = REPORT,
+    formats: Iterable[str] = ("pdf", "png"),
+    workbook: bool = False,
     jobs: int | None = None,
     progress: Progress | None = None,
     account: Account | None = None,
@@ -31,6 +34,10 @@ def build_report(
         Output folder of a finished `fit`, `gap`, `compare` or `conditions`. Nothing but the three outputs is changed.
     figures : str or bool
         ``report`` or ``all``, see `figures_for`; with ``none`` the report goes without.
+    formats : iterable of str
+        Of the figures, see `FORMATS`.
+    workbook : bool
+        Whether to write all tables as ``tables/results.xlsx`` too.
     jobs : int, optional
         Processes that draw figures; by default one for each core.
     progress : callable, optional
@@ -43,18 +50,17 @@ def build_report(
         If the folder holds no run, an unfinished one, or can't be written.
     """
     folder = Path(folder).absolute()
+    drawn = Wanted(figures_for(figures), formats_for(formats), workbook)
     with nothing_unfinished(folder):
-        _build(folder, figures, jobs, progress or silent, account)
+        _build(folder, drawn, jobs, progress or silent, account)
 
 
-def _build(
-    folder: Path, figures: str | bool, jobs: int | None, tell: Progress, account: Account | None
-) -> None:
+def _build(folder: Path, wanted: Wanted, jobs: int | None, tell: Progress, account: Account | None) -> None:
     spent = account or Account()
     if any(document.is_in(folder) for document in (GAP, COMPARISON, CONDITIONS)):
         from sma_bayes.report.build_study import build_study_report
 
-        build_study_report(folder, figures, jobs, tell, spent, known=account is not None)
+        build_study_report(folder, wanted, jobs, tell, spent, known=account is not None)
         return
     if not any((folder / name).is_file() for name in (FIT.file, MARK)):
         raise OutputError(
@@ -66,4 +72,4 @@ def _build(
         )
     from sma_bayes.report.build_fit import build_fit_report
 
-    build_fit_report(folder, figures, jobs, tell, spent, known=account is not None)
+    build_fit_report(folder, wanted, jobs, tell, spent, known=account is not None)

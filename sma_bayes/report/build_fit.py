@@ -11,7 +11,7 @@ from sma_bayes.account import Account
 from sma_bayes.inference.jobs import run
 from sma_bayes.progress import Progress
 from sma_bayes.report.answer import answer_tables
-from sma_bayes.report.choice import FEW, Drawn, figures_for
+from sma_bayes.report.choice import FEW, Drawn, Wanted
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.drawn import FigureTask, draw_all
 from sma_bayes.report.figures.averages import average_figure
@@ -29,22 +29,26 @@ from sma_bayes.report.figures.record import predictive_figure, residual_figure, 
 from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles
 from sma_bayes.report.fit_page import write_record_page, write_report
 from sma_bayes.report.gather import report_content
+from sma_bayes.report.methods import bibliography, methods_text
 from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
 from sma_bayes.report.residuals import median_curves, standardised_residuals
 from sma_bayes.report.stored_draws import draws_of
 from sma_bayes.report.tables import report_tables, write_tables
 from sma_bayes.report.took import account_table
+from sma_bayes.report.workbook import write_workbook
+from sma_bayes.results.store import write_text
 
 
 def build_fit_report(
-    folder: Path, figures: str | bool, jobs: int | None, tell: Progress, spent: Account, *, known: bool
+    folder: Path, wanted: Wanted, jobs: int | None, tell: Progress, spent: Account, *, known: bool
 ) -> None:
     """Write the report of a fit.
 
     Parameters
     ----------
-    folder, figures, jobs
+    folder, jobs
         See `build_report`.
+    wanted : Wanted
     tell : callable
     spent : Account
         Told what figures and report took.
@@ -54,12 +58,16 @@ def build_fit_report(
     with spent.timed("report"):
         stored = read_run(folder)
         content = report_content(stored)
-    tasks = _tasks(folder, content, figures_for(figures))
-    pictures = draw_all(tasks, jobs, tell, spent)
+    tasks = _tasks(folder, content, wanted.drawn)
+    pictures = draw_all(tasks, wanted.formats, jobs, tell, spent)
     with spent.timed("report"):
         took = account_table(stored.summary, spent if known else Account())
         tables = report_tables(content) | {t.name: t for t in answer_tables(content)} | {"account": took}
         write_tables(tables, folder / "tables")
+        if wanted.workbook:
+            write_workbook(tables, folder / "tables" / "results.xlsx")
+        write_text(folder / "methods.md", methods_text(content))
+        write_text(folder / "references.bib", bibliography(content))
         write_report(folder, content, tables, pictures)
     if content.paged:
         pages = _page_tasks(folder, content, pictures)

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 
 from sma_bayes.account import Account
 from sma_bayes.progress import Progress
-from sma_bayes.report.choice import MANY, REPORT, figures_for
+from sma_bayes.report.choice import MANY, REPORT, Drawn, Wanted
 from sma_bayes.report.comparison_outputs import StoredComparison, read_comparison
 from sma_bayes.report.comparison_page import write_comparison_report
 from sma_bayes.report.comparison_tables import comparison_tables, model_averages
@@ -33,35 +33,42 @@ from sma_bayes.report.gap_page import write_gap_report
 from sma_bayes.report.gap_tables import gap_tables
 from sma_bayes.report.tables import Table, write_tables
 from sma_bayes.report.took import account_table
+from sma_bayes.report.workbook import write_workbook
 from sma_bayes.results.documents import COMPARISON, GAP
 
 
 def build_study_report(
-    folder: Path, figures: str | bool, jobs: int | None, tell: Progress, spent: Account, *, known: bool
+    folder: Path, wanted: Wanted, jobs: int | None, tell: Progress, spent: Account, *, known: bool
 ) -> None:
     """Write the report of a gap study, a comparison or a study of conditions.
 
     Parameters
     ----------
-    folder, figures, jobs
+    folder, jobs
         See `build_report`.
+    wanted : Wanted
     tell : callable
     spent : Account
         Told what figures and report took.
     known : bool
         Whether it holds what the run took until now; else that is read from its results.
     """
-    write = partial(_write, jobs=jobs, tell=tell, spent=spent, known=known)
+    write = partial(_write, wanted=wanted, jobs=jobs, tell=tell, spent=spent, known=known)
     if GAP.is_in(folder):
         study = read_study(folder)
         write(study, _gap_drawings(study), gap_tables, write_gap_report)
     elif COMPARISON.is_in(folder):
         compared = read_comparison(folder)
-        write(compared, _comparison_drawings(compared, figures), comparison_tables, write_comparison_report)
+        write(
+            compared, _comparison_drawings(compared, wanted.drawn), comparison_tables, write_comparison_report
+        )
     else:
         conditions = read_conditions(folder)
         write(
-            conditions, _conditions_drawings(conditions, figures), conditions_tables, write_conditions_report
+            conditions,
+            _conditions_drawings(conditions, wanted.drawn),
+            conditions_tables,
+            write_conditions_report,
         )
 
 
@@ -83,17 +90,20 @@ def _write(
     tabled: Callable[[S], dict[str, Table]],
     write: Callable[[S, Mapping[str, Table], Mapping[str, FigureFiles]], None],
     *,
+    wanted: Wanted,
     jobs: int | None,
     tell: Progress,
     spent: Account,
     known: bool,
 ) -> None:
     tasks = [OneFigure(stored.folder, partial(draw, stored)) for draw in drawings]
-    figures = draw_all(tasks, jobs, tell, spent)
+    figures = draw_all(tasks, wanted.formats, jobs, tell, spent)
     with spent.timed("report"):
         took = account_table(stored.found, spent if known else Account())
         tables = tabled(stored) | {"account": took}
         write_tables(tables, stored.folder / "tables")
+        if wanted.workbook:
+            write_workbook(tables, stored.folder / "tables" / "results.xlsx")
         write(stored, tables, figures)
     tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
 
@@ -105,10 +115,10 @@ def _gap_drawings(study: StoredStudy) -> list[Callable[[StoredStudy], Drawing]]:
 
 
 def _comparison_drawings(
-    stored: StoredComparison, choice: str | bool
+    stored: StoredComparison, drawn: Drawn
 ) -> list[Callable[[StoredComparison], Drawing]]:
     drawings: list[Callable[[StoredComparison], Drawing]] = []
-    records, drawn = stored.found["records"], figures_for(choice)
+    records = stored.found["records"]
     if drawn == "all" or (drawn == REPORT and len(records) <= MANY):
         drawings += [partial(curves_figure, record=record) for record in records]
     drawings += [partial(differences_figure, number=n + 1) for n in range(pages(stored))]
@@ -116,7 +126,7 @@ def _comparison_drawings(
 
 
 def _conditions_drawings(
-    stored: StoredConditions, choice: str | bool
+    stored: StoredConditions, drawn: Drawn
 ) -> list[Callable[[StoredConditions], Drawing]]:
     found = stored.found
     drawings: list[Callable[[StoredConditions], Drawing]] = []
@@ -126,7 +136,7 @@ def _conditions_drawings(
             e["setting"] for e in found["effects"] if e["conditions"] == group["conditions"] and e["tested"]
         }
         drawings += [partial(effects_figure, number=number, setting=s) for s in group["varied"] if s in told]
-    if figures_for(choice) != "none":
+    if drawn != "none":
         asked = dict.fromkeys(p["condition"] for p in found["predictions"])
         drawings += [partial(predicted_figure, condition=c) for c in asked]
         left_out = dict.fromkeys(h["condition"] for h in found["held_out"])

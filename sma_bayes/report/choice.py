@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Literal
 
 from sma_bayes.errors import UnknownNameError, near_matches
@@ -15,6 +17,45 @@ MANY = 100
 """Number of records above which the report tells of the campaign, and each record has a page of its own."""
 FEW = 3
 """Number of conditions up to which the report shows each by itself, and of records whose misfit it shows."""
+FORMATS = ("pdf", "svg", "png")
+"""File formats of figures; the report itself shows PNG."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a report is to be written with.
+
+    Attributes
+    ----------
+    drawn : str
+    formats : tuple of str
+    workbook : bool
+    """
+
+    drawn: Drawn
+    formats: tuple[str, ...]
+    workbook: bool
+
+
+def formats_for(choice: Iterable[str]) -> tuple[str, ...]:
+    """File formats of figures, checked; PNG among them, which the report shows.
+
+    Raises
+    ------
+    UnknownNameError
+        If one is none of `FORMATS`.
+
+    Examples
+    --------
+    >>> formats_for(["svg", "pdf"])
+    ('pdf', 'svg', 'png')
+    """
+    wanted = {name.strip() for name in choice}
+    for name in sorted(wanted - set(FORMATS)):
+        raise UnknownNameError(
+            f"there is no format of figures {name!r}", expected=near_matches(name, FORMATS)
+        )
+    return tuple(name for name in FORMATS if name in wanted or name == "png")
 
 
 def figures_for(choice: str | bool) -> Drawn:

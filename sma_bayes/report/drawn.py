@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -38,13 +39,15 @@ class OneFigure:
 
 
 def draw_all(
-    tasks: Sequence[FigureTask], jobs: int | None, tell: Progress, account: Account
+    tasks: Sequence[FigureTask], formats: Sequence[str], jobs: int | None, tell: Progress, account: Account
 ) -> dict[str, FigureFiles]:
     """Draw the figures of all tasks into ``figures/``; by stem.
 
     Parameters
     ----------
     tasks : sequence of FigureTask
+    formats : sequence of str
+        See `save`.
     jobs : int or None
         See `run`.
     tell : callable
@@ -54,11 +57,13 @@ def draw_all(
     total = len(tasks) + 1  # the report itself comes last
     tell(0, total, "drawing figures")
     figures: dict[str, FigureFiles] = {}
-    for done, files in enumerate(run(_draw, tasks, jobs, account=account, stage="figures", light=True), 1):
+    for done, files in enumerate(
+        run(partial(_draw, tuple(formats)), tasks, jobs, account=account, stage="figures", light=True), 1
+    ):
         figures |= {f.stem: f for f in files}
         tell(done, total, f"drew {tasks[done - 1].title or files[0].stem}")
     return figures
 
 
-def _draw(task: FigureTask) -> list[FigureFiles]:
-    return [save(draw, task.folder / "figures") for draw in task.drawings()]
+def _draw(formats: tuple[str, ...], task: FigureTask) -> list[FigureFiles]:
+    return [save(draw, task.folder / "figures", formats) for draw in task.drawings()]

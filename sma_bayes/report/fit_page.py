@@ -23,6 +23,7 @@ from sma_bayes.report.content import (
 from sma_bayes.report.figures.sheet import FigureFiles, numbered
 from sma_bayes.report.findings import finding_groups
 from sma_bayes.report.html import Picture, embedded, estimate_text, rendered
+from sma_bayes.report.methods import methods_text
 from sma_bayes.report.notation import MISSING, write
 from sma_bayes.report.tables import Cell, Column, Table, cell_text, report_tables
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
@@ -138,6 +139,7 @@ def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str,
         parts=content.by_units(),
         answers=answer_tables(content),
         steps=next_steps(content),
+        methods=methods_text(content),
         groups=finding_groups(content.findings),
         arbitrary=any(_has_arbitrary_unit(r) for r in content.records),
         numbered=numbered,

@@ -829,10 +829,7 @@ def tex(table: Table) -> str:
     columns, common = [table.columns[i] for i in places], powers(table)
     heads = [tex_text(table.columns[i].header_with(common[i] or 0)) for i in places]
     size, gap = (r"\scriptsize", 2) if len(columns) > 10 else (r"\footnotesize", 3)
-    header = (
-        " & ".join(rf"\textbf{{{tex_text(table.columns[i].header_with(common[i] or 0))}}}" for i in places)
-        + r" \\"
-    )
+    header = " & ".join(rf"\textbf{{{head}}}" for head in heads) + r" \\"
     lines = [
         "% needs \\usepackage{array,booktabs,longtable,textcomp}; wide tables want a landscape page",
         rf"\begingroup{size}\setlength{{\tabcolsep}}{{{gap}pt}}",

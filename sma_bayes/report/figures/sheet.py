@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -41,6 +42,14 @@ MANY: Final = 600
 PNG_DPI: Final = 110
 
 
+SAVED: Final[dict[str, dict[str, Any]]] = {
+    "png": {"dpi": PNG_DPI},
+    "pdf": {"dpi": 200, "metadata": {"CreationDate": None}},
+    "svg": {"dpi": 200, "metadata": {"Date": None}},
+}
+"""How a figure is saved in each format; without dates, so that the same run gives the same bytes."""
+
+
 STYLE: Final[dict[Any, Any]] = {
     "font.size": 8.0,
     "axes.titlesize": 8.5,
@@ -67,6 +76,7 @@ STYLE: Final[dict[Any, Any]] = {
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
     "pdf.fonttype": 42,  # TrueType, as journals ask for
+    "svg.hashsalt": "sma_bayes",
     "path.simplify": True,
 }
 """Settings in force while a figure is drawn; nobody else's settings are touched."""
@@ -123,14 +133,16 @@ class BranchData:
     curve: Mapping[str, Floats]
 
 
-def save(draw: Callable[[], Drawing], folder: Path) -> FigureFiles:
-    """Draw a figure and write it as PDF and PNG, its data beside it as CSV.
+def save(draw: Callable[[], Drawing], folder: Path, formats: Sequence[str] = ("pdf", "png")) -> FigureFiles:
+    """Draw a figure and write it, by default as PDF and PNG, its data beside it as CSV.
 
     Parameters
     ----------
     draw : callable
         Gives the figure; called with the settings of `STYLE`.
     folder : Path
+    formats : sequence of str
+        Of ``png``, ``pdf``, ``svg``.
 
     Raises
     ------
@@ -139,14 +151,12 @@ def save(draw: Callable[[], Drawing], folder: Path) -> FigureFiles:
     """
     with mpl.rc_context({**STYLE, "font.family": list(families())}):
         drawing = draw()
-        figure = drawing.figure
-        write_file(
-            folder / f"{drawing.stem}.png", lambda path: figure.savefig(path, format="png", dpi=PNG_DPI)
-        )
-        write_file(
-            folder / f"{drawing.stem}.pdf",
-            lambda path: figure.savefig(path, format="pdf", dpi=200, metadata={"CreationDate": None}),
-        )
+        for name in sorted(formats, reverse=True):
+            options = SAVED[name]
+            write_file(
+                folder / f"{drawing.stem}.{name}",
+                partial(drawing.figure.savefig, format=name, **options),
+            )
     write_csv(folder / f"{drawing.stem}.csv", drawing.data)
     return FigureFiles(drawing.stem, drawing.caption, drawing.alt)
 

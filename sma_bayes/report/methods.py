@@ -1,0 +1,131 @@
+"""A paragraph of methods for a paper, and the references that it cites, from what was done and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from sma_bayes.errors import many
+from sma_bayes.report.content import INTERVAL, TARGET, Content, RecordContent
+from sma_bayes.report.notation import count_text
+from sma_bayes.response import DEFAULT_MODEL
+
+REFERENCES: Final = {
+    "sul2019": """@article{sul2019,
+  author = {Sul, Bhagoji B. and Dhanalakshmi, K.},
+  title = {Modified sigmoid based model and experimental analysis of shape memory alloy spring as variable
+    stiffness actuator},
+  journal = {Smart Structures and Systems},
+  volume = {24}, number = {3}, pages = {361--377}, year = {2019},
+  doi = {10.12989/sss.2019.24.3.361}
+}""",
+    "foremanmackey2013": """@article{foremanmackey2013,
+  author = {Foreman-Mackey, Daniel and Hogg, David W. and Lang, Dustin and Goodman, Jonathan},
+  title = {emcee: The {MCMC} Hammer},
+  journal = {Publications of the Astronomical Society of the Pacific},
+  volume = {125}, number = {925}, pages = {306--312}, year = {2013},
+  doi = {10.1086/670067}
+}""",
+    "vehtari2021": """@article{vehtari2021,
+  author = {Vehtari, Aki and Gelman, Andrew and Simpson, Daniel and Carpenter, Bob and B{\\"u}rkner, Paul-Christian},
+  title = {Rank-normalization, folding, and localization: An improved {$\\widehat{R}$} for assessing
+    convergence of {MCMC}},
+  journal = {Bayesian Analysis},
+  volume = {16}, number = {2}, pages = {667--718}, year = {2021},
+  doi = {10.1214/20-BA1221}
+}""",
+    "astme3097": """@techreport{astme3097,
+  author = {{ASTM International}},
+  title = {{ASTM} {E3097}: Standard Test Method for Mechanical Uniaxial Constant Force Thermal Cycling of Shape
+    Memory Alloys},
+  institution = {ASTM International}
+}""",
+}  # fmt: skip
+"""BibTeX entries by key."""
+
+
+def methods_text(content: Content) -> str:
+    """What was done, as a paragraph in Markdown that cites `REFERENCES` as ``[@key]``.
+
+    Parameters
+    ----------
+    content : Content
+    """
+    return " ".join(_sentences(content)) + "\n"
+
+
+def bibliography(content: Content) -> str:
+    """BibTeX entries of what `methods_text` cites, and of this package."""
+    text = methods_text(content)
+    version = content.provenance.versions.get("sma-bayes", "")
+    own = f"""@software{{smabayes,
+  author = {{{{The sma\\_bayes developers}}}},
+  title = {{sma\\_bayes: Bayesian stiffness of shape memory alloy springs}},
+  version = {{{version}}}
+}}"""
+    cited = [entry for key, entry in REFERENCES.items() if f"@{key}" in text]
+    return "\n\n".join([*cited, own]) + "\n"
+
+
+def _sentences(content: Content) -> Iterator[str]:
+    records, p = content.records, content.provenance
+    observed = dict.fromkeys(c.name for r in records for c in r.channels if c.observed)
+    samples = count_text(sum(r.n for r in records))
+    yield (
+        f"{_joined(list(observed)).capitalize()} against temperature of {many(len(content.conditions), 'condition')} "
+        f"({many(len(records), 'record')} of one branch each, {samples} samples) were described by {_models(records)}."
+    )
+    yield (
+        "Parameters of each record were inferred by Bayesian inference"
+        if p.options.get("pool", "none") == "none"
+        else "Parameters, common to all conditions of a branch, were inferred by Bayesian inference"
+    ) + f" under the priors “{p.options.get('priors', '')}” and {_noises(records)}."
+    if any(r.missed for r in records):
+        count = sum(bool(r.missed) for r in records)
+        yield (
+            f"In {many(count, 'record')} a smooth discrepancy, kept off the tangents of the curve, "
+            "stands beside the curve, where the evidence was for it."
+        )
+    yield (
+        f"Posteriors were drawn with emcee {p.versions.get('emcee', '')} [@foremanmackey2013]; "
+        f"{len(content.converged)} of {len(records)} records converged, with rank-normalised R-hat of at most "
+        f"{TARGET.rhat} and bulk and tail effective sample sizes of at least {TARGET.ess:.0f} "
+        "for every parameter [@vehtari2021]."
+    )
+    adequate = len(records) - len(content.inadequate)
+    yield f"By posterior predictive checks curve and noise describe {adequate} of {len(records)} records."
+    stiffness = next((c.name for c in content.channels if c.channel == "stiffness"), None)
+    if stiffness is not None and not any(c.observed for c in content.channels if c.channel == "stiffness"):
+        yield (
+            f"The {stiffness} is the slope of force over displacement along the actuation path, from their joint "
+            "posterior."
+        )
+    if any(r.transformation for r in records):
+        yield (
+            "Transformation temperatures were read off each posterior curve by the tangent rule of ASTM E3097 "
+            "[@astme3097]."
+        )
+    yield (
+        f"Values are posterior medians with the {INTERVAL}. The analysis was made with sma_bayes "
+        f"{p.versions.get('sma-bayes', '')} [@smabayes], seed {p.seed}; SHA-256 of the data: {p.data_sha256}."
+    )
+
+
+def _models(records: Sequence[RecordContent]) -> str:
+    names = list(dict.fromkeys(r.model for r in records))
+    published = " of Sul and Dhanalakshmi [@sul2019]"
+    told = [
+        f"the {n.replace('_', ' ')}{published if n == DEFAULT_MODEL else ' response model'}" for n in names
+    ]
+    return _joined(told)
+
+
+def _noises(records: Sequence[RecordContent]) -> str:
+    titles = list(dict.fromkeys((r.noise.title or r.noise.name) for r in records))
+    chosen = {r.noise.chosen_by for r in records}
+    how = f", chosen by {chosen.pop()}" if len(chosen) == 1 and chosen != {""} else ""
+    return f"{'a noise model' if len(titles) == 1 else 'noise models'} ({'; '.join(titles)}{how})"
+
+
+def _joined(words: Sequence[str]) -> str:
+    return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else "".join(words)

@@ -1,0 +1,76 @@
+"""What authors take over: the paragraph of methods with its references, the workbook, and formats of figures."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from openpyxl import load_workbook
+
+from sma_bayes.report.build import build_report
+from sma_bayes.report.content import Content
+from sma_bayes.report.methods import bibliography, methods_text
+from sma_bayes.report.tables import csv_columns, report_tables
+from sma_bayes.report.workbook import write_workbook
+
+
+def test_the_paragraph_says_what_was_done(content: Content) -> None:
+    text = methods_text(content)
+    samples = sum(r.n for r in content.records)
+    assert f"{samples} samples" in text
+    assert "the modified sigmoid of Sul and Dhanalakshmi" in text
+    assert "2 of 2 records converged" in text
+    assert content.provenance.data_sha256 in text
+    assert f"seed {content.provenance.seed}" in text
+    assert "equal-tailed 90 % credible interval" in text
+
+
+def test_what_was_not_done_is_not_claimed(content: Content) -> None:
+    plain = tuple(replace(r, transformation=(), missed=()) for r in content.records)
+    text = methods_text(replace(content, records=plain))
+    assert "ASTM" not in text
+    assert "discrepancy" not in text
+    bad = replace(
+        content, records=tuple(replace(r, converged=False, adequate=False) for r in content.records)
+    )
+    assert "0 of 2 records converged" in methods_text(bad)
+    assert "describe 0 of 2 records" in methods_text(bad)
+
+
+def test_every_citation_has_an_entry_and_every_entry_is_cited(content: Content) -> None:
+    cited = set(re.findall(r"\[@(\w+)\]", methods_text(content)))
+    entries = bibliography(content)
+    assert set(re.findall(r"^@\w+\{(\w+),", entries, re.MULTILINE)) == cited
+    assert entries.count("{") == entries.count("}")
+
+
+def test_the_workbook_has_the_numbers_of_the_tables(content: Content, tmp_path: Path) -> None:
+    tables = report_tables(content)
+    write_workbook(tables, tmp_path / "results.xlsx")
+    book = load_workbook(tmp_path / "results.xlsx")
+    assert set(book.sheetnames) == {name for name, t in tables.items() if t.rows}
+    rows = list(book["parameters"].iter_rows(values_only=True))
+    columns = csv_columns(tables["parameters"])
+    assert list(rows[0]) == list(columns)
+    place = list(columns).index("median [unit]")
+    assert [row[place] for row in rows[1:]] == pytest.approx(columns["median [unit]"])
+
+
+def test_a_name_that_looks_like_a_formula_stays_text(content: Content, tmp_path: Path) -> None:
+    evil = "=1+1"
+    named = replace(content, records=tuple(replace(r, condition=evil) for r in content.records))
+    write_workbook({"parameters": report_tables(named)["parameters"]}, tmp_path / "results.xlsx")
+    cell = load_workbook(tmp_path / "results.xlsx")["parameters"].cell(2, 1)
+    assert (cell.value, cell.data_type) == (evil, "s")
+
+
+def test_formats_and_workbook_are_written_when_asked_for(run_copy: Path) -> None:
+    build_report(run_copy, jobs=1, formats=["svg"], workbook=True)
+    endings = {p.suffix for p in (run_copy / "figures").iterdir()}
+    assert endings == {".svg", ".png", ".csv"}
+    assert (run_copy / "tables" / "results.xlsx").is_file()
+    assert (run_copy / "methods.md").read_text(encoding="utf-8").count("[@") >= 3
+    with pytest.raises(Exception, match="no format of figures 'eps'"):
+        build_report(run_copy, formats=["eps"])
