@@ -22,8 +22,8 @@ pytestmark = pytest.mark.slow
 REPEATS = 24
 FALSE_ALARM = 0.01
 """Of all counts of one truth together."""
-CHEAP = ("white", "ar1_0.5", "student_t")
-"""Truths that are fitted in a tenth of a second."""
+CHEAP = ("white", "ar1_0.5", "student_t", "rounded", "second_step", "hardening")
+"""Truths that are fitted in half a second at most."""
 SHARES = ("pointwise", "readings", "readings_cold", "readings_middle", "readings_hot", "nearest")
 COUNTS = ("start", "finish")
 
