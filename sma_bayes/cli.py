@@ -21,6 +21,7 @@ from sma_bayes import __version__
 from sma_bayes.account import Account
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.interruption import interrupted
+from sma_bayes.progress import LINE_S, log_lines
 
 T = TypeVar("T")
 
@@ -31,7 +32,7 @@ app = typer.Typer(
     name="sma-bayes",
     help="Bayesian stiffness of shape memory alloy springs: posteriors, credible bands, correlation factors.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -63,6 +64,10 @@ Sampler = Annotated[
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the run that --out holds.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit status 1 also where a fit is not adequate.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")]
+Verbose = Annotated[
+    bool,
+    typer.Option("--verbose", "-v", help="Every step as a log line on standard error, in place of a bar."),
+]
 Json = Annotated[bool, typer.Option("--json", help="The summary as JSON on standard output.")]
 Data = Annotated[
     Path | None, typer.Option(help="Folder of the data files, where it is not the campaign file's own.")
@@ -110,7 +115,7 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _common(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+        bool, typer.Option("--version", "-V", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Common to all verbs."""
@@ -128,6 +133,7 @@ def demo(
     resume: Resume = False,
     strict: Strict = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Run the main job on a twin of the published campaign: 18 records, no other file, no network."""
@@ -137,7 +143,7 @@ def demo(
     from sma_bayes.workflow.identity import is_run_of
 
     read = partial(twin_campaign, seed)
-    with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
+    with _working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
         summary = fit_campaign(
             campaign,
             out,
@@ -226,6 +232,7 @@ def fit(
     resume: Resume = False,
     strict: Strict = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Warm start, ensembles, diagnostics, bands, correlation factors, report."""
@@ -235,7 +242,7 @@ def fit(
     from sma_bayes.workflow.options import bias_spring, pool_named
 
     read = partial(read_campaign, path, data_dir=data)
-    with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
+    with _working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
         summary = fit_campaign(
             campaign,
             out,
@@ -272,6 +279,7 @@ def gap(
     scheduler: Scheduler = None,
     resume: Resume = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink."""
@@ -281,7 +289,7 @@ def gap(
     from sma_bayes.workflow.options import pool_named
 
     read = partial(read_campaign, path, data_dir=data)
-    with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
+    with _working_on(read, scheduler, jobs, quiet or as_json, verbose, tasks=False) as (campaign, shared):
         found = study_gap(
             campaign,
             out,
@@ -316,6 +324,7 @@ def compare(
     scheduler: Scheduler = None,
     resume: Resume = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Compare the modified sigmoid with the logistic and polynomial baselines, on what was held out too."""
@@ -326,7 +335,7 @@ def compare(
     from sma_bayes.workflow.options import pool_named
 
     read = partial(read_campaign, path, data_dir=data)
-    with _working_on(read, scheduler, jobs, quiet or as_json) as (campaign, shared):
+    with _working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
         found = compare_campaign(
             campaign,
             out,
@@ -465,6 +474,7 @@ def conditions(
     scheduler: Scheduler = None,
     resume: Resume = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Tell what current, load, frequency and duty cycle do, and predict conditions that were not measured."""
@@ -472,7 +482,7 @@ def conditions(
     from sma_bayes.terminal.screen import show_text
     from sma_bayes.workflow.condition_study import study_conditions
 
-    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
+    with _workers(scheduler, jobs), _progress(quiet or as_json, verbose) as progress:
         found = study_conditions(
             folder,
             out,
@@ -502,13 +512,14 @@ def run(
     resume: Resume = False,
     strict: Strict = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Run all that a study file declares: fit, compare, gap, conditions, questions, each in a folder of its own."""
     from sma_bayes.terminal.study import study_text
     from sma_bayes.workflow.study import run_study
 
-    with _workers(scheduler, jobs), _progress(quiet or as_json) as progress:
+    with _workers(scheduler, jobs), _progress(quiet or as_json, verbose, tasks=False) as progress:
         found = run_study(study, out=out, jobs=jobs, resume=resume, strict=strict or None, progress=progress)
     _finish(found, quiet, as_json, lambda: typer.echo(study_text(found)))
 
@@ -528,11 +539,12 @@ def report(
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Rebuild the HTML report, figures and LaTeX tables from what a folder holds."""
     from sma_bayes.report.build import build_report
 
-    with _workers(scheduler, jobs), _progress(quiet) as progress:
+    with _workers(scheduler, jobs), _progress(quiet, verbose) as progress:
         build_report(
             folder,
             figures=figures,
@@ -560,6 +572,7 @@ def paper(
     seed: Annotated[int, typer.Option(help="Of the page: decides the twin and every draw.", min=0)] = 0,
     jobs: Jobs = None,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Show the paper's printed tables and their errata, printed and corrected side by side; or reproduce it."""
     if page is not None:
@@ -569,7 +582,7 @@ def paper(
                 expected="--page by itself: it writes the whole page",
                 remedy="give two commands",
             )
-        _reproduce(page, seed, jobs, quiet)
+        _reproduce(page, seed, jobs, quiet, verbose)
         return
     from sma_bayes.paper.export import render, select, write
 
@@ -581,10 +594,10 @@ def paper(
         typer.echo(str(path))
 
 
-def _reproduce(folder: Path, seed: int, jobs: int | None, quiet: bool) -> None:
+def _reproduce(folder: Path, seed: int, jobs: int | None, quiet: bool, verbose: bool) -> None:
     from sma_bayes.reproduction.build import NUMBERS, PAGE, reproduce_paper
 
-    with _progress(quiet) as progress:
+    with _progress(quiet, verbose, tasks=False) as progress:
         found = reproduce_paper(folder, seed=seed, jobs=jobs, progress=progress)
     if not quiet:
         for claim in found["claims"]:
@@ -597,7 +610,7 @@ def _reproduce(folder: Path, seed: int, jobs: int | None, quiet: bool) -> None:
 def main() -> None:
     """Run the command line, and turn the user's mistakes into one message and exit status 2."""
     try:
-        app(standalone_mode=True)
+        app(prog_name="sma-bayes", standalone_mode=True)
     except Exception as error:
         if interrupted():  # then it follows from that
             raise
@@ -611,11 +624,17 @@ def main() -> None:
 
 @contextmanager
 def _working_on(
-    read: Callable[[], T], scheduler: str | None, jobs: int | None, silent: bool
+    read: Callable[[], T],
+    scheduler: str | None,
+    jobs: int | None,
+    silent: bool,
+    verbose: bool,
+    *,
+    tasks: bool = True,
 ) -> Iterator[tuple[T, dict[str, Any]]]:
     """What `read` gives, and what says to all that is done with it where, to whom to tell and on which account."""
     account = Account()
-    with _workers(scheduler, jobs), _progress(silent) as progress:
+    with _workers(scheduler, jobs), _progress(silent, verbose, tasks=tasks) as progress:
         with account.timed("read"):
             campaign = read()
         yield campaign, {"jobs": jobs, "progress": progress, "account": account}
@@ -640,15 +659,30 @@ def _workers(scheduler: str | None, jobs: int | None) -> Iterator[None]:
 
 
 @contextmanager
-def _progress(silent: bool) -> Iterator[Callable[[int, int, str], None] | None]:
-    """A progress bar on standard error; none where that is not a terminal."""
-    if silent or not sys.stderr.isatty():
+def _progress(
+    silent: bool, verbose: bool, *, tasks: bool = True
+) -> Iterator[Callable[[int, int, str], None] | None]:
+    """A progress bar on standard error; log lines where that is not a terminal, or where every step is wanted."""
+    if silent and not verbose:
         yield None
         return
+    if verbose or not sys.stderr.isatty():
+        with log_lines(0.0 if verbose else LINE_S, tasks=tasks) as lines:
+            yield lines
+        return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns: list[ProgressColumn] = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
+    columns += [TimeElapsedColumn(), *([TextColumn("left"), TimeRemainingColumn()] if tasks else [])]
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("reading", total=None)
 

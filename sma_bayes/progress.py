@@ -1,12 +1,123 @@
-"""Progress of a run: whom it tells."""
+"""Progress of a run: whom it tells, and how it is told where there is no terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Final, TextIO
 
 Progress = Callable[[int, int, str], None]
 """Told how many tasks are done, how many there are, and what is going on."""
 
+LINE_S: Final = 30.0
+"""Seconds between two log lines, and before the first: a short run prints none."""
+NOTED_S: Final = 60.0
+"""What is expected to take longer than this is announced [s]."""
+
 
 def silent(done: int, total: int, message: str) -> None:
     """Progress that nobody wants to know."""
+
+
+@dataclass(slots=True)
+class LogLines:
+    """Progress as lines of a log, for where there is no terminal.
+
+    Attributes
+    ----------
+    every : float
+        Seconds between two lines and before the first; with 0 every message is a line.
+    tasks : bool
+        Whether what is counted are tasks that take about as long as one another, so that the first ones tell what the
+        others will take.
+    file : file
+        Where lines go.
+    """
+
+    every: float = LINE_S
+    tasks: bool = True
+    file: TextIO = field(default_factory=lambda: sys.stderr)
+    _begun: float = field(default_factory=lambda: time.monotonic(), init=False)
+    _line: float = field(default=0.0, init=False)
+    _last: str = field(default="", init=False)
+    _announced: bool = field(default=False, init=False)
+
+    def __call__(self, done: int, total: int, message: str) -> None:
+        """Tell a step."""
+        elapsed = self.elapsed
+        self._last = f"{done} of {total}: {message}"
+        if self.tasks and done and not self._announced:
+            self._announced = True
+            left = elapsed / done * (total - done)
+            if left > NOTED_S:
+                self._print(f"{self._last}; the rest takes about {duration(left)} more")
+                return
+        if elapsed - self._line >= self.every:
+            self._print(self._last)
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the beginning."""
+        return time.monotonic() - self._begun
+
+    def inside(self, name: str, message: str) -> None:
+        """Tell a step of one task among others."""
+        if self.elapsed - self._line >= self.every:
+            self._line = self.elapsed
+            print(f"{name}, after {duration(self._line)}: {message}", file=self.file, flush=True)
+
+    def still(self) -> None:
+        """Tell that the run goes on, where nothing was told for long."""
+        if self.elapsed - self._line >= max(self.every, LINE_S):
+            self._print(f"still at {self._last}" if self._last else "still reading")
+
+    def _print(self, text: str) -> None:
+        self._line = self.elapsed
+        print(f"[{duration(self._line)}] {text}", file=self.file, flush=True)
+
+
+def duration(seconds: float) -> str:
+    """Time for people.
+
+    Examples
+    --------
+    >>> duration(12.3), duration(600.0), duration(3 * 3600.0 + 120.0)
+    ('12 s', '10 min', '3 h 2 min')
+    """
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+@contextmanager
+def log_lines(every: float = LINE_S, *, tasks: bool = True) -> Iterator[LogLines]:
+    """Progress as log lines on standard error, told from time to time also while nothing comes to an end."""
+    lines, over = LogLines(every, tasks), threading.Event()
+
+    def watch() -> None:
+        while not over.wait(1.0):
+            lines.still()
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield lines
+    finally:
+        over.set()
+        watcher.join()
+
+
+def lines_inside(progress: Progress) -> float | None:
+    """How often a task tells of itself by log lines [s]; None where it must not, as a bar stands on the terminal."""
+    return progress.every if isinstance(progress, LogLines) else None
+
+
+def lines_about(name: str, every: float) -> Callable[[str], None]:
+    """What a long task tells of its own steps, by lines on standard error with its name."""
+    return partial(LogLines(every, tasks=False).inside, name)

@@ -13,7 +13,7 @@ from sma_bayes.assess.correlation_average import Averages
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.inference.jobs import run
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.progress import Progress, silent
+from sma_bayes.progress import Progress, lines_inside, silent
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import DEFAULT_MODEL
@@ -227,12 +227,14 @@ def _fitted(
     records: list[dict[str, Any]] = []
     loops: list[dict[str, Any]] = []
     averages = {"measured": Averages(), "replicated": Averages()}
-    for part in fitted(groups, options, folder, work.jobs, work.account):
+    for part in fitted(groups, options, folder, work.jobs, work.account, lines_inside(work.tell)):
         records += part.records
         loops += part.loops
         for scored in part.scored:
             averages[scored.data].add(scored)
         work.account.take(part.account.document())
+        if not part.records:
+            continue
         lost = f" ({len(work.account.lost)} workers lost)" if work.account.lost else ""
         work.tell(len(records), total, f"sampled {', '.join(s['key'] for s in part.records)}{lost}")
     return records, [{"data": d, **e} for d, found in averages.items() for e in found.entries()], loops

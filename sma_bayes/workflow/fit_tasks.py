@@ -18,6 +18,7 @@ from sma_bayes.assess.summary import record_summary
 from sma_bayes.errors import OutputError, SmaBayesError
 from sma_bayes.inference.jobs import run
 from sma_bayes.inference.moves import SAMPLERS
+from sma_bayes.progress import lines_about
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.results.documents import MARK
@@ -37,11 +38,15 @@ LIGHT = 1000
 
 @dataclass(frozen=True, eq=False)
 class FitTask:
-    """Records that share a posterior, and where to write; without a folder nothing is written."""
+    """Records that share a posterior, and where to write; without a folder nothing is written.
+
+    Where `lines` is a number of seconds, a record that takes longer tells of its steps by log lines that often.
+    """
 
     records: tuple[Record, ...]
     options: FitOptions
     folder: Path | None
+    lines: float | None = None
 
     @property
     def light(self) -> bool:
@@ -63,8 +68,8 @@ def sample_task(task: FitTask) -> Fit:
     """Sample one posterior."""
     o = task.options
     checkpoint = None
+    name = task.records[0].key if len(task.records) == 1 else f"all-{task.records[0].branch.value}"
     if task.folder is not None:
-        name = task.records[0].key if len(task.records) == 1 else f"all-{task.records[0].branch.value}"
         checkpoint = task.folder / "checkpoints" / f"{name}.h5"
     return fit_records(
         task.records,
@@ -74,6 +79,7 @@ def sample_task(task: FitTask) -> Fit:
         seed=o.seed,
         plan=plan_for(o, task.records),
         checkpoint=checkpoint,
+        progress=None if task.lines is None else lines_about(name, task.lines),
     )
 
 
@@ -83,6 +89,7 @@ def fitted(
     folder: Path,
     jobs: int | None,
     account: Account,
+    lines: float | None = None,
 ) -> Iterator[Part]:
     """Fit groups of records that share a posterior each, and write what was found.
 
@@ -96,13 +103,15 @@ def fitted(
         See `run`.
     account : Account
         Told of workers that were lost; the stages come with the parts.
+    lines : float, optional
+        See `FitTask`.
 
     Yields
     ------
     Part
         In the order of the groups where each group is one record, else all at once.
     """
-    tasks = [FitTask(group, options, folder) for group in groups]
+    tasks = [FitTask(group, options, folder, lines) for group in groups]
     conditions = _by_condition(tasks)
     if options.pool == "none" and len(conditions) >= WHOLE_CONDITIONS:
         yield from _by_whole_conditions(conditions, folder, jobs, account)

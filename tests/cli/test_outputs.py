@@ -62,7 +62,7 @@ def test_a_run_that_does_not_converge_ends_with_1_and_says_so(
     out = tmp_path / "out"
     outcome = run("fit", measured, "--out", out, "--no-figures", "--jobs", 1)
     assert outcome.status == 1
-    assert outcome.err == ""
+    assert "error" not in outcome.err  # lines of progress only, where it takes half a minute
     assert "NOT CONVERGED: run-heating, run-cooling" in outcome.out
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert summary["converged"] is False

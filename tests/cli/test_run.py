@@ -120,10 +120,10 @@ def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], stud
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ('noise = "independent"', 'noise = "idependent"', "column 'fit.noise'"),
-        ('noise = "independent"', 'priors = "papr"', "column 'fit.priors'"),
+        ('noise = "independent"', 'noise = "idependent"', "key 'fit.noise'"),
+        ('noise = "independent"', 'priors = "papr"', "key 'fit.priors'"),
         ("[fit]", '[fit]\narrangement = "serial"', "did you mean 'series'"),
-        ('"0.12 N/mm"', '"stiff"', "column 'ask 1.stiffness'"),
+        ('"0.12 N/mm"', '"stiff"', "key 'ask 1.stiffness'"),
         ('campaign = "bench"', 'campaign = "bunch"', "there is no such file or folder"),
         ("jobs = 1", "job = 1", "did you mean 'jobs'"),
     ],

@@ -91,7 +91,8 @@ def test_every_command_shown_is_one_that_the_program_takes(page):
 @pages
 def test_every_option_and_verb_mentioned_exists(page):
     known = {o for c in COMMANDS.values() for p in c.params for o in (*p.opts, *p.secondary_opts)}
-    known |= {"--help", "--version", "--slow"}  # the last is of scripts/test
+    known |= {"--help", "--version", "--install-completion", "--show-completion"}
+    known |= {"--slow"}  # of scripts/test
     known |= {"--nthreads", "--nworkers", "--memory-limit", "--host", "--no-dashboard"}  # of dask
     text = page.read_text(encoding="utf-8")
     unknown = {o for o in OPTION.findall(re.sub(r"https://\S+", "", text)) if o not in known}

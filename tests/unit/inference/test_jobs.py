@@ -45,9 +45,7 @@ def test_results_come_in_order(jobs: int) -> None:
 def test_an_error_arrives_as_it_was_raised(jobs: int) -> None:
     with pytest.raises(PriorError) as caught:
         list(run(refuse, range(8), jobs))
-    assert str(caught.value) == (
-        "p.toml, row 4, column 'both.B2': no prior\nexpected: one\nwhat to do: add it"
-    )
+    assert str(caught.value) == ("p.toml, row 4, key 'both.B2': no prior\nexpected: one\nwhat to do: add it")
 
 
 def die_once(item: tuple[int, Path]) -> int:

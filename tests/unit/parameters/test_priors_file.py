@@ -193,7 +193,7 @@ def test_a_unit_of_the_wrong_kind_is_refused(record: Record, table: str, unit: s
     old = tomllib.loads(FORCE[table])["unit"]
     message = refusal(priors({table: FORCE[table].replace(f'"{old}"', f'"{unit}"')}), record)
     assert says in message
-    assert f"column {table!r}" in message
+    assert f"key {table!r}" in message
 
 
 def test_a_prior_with_a_unit_can_not_meet_a_record_in_arbitrary_units(record: Record) -> None:
@@ -219,7 +219,7 @@ def test_a_prior_with_a_unit_can_not_meet_a_record_in_arbitrary_units(record: Re
     ],
 )
 def test_wrong_numbers_are_refused_when_they_meet_a_record(record: Record, body: str) -> None:
-    assert "column 'both.B1'" in refusal(priors({"both.B1": body}), record)
+    assert "key 'both.B1'" in refusal(priors({"both.B1": body}), record)
 
 
 @pytest.mark.parametrize(

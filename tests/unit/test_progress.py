@@ -1,0 +1,94 @@
+"""Log lines: none of a short run, one from time to time of a long one, and what the rest will take."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable
+
+import pytest
+
+from sma_bayes.progress import LogLines, lines_about, lines_inside, log_lines, silent
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    now = [1000.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+
+    def go_on(seconds: float) -> None:
+        now[0] += seconds
+
+    return go_on
+
+
+def test_a_short_run_prints_nothing(clock: Callable[[float], None]) -> None:
+    out = io.StringIO()
+    lines = LogLines(file=out)
+    for done in range(1, 9):
+        clock(3.0)
+        lines(done, 8, "sampled")
+        lines.still()
+    assert out.getvalue() == ""
+
+
+def test_a_long_run_says_what_the_rest_takes_and_then_a_line_each_half_minute(
+    clock: Callable[[float], None],
+) -> None:
+    out = io.StringIO()
+    lines = LogLines(file=out)
+    for done in range(1, 41):
+        clock(10.0)
+        lines(done, 40, f"sampled r{done}")
+    told = out.getvalue().splitlines()
+    assert told[0] == "[10 s] 1 of 40: sampled r1; the rest takes about 6 min more"
+    assert told[1] == "[40 s] 4 of 40: sampled r4"
+    assert len(told) == 14
+
+
+def test_stages_do_not_tell_what_the_rest_takes(clock: Callable[[float], None]) -> None:
+    out = io.StringIO()
+    lines = LogLines(tasks=False, file=out)
+    clock(40.0)
+    lines(1, 40, "looking for disagreements")
+    assert out.getvalue() == "[40 s] 1 of 40: looking for disagreements\n"
+    clock(29.0)
+    lines.still()
+    clock(1.0)
+    lines.still()
+    assert out.getvalue().splitlines()[1:] == ["[70 s] still at 1 of 40: looking for disagreements"]
+
+
+def test_every_step_is_a_line_where_that_is_wanted(clock: Callable[[float], None]) -> None:
+    out = io.StringIO()
+    lines = LogLines(every=0.0, file=out)
+    for done in range(3):
+        lines(done, 3, "step")
+    assert len(out.getvalue().splitlines()) == 3
+
+
+def test_a_long_record_tells_of_its_own_steps(
+    clock: Callable[[float], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    tell = lines_about("2A-heating", 30.0)
+    for _ in range(10):
+        clock(10.0)
+        tell("independence moves")
+    assert capsys.readouterr().err.splitlines() == [
+        f"2A-heating, after {n} s: independence moves" for n in (30, 60, 90)
+    ]
+
+
+def test_tasks_tell_of_themselves_only_where_lines_are_printed() -> None:
+    assert lines_inside(silent) is None
+    with log_lines(5.0) as lines:
+        assert lines_inside(lines) == 5.0
+
+
+def test_the_watch_is_over_at_the_end() -> None:
+    import threading
+
+    before = threading.active_count()
+    with log_lines():
+        assert threading.active_count() == before + 1
+    assert threading.active_count() == before
