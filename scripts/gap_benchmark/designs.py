@@ -258,6 +258,7 @@ def _settings(
 
 SLOW = (1.0e-3, 1.7e-3, 2.8e-3)
 STANDARD = _settings(SLOW, ((80.0,) * 5, (100.0,) * 5, (120.0,) * 5))
+ONCE = _settings(SLOW, ((80.0,), (100.0,), (120.0,)))
 LADDER = _settings(
     SLOW, ((64.0, 70.0, 76.0, 84.0, 95.0), (68.0, 76.0, 84.0, 95.0, 110.0), (72.0, 80.0, 90.0, 105.0, 120.0))
 )
@@ -269,6 +270,7 @@ DESIGNS = {
     "unequal_sampling": Design(STANDARD, uneven),
     "single_condition": Design(STANDARD[1:2], even),
     "unpooled": Design(STANDARD, even, pooled=False),
+    "one_cycle": Design(ONCE, even),
     "ladder": Design(LADDER, even),
     "thermal": Design(
         PULSES, even, square=True, sampled=True, spring=wide_spring, noise=0.01, temperature_noise=0.15

@@ -19,14 +19,24 @@ import numpy as np
 from gap_benchmark.absorb import leftover, size_in_sigma
 from gap_benchmark.designs import DESIGNS, Course, Design, courses
 from gap_benchmark.kinetics import KINETICS
+from gap_benchmark.material_law import BY_LAW
 from gap_benchmark.noise import NOISES, Noise
 from gap_benchmark.rig import RIG
-from gap_benchmark.spring import CHANNELS, Floats
+from gap_benchmark.second_laws import SECOND
+from gap_benchmark.spring import CHANNELS, SIGMOID, Floats, Spring, shaped
 from gap_benchmark.state import Hidden, Mechanism, Readings, Stage, Traits, simulate
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 
 MECHANISMS: Mapping[str, Mechanism] = {m.id: m for m in (*KINETICS, *RIG)}
-OUTSIDE = ("detent", "step_in_the_middle", "odd_even_cycles")
+LAWS: Mapping[str, Mapping[str, Mechanism]] = {
+    "first": MECHANISMS,
+    "second": {m.id: m for m in SECOND},
+    "simcoon": {m.id: m for m in BY_LAW},
+}
+"""Mechanisms by law and effect. What a law lacks follows the first one."""
+OUTSIDE = (
+    "detent", "step_in_the_middle", "odd_even_cycles", "fan", "slips", "backlash", "bad_cycle",
+)  # fmt: skip
 """Mechanisms that no catalogue of effects has."""
 NEUTRAL = ("none", "wrong_calibration")
 """Where nothing is to be named."""
@@ -121,6 +131,8 @@ class Bench:
     pooled : bool
     design, noise_name : str
     seed : int
+    curve, law : str
+        Kind of the spring's curves, and which law mechanisms follow.
     """
 
     courses: tuple[Course, ...]
@@ -131,6 +143,8 @@ class Bench:
     design: str
     noise_name: str
     seed: int
+    curve: str = "sigmoid"
+    law: str = "first"
 
     def readings(self, hidden: Sequence[Hidden]) -> tuple[Readings, ...]:
         """Without noise and digitisers."""
@@ -141,8 +155,26 @@ class Bench:
     ) -> tuple[Readings, ...]:
         """With noise and digitisers."""
         return tuple(
-            _digitised(_with(r, {c: r.channels[c] + factor * self.sd[c] * e[c] for c in self.sd}), hidden)
+            self._digitised(_with(r, {c: x + factor * self.sd[c] * self.noise.grown(e[c], x)
+                                      for c, x in r.channels.items() if c in self.sd}), hidden, factor)
             for r, e in zip(clean, self.errors, strict=True)
+        )  # fmt: skip
+
+    def _digitised(self, readings: Readings, hidden: Sequence[Hidden], factor: float) -> Readings:
+        """Force as the converter gives it: cut off at its upper end, or in steps."""
+        force = readings.channels["force"]
+        for h in hidden:
+            if h.mechanism.stage is Stage.DIGITISER:
+                force = DIGITISERS[h.mechanism.id, self._law_of(h)](
+                    force, readings.course.spring, h.size, factor * self.sd["force"]
+                )
+        return _with(readings, {"force": force})
+
+    def _law_of(self, h: Hidden) -> str:
+        return (
+            "second"
+            if self.law == "second" and h.mechanism is LAWS["second"].get(h.mechanism.id)
+            else "first"
         )
 
     def expected(
@@ -162,15 +194,19 @@ class Bench:
         for r in clean:
             noisy = r.channels["force"] + sd["force"] * some[:, None]
             read = _with(r, {"force": noisy})
-            force = _digitised(read, hidden).channels["force"]
+            force = self._digitised(read, hidden, factor).channels["force"]
             out.append(_with(r, {"force": force.mean(axis=0)}))
             variances.append(force.var(axis=0))
         return tuple(out), {**sd, "force": float(np.sqrt(np.mean(variances)))}
 
     def sigma(self, hidden: Sequence[Hidden], factor: float = 1.0) -> float:
-        """Size of what is hidden after the refit."""
+        """Size of what is hidden after the refit; beyond what the shape of the curves leaves, where they are richer."""
         expected, sd = self.expected(self.readings(hidden), hidden, factor)
-        return size_in_sigma(leftover(expected, self.noise, sd, pooled=self.pooled))
+        left = leftover(expected, self.noise, sd, pooled=self.pooled)
+        if self.courses[0].spring.shape == SIGMOID:
+            return size_in_sigma(left)
+        plain = leftover(self.readings(()), self.noise, sd, pooled=self.pooled)
+        return size_in_sigma({c: [a - b for a, b in zip(left[c], plain[c], strict=True)] for c in left})
 
 
 def hide(
@@ -181,9 +217,11 @@ def hide(
     seed: int = 0,
     *,
     pooled: bool | None = None,
+    law: str = "first",
+    curve: str = "sigmoid",
 ) -> Case:
     """Make a campaign with one mechanism hidden in it; see `hide_several`."""
-    return hide_several([effect], sigma, noise, design, seed, pooled=pooled)
+    return hide_several([effect], sigma, noise, design, seed, pooled=pooled, law=law, curve=curve)
 
 
 def hide_several(
@@ -194,6 +232,8 @@ def hide_several(
     seed: int = 0,
     *,
     pooled: bool | None = None,
+    law: str = "first",
+    curve: str = "sigmoid",
 ) -> Case:
     """Make a campaign with several mechanisms hidden in it, each of the stated size when alone.
 
@@ -212,6 +252,10 @@ def hide_several(
         Of the spring, the room, the properties of mechanisms, and the noise.
     pooled : bool, optional
         Whether the refitted plain model shares its parameters between conditions; as in the design by default.
+    law : str
+        Name in `LAWS`.
+    curve : str
+        Name in `CURVES`: the shape of the spring's curves.
 
     Returns
     -------
@@ -222,8 +266,8 @@ def hide_several(
     ValueError
         If a mechanism can't leave that much in this design.
     """
-    bench = _bench(design, noise, seed, pooled)
-    drawn = [_hidden(e, 1.0, seed) for e in effects if e != "none"]
+    bench = _bench(design, noise, seed, pooled, law, curve)
+    drawn = [_hidden(e, 1.0, seed, law) for e in effects if e != "none"]
     factor = _noise_factor(bench, drawn, sigma)
     return _case(bench, [_scaled(bench, h, sigma, factor) for h in drawn], factor)
 
@@ -255,8 +299,8 @@ def plant(
 # --- sizes --------------------------------------------------------------------------------------------
 
 
-def _hidden(effect: str, size: float, seed: int) -> Hidden:
-    mechanism = MECHANISMS[effect]
+def _hidden(effect: str, size: float, seed: int, law: str = "first") -> Hidden:
+    mechanism = LAWS[law].get(effect) or MECHANISMS[effect]
     rng = np.random.default_rng([seed, 2, zlib.crc32(effect.encode())])
     return Hidden(mechanism, size, mechanism.traits(rng))
 
@@ -331,8 +375,13 @@ def _answer(bench: Bench, h: Hidden, factor: float) -> Answer:
 # --- measuring ----------------------------------------------------------------------------------------
 
 
-def _bench(design: str, noise: str, seed: int, pooled: bool | None) -> Bench:
+def _bench(
+    design: str, noise: str, seed: int, pooled: bool | None, law: str = "first", curve: str = "sigmoid"
+) -> Bench:
     plan, kind = DESIGNS[design], NOISES[noise]
+    if curve != "sigmoid":
+        spring = plan.spring
+        plan = replace(plan, spring=lambda rng: shaped(spring(rng), curve, np.random.default_rng([seed, 4])))
     runs = courses(plan, seed)
     rng = np.random.default_rng([seed, 3])
     sd = {c: plan.noise * runs[0].spring.span(c) for c in CHANNELS}
@@ -340,7 +389,7 @@ def _bench(design: str, noise: str, seed: int, pooled: bool | None) -> Bench:
         sd["temperature"] = plan.temperature_noise
     errors = tuple({c: kind.draw(rng, run.samples.size) for c in sd} for run in runs)
     shared = plan.pooled if pooled is None else pooled
-    return Bench(runs, kind, sd, errors, shared, design, noise, seed)
+    return Bench(runs, kind, sd, errors, shared, design, noise, seed, curve, law)
 
 
 def _case(bench: Bench, hidden: Sequence[Hidden], factor: float) -> Case:
@@ -358,16 +407,35 @@ def _with(readings: Readings, channels: Mapping[str, Floats]) -> Readings:
     return replace(readings, channels={**readings.channels, **channels})
 
 
-def _digitised(readings: Readings, hidden: Sequence[Hidden]) -> Readings:
-    """Force as the converter gives it: cut off at its upper end, or in steps."""
-    force = readings.channels["force"]
-    for h in hidden:
-        if h.mechanism.id == "saturation":
-            curve = readings.course.spring.curves["force", "heating"]
-            force = np.minimum(force, curve.low + curve.span - h.size)
-        elif h.mechanism.id == "quantisation":
-            force = h.size * np.round(force / h.size)
-    return _with(readings, {"force": force})
+def _cut(force: Floats, spring: Spring, size: float, sd: float) -> Floats:
+    curve = spring.curves["force", "heating"]
+    return np.minimum(force, curve.low + curve.span - size)
+
+
+def _cut_and_noisy(force: Floats, spring: Spring, size: float, sd: float) -> Floats:
+    """The amplifier ends, and what comes after it adds a tenth of the noise: no two readings there are equal."""
+    after = np.random.default_rng(force.size).standard_normal(force.shape)
+    return _cut(force, spring, size, sd) + 0.1 * sd * after
+
+
+def _rounded(force: Floats, spring: Spring, size: float, sd: float) -> Floats:
+    return size * np.round(force / size)
+
+
+def _unevenly_cut_off(force: Floats, spring: Spring, size: float, sd: float) -> Floats:
+    """Down to the next code, whose widths differ by a sixth."""
+    codes = np.floor(force / size).astype(int)
+    edge = 0.15 * np.random.default_rng(7).standard_normal(int(np.ptp(codes)) + 3)
+    start = edge[codes - codes.min()]
+    off = force / size - codes
+    return size * (codes - (off < start) + (off - 1.0 >= edge[codes - codes.min() + 1]))
+
+
+DIGITISERS = {
+    ("saturation", "first"): _cut, ("saturation", "second"): _cut_and_noisy,
+    ("quantisation", "first"): _rounded, ("quantisation", "second"): _unevenly_cut_off,
+}  # fmt: skip
+"""Force with noise, the spring, size, and standard deviation of the noise, to what is written down."""
 
 
 def _campaign(measured: Sequence[Readings], plan: Design, factor: float) -> Campaign:

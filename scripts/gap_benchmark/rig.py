@@ -166,6 +166,39 @@ def _odd_even_cycles(state: State, size: float, traits: Traits) -> State:
     return replace(state, force=state.force + 0.5 * size * np.where(state.course.cycle % 2 == 1, 1.0, -1.0))
 
 
+def _fan(state: State, size: float, traits: Traits) -> State:
+    """A fan nearby shakes the displacement, out of step with the drive."""
+    c = state.course
+    turns = traits["per cycle"] * c.setting.frequency * c.time
+    return replace(
+        state, displacement=state.displacement + size * np.sin(2.0 * np.pi * turns + traits["phase"])
+    )
+
+
+def _slips(state: State, size: float, traits: Traits) -> State:
+    """The grip slips three times, each time by another distance."""
+    c = state.course
+    passed = (c.time - c.time[0]) / (c.time[-1] - c.time[0])
+    moved = sum(traits[f"by {i}"] * (passed > traits[f"at {i}"]) for i in range(3))
+    return replace(state, displacement=state.displacement + size * moved)
+
+
+def _backlash(state: State, size: float, traits: Traits) -> State:
+    """Play between the spring and the sensor of its displacement."""
+    read, out = float(state.displacement[0]), []
+    for x in state.displacement.tolist():
+        read = min(max(read, x - size), x + size)
+        out.append(read)
+    return replace(state, displacement=np.array(out))
+
+
+def _bad_cycle(state: State, size: float, traits: Traits) -> State:
+    """In one cycle of each condition the spring is out of its seat: it pulls less while it is half transformed."""
+    x = state.fraction
+    off = state.course.cycle == 2.0 + (round(traits["cycle"]) + round(state.course.setting.load * 10)) % 3
+    return replace(state, force=state.force - size * 4.0 * x * (1.0 - x) * off)
+
+
 def _wrong_calibration(state: State, size: float, traits: Traits) -> State:
     """The factor of the load cell is wrong, all the time."""
     return replace(state, force=state.force * (1.0 + size))
@@ -225,6 +258,20 @@ RIG = (
     Mechanism("clock_skew", Stage.INSTRUMENT, _clock_skew, "s", 1e-3, 0.1),
     Mechanism("step_in_the_middle", Stage.INSTRUMENT, _step_in_the_middle, "N", 1e-3, 1.0),
     Mechanism("odd_even_cycles", Stage.INSTRUMENT, _odd_even_cycles, "N", 1e-3, 1.0),
+    Mechanism(
+        "fan", Stage.INSTRUMENT, _fan, "m", 1e-6, 5e-3,
+        lambda rng: {"per cycle": rng.uniform(6.3, 6.7), "phase": rng.uniform(0.0, 2.0 * np.pi)},
+    ),
+    Mechanism(
+        "slips", Stage.INSTRUMENT, _slips, "m", 1e-6, 5e-3,
+        lambda rng: {
+            **{f"at {i}": rng.uniform(0.1, 0.9) for i in range(3)}, **{f"by {i}": rng.normal() for i in range(3)}
+        },
+    ),
+    Mechanism("backlash", Stage.INSTRUMENT, _backlash, "m", 1e-6, 2e-3),
+    Mechanism(
+        "bad_cycle", Stage.MECHANICS, _bad_cycle, "N", 1e-3, 1.0, lambda rng: {"cycle": float(rng.integers(3))}
+    ),
     Mechanism("wrong_calibration", Stage.INSTRUMENT, _wrong_calibration, "1", 0.03, 0.03),
     Mechanism("saturation", Stage.DIGITISER, _unchanged, "N below the top", 1e-3, 0.5),
     Mechanism("quantisation", Stage.DIGITISER, _unchanged, "N", 1.2e-3, 0.05),

@@ -8,6 +8,7 @@ equilibrium ``z = rate (T - midpoint)``, with other numbers on heating than on c
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,6 +48,43 @@ class Curve:
 
 
 @dataclass(frozen=True, slots=True)
+class Shape:
+    """How curves differ from sigmoids, the same in both channels and on both branches.
+
+    With ``u = rate (T - midpoint)`` a channel reads ``low + span y``,
+
+        y = (1 - p) expit(sinh(delta asinh(u) + epsilon)) + p expit(2 (u - apart)) + u (cold (1 - x) + hot x),
+
+    where x is the first of these fractions.
+
+    Attributes
+    ----------
+    delta, epsilon : float
+        Steepness of the tails, and skewness; 1 and 0 for a sigmoid.
+    cold, hot : float
+        Slope of each phase, in spans for each unit of u.
+    share, apart : float
+        Share p of a second stage, and how far above the first it comes, in units of u.
+    """
+
+    delta: float = 1.0
+    epsilon: float = 0.0
+    cold: float = 0.0
+    hot: float = 0.0
+    share: float = 0.0
+    apart: float = 0.0
+
+    def of(self, u: Floats) -> Floats:
+        """Y at any u."""
+        x = expit(np.sinh(self.delta * np.arcsinh(u) + self.epsilon))
+        second = self.share * expit(2.0 * (u - self.apart)) if self.share else 0.0
+        return np.asarray((1.0 - self.share) * x + second + u * (self.cold + (self.hot - self.cold) * x))
+
+
+SIGMOID = Shape()
+
+
+@dataclass(frozen=True, slots=True)
 class Spring:
     """Curves by (channel, branch). The fraction of austenite is the one that the force shows.
 
@@ -54,9 +92,11 @@ class Spring:
     ----------
     curves : dict
         Keys are pairs such as ``("force", "heating")``.
+    shape : Shape
     """
 
     curves: dict[tuple[str, str], Curve]
+    shape: Shape = SIGMOID
 
     def span(self, channel: str) -> float:
         """Span of a channel on heating."""
@@ -76,7 +116,9 @@ class Spring:
         """A channel from the logit of the fraction, any leading shape."""
         on = [self._of_state(channel, branch) for branch in BRANCHES]
         low, span, stretch, offset = (np.where(heating, a, b) for a, b in zip(*on, strict=True))
-        return np.asarray(low + span * expit(stretch * z + offset), dtype=float)
+        u = stretch * z + offset
+        y = expit(u) if self.shape == SIGMOID else self.shape.of(u)
+        return np.asarray(low + span * y, dtype=float)
 
     def _of_state(self, channel: str, branch: str) -> tuple[float, float, float, float]:
         curve, state = self.curves[channel, branch], self.curves["force", branch]
@@ -118,6 +160,24 @@ def wide_spring(rng: np.random.Generator) -> Spring:
     )
 
 
+def shaped(spring: Spring, curve: str, rng: np.random.Generator) -> Spring:
+    """A spring with curves of one of the kinds in `CURVES`."""
+    return replace(spring, shape=CURVES[curve](rng))
+
+
+CURVES: Mapping[str, Callable[[np.random.Generator], Shape]] = {
+    "sigmoid": lambda rng: SIGMOID,
+    "skewed": lambda rng: Shape(
+        delta=rng.uniform(0.8, 1.3), epsilon=rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 0.6)
+    ),
+    "slopes": lambda rng: Shape(
+        delta=rng.uniform(0.9, 1.2), cold=rng.uniform(0.002, 0.01), hot=rng.uniform(-0.005, 0.01)
+    ),
+    "two_stages": lambda rng: Shape(share=rng.uniform(0.1, 0.25), apart=rng.uniform(2.5, 4.5)),
+}
+"""Kinds of curves, by name: sigmoids, and the richer ones that real specimens show."""
+
+
 def another(spring: Spring, rng: np.random.Generator) -> Spring:
     """The same spring as another condition would show it: asymptotes, rates and midpoints moved."""
     size, quick, shift = rng.uniform(0.8, 1.2), rng.uniform(0.9, 1.1), rng.uniform(-3.0, 3.0)
@@ -125,5 +185,6 @@ def another(spring: Spring, rng: np.random.Generator) -> Spring:
         {
             key: Curve(c.low * size, c.span * size, c.rate * quick, c.midpoint + shift)
             for key, c in spring.curves.items()
-        }
+        },
+        spring.shape,
     )

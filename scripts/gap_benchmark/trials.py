@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
+import ast
+import hashlib
 import itertools
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from scipy.special import ndtri
 from threadpoolctl import threadpool_limits
 
-from gap_benchmark.hide import INSIDE, OUTSIDE, hide_several
+import sma_bayes
+from gap_benchmark.hide import INSIDE, LAWS, OUTSIDE, hide_several
+from gap_benchmark.noise import NOISES
+from gap_benchmark.spring import CURVES
 from sma_bayes.effects import EFFECTS
 from sma_bayes.gap.close import close
 from sma_bayes.gap.study import GapStudy, study_campaign
 from sma_bayes.parameters.priors_file import read_priors
 
-SUITES = ("null", "hidden", "left_out", "outside", "pairs", "strong", "strong_outside")
-STRONG = (30.0, 100.0, 300.0)
-"""Sizes at which it shows that a mechanism is not the formula of the catalogue [standard deviations of the noise]."""
+SUITES = ("null", "hidden", "left_out", "outside", "pairs", "triples")
+SIGMAS: Mapping[str, tuple[float, ...]] = {
+    "null": (0.0,),
+    "hidden": (5.0, 10.0, 30.0, 100.0, 300.0),
+    "left_out": (10.0, 100.0),
+    "outside": (10.0, 30.0, 100.0, 300.0),
+    "pairs": (10.0, 30.0, 100.0),
+    "triples": (30.0, 100.0),
+}
+"""Sizes of what is hidden [standard deviations of the noise], unless others are asked for."""
 
 THERMAL = ("latent_heat", "ambient_draught")
 """Effects on the temperature response, which has a design of its own."""
@@ -30,6 +44,10 @@ CONTAINED_BY = {
 """What describes the same, wholly or in part, and is left out together with it."""
 LADDER = ("minor_loop", "temperature_gradient")
 """Effects that need peaks of different temperature."""
+DESIGNS_OF_NOTHING = ("standard", "standard", "one_cycle", "unequal_sampling", "ladder", "unpooled")
+"""Designs of campaigns in which nothing is hidden, by turns."""
+ENGINE = ("gap", "effects", "response", "records/history.py", "noise")
+"""Modules that decide what a study finds."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +60,8 @@ class Trial:
     noise: str
     design: str
     seed: int
+    law: str = "first"
+    curve: str = "sigmoid"
 
 
 @dataclass(frozen=True)
@@ -50,31 +70,60 @@ class Row(Trial):
 
     Attributes
     ----------
+    engine : str
+        Digest of the modules by which it was studied.
     sigma_reached : float
         Size of the hidden effects once the model has absorbed what it can; below what was asked for where the
         mechanism saturates.
     true_size, q05, q95 : float
         Size of the (first) hidden effect, and its 90 % interval where it was named.
     gap_before, gap_after, gap_floor : float
-        Held out, where the right name was found in the first campaign of its kind; NaN elsewhere, since folds take
-        longer than the study.
+        Held out, where that was asked for and the right name was found; NaN elsewhere, since folds take longer than
+        the study.
+    seconds : float
+        Of processor time, the making of the campaign and the folds apart.
     """
 
-    sigma_reached: float
-    in_range: bool
-    verdict: str
-    named: str
-    classes: str
-    outcome: str
-    p_value: float
-    unexplained: float
-    true_size: float
-    q05: float
-    q95: float
-    gap_before: float
-    gap_after: float
-    gap_floor: float
-    seconds: float
+    engine: str = field(kw_only=True)
+    sigma_reached: float = field(kw_only=True)
+    in_range: bool = field(kw_only=True)
+    verdict: str = field(kw_only=True)
+    named: str = field(kw_only=True)
+    classes: str = field(kw_only=True)
+    outcome: str = field(kw_only=True)
+    p_value: float = field(kw_only=True)
+    unexplained: float = field(kw_only=True)
+    true_size: float = field(kw_only=True)
+    q05: float = field(kw_only=True)
+    q95: float = field(kw_only=True)
+    gap_before: float = field(kw_only=True)
+    gap_after: float = field(kw_only=True)
+    gap_floor: float = field(kw_only=True)
+    seconds: float = field(kw_only=True)
+
+
+@cache
+def engine() -> str:
+    """Digest of the modules of `ENGINE` as they are run: comments, docstrings and layout don't count."""
+    digest = hashlib.sha256()
+    root = Path(sma_bayes.__file__).parent
+    for name in ENGINE:
+        place = root / name
+        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place.with_suffix(".py")]:
+            if path.is_file():
+                digest.update(ast.dump(_undocumented(path)).encode())
+    return digest.hexdigest()[:8]
+
+
+def _undocumented(path: Path) -> ast.Module:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [  # type: ignore[attr-defined]
+                s for s in body if not (isinstance(s, ast.Expr) and isinstance(s.value, ast.Constant))
+            ]
+    return tree
 
 
 def design_of(effects: Sequence[str]) -> str:
@@ -86,51 +135,97 @@ def design_of(effects: Sequence[str]) -> str:
     return "ladder" if any(e in LADDER for e in effects) else "standard"
 
 
-def trials(suite: str, count: int) -> Iterator[Trial]:
-    """All trials of a suite, `count` of each kind."""
-    if suite == "null":
-        kinds = [("none", n, "standard") for n in ("white", "ar1_0.5", "ar1_0.9", "student_t")]
-        kinds += [("none", n, "unequal_sampling") for n in ("white", "ar1_0.5")]
-        kinds += [("none", n, "unpooled") for n in ("white", "ar1_0.9")]
-        kinds += [("none", "white", d) for d in ("ladder", "thermal")]
-        kinds.append(("wrong_calibration", "white", "standard"))
-        cells = [(e, 10.0, n, d) for e, n, d in kinds]
-    elif suite == "hidden":
-        cells = [(e, s, n, design_of([e])) for e in INSIDE for s in (10.0, 5.0) for n in ("white", "ar1_0.5")]
-    elif suite == "left_out":
-        cells = [(e, 10.0, "white", design_of([e])) for e in INSIDE]
-    elif suite == "outside":
-        cells = [(e, 10.0, n, "standard") for e in OUTSIDE for n in ("white", "ar1_0.5")]
-    elif suite == "strong":
-        cells = [(e, s, "white", design_of([e])) for s in STRONG for e in INSIDE]
-    elif suite == "strong_outside":
-        cells = [(e, s, "white", "standard") for s in STRONG for e in OUTSIDE]
-    elif suite == "pairs":
-        plain = [e for e in INSIDE if design_of([e]) == "standard"]
-        cells = [(f"{a}+{b}", 10.0, "white", "standard") for a, b in itertools.combinations(plain, 2)]
-        step = max(1, len(cells) // max(count, 1))
-        for i, (e, s, n, d) in enumerate(cells[::step]):
-            yield Trial(suite, e, s, n, d, i)
-        return
-    else:
+def trials(
+    suite: str,
+    count: int,
+    *,
+    first: int = 0,
+    sigmas: Sequence[float] = (),
+    laws: Sequence[str] = ("first", "second"),
+    effects: Sequence[str] = (),
+) -> Iterator[Trial]:
+    """All trials of a suite, `count` of each kind.
+
+    Parameters
+    ----------
+    suite : str
+        Name in `SUITES`.
+    count : int
+        Seeds; in ``null`` and the suites of several effects, campaigns in all.
+    first : int
+        The first seed.
+    sigmas : sequence of float
+        Sizes; those of `SIGMAS` by default.
+    laws : sequence of str
+        Names in `LAWS`. Of ``simcoon`` only the mechanisms that it has.
+    effects : sequence of str
+        To be hidden; all by default.
+    """
+    if suite not in SUITES:
         raise ValueError(f"no suite {suite!r}; there are {', '.join(SUITES)}")
-    for seed in range(count):
-        for e, s, n, d in cells:
-            yield Trial(suite, e, s, n, d, seed)
+    seeds = range(first, first + count)
+    if suite == "null":
+        yield from (_nothing(seed) for seed in seeds)
+        return
+    sizes = sigmas or SIGMAS[suite]
+    if suite in ("pairs", "triples"):
+        yield from _several(2 if suite == "pairs" else 3, seeds, sizes, laws)
+        return
+    noises = [n for n in NOISES if NOISES[n].memory < 0.9]
+    curves = [*CURVES] if suite == "outside" else ["sigmoid"]
+    for seed, law in itertools.product(seeds, laws if suite != "outside" else ("first",)):
+        of_law = OUTSIDE if suite == "outside" else [e for e in INSIDE if e in LAWS[law]]
+        for i, (e, s) in enumerate(itertools.product(of_law, sizes)):
+            if not effects or e in effects:
+                noise = "white" if seed == 0 and suite != "outside" else noises[(i + seed) % len(noises)]
+                curve = curves[(i // len(sizes) + seed) % len(curves)]
+                yield Trial(suite, e, s, noise, design_of([e]), seed, law, curve)
 
 
-def attempt(trial: Trial) -> Row | None:
+def _nothing(seed: int) -> Trial:
+    """Noises, designs and curves by turns, so that each meets each other."""
+    noise, design = [*NOISES][seed % len(NOISES)], DESIGNS_OF_NOTHING[seed % len(DESIGNS_OF_NOTHING)]
+    curve = [*CURVES][(seed // len(NOISES)) % len(CURVES)]
+    effect = "wrong_calibration" if seed % 10 == 9 else "none"
+    return Trial("null", effect, 0.0, noise, design, seed, "first", curve)
+
+
+def _several(many: int, seeds: Sequence[int], sizes: Sequence[float], laws: Sequence[str]) -> Iterator[Trial]:
+    """As many different effects at once, drawn for each seed, that show in the usual design and are not the same."""
+    usual = [e for e in INSIDE if design_of([e]) == "standard"]
+    for seed in seeds:
+        rng = np.random.default_rng([seed, many])
+        while True:
+            drawn = sorted(rng.choice(usual, many, replace=False).tolist())
+            if not any(b in CONTAINED_BY.get(a, ()) for a in drawn for b in drawn):
+                break
+        law = laws[seed % len(laws)]
+        yield Trial(
+            "pairs" if many == 2 else "triples",
+            "+".join(drawn), sizes[(seed // len(laws)) % len(sizes)], "white", "standard", seed, law,
+        )  # fmt: skip
+
+
+def attempt(trial: Trial, *, folds: bool = False) -> Row | None:
     """Make a campaign, study it, and compare; None where the mechanism leaves no trace in the design."""
-    began = time.perf_counter()
     hidden = trial.effects.split("+")
     try:
-        case = hide_several(hidden, trial.sigma, trial.noise, trial.design, seed=trial.seed)
+        case = hide_several(
+            hidden,
+            trial.sigma,
+            trial.noise,
+            trial.design,
+            seed=trial.seed,
+            law=trial.law,
+            curve=trial.curve,
+        )
     except ValueError:
         return None
     left_out = (
         {x for h in hidden for x in (h, *CONTAINED_BY.get(h, ()))} if trial.suite == "left_out" else set()
     )
     catalogue = {k: v for k, v in EFFECTS.items() if k not in left_out}
+    began = time.process_time()
     with threadpool_limits(limits=1):
         study = study_campaign(
             case.campaign,
@@ -139,32 +234,31 @@ def attempt(trial: Trial) -> Row | None:
             effects=catalogue,
             seed=trial.seed,
         )
-    wanted = [e for e in hidden if e in catalogue]
+    seconds = time.process_time() - began
     low, high = interval(study, hidden[0])
-    outcome = outcome_of(study, wanted)
-    seconds = time.perf_counter() - began
-    before = after = floor = float("nan")
-    if trial.suite == "hidden" and trial.seed == 0 and outcome in ("right", "class"):
-        gap = close(study, catalogue, pooled=case.pooled, seed=trial.seed)
-        before, after, floor = gap.before, gap.after, gap.floor
-    return Row(
+    row = Row(
         **asdict(trial),
+        engine=engine(),
         sigma_reached=case.sigma,
         in_range=all(a.in_range for a in case.answers),
         verdict=study.verdict,
         named="+".join(e.id for e in study.effects),
         classes=";".join("/".join(c) for c in study.classes.values()),
-        outcome=outcome,
+        outcome=outcome_of(study, [e for e in hidden if e in catalogue]),
         p_value=study.p_value,
         unexplained=1.0 - study.carried if study.effects else float("nan"),
         true_size=case.answers[0].size if case.answers else 0.0,
         q05=low,
         q95=high,
-        gap_before=before,
-        gap_after=after,
-        gap_floor=floor,
+        gap_before=float("nan"),
+        gap_after=float("nan"),
+        gap_floor=float("nan"),
         seconds=seconds,
     )
+    if folds and row.outcome in ("right", "class"):
+        gap = close(study, catalogue, pooled=case.pooled, seed=trial.seed)
+        row = replace(row, gap_before=gap.before, gap_after=gap.after, gap_floor=gap.floor)
+    return row
 
 
 def outcome_of(study: GapStudy, wanted: Sequence[str]) -> str:
