@@ -255,9 +255,11 @@ def _sensor_drift(state: State, size: float, traits: Traits) -> State:
 
 
 def _load_cell_thermal_drift(state: State, size: float, traits: Traits) -> State:
-    """The zero follows the recorded room at once."""
+    """The gauges follow the body, which follows the room; none of the spring's heat gets there."""
     c = state.course
-    return replace(state, force=state.force + size * (c.ambient - c.zero))
+    body = follow(c.ambient, c.time, traits["body"], float(c.ambient[0]))
+    gauges = follow(body, c.time, traits["gauges"], float(body[0]))
+    return replace(state, force=state.force + size * (gauges - c.zero))
 
 
 def _drive_ripple(state: State, size: float, traits: Traits) -> State:
@@ -366,7 +368,10 @@ SECOND = (
         "sensor_drift", Stage.INSTRUMENT, _sensor_drift, "N/s", 1e-8, 1e-3,
         lambda rng: {"records": rng.uniform(1.0, 3.0)},
     ),
-    Mechanism("load_cell_thermal_drift", Stage.INSTRUMENT, _load_cell_thermal_drift, "N/K", 1e-3, 5e-3),
+    Mechanism(
+        "load_cell_thermal_drift", Stage.INSTRUMENT, _load_cell_thermal_drift, "N/K", 1e-3, 5e-3,
+        lambda rng: {"body": rng.uniform(100.0, 400.0), "gauges": rng.uniform(10.0, 60.0)},
+    ),
     Mechanism(
         "drive_ripple", Stage.INSTRUMENT, _drive_ripple, "N", 1e-4, 0.1,
         lambda rng: {

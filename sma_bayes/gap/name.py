@@ -215,10 +215,7 @@ def candidates(
             out.append(Candidate(s.effect, None, s.ln_bayes_factor))
             continue
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
-        guard, covariate = guard_of(signature_at_mode(fitted, found), flexible, s)
-        gained = found.ln_evidence - fitted.ln_evidence
-        beside = Beside.of(gained, offer(found), without) if without and gained >= WORTH else None
-        out.append(Candidate(s.effect, found, gained, guard, covariate, beside))
+        out.append(judged(fitted, found, s, flexible, without))
     return sorted(out, key=lambda c: -c.ln_bayes_factor)
 
 
@@ -229,6 +226,28 @@ def _in_steps(fitted: Fitted, screened: Sequence[Screened]) -> list[Screened]:
         gain, start = gained_in_steps(fitted, s.effect, s.start)
         out.append(replace(s, gain=gain, start=start))
     return sorted(out, key=lambda s: -s.gain)
+
+
+def judged(
+    fitted: Fitted, extended: Fitted, screened: Screened, flexible: Sequence[Gain], without: Offer | None
+) -> Candidate:
+    """Weigh an effect against flexible terms, and beside them.
+
+    Parameters
+    ----------
+    fitted, extended : Fitted
+        The model, and the same with the effect around it.
+    screened : Screened
+        The effect over the grid of its parameters.
+    flexible : sequence of Gain
+        What flexible terms bring to the model.
+    without : Offer or None
+        The best of that; None where the effect is not to be weighed beside them.
+    """
+    guard, covariate = guard_of(signature_at_mode(fitted, extended), flexible, screened)
+    gained = extended.ln_evidence - fitted.ln_evidence
+    beside = Beside.of(gained, offer(extended), without) if without and gained >= WORTH else None
+    return Candidate(screened.effect, extended, gained, guard, covariate, beside)
 
 
 def screen(fitted: Fitted, effect: Effect) -> Screened:

@@ -2,15 +2,15 @@
 
 Noise of each history and channel is an AR(1) series, in sample index or in time. What a model misses looks like memory
 too: estimated from its residuals, the memory would swallow the very disagreement that is looked for. So it is
-estimated from what is left after smooth functions of temperature on each branch, and a level of each cycle, have been
-taken out, by restricted likelihood, which counts the freedom that they use up. Noise without any misfit is then
-estimated without bias, and a misfit that repeats from cycle to cycle does not pass for noise. All hypotheses of a round
-share the estimate.
+estimated from what is left after smooth functions of temperature on each branch, of time and of whatever else was
+recorded, and a level of each cycle, have been taken out, by restricted likelihood, which counts the freedom that they
+use up. Noise without any misfit is then estimated without bias, and a misfit that repeats from cycle to cycle, or
+follows something recorded, does not pass for noise. All hypotheses of a round share the estimate.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from scipy import stats
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.splines import bumps, grouped, one_of_each, times
 from sma_bayes.quantities import Floats
-from sma_bayes.records.history import History, starts
+from sma_bayes.records.history import starts
 
 MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
 """Correlations of neighbouring samples that are tried."""
@@ -42,6 +42,12 @@ TURNS = 20
 """How often weight and width of a t distribution are found in turn."""
 SMOOTH = 8
 """Splines of temperature on each branch that are taken out; fewer where samples are few."""
+RECORDED = {"time": 10, "order": 10, "ambient_temperature": 6, "rate": 6, "current": 5, "load": 5}
+"""Splines of what else was recorded that are taken out; of `order` only where time was not."""
+EACH = 40
+"""Samples for each of these splines, at least."""
+INDEPENDENT = 1e-6
+"""Least singular value, over the greatest, of columns that count as different."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,26 +157,38 @@ def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats) 
     out = []
     for block in blocks:
         history, own = hypothesis.histories[block.history], residual[block.at]
-        temperature = history.inputs["temperature"]
+        inputs = history.inputs
         if (
             block.channel == "temperature"
         ):  # as simulated: what was measured carries the very noise that is estimated
-            temperature = history.observed["temperature"] - own
+            inputs = {k: v for k, v in inputs.items() if k != "rate"}
+            inputs = {**inputs, "temperature": history.observed["temperature"] - own}
         lattice = hypothesis.scales.step.get(block.channel, 0.0)
-        out.append(block_noise(own, block, smooth_columns(history, temperature), lattice))
+        out.append(block_noise(own, block, smooth_columns(inputs), lattice))
     return tuple(out)
 
 
-def smooth_columns(history: History, temperature: Floats, most: int = SMOOTH) -> Floats:
-    """What a model may miss without it being noise, shape (n, k); at most so many splines on each branch."""
-    v = history.inputs
-    branch = one_of_each(v["branch"])
-    count = int(np.clip(history.n // (12 * branch.shape[1]), 4, most))
-    cycle = one_of_each(grouped(v["cycle"]))
-    parts = [times(branch, bumps(temperature, count))]
-    if cycle.shape[1] > 1:
-        parts.append(cycle[:, 1:])
-    return np.concatenate(parts, axis=1)
+def smooth_columns(inputs: Mapping[str, Floats], most: int = SMOOTH) -> Floats:
+    """What a model may miss without it being noise, as orthonormal columns, shape (n, k).
+
+    Parameters
+    ----------
+    inputs : mapping of str to ndarray, shape (n,)
+        Of a history.
+    most : int
+        Splines of temperature on each branch, at most.
+    """
+    branch = one_of_each(inputs["branch"])
+    n = inputs["branch"].size
+    count = int(np.clip(n // (12 * branch.shape[1]), 4, most))
+    parts = [times(branch, bumps(inputs["temperature"], count)), one_of_each(grouped(inputs["cycle"]))]
+    for name, few in RECORDED.items():
+        x = inputs.get(name)
+        if x is None or (name == "order" and "time" in inputs) or np.ptp(x) <= 1e-9 * np.max(np.abs(x)):
+            continue
+        parts.append(bumps(x, min(few, n // EACH, np.unique(x).size)))
+    basis, size, _ = np.linalg.svd(np.concatenate(parts, axis=1), full_matrices=False)
+    return np.asarray(basis[:, size > INDEPENDENT * size[0]])
 
 
 def block_noise(residual: Floats, block: Block, smooth: Floats, lattice: float = 0.0) -> BlockNoise:

@@ -17,11 +17,10 @@ from sma_bayes.gap.name import (
     WORTH,
     Candidate,
     candidates,
-    guard_of,
+    judged,
     screen,
     screen_all,
     share_of,
-    signature_at_mode,
 )
 from sma_bayes.gap.periodic import Periodicity
 from sma_bayes.inference.warm_start import warm_start
@@ -44,8 +43,10 @@ CARRIED_BESIDE = 0.9
 """The same share of a single effect that gets in beside a flexible term, since it explains less than that by itself."""
 FURTHER = 0.2
 """Share of what the effects before it explain that a further one must bring: less may be the form of these."""
-FIRST_OF_TWO = 3
-"""How many effects, best first, are tried as the first of two where no single one is added."""
+FIRST_OF_SEVERAL = 3
+"""How many effects, best first, are tried as the first of several where no single one is added."""
+AT_ONCE = 3
+"""How many effects are added at once, at most."""
 MOST = 4
 """Greatest number of effects that are added."""
 
@@ -184,7 +185,8 @@ def study_from(
         least = max(WORTH, FURTHER * explained)
         found = [one_round(current, effects, rng, last=len(steps) == MOST, least=least)]
         if found[0].chosen is None and len(steps) <= MOST - 2:
-            found = two_rounds(found[0], effects, rng, least) or found
+            tell(f"trying several effects at once, round {len(steps) + 1}")
+            found = several_rounds(found[0], effects, rng, least, most=MOST - len(steps)) or found
         steps += found
         chosen = steps[-1].chosen
         if chosen is None or chosen.fitted is None:
@@ -249,42 +251,71 @@ def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:
     return (best.effect.id, *(c.effect.id for c in near))
 
 
-def two_rounds(
-    first: Step, effects: Mapping[str, Effect], rng: np.random.Generator, least: float = WORTH
+def several_rounds(
+    first: Step,
+    effects: Mapping[str, Effect],
+    rng: np.random.Generator,
+    least: float = WORTH,
+    most: int = AT_ONCE,
 ) -> list[Step]:
-    """Two effects at once, where no single one deserves to be added; empty where no two do either.
+    """Two effects at once, or three, where no single one deserves to be added; empty where these don't either.
 
-    With one of two effects still missing, a flexible term that takes part of both can beat each of them. So each is
-    judged anew beside the other, by the same rules; and since there are many pairs, some of which mimic an effect that
-    is not in the catalogue, both together have to be worth more than the best flexible term, by `WORTH`, and at least
-    `least`.
+    With others still missing, a flexible term that takes part of all can beat each of them. So each is judged anew
+    beside the others, by the same rules; and since there are many such sets, some of which mimic an effect that is not
+    in the catalogue, all together have to be worth more than the best flexible term, by `WORTH`, and at least `least`.
+    Sets begin with one of the best effects and grow by the best on top of them; three are tried where no two do.
     """
-    pairs: list[tuple[float, list[Step]]] = []
-    promising = [c for c in first.candidates if c.fitted is not None and c.ln_bayes_factor >= WORTH]
-    for one in promising[:FIRST_OF_TWO]:
-        if one.fitted is None:
-            continue
-        beside = fit_with_noise(one.fitted.hypothesis, one.fitted.z)
-        second = one_round(beside, effects, rng)
-        other = second.chosen
-        if other is None or other.fitted is None:
-            continue
-        together = one.ln_bayes_factor + other.ln_bayes_factor
-        if together < max(least, first.look.best.ln_bayes_factor + WORTH) or not _holds_beside(other.fitted):
-            continue
-        pairs.append((together, [replace(first, chosen=one, class_=_like(one, promising)), second]))
-    return max(pairs, key=lambda p: p[0])[1] if pairs else []
+    promising = _promising(first)
+    chains = [[_added(first, one, promising)] for one in promising[:FIRST_OF_SEVERAL]]
+    for _ in range(1, min(AT_ONCE, most)):
+        grown = [longer for chain in chains if (longer := _grown(chain, effects, rng))]
+        needed = max(least, first.look.best.ln_bayes_factor + WORTH)
+        found = [c for c in grown if _together(c) >= needed and _hold_together(c)]
+        if found:
+            return max(found, key=_together)
+        chains = grown
+    return []
 
 
-def _holds_beside(both: Fitted) -> bool:
-    """Whether the first of two effects would be added to a model that has the second already."""
-    one = both.hypothesis.effects[0]
-    rest = _without(both, one)
-    with_it = rest.hypothesis.extended(one)
-    again = fit_hypothesis(with_it, _start_from(both, with_it), both.noise)
-    gained = again.ln_evidence - rest.ln_evidence
-    guard, _ = guard_of(signature_at_mode(rest, again), gains(rest, terms_of(rest)), screen(rest, one))
-    return gained >= WORTH and gained > guard
+def _promising(step: Step) -> list[Candidate]:
+    """What was refitted and is worth something, best first."""
+    return [c for c in step.candidates if c.fitted is not None and c.ln_bayes_factor >= WORTH]
+
+
+def _added(step: Step, one: Candidate, promising: Sequence[Candidate]) -> Step:
+    return replace(step, chosen=one, class_=_like(one, promising))
+
+
+def _grown(chain: Sequence[Step], effects: Mapping[str, Effect], rng: np.random.Generator) -> list[Step]:
+    """A chain of effects with the best one on top of it, one that is worthy if there is any; empty without one."""
+    last = chain[-1].chosen
+    if last is None or last.fitted is None:
+        return []
+    step = one_round(fit_with_noise(last.fitted.hypothesis, last.fitted.z), effects, rng)
+    promising = _promising(step)
+    chosen = step.chosen or next(iter(promising), None)
+    return [*chain, _added(step, chosen, promising)] if chosen else []
+
+
+def _together(chain: Sequence[Step]) -> float:
+    return sum(s.chosen.ln_bayes_factor for s in chain if s.chosen is not None)
+
+
+def _hold_together(chain: Sequence[Step]) -> bool:
+    """Whether each of several effects would be added to a model that has the others already."""
+    last = chain[-1].chosen
+    if last is None or last.fitted is None or not is_worthy(last):
+        return False
+    return all(is_worthy(_beside_the_others(last.fitted, e)) for e in last.fitted.hypothesis.effects[:-1])
+
+
+def _beside_the_others(whole: Fitted, effect: Effect) -> Candidate:
+    """One of the effects of a model, judged as if it came last."""
+    rest = _without(whole, effect)
+    with_it = rest.hypothesis.extended(effect)
+    again = fit_hypothesis(with_it, _start_from(whole, with_it), whole.noise)
+    flexible = gains(rest, terms_of(rest))
+    return judged(rest, again, screen(rest, effect), flexible, offer(rest, flexible))
 
 
 def without_needless(fitted: Fitted) -> Fitted:

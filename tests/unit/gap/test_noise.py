@@ -32,7 +32,7 @@ def history(rig) -> History:
 
 @pytest.fixture(scope="module")
 def smooth(history: History) -> Floats:
-    return smooth_columns(history, history.inputs["temperature"])
+    return smooth_columns(history.inputs)
 
 
 def correlation(phi: float, clock: Floats, segment: Floats) -> Floats:
