@@ -185,7 +185,12 @@ def screen_all(fitted: Fitted, effects: Iterable[Effect]) -> tuple[list[Screened
 
 
 def candidates(
-    fitted: Fitted, screened: Sequence[Screened], flexible: Sequence[Gain], *, refit: bool
+    fitted: Fitted,
+    screened: Sequence[Screened],
+    flexible: Sequence[Gain],
+    *,
+    refit: bool,
+    most: int = REFITTED,
 ) -> list[Candidate]:
     """Judge effects, and refit those that come near the best.
 
@@ -199,6 +204,8 @@ def candidates(
         What flexible terms would bring to the same model.
     refit : bool
         Without it they are judged by the screening alone, which is enough where there is nothing to explain.
+    most : int
+        How many are refitted, at most.
 
     Returns
     -------
@@ -211,7 +218,7 @@ def candidates(
     without = offer(fitted, flexible) if refit else None
     for place, s in enumerate(screened):
         near = max(NEAR, FAR_BELOW * screened[0].gain)
-        if not refit or place >= REFITTED or s.gain < screened[0].gain - near:
+        if not refit or place >= most or s.gain < screened[0].gain - near:
             out.append(Candidate(s.effect, None, s.ln_bayes_factor))
             continue
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)

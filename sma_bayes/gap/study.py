@@ -11,9 +11,10 @@ from sma_bayes.effects import EFFECTS, Effect
 from sma_bayes.gap.fitting import Fitted, fit_hypothesis, fit_with_noise
 from sma_bayes.gap.flexible import gains, offer, terms_of, worth_of
 from sma_bayes.gap.hypothesis import Hypothesis, baseline
-from sma_bayes.gap.locate import Disagreement, Look, disagreements, look
+from sma_bayes.gap.locate import SHUFFLES, Disagreement, Look, disagreements, look
 from sma_bayes.gap.name import (
     MISSHAPEN,
+    REFITTED,
     WORTH,
     Candidate,
     candidates,
@@ -47,6 +48,10 @@ FIRST_OF_SEVERAL = 3
 """How many effects, best first, are tried as the first of several where no single one is added."""
 AT_ONCE = 3
 """How many effects are added at once, at most."""
+HALF_WAY = 0.5
+"""What two effects must explain of what the best flexible term does, for a third to be tried beside them."""
+FEW = 100
+"""Shuffles of the looks between several effects that are added at once."""
 MOST = 4
 """Greatest number of effects that are added."""
 
@@ -208,6 +213,8 @@ def one_round(
     *,
     last: bool = False,
     least: float = WORTH,
+    refitted: int = REFITTED,
+    shuffles: int = SHUFFLES,
 ) -> Step:
     """Look, try the effects that the model does not have, and choose the one to add, if any deserves it.
 
@@ -220,11 +227,15 @@ def one_round(
         Whether to look only.
     least : float
         Log Bayes factor that an effect has to bring.
+    refitted : int
+        How many effects are refitted, at most.
+    shuffles : int
+        By which chance is told.
     """
     screened, untested = screen_all(current, effects.values())
-    seen = look(current, screened, rng)
+    seen = look(current, screened, rng, shuffles)
     refit = not last and seen.p_value <= SIGNIFICANT
-    tried = candidates(current, screened, seen.gains, refit=refit)
+    tried = candidates(current, screened, seen.gains, refit=refit, most=refitted)
     fitted = [c for c in tried if c.fitted is not None]
     worthy = [c for c in fitted if c.ln_bayes_factor >= least and is_worthy(c)]
     if not worthy:
@@ -266,15 +277,27 @@ def several_rounds(
     Sets begin with one of the best effects and grow by the best on top of them; three are tried where no two do.
     """
     promising = _promising(first)
-    chains = [[_added(first, one, promising)] for one in promising[:FIRST_OF_SEVERAL]]
+    best = first.look.best.ln_bayes_factor
+    needed = max(least, best + WORTH)
+    chains = [
+        [_added(first, one, promising)]
+        for one in promising[:FIRST_OF_SEVERAL]
+        if one.ln_bayes_factor >= FURTHER * best
+    ]
     for _ in range(1, min(AT_ONCE, most)):
-        grown = [longer for chain in chains if (longer := _grown(chain, effects, rng))]
-        needed = max(least, first.look.best.ln_bayes_factor + WORTH)
-        found = [c for c in grown if _together(c) >= needed and _hold_together(c)]
-        if found:
-            return max(found, key=_together)
-        chains = grown
+        grown = _different([longer for chain in chains if (longer := _grown(chain, effects, rng))])
+        for chain in grown:
+            if _together(chain) >= needed and _hold_together(chain):
+                return chain
+        chains = [c for c in grown if _together(c) >= HALF_WAY * best][:1]
     return []
+
+
+def _different(chains: Sequence[list[Step]]) -> list[list[Step]]:
+    """One chain for each set of effects, best first."""
+    ordered = sorted(chains, key=_together, reverse=True)
+    sets = {frozenset(s.chosen.effect.id for s in c if s.chosen is not None): c for c in reversed(ordered)}
+    return sorted(sets.values(), key=_together, reverse=True)
 
 
 def _promising(step: Step) -> list[Candidate]:
@@ -291,7 +314,13 @@ def _grown(chain: Sequence[Step], effects: Mapping[str, Effect], rng: np.random.
     last = chain[-1].chosen
     if last is None or last.fitted is None:
         return []
-    step = one_round(fit_with_noise(last.fitted.hypothesis, last.fitted.z), effects, rng)
+    step = one_round(
+        fit_with_noise(last.fitted.hypothesis, last.fitted.z),
+        effects,
+        rng,
+        refitted=FIRST_OF_SEVERAL,
+        shuffles=FEW,
+    )
     promising = _promising(step)
     chosen = step.chosen or next(iter(promising), None)
     return [*chain, _added(step, chosen, promising)] if chosen else []
