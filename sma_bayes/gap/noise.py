@@ -42,10 +42,12 @@ TURNS = 20
 """How often weight and width of a t distribution are found in turn."""
 SMOOTH = 8
 """Splines of temperature on each branch that are taken out; fewer where samples are few."""
-RECORDED = {"time": 10, "order": 10, "ambient_temperature": 6, "rate": 6, "current": 5, "load": 5}
+RECORDED = {"time": 6, "order": 6, "ambient_temperature": 6, "rate": 6, "current": 5, "load": 5}
 """Splines of what else was recorded that are taken out; of `order` only where time was not."""
 EACH = 40
 """Samples for each of these splines, at least."""
+ABSORBED = 8
+"""Parameters of a channel's curves, which take out as many of the smooth functions."""
 INDEPENDENT = 1e-6
 """Least singular value, over the greatest, of columns that count as different."""
 
@@ -256,7 +258,8 @@ def _likeliest(
             memory = np.where(follows, np.sign(phi) * np.abs(phi) ** form, 0.0)
             found.append(_restricted(residual, memory, smooth, scale))
     value = np.array([f[0] for f in found])
-    probability = np.exp(value - value.max())
+    likely = value + np.array([f[2] for f in found])
+    probability = np.exp(likely - likely.max())
     probability = np.where(probability < PROBABLE, 0.0, probability)
     probability = probability / probability.sum()
     others = tuple((float(p), f[1]) for p, f in zip(probability, found, strict=True) if p > 0.0)
@@ -283,15 +286,21 @@ def scatter(residual: Floats, block: Block) -> float:
 
 def _restricted(
     residual: Floats, memory: Floats, smooth: Floats, scale: Floats | float
-) -> tuple[float, BlockNoise]:
-    """Restricted log likelihood of a memory, up to a constant, with the standard deviation that goes with it."""
+) -> tuple[float, BlockNoise, float]:
+    """Restricted log likelihood of a memory, up to a constant, with the standard deviation that goes with it.
+
+    And the logarithm of the probability that noise alone puts no more into the smooth columns than was found there.
+    What is there may be misfit, so it can't speak for a long memory; but where little is there, it speaks against one.
+    """
     unit = BlockNoise(1.0, memory, scale)
     w, columns = unit.whiten(residual), unit.whiten(smooth.T).T
     gram = columns.T @ columns
     gram[np.diag_indices_from(gram)] += 1e-9 * np.trace(gram) / len(gram)
     pull = columns.T @ w
     free = max(residual.size - len(gram), 1)
-    squares = max(float(w @ w - pull @ np.linalg.solve(gram, pull)), 1e-300)
+    described = float(pull @ np.linalg.solve(gram, pull))
+    squares = max(float(w @ w) - described, 1e-300)
     sd = np.sqrt(squares / free)
     value = -free * np.log(sd) - 0.5 * np.log1p(-(memory**2)).sum() - 0.5 * float(np.linalg.slogdet(gram)[1])
-    return value, BlockNoise(float(sd), memory, scale)
+    smoothly = stats.chi2.logcdf(described / sd**2, max(len(gram) - ABSORBED, 1))
+    return value, BlockNoise(float(sd), memory, scale), max(float(smoothly), -1e3)

@@ -173,6 +173,21 @@ def test_a_misfit_that_repeats_does_not_pass_for_noise(history: History, smooth:
     assert there.sd == pytest.approx(plain.sd, rel=0.15)
 
 
+def test_what_follows_something_recorded_does_not_pass_for_memory(history: History) -> None:
+    """A load cell that follows the room: three times as much as white noise, and as slow."""
+    time = history.inputs["time"]
+    room = 22.0 + np.sin(2.0 * np.pi * 1.4 * time / np.ptp(time))
+    white = np.random.default_rng(4).standard_normal(time.size)
+    series = 4.0 * (room - 22.0) + white
+    found = block_noise(
+        series,
+        block_of(history, np.ones(time.size)),
+        smooth_columns({**history.inputs, "ambient_temperature": room}),
+    )
+    assert abs(float(np.median(found.memory))) < 0.4  # three standard errors; as memory it would be 0.9
+    assert found.sd == pytest.approx(1.0, abs=0.25)
+
+
 @pytest.mark.parametrize("phi", [-0.4, 0.0, 0.85])
 def test_whitening_whitens(phi: float, history: History) -> None:
     segment, clock = history.inputs["segment"], history.inputs["order"]

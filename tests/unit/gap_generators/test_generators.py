@@ -11,8 +11,9 @@ from gap_benchmark import hide as module
 from gap_benchmark.absorb import leftover, size_in_sigma
 from gap_benchmark.designs import DESIGNS, courses
 from gap_benchmark.heating import follow
-from gap_benchmark.hide import INSIDE, MECHANISMS, OUTSIDE, Case, hide, hide_several, plant
+from gap_benchmark.hide import INSIDE, LAWS, MECHANISMS, OUTSIDE, Case, hide, hide_several, plant
 from gap_benchmark.noise import NOISES
+from gap_benchmark.spring import CURVES
 from gap_benchmark.state import Readings, State, at_rest, simulate, with_channels
 from scipy.optimize import least_squares
 
@@ -259,6 +260,47 @@ def test_ends_of_a_spring_with_a_gradient_are_cooler_by_the_stated_amount() -> N
     assert np.all(np.diff(cooler) > 0.0)
     warm, room = c.temperature[hot], c.ambient[hot]
     assert cooler[-1] == pytest.approx(10.0 * (warm - room) / (100.0 - room), rel=0.1)  # close to the end
+
+
+def left_by(effect: str, law: str) -> np.ndarray:
+    """What the plain model does not absorb of a mechanism of 30 sigma, as a vector of length 1."""
+    design = "ladder" if effect in ("minor_loop", "temperature_gradient") else design_of(effect)
+    case = hide(effect, 30.0, "white", design, seed=3, law=law)
+    assert case.sigma == pytest.approx(30.0, rel=0.02)
+    left = leftover(case.clean, NOISES["white"], case.noise_sd, pooled=True)
+    whole = np.concatenate([part for parts in left.values() for part in parts])
+    return np.asarray(whole / np.linalg.norm(whole))
+
+
+@pytest.mark.parametrize("effect", sorted(set(LAWS["second"]) - {"saturation", "quantisation"}))
+def test_the_second_law_is_the_same_effect_by_another_form(effect: str) -> None:
+    """They point the same way or the opposite one, where the sign is free; but not quite."""
+    alike = abs(float(left_by(effect, "first") @ left_by(effect, "second")))
+    assert 0.1 < alike < 0.99999
+
+
+def test_every_effect_of_the_catalogue_has_two_laws() -> None:
+    assert set(LAWS["second"]) == set(INSIDE)
+
+
+@pytest.mark.parametrize("effect", sorted(LAWS["simcoon"]))
+def test_the_material_law_moves_the_spring_with_the_load(effect: str) -> None:
+    pytest.importorskip("simcoon")
+    case = hide(effect, 30.0, law="simcoon")
+    assert case.sigma == pytest.approx(30.0, rel=0.1)
+    loads = [r.course.setting.load for r in case.clean]
+    if effect == "stress_stroke":  # the more stress, the more martensite is oriented
+        strokes = [float(np.ptp(r.channels["displacement"])) for r in case.clean]
+        assert np.argsort(strokes).tolist() == np.argsort(loads).tolist()
+
+
+@pytest.mark.parametrize("curve", sorted(set(CURVES) - {"sigmoid"}))
+def test_richer_curves_are_no_sigmoids_and_hide_effects_of_the_stated_size(curve: str) -> None:
+    case = hide("training_drift", 30.0, curve=curve)
+    assert case.sigma == pytest.approx(30.0, rel=1e-3)
+    plain = hide("none", 0.0, curve=curve)
+    left = leftover(plain.clean, NOISES["white"], plain.noise_sd, pooled=True)
+    assert size_in_sigma(left) > 10.0
 
 
 # --- noise, seeds, independence -----------------------------------------------------------------------
