@@ -18,7 +18,9 @@ Suites:
 from __future__ import annotations
 
 import csv
+import re
 import sys
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -134,6 +136,32 @@ def exact(successes: int, n: int) -> tuple[float, float]:
     return float(found.low), float(found.high)
 
 
+OUTCOMES = ("right", "class", "part", "unnamed", "none", "wrong", "confident")
+
+
+def counted(rows: Sequence[Mapping[str, object]], keys: Sequence[str]) -> tuple[list[str], list[list[str]]]:
+    """Header and lines of a table: how often each outcome came, by some columns, with exact 95 % intervals."""
+    groups: dict[tuple[str, ...], list[Mapping[str, object]]] = {}
+    for row in rows:
+        groups.setdefault(tuple(str(row[k]) for k in keys), []).append(row)
+    lines = []
+    for key, members in sorted(groups.items(), key=lambda g: [_in_order(k) for k in g[0]]):
+        good = sum(str(r["outcome"]) in GOOD[str(r["suite"])] for r in members)
+        low, high = exact(good, len(members))
+        counts = [str(sum(r["outcome"] == o for r in members)) for o in OUTCOMES]
+        share = f"{100 * good / len(members):.0f} %"
+        lines.append([*key, str(len(members)), *counts, share, f"{100 * low:.0f}-{100 * high:.0f} %"])
+    return [*keys, "n", *OUTCOMES, "as it should be", "95 %"], lines
+
+
+def as_markdown(header: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    rows = [header, ["---"] * len(header), *lines]
+    return "\n".join(
+        "| " + " | ".join(row) + " |" if row[0] != "---" else "|" + "---|" * len(row) for row in rows
+    )
+
+
 @app.command()
 def table(
     path: Annotated[Path, typer.Argument(help="CSV file that `run` has written.")],
@@ -142,36 +170,49 @@ def table(
     markdown: Annotated[bool, typer.Option(help="As Markdown.")] = False,
 ) -> None:
     """Print how often the outcome was right, with exact 95 % intervals."""
-    rows = [r for r in read(path) if r["suite"] in suites.split(",")]
-    keys = by.split(",")
-    outcomes = ("right", "class", "part", "unnamed", "none", "wrong", "confident")
-    header = [*keys, "n", *outcomes, "as it should be", "95 %"]
-    lines = []
-    groups: dict[tuple[str, ...], list[dict[str, object]]] = {}
-    for row in rows:
-        groups.setdefault(tuple(str(row[k]) for k in keys), []).append(row)
-    for key, members in sorted(groups.items(), key=lambda g: [_in_order(k) for k in g[0]]):
-        good = sum(str(r["outcome"]) in GOOD[str(r["suite"])] for r in members)
-        low, high = exact(good, len(members))
-        counts = [str(sum(r["outcome"] == o for r in members)) for o in outcomes]
-        lines.append(
-            [
-                *key,
-                str(len(members)),
-                *counts,
-                f"{100 * good / len(members):.0f} %",
-                f"{100 * low:.0f}-{100 * high:.0f} %",
-            ]
-        )
+    header, lines = counted([r for r in read(path) if r["suite"] in suites.split(",")], by.split(","))
     if markdown:
-        typer.echo("| " + " | ".join(header) + " |\n|" + "---|" * len(header))
-        for line in lines:
-            typer.echo("| " + " | ".join(line) + " |")
+        typer.echo(as_markdown(header, lines))
         return
     shown = Table(*header)
     for line in lines:
         shown.add_row(*line)
     Console(width=170).print(shown)
+
+
+@app.command()
+def page(
+    path: Annotated[Path, typer.Argument(help="CSV file that `run` has written.")],
+    text: Annotated[Path, typer.Argument(help="Page whose tables are made anew.")],
+) -> None:
+    """Make the tables of a page from the rows."""
+    text.write_text(with_tables(text.read_text(encoding="utf-8"), read(path)), encoding="utf-8")
+
+
+def with_tables(text: str, rows: Sequence[Mapping[str, object]]) -> str:
+    """A page with its tables made anew: what stands between ``<!-- table SUITES by KEYS -->`` and ``<!-- end -->``.
+
+    ``<!-- goals -->`` asks for what is asked, ``<!-- engines -->`` for the number of rows of each engine.
+    """
+
+    def made(match: re.Match[str]) -> str:
+        what = match[1].split()
+        if what == ["goals"]:
+            lines = [[*told, "yes" if met else "**no**"] for *told, met in measured(rows)]
+            content = as_markdown(["asked", "measured", "95 %", "met"], lines)
+        elif what == ["engines"]:
+            engines = Counter((str(r["engine"]), str(r["suite"])) for r in rows)
+            content = as_markdown(
+                ["engine", "suite", "rows"], [[*k, str(n)] for k, n in sorted(engines.items())]
+            )
+        else:
+            _, suites, _, keys = what
+            content = as_markdown(
+                *counted([r for r in rows if r["suite"] in suites.split(",")], keys.split(","))
+            )
+        return f"<!-- {match[1]} -->\n{content}\n<!-- end -->"
+
+    return re.sub(r"<!-- ((?:goals|engines|table [^>]*?)) -->\n.*?<!-- end -->", made, text, flags=re.DOTALL)
 
 
 def _in_order(value: str) -> tuple[int, float, str]:
@@ -185,9 +226,7 @@ def _in_order(value: str) -> tuple[int, float, str]:
 @app.command()
 def goals(path: Annotated[Path, typer.Argument(help="CSV file that `run` has written.")]) -> None:
     """Print what is asked of the workflow beside what was measured, as Markdown."""
-    typer.echo("| asked | measured | 95 % | met |\n|---|---|---|---|")
-    for asked, share, interval, met in measured(read(path)):
-        typer.echo(f"| {asked} | {share} | {interval} | {'yes' if met else '**no**'} |")
+    typer.echo(with_tables("<!-- goals -->\n<!-- end -->", read(path)))
 
 
 def measured(rows: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, str, str, bool]]:
