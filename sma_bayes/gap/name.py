@@ -34,6 +34,8 @@ SCALES = (0.1, 0.3, 1.0, 3.0)
 """Sizes over those of the grid that are averaged over when an effect is screened."""
 NEAR, FAR_BELOW = 12.0, 0.5
 """Screened gain below the best up to which candidates are refitted: so much, or such a share of it if that is more."""
+NEGLIGIBLE = 0.02
+"""Share of the best screened gain below which an effect is not worth the steps of a fit."""
 WORTH = 3.0
 """Least ln Bayes factor of an effect that is added, and of one that is kept."""
 MISSHAPEN = 20.0
@@ -191,6 +193,7 @@ def candidates(
     *,
     refit: bool,
     most: int = REFITTED,
+    steps: bool = True,
 ) -> list[Candidate]:
     """Judge effects, and refit those that come near the best.
 
@@ -206,13 +209,15 @@ def candidates(
         Without it they are judged by the screening alone, which is enough where there is nothing to explain.
     most : int
         How many are refitted, at most.
+    steps : bool
+        Whether strong effects are screened by steps of a fit, too.
 
     Returns
     -------
     list of Candidate
         Best first.
     """
-    if refit and flexible and flexible[0].ln_bayes_factor >= STRONG:
+    if refit and steps and flexible and flexible[0].ln_bayes_factor >= STRONG:
         screened = _in_steps(fitted, screened)
     out: list[Candidate] = []
     without = offer(fitted, flexible) if refit else None
@@ -227,9 +232,12 @@ def candidates(
 
 
 def _in_steps(fitted: Fitted, screened: Sequence[Screened]) -> list[Screened]:
-    """Screened effects with what they gain in a few steps of a fit; greatest gain first."""
+    """Screened effects with what they gain in a few steps of a fit, but for the least of them; greatest gain first."""
     out = []
     for s in screened:
+        if s.gain < NEGLIGIBLE * screened[0].gain:
+            out.append(s)
+            continue
         gain, start = gained_in_steps(fitted, s.effect, s.start)
         out.append(replace(s, gain=gain, start=start))
     return sorted(out, key=lambda s: -s.gain)

@@ -214,6 +214,7 @@ def one_round(
     last: bool = False,
     least: float = WORTH,
     refitted: int = REFITTED,
+    steps: bool = True,
     shuffles: int = SHUFFLES,
 ) -> Step:
     """Look, try the effects that the model does not have, and choose the one to add, if any deserves it.
@@ -229,13 +230,15 @@ def one_round(
         Log Bayes factor that an effect has to bring.
     refitted : int
         How many effects are refitted, at most.
+    steps : bool
+        Whether strong effects are screened by steps of a fit, too.
     shuffles : int
         By which chance is told.
     """
     screened, untested = screen_all(current, effects.values())
     seen = look(current, screened, rng, shuffles)
     refit = not last and seen.p_value <= SIGNIFICANT
-    tried = candidates(current, screened, seen.gains, refit=refit, most=refitted)
+    tried = candidates(current, screened, seen.gains, refit=refit, most=refitted, steps=steps)
     fitted = [c for c in tried if c.fitted is not None]
     worthy = [c for c in fitted if c.ln_bayes_factor >= least and is_worthy(c)]
     if not worthy:
@@ -319,6 +322,7 @@ def _grown(chain: Sequence[Step], effects: Mapping[str, Effect], rng: np.random.
         effects,
         rng,
         refitted=FIRST_OF_SEVERAL,
+        steps=False,
         shuffles=FEW,
     )
     promising = _promising(step)
