@@ -18,6 +18,7 @@ Suites:
 from __future__ import annotations
 
 import csv
+import itertools
 import re
 import sys
 from collections import Counter
@@ -66,10 +67,8 @@ def run(
             raise typer.BadParameter(f"no {what} {', '.join(sorted(unknown))}; there are {', '.join(known)}")
     done = {_key(r) for r in read(out) if r["engine"] == engine()} if out.exists() else set()
     chosen = [float(s) for s in sigmas.split(",") if s]
-    todo = [
-        t
-        for s in suites.split(",")
-        for t in trials(
+    by_suite = [
+        trials(
             s,
             count,
             first=first,
@@ -77,8 +76,10 @@ def run(
             laws=laws.split(","),
             effects=[*filter(None, effects.split(","))],
         )
-        if _key(asdict(t)) not in done
+        for s in suites.split(",")
     ]
+    in_turn = (t for some in itertools.zip_longest(*by_suite) for t in some if t is not None)
+    todo = [t for t in in_turn if _key(asdict(t)) not in done]
     names = [f.name for f in fields(Row)]
     fresh = not out.exists()
     with out.open("a", newline="") as file:
