@@ -20,7 +20,7 @@ from scipy import stats
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.splines import bumps, grouped, one_of_each, times
 from sma_bayes.quantities import Floats
-from sma_bayes.records.history import starts
+from sma_bayes.records.history import History, starts
 
 MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
 """Correlations of neighbouring samples that are tried."""
@@ -42,12 +42,13 @@ TURNS = 20
 """How often weight and width of a t distribution are found in turn."""
 SMOOTH = 8
 """Splines of temperature on each branch that are taken out; fewer where samples are few."""
-RECORDED = {"time": 6, "order": 6, "ambient_temperature": 6, "rate": 6, "current": 5, "load": 5}
-"""Splines of what else was recorded that are taken out; of `order` only where time was not."""
+RECORDED = {"time": 3, "order": 3, "ambient_temperature": 6, "rate": 6, "current": 5, "load": 5}
+"""Splines of what else was recorded that are taken out; of `order` only where time was not.
+
+Of time a parabola: a long memory is known by what is slow, and with more taken out none could be ruled out.
+"""
 EACH = 40
 """Samples for each of these splines, at least."""
-ABSORBED = 8
-"""Parameters of a channel's curves, which take out as many of the smooth functions."""
 INDEPENDENT = 1e-6
 """Least singular value, over the greatest, of columns that count as different."""
 
@@ -166,34 +167,52 @@ def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats) 
             inputs = {k: v for k, v in inputs.items() if k != "rate"}
             inputs = {**inputs, "temperature": history.observed["temperature"] - own}
         lattice = hypothesis.scales.step.get(block.channel, 0.0)
-        out.append(block_noise(own, block, smooth_columns(inputs), lattice))
+        smooth = smooth_columns(history, inputs["temperature"])
+        out.append(block_noise(own, block, smooth, lattice, recorded_columns(inputs, smooth)))
     return tuple(out)
 
 
-def smooth_columns(inputs: Mapping[str, Floats], most: int = SMOOTH) -> Floats:
-    """What a model may miss without it being noise, as orthonormal columns, shape (n, k).
+def smooth_columns(history: History, temperature: Floats, most: int = SMOOTH) -> Floats:
+    """What a model may miss without it being noise, shape (n, k); at most so many splines on each branch."""
+    v = history.inputs
+    branch = one_of_each(v["branch"])
+    count = int(np.clip(history.n // (12 * branch.shape[1]), 4, most))
+    cycle = one_of_each(grouped(v["cycle"]))
+    parts = [times(branch, bumps(temperature, count))]
+    if cycle.shape[1] > 1:
+        parts.append(cycle[:, 1:])
+    return np.concatenate(parts, axis=1)
+
+
+def recorded_columns(inputs: Mapping[str, Floats], smooth: Floats) -> Floats:
+    """Smooth functions of what else was recorded, orthonormal and free of the columns `smooth` (n, k), shape (n, j).
 
     Parameters
     ----------
     inputs : mapping of str to ndarray, shape (n,)
         Of a history.
-    most : int
-        Splines of temperature on each branch, at most.
+    smooth : ndarray, shape (n, k)
     """
-    branch = one_of_each(inputs["branch"])
-    n = inputs["branch"].size
-    count = int(np.clip(n // (12 * branch.shape[1]), 4, most))
-    parts = [times(branch, bumps(inputs["temperature"], count)), one_of_each(grouped(inputs["cycle"]))]
+    n, parts = len(smooth), []
     for name, few in RECORDED.items():
         x = inputs.get(name)
         if x is None or (name == "order" and "time" in inputs) or np.ptp(x) <= 1e-9 * np.max(np.abs(x)):
             continue
-        parts.append(bumps(x, min(few, n // EACH, np.unique(x).size)))
-    basis, size, _ = np.linalg.svd(np.concatenate(parts, axis=1), full_matrices=False)
-    return np.asarray(basis[:, size > INDEPENDENT * size[0]])
+        count = min(few, n // EACH, np.unique(x).size)
+        if count > 1:
+            parts.append(bumps(x, count))
+    if not parts:
+        return np.empty((n, 0))
+    columns = np.concatenate(parts, axis=1)
+    axes, size, _ = np.linalg.svd(smooth, full_matrices=False)
+    axes = axes[:, size > INDEPENDENT * size[0]]
+    basis, own, _ = np.linalg.svd(columns - axes @ (axes.T @ columns), full_matrices=False)
+    return np.asarray(basis[:, own > INDEPENDENT * np.linalg.norm(columns, axis=0).max()])
 
 
-def block_noise(residual: Floats, block: Block, smooth: Floats, lattice: float = 0.0) -> BlockNoise:
+def block_noise(
+    residual: Floats, block: Block, smooth: Floats, lattice: float = 0.0, recorded: Floats | None = None
+) -> BlockNoise:
     """Standard deviation and memory of greatest restricted likelihood.
 
     The memory is either one number a sample or falls exponentially in time, whichever is likelier.
@@ -207,14 +226,17 @@ def block_noise(residual: Floats, block: Block, smooth: Floats, lattice: float =
     lattice : float
         Distance of neighbouring readings. Where it is wider than the innovations, these are 0 or a step, which no
         distribution with heavy tails describes.
+    recorded : ndarray, shape (n, j), optional
+        More such columns; see `recorded_columns`.
     """
-    noise, innovations = _likeliest(residual, block, smooth, 1.0)
+    more = np.empty((residual.size, 0)) if recorded is None else recorded
+    noise, innovations = _likeliest(residual, block, smooth, more, 1.0)
     narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
     for _ in range(REWEIGHTED if lattice < narrowest else 0):
         scale = tail_scale(innovations)
         if scale is None:
             break
-        noise, innovations = _likeliest(residual, block, smooth, scale)
+        noise, innovations = _likeliest(residual, block, smooth, more, scale)
     return noise
 
 
@@ -244,7 +266,7 @@ def tail_scale(innovations: Floats) -> Floats | None:
 
 
 def _likeliest(
-    residual: Floats, block: Block, smooth: Floats, scale: Floats | float
+    residual: Floats, block: Block, smooth: Floats, recorded: Floats, scale: Floats | float
 ) -> tuple[BlockNoise, Floats]:
     """Noise of greatest restricted likelihood for given scales, and the innovations without their scales."""
     follows = ~block.first
@@ -256,7 +278,7 @@ def _likeliest(
     for i, form in enumerate(forms):
         for phi in MEMORIES if i == 0 else MEMORIES[MEMORIES > 0.0]:
             memory = np.where(follows, np.sign(phi) * np.abs(phi) ** form, 0.0)
-            found.append(_restricted(residual, memory, smooth, scale))
+            found.append(_restricted(residual, memory, smooth, recorded, scale))
     value = np.array([f[0] for f in found])
     likely = value + np.array([f[2] for f in found])
     probability = np.exp(likely - likely.max())
@@ -264,7 +286,7 @@ def _likeliest(
     probability = probability / probability.sum()
     others = tuple((float(p), f[1]) for p, f in zip(probability, found, strict=True) if p > 0.0)
     best = replace(found[int(np.argmax(value))][1], others=others)
-    w, columns = best.whiten(residual), best.whiten(smooth.T).T
+    w, columns = best.whiten(residual), best.whiten(np.concatenate([smooth, recorded], axis=1).T).T
     left = w - columns @ np.linalg.lstsq(columns, w, rcond=1e-9)[0]
     return best, np.asarray(left * scale)
 
@@ -285,22 +307,26 @@ def scatter(residual: Floats, block: Block) -> float:
 
 
 def _restricted(
-    residual: Floats, memory: Floats, smooth: Floats, scale: Floats | float
+    residual: Floats, memory: Floats, smooth: Floats, recorded: Floats, scale: Floats | float
 ) -> tuple[float, BlockNoise, float]:
     """Restricted log likelihood of a memory, up to a constant, with the standard deviation that goes with it.
 
-    And the logarithm of the probability that noise alone puts no more into the smooth columns than was found there.
+    And the logarithm of the probability that noise alone puts no more into the recorded columns than was found there.
     What is there may be misfit, so it can't speak for a long memory; but where little is there, it speaks against one.
     """
     unit = BlockNoise(1.0, memory, scale)
-    w, columns = unit.whiten(residual), unit.whiten(smooth.T).T
+    w, columns = unit.whiten(residual), unit.whiten(np.concatenate([smooth, recorded], axis=1).T).T
     gram = columns.T @ columns
     gram[np.diag_indices_from(gram)] += 1e-9 * np.trace(gram) / len(gram)
     pull = columns.T @ w
-    free = max(residual.size - len(gram), 1)
+    few = smooth.shape[1]
     described = float(pull @ np.linalg.solve(gram, pull))
+    free = max(residual.size - len(gram), 1)
     squares = max(float(w @ w) - described, 1e-300)
     sd = np.sqrt(squares / free)
     value = -free * np.log(sd) - 0.5 * np.log1p(-(memory**2)).sum() - 0.5 * float(np.linalg.slogdet(gram)[1])
-    smoothly = stats.chi2.logcdf(described / sd**2, max(len(gram) - ABSORBED, 1))
-    return value, BlockNoise(float(sd), memory, scale), max(float(smoothly), -1e3)
+    against = 0.0
+    if recorded.shape[1]:
+        more = described - float(pull[:few] @ np.linalg.solve(gram[:few, :few], pull[:few]))
+        against = float(stats.chi2.logcdf(max(more, 0.0) / sd**2, recorded.shape[1]))
+    return value, BlockNoise(float(sd), memory, scale), max(against, -1e3)

@@ -102,7 +102,7 @@ class Spectra:
         parts = []
         for block, noise in zip(self.fitted.blocks, self.fitted.noise, strict=True):
             history = histories[block.history]
-            smooth = smooth_columns(history.inputs, FINE)
+            smooth = smooth_columns(history, history.inputs["temperature"], FINE)
             parts.append(_Spectrum(block, *_clock(history), np.linalg.qr(noise.whiten(smooth.T).T)[0]))
         return tuple(p for p in parts if p.frequencies.size > 2 * BESIDE[1])
 

@@ -189,7 +189,11 @@ def study_from(
         tell(f"looking for disagreements, round {len(steps) + 1}")
         least = max(WORTH, FURTHER * explained)
         found = [one_round(current, effects, rng, last=len(steps) == MOST, least=least)]
-        if found[0].chosen is None and len(steps) <= MOST - 2:
+        if (
+            found[0].chosen is None
+            and len(steps) <= MOST - 2
+            and _lacking(found[0], bare, current, explained)
+        ):
             tell(f"trying several effects at once, round {len(steps) + 1}")
             found = several_rounds(found[0], effects, rng, least, most=MOST - len(steps)) or found
         steps += found
@@ -381,6 +385,11 @@ def _start_from(fitted: Fitted, hypothesis: Hypothesis) -> Floats:
     """Mode of a fit, in the order of a hypothesis with the same parameters or fewer."""
     z = dict(zip([p.name for p in fitted.hypothesis.space.free], fitted.z.tolist(), strict=True))
     return np.array([z[p.name] for p in hypothesis.space.free])
+
+
+def _lacking(last: Step, bare: Fitted, current: Fitted, explained: float) -> bool:
+    """Whether the effects that there are carry too little for a name."""
+    return last.look.p_value <= SIGNIFICANT and _carried(last.look, bare, current, explained) < CARRIED
 
 
 def _carried(left: Look, bare: Fitted, final: Fitted, explained: float) -> float:

@@ -13,6 +13,7 @@ from sma_bayes.gap.noise import (
     BlockNoise,
     block_noise,
     blocks_of,
+    recorded_columns,
     smooth_columns,
     tail_scale,
     whiten,
@@ -32,7 +33,7 @@ def history(rig) -> History:
 
 @pytest.fixture(scope="module")
 def smooth(history: History) -> Floats:
-    return smooth_columns(history.inputs)
+    return smooth_columns(history, history.inputs["temperature"])
 
 
 def correlation(phi: float, clock: Floats, segment: Floats) -> Floats:
@@ -173,19 +174,24 @@ def test_a_misfit_that_repeats_does_not_pass_for_noise(history: History, smooth:
     assert there.sd == pytest.approx(plain.sd, rel=0.15)
 
 
-def test_what_follows_something_recorded_does_not_pass_for_memory(history: History) -> None:
+def test_what_follows_something_recorded_does_not_pass_for_memory(history: History, smooth: Floats) -> None:
     """A load cell that follows the room: three times as much as white noise, and as slow."""
     time = history.inputs["time"]
     room = 22.0 + np.sin(2.0 * np.pi * 1.4 * time / np.ptp(time))
-    white = np.random.default_rng(4).standard_normal(time.size)
-    series = 4.0 * (room - 22.0) + white
-    found = block_noise(
-        series,
-        block_of(history, np.ones(time.size)),
-        smooth_columns({**history.inputs, "ambient_temperature": room}),
-    )
-    assert abs(float(np.median(found.memory))) < 0.4  # three standard errors; as memory it would be 0.9
-    assert found.sd == pytest.approx(1.0, abs=0.25)
+    series = 4.0 * (room - 22.0) + np.random.default_rng(4).standard_normal(time.size)
+    block = block_of(history, np.ones(time.size))
+    more = recorded_columns({**history.inputs, "ambient_temperature": room}, smooth)
+    assert np.median(block_noise(series, block, smooth).memory) > 0.7
+    found = block_noise(series, block, smooth, recorded=more)
+    assert abs(float(np.median(found.memory))) < 0.3
+    assert found.sd == pytest.approx(1.0, abs=0.2)  # three standard errors
+
+
+def test_recorded_columns_are_orthonormal_and_new(history: History, smooth: Floats) -> None:
+    more = recorded_columns(history.inputs, smooth)
+    assert more.shape[1] > 4
+    np.testing.assert_allclose(more.T @ more, np.eye(more.shape[1]), atol=1e-9)
+    np.testing.assert_allclose(smooth.T @ more, 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("phi", [-0.4, 0.0, 0.85])
