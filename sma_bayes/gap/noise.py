@@ -2,10 +2,11 @@
 
 Noise of each history and channel is an AR(1) series, in sample index or in time. What a model misses looks like memory
 too: estimated from its residuals, the memory would swallow the very disagreement that is looked for. So it is
-estimated from what is left after smooth functions of temperature on each branch, of time and of whatever else was
-recorded, and a level of each cycle, have been taken out, by restricted likelihood, which counts the freedom that they
-use up. Noise without any misfit is then estimated without bias, and a misfit that repeats from cycle to cycle, or
-follows something recorded, does not pass for noise. All hypotheses of a round share the estimate.
+estimated from what is left after smooth functions of temperature on each branch, and a level of each cycle, have been
+taken out, by restricted likelihood, which counts the freedom that they use up; and smooth functions of time and of
+whatever else was recorded as well, where these describe more than noise does. Noise without any misfit is then
+estimated without bias, and a misfit that repeats from cycle to cycle, or follows something recorded, does not pass for
+noise. All hypotheses of a round share the estimate.
 """
 
 from __future__ import annotations
@@ -42,11 +43,10 @@ TURNS = 20
 """How often weight and width of a t distribution are found in turn."""
 SMOOTH = 8
 """Splines of temperature on each branch that are taken out; fewer where samples are few."""
-RECORDED = {"time": 3, "order": 3, "ambient_temperature": 6, "rate": 6, "current": 5, "load": 5}
-"""Splines of what else was recorded that are taken out; of `order` only where time was not.
-
-Of time a parabola: a long memory is known by what is slow, and with more taken out none could be ruled out.
-"""
+RECORDED = {"time": 6, "order": 6, "ambient_temperature": 6, "rate": 6, "current": 5, "load": 5}
+"""Splines of what else was recorded that are tried; of `order` only where time was not."""
+BEYOND_NOISE = 1e-3
+"""Probability that noise puts as much into these, up to which they are taken out."""
 EACH = 40
 """Samples for each of these splines, at least."""
 INDEPENDENT = 1e-6
@@ -227,16 +227,22 @@ def block_noise(
         Distance of neighbouring readings. Where it is wider than the innovations, these are 0 or a step, which no
         distribution with heavy tails describes.
     recorded : ndarray, shape (n, j), optional
-        More such columns; see `recorded_columns`.
+        More such columns (see `recorded_columns`), taken out where they describe more than noise does. A long memory is
+        known by what is slow; with all that is slow taken out of every record it would be known far less well.
     """
-    more = np.empty((residual.size, 0)) if recorded is None else recorded
-    noise, innovations = _likeliest(residual, block, smooth, more, 1.0)
+    noise, innovations = _likeliest(residual, block, smooth, 1.0)
+    if recorded is not None and recorded.shape[1]:
+        both = np.concatenate([smooth, recorded], axis=1)
+        beside = _likeliest(residual, block, both, 1.0)
+        described = _squares(residual, beside[0], smooth) - _squares(residual, beside[0], both)
+        if stats.chi2.sf(described, recorded.shape[1]) < BEYOND_NOISE:
+            smooth, (noise, innovations) = both, beside
     narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
     for _ in range(REWEIGHTED if lattice < narrowest else 0):
         scale = tail_scale(innovations)
         if scale is None:
             break
-        noise, innovations = _likeliest(residual, block, smooth, more, scale)
+        noise, innovations = _likeliest(residual, block, smooth, scale)
     return noise
 
 
@@ -266,7 +272,7 @@ def tail_scale(innovations: Floats) -> Floats | None:
 
 
 def _likeliest(
-    residual: Floats, block: Block, smooth: Floats, recorded: Floats, scale: Floats | float
+    residual: Floats, block: Block, smooth: Floats, scale: Floats | float
 ) -> tuple[BlockNoise, Floats]:
     """Noise of greatest restricted likelihood for given scales, and the innovations without their scales."""
     follows = ~block.first
@@ -278,15 +284,14 @@ def _likeliest(
     for i, form in enumerate(forms):
         for phi in MEMORIES if i == 0 else MEMORIES[MEMORIES > 0.0]:
             memory = np.where(follows, np.sign(phi) * np.abs(phi) ** form, 0.0)
-            found.append(_restricted(residual, memory, smooth, recorded, scale))
+            found.append(_restricted(residual, memory, smooth, scale))
     value = np.array([f[0] for f in found])
-    likely = value + np.array([f[2] for f in found])
-    probability = np.exp(likely - likely.max())
+    probability = np.exp(value - value.max())
     probability = np.where(probability < PROBABLE, 0.0, probability)
     probability = probability / probability.sum()
     others = tuple((float(p), f[1]) for p, f in zip(probability, found, strict=True) if p > 0.0)
     best = replace(found[int(np.argmax(value))][1], others=others)
-    w, columns = best.whiten(residual), best.whiten(np.concatenate([smooth, recorded], axis=1).T).T
+    w, columns = best.whiten(residual), best.whiten(smooth.T).T
     left = w - columns @ np.linalg.lstsq(columns, w, rcond=1e-9)[0]
     return best, np.asarray(left * scale)
 
@@ -306,27 +311,23 @@ def scatter(residual: Floats, block: Block) -> float:
     return float(np.median(np.abs(steps)) / (MEDIAN_OF_NORMAL * np.sqrt(2.0))) if steps.size else 0.0
 
 
-def _restricted(
-    residual: Floats, memory: Floats, smooth: Floats, recorded: Floats, scale: Floats | float
-) -> tuple[float, BlockNoise, float]:
-    """Restricted log likelihood of a memory, up to a constant, with the standard deviation that goes with it.
+def _squares(residual: Floats, noise: BlockNoise, columns: Floats) -> float:
+    """Sum of squared innovations that columns leave."""
+    w, basis = noise.whiten(residual), np.linalg.qr(noise.whiten(columns.T).T)[0]
+    return float(w @ w - np.sum((basis.T @ w) ** 2))
 
-    And the logarithm of the probability that noise alone puts no more into the recorded columns than was found there.
-    What is there may be misfit, so it can't speak for a long memory; but where little is there, it speaks against one.
-    """
+
+def _restricted(
+    residual: Floats, memory: Floats, smooth: Floats, scale: Floats | float
+) -> tuple[float, BlockNoise]:
+    """Restricted log likelihood of a memory, up to a constant, with the standard deviation that goes with it."""
     unit = BlockNoise(1.0, memory, scale)
-    w, columns = unit.whiten(residual), unit.whiten(np.concatenate([smooth, recorded], axis=1).T).T
+    w, columns = unit.whiten(residual), unit.whiten(smooth.T).T
     gram = columns.T @ columns
     gram[np.diag_indices_from(gram)] += 1e-9 * np.trace(gram) / len(gram)
     pull = columns.T @ w
-    few = smooth.shape[1]
-    described = float(pull @ np.linalg.solve(gram, pull))
     free = max(residual.size - len(gram), 1)
-    squares = max(float(w @ w) - described, 1e-300)
+    squares = max(float(w @ w - pull @ np.linalg.solve(gram, pull)), 1e-300)
     sd = np.sqrt(squares / free)
     value = -free * np.log(sd) - 0.5 * np.log1p(-(memory**2)).sum() - 0.5 * float(np.linalg.slogdet(gram)[1])
-    against = 0.0
-    if recorded.shape[1]:
-        more = described - float(pull[:few] @ np.linalg.solve(gram[:few, :few], pull[:few]))
-        against = float(stats.chi2.logcdf(max(more, 0.0) / sd**2, recorded.shape[1]))
-    return value, BlockNoise(float(sd), memory, scale), max(against, -1e3)
+    return value, BlockNoise(float(sd), memory, scale)
