@@ -9,7 +9,7 @@ from sma_bayes.effects import EFFECTS
 from sma_bayes.gap.finite import STRONG, gained_in_steps
 from sma_bayes.gap.fitting import fit_hypothesis, fit_with_noise
 from sma_bayes.gap.hypothesis import baseline
-from sma_bayes.gap.name import FAR_BELOW, screen, screen_all
+from sma_bayes.gap.name import screen, screen_all
 from sma_bayes.gap.study import baseline_start, study_from
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import histories
@@ -33,13 +33,13 @@ def far_apart(rig):
 
 
 def test_a_shift_wider_than_the_transformation_is_found_in_steps(far_apart) -> None:
-    """Its signature alone is far from the best, too far to be refitted."""
+    """Its signature alone shows a part of what a fit gains by it."""
     screened, _ = screen_all(far_apart, EFFECTS.values())
     own = next(s for s in screened if s.effect.id == "stress_shift")
-    assert own.gain < FAR_BELOW * screened[0].gain
     in_steps = {s.effect.id: gained_in_steps(far_apart, s.effect, s.start) for s in screened}
     gain, start = in_steps["stress_shift"]
     assert gain == max(g for g, _ in in_steps.values())
+    assert own.gain < 0.8 * gain
     full = fit_hypothesis(far_apart.hypothesis.extended(own.effect), start, far_apart.noise)
     assert full.theta[-1] == pytest.approx(SHIFT, rel=0.03)
     assert 0.9 * gain < full.log_likelihood - far_apart.log_likelihood
