@@ -23,7 +23,7 @@ ACTIVATION = 2.0e4
 """Activation energy of creep over the gas constant [K]: 166 kJ/mol."""
 ZERO = 273.15
 LOAD = 1.5
-"""Load [N] for which sizes that depend on it are stated."""
+"""Load [N] for which the compliance of contacts is stated."""
 
 
 # --- the transformation, and the heat it takes part in ----------------------------------------------
@@ -174,10 +174,10 @@ def _training(state: State, size: float, traits: Traits) -> State:
 
 
 def _stress_stroke(state: State, size: float, traits: Traits) -> State:
-    """Martensite oriented by stress: its strain grows with a power of the load."""
+    """Martensite is oriented by the load above a critical one only."""
     c = state.course
     low, span = (getattr(c.spring.curves["displacement", "heating"], k) for k in ("low", "span"))
-    grown = size * LOAD * (c.setting.load / LOAD) ** traits["power"]
+    grown = size * max(c.setting.load - traits["critical"], 0.0)
     return replace(state, displacement=low + span + (state.displacement - low - span) * (1.0 + grown))
 
 
@@ -231,11 +231,11 @@ def _bias_spring(state: State, size: float, traits: Traits) -> State:
 
 
 def _thermocouple_lag(state: State, size: float, traits: Traits) -> State:
-    """A sensor with two time constants: a part that follows at once and one that takes its time."""
+    """A sensor with two time constants: its junction, and a part of the heat that goes by way of its mount."""
     c = state.course
     quick, slow = (
         follow(state.reading, c.time, tau, float(state.reading[0]))
-        for tau in (traits["quick"] * size, traits["slow"] * size)
+        for tau in (size, max(traits["slow"] * size, 1e-6))
     )
     return replace(state, reading=(1.0 - traits["part"]) * quick + traits["part"] * slow)
 
@@ -333,7 +333,7 @@ SECOND = (
     ),
     Mechanism(
         "stress_stroke", Stage.MECHANICS, _stress_stroke, "1/N", 1e-3, 1.0,
-        lambda rng: {"power": rng.uniform(0.6, 0.9)},
+        lambda rng: {"critical": rng.uniform(1.05, 1.3)},
     ),
     Mechanism(
         "amplitude_fatigue", Stage.MECHANICS, _amplitude_fatigue, "1", 1e-4, 1e-2,
@@ -358,7 +358,7 @@ SECOND = (
     ),
     Mechanism(
         "thermocouple_lag", Stage.INSTRUMENT, _thermocouple_lag, "s", 0.05, 5.0,
-        lambda rng: {"quick": rng.uniform(0.3, 0.7), "slow": rng.uniform(2.0, 4.0), "part": rng.uniform(0.2, 0.5)},
+        lambda rng: {"slow": rng.uniform(100.0, 300.0), "part": rng.uniform(0.03, 0.1)},
     ),
     Mechanism(
         "contact_error", Stage.INSTRUMENT, _contact_error, "1", 0.01, 0.3,

@@ -62,13 +62,14 @@ def test_without_a_mechanism_temperature_is_the_heat_balance_of_the_recorded_cur
 @pytest.mark.parametrize("design", DESIGNS)
 def test_histories_are_reassembled_in_order_without_interruption(design: str) -> None:
     case = hide("none", 10.0, design=design)
+    cycles = 1 if design == "one_cycle" else 5
     for clean, history in zip(case.clean, histories(case.campaign), strict=True):
-        assert history.n == 1000
-        np.testing.assert_array_equal(history.row, np.arange(1000) + 2)
+        assert history.n == 200 * cycles
+        np.testing.assert_array_equal(history.row, np.arange(200 * cycles) + 2)
         assert np.all(np.diff(history.inputs["time"]) > 0.0)
         assert np.unique(history.inputs["stretch"]).size == 1
-        assert np.unique(history.inputs["segment"]).size == 10
-        np.testing.assert_array_equal(np.unique(history.inputs["cycle"]), [1, 2, 3, 4, 5])
+        assert np.unique(history.inputs["segment"]).size == 2 * cycles
+        np.testing.assert_array_equal(np.unique(history.inputs["cycle"]), np.arange(cycles) + 1)
         np.testing.assert_array_equal(history.inputs["branch"] > 0, clean.heating)
         assert ("temperature" in history.observed) == design.startswith("thermal")
 
@@ -263,10 +264,11 @@ def test_ends_of_a_spring_with_a_gradient_are_cooler_by_the_stated_amount() -> N
 
 
 def left_by(effect: str, law: str) -> np.ndarray:
-    """What the plain model does not absorb of a mechanism of 30 sigma, as a vector of length 1."""
+    """What the plain model does not absorb of a mechanism, as a vector of length 1."""
     design = "ladder" if effect in ("minor_loop", "temperature_gradient") else design_of(effect)
-    case = hide(effect, 30.0, "white", design, seed=3, law=law)
-    assert case.sigma == pytest.approx(30.0, rel=0.02)
+    sigma = 2.5 if effect == "fixture_compliance" else 30.0  # curves of their own take up more of it
+    case = hide(effect, sigma, "white", design, seed=3, law=law)
+    assert case.sigma == pytest.approx(sigma, rel=0.02)
     left = leftover(case.clean, NOISES["white"], case.noise_sd, pooled=True)
     whole = np.concatenate([part for parts in left.values() for part in parts])
     return np.asarray(whole / np.linalg.norm(whole))
