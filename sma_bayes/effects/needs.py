@@ -190,8 +190,10 @@ def _flat_tops(histories: Sequence[History]) -> str:
     _, count = np.unique(force, return_counts=True)
     usual = float(np.quantile(count[:-1], 0.99)) if count.size > 1 else 0.0
     below = force < 0.5 * (force.min() + force.max())
-    steps = np.diff(force)[below[1:] & below[:-1]]
-    noise = float(np.median(np.abs(steps))) / (MEDIAN_OF_NORMAL * np.sqrt(2.0)) if steps.size else 0.0
+    bends = np.diff(force, 2)[below[1:-1] & below[2:] & below[:-2]]
+    noise = float(np.median(np.abs(bends))) / (MEDIAN_OF_NORMAL * np.sqrt(6.0)) if bends.size else 0.0
+    if bends[1:] @ bends[:-1] >= 0.0:  # a curve bends the same way for a while, noise does not
+        noise = 0.0
     highest = np.sort(force)[-max(LEAST_CUT, force.size // 100) :]
     again = count[-1] >= max(5.0, 3.0 * usual)
     return "" if again or np.ptp(highest) < NEARLY * noise else "the greatest force is not cut off"

@@ -78,6 +78,22 @@ def test_a_cell_has_no_time_to_warm(measured: tuple[History, ...]) -> None:
 def test_cut_tops_and_lattices(measured, suited) -> None:
     assert NEEDS["flat_tops"](measured) != ""
     assert NEEDS["flat_tops"](suited["saturation"]) == ""
+    rng = np.random.default_rng(0)
+
+    def noisy(histories, sd: float) -> list[History]:
+        return [
+            replace(h, observed={**h.observed, "force": h.observed["force"] + sd * rng.standard_normal(h.n)})
+            for h in histories
+        ]
+
+    span = float(np.ptp(measured[0].observed["force"]))
+    loud = noisy(measured, 0.01 * span)
+    top = [np.quantile(h.observed["force"], 0.75) for h in loud]
+    cut = [
+        replace(h, observed={**h.observed, "force": np.minimum(h.observed["force"], min(top))}) for h in loud
+    ]
+    assert NEEDS["flat_tops"](loud) != ""
+    assert NEEDS["flat_tops"](noisy(cut, 0.001 * span)) == ""
     assert NEEDS["lattice"](measured) != ""
     assert NEEDS["lattice"](suited["quantisation"]) == ""
 
