@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmark_gap import read, with_tables
 
 from sma_bayes.effects import EFFECTS
 from sma_bayes.gap import study
@@ -35,13 +34,6 @@ def explanation() -> str:
 def test_thresholds_are_those_in_force(explanation: str) -> None:
     told = re.findall(r"\| ([\d.e-]+) \| `(\w+)` \|", explanation)
     assert {key: float(value) for value, key in told} == THRESHOLDS
-
-
-def test_the_tables_of_the_benchmark_are_made_from_its_rows() -> None:
-    text = (DOCS / "gap_benchmark.md").read_text(encoding="utf-8")
-    rows = read(DOCS / "data" / "gap.csv")
-    assert rows
-    assert with_tables(text, rows) == text
 
 
 def test_every_effect_is_listed_with_its_title_and_no_other(explanation: str) -> None:

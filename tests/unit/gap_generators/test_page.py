@@ -1,0 +1,29 @@
+"""The page on the benchmark says what its rows say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from benchmark_gap import measured, read, with_tables
+
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+
+
+def test_the_tables_of_the_page_are_made_from_the_rows() -> None:
+    text = (DOCS / "gap_benchmark.md").read_text(encoding="utf-8")
+    rows = read(DOCS / "data" / "gap.csv")
+    assert rows
+    assert with_tables(text, rows) == text
+
+
+def test_a_rate_is_reached_or_missed_only_where_there_are_enough_campaigns() -> None:
+    def met(named: int, n: int) -> str:
+        rows = [
+            {"suite": "null", "curve": "sigmoid", "outcome": "confident" if i < named else "none"}
+            for i in range(n)
+        ]
+        return next(iter(measured(rows)))[3]
+
+    assert met(0, 20) == "open"  # the interval reaches up to 17 %
+    assert met(0, 1000) == met(8, 1000) == "yes"
+    assert met(3, 20) == met(30, 1000) == "**no**"
