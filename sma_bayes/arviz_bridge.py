@@ -10,6 +10,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+from sma_bayes.checksum import has_its_checksum
 from sma_bayes.errors import OutputError
 
 
@@ -38,16 +39,19 @@ def open_posterior(path: str | Path) -> Any:
     Raises
     ------
     OutputError
-        If there is no such file, or it is no posterior.
+        If there is no such file, it is no posterior, or it was changed since it was written.
     """
     place = Path(path)
     try:
+        changed = not has_its_checksum(place)
         # 1.x would guess the engine from the file, and say of one that is no NetCDF what else might be installed
         tree = arviz().from_netcdf(place, engine="h5netcdf")
     except (OSError, ValueError, KeyError) as error:
         raise _no_posterior(place, str(error)) from None
     if "posterior" not in tree:
         raise _no_posterior(place, "it has no group 'posterior'")
+    if changed:
+        raise _no_posterior(place, "its content does not have the checksum that it states")
     return tree
 
 

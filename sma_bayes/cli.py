@@ -20,7 +20,8 @@ import typer
 from sma_bayes import __version__
 from sma_bayes.account import Account
 from sma_bayes.errors import SmaBayesError
-from sma_bayes.interruption import interrupted
+from sma_bayes.interruption import ending_in_order, interrupted
+from sma_bayes.limits import SEED
 from sma_bayes.progress import LINE_S, log_lines
 
 T = TypeVar("T")
@@ -37,7 +38,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-Seed = Annotated[int, typer.Option(help="Decides every draw.", min=0)]
+Seed = Annotated[int, typer.Option(help="Decides every draw.", min=0, max=int(SEED.value))]
 Jobs = Annotated[int | None, typer.Option(help="Processes; by default one for each core.", min=1)]
 Priors = Annotated[
     str | None,
@@ -569,7 +570,9 @@ def paper(
         Path | None,
         typer.Option(help="Folder for the page that puts every table and claim to the test; takes minutes."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the page: decides the twin and every draw.", min=0)] = 0,
+    seed: Annotated[
+        int, typer.Option(help="Of the page: decides the twin and every draw.", min=0, max=int(SEED.value))
+    ] = 0,
     jobs: Jobs = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -614,12 +617,32 @@ def main() -> None:
     except Exception as error:
         if interrupted():  # then it follows from that
             raise
-        if isinstance(error, SmaBayesError):
-            print(f"error: {error}", file=sys.stderr)
+        told = error if isinstance(error, SmaBayesError) else _of_the_system(error)
+        if told is not None:
+            print(f"error: {told}", file=sys.stderr)
             sys.exit(2)
         traceback.print_exc()  # Python's own status for it, 1, would say that the run did not converge
         print("error: this is a mistake in sma_bayes, please report the lines above", file=sys.stderr)
         sys.exit(MISTAKE)
+
+
+def _of_the_system(error: Exception) -> SmaBayesError | None:
+    """What the system could not give: a file that can't be used, or memory."""
+    if isinstance(error, MemoryError):
+        return SmaBayesError(
+            "there is not enough memory" + (f" ({error})" if str(error) else ""),
+            expected="room for all data and draws",
+            remedy="give less data at a time, a smaller --jobs, or a machine with more memory",
+        )
+    if isinstance(error, OSError) and error.filename is not None:
+        name = str(error.filename)
+        return SmaBayesError(
+            f"can't be used: {error.strerror}",
+            file=name if len(name) <= 200 else f"{name[:100]}...",
+            expected="a file or folder that this user may read, or write where results go",
+            remedy="check path and permissions",
+        )
+    return None
 
 
 @contextmanager
@@ -709,3 +732,8 @@ def _finish(
     status = summary.get("exit_status", 0 if good else 1)
     if status:
         raise typer.Exit(status)
+
+
+if __name__ == "__main__":
+    with ending_in_order():
+        main()

@@ -55,6 +55,7 @@ def size_fact(channel: str, unit: str) -> ParameterFact:
         f"root mean square of what the curve of {channel} misses",
         "discrepancy",
         channel,
+        positive=True,
         prior={
             "family": "lognormal",
             "median": 0.01,

@@ -10,6 +10,9 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
 
+LONGEST_LINE = 2000
+"""Characters of a line of a message, beyond which it is shortened in its middle."""
+
 
 class SmaBayesError(Exception):
     """Base of all errors caused by input, by the call or by the place where output goes.
@@ -65,7 +68,7 @@ class SmaBayesError(Exception):
             lines.append(f"expected: {self.expected}")
         if self.remedy:
             lines.append(f"what to do: {self.remedy}")
-        return "\n".join(lines)
+        return "\n".join(_shortened(line) for line in lines)
 
     def __reduce__(self) -> tuple[object, ...]:  # survives the way back from a worker process
         return _rebuild, (
@@ -77,6 +80,11 @@ class SmaBayesError(Exception):
             self.expected,
             self.remedy,
         )
+
+
+def _shortened(line: str) -> str:
+    """Line of a message; what is quoted in it may be as long as a file."""
+    return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 200]} ... {line[-150:]}"
 
 
 def _rebuild(

@@ -10,7 +10,10 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from multiprocessing.process import BaseProcess
 
 SIGNALS: Final = tuple(s for name in ("SIGINT", "SIGTERM", "SIGHUP") if (s := getattr(signal, name, None)))
 """Signals that are heeded, as far as the platform has them."""
@@ -105,8 +108,17 @@ def _end_children() -> None:
         from multiprocessing import active_children
 
         for child in active_children():
-            child.kill()
+            kill(child)
             child.join()
+
+
+def kill(child: BaseProcess) -> None:
+    """End a process at once; those of loky have no method for it but SIGTERM, which they leave to their parent."""
+    if os.name != "posix":
+        child.terminate()
+    elif child.pid is not None:
+        with suppress(ProcessLookupError):
+            os.kill(child.pid, signal.SIGKILL)
 
 
 def _say() -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.errors import QuantityError, near_matches
+from sma_bayes.limits import MAGNITUDE, UNIT_CHARACTERS, UNIT_EXPONENT, UNIT_NESTING
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
@@ -127,6 +128,7 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
     array = np.asarray(values, dtype=float)
     if unit == to:
         return array.copy()
+    _require_unit_text(unit, what)
     if ARBITRARY in unit or ARBITRARY in to:  # also its reciprocal and the like
         raise QuantityError(
             f"{what} is in {unit!r}, which can't be turned into {to!r}",
@@ -148,7 +150,8 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
             else near_matches(unit, ("degC", "kelvin", "degF", "N", "mm", "percent", to)),
         ) from None
     try:
-        return np.asarray(ureg.Quantity(array, source).to(to).magnitude, dtype=float)
+        with np.errstate(over="ignore"):
+            return np.asarray(ureg.Quantity(array, source).to(to).magnitude, dtype=float)
     except (
         pint.errors.DimensionalityError,
         AssertionError,
@@ -161,6 +164,61 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
             if meant
             else "correct the unit or map the column to another quantity",
         ) from None
+
+
+_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+_RAISED = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+")
+_POWER = re.compile(r"\s*(?:\*\*|\^)\s*")
+_EXPONENT = re.compile(r"[-+]?\d{1,2}(?:\.\d{1,6})?(?![\w.])")  # up to UNIT_EXPONENT
+_FRACTION = re.compile(r"\(\s*[-+]?\d(?:\.\d{1,6})?\s*(?:/\s*\d\s*)?\)")
+_POWER_WORDS = re.compile(r"\b(?:squared?|cubed?|cubic|sq|cu)\b")
+
+
+def _require_unit_text(unit: str, what: str) -> None:
+    """Refuse a text whose value would take for ever to work out, such as ``9**9**9**9``: pint computes with it.
+
+    Raises
+    ------
+    QuantityError
+    """
+    shown = unit if len(unit) <= UNIT_CHARACTERS.value else f"{unit[:40]}..."
+    depth = deepest = 0
+    for character in unit:
+        depth += (character == "(") - (character == ")")
+        deepest = max(deepest, depth)
+    if len(unit) > UNIT_CHARACTERS.value:
+        found = f"has {len(unit)} characters"
+    elif deepest > UNIT_NESTING.value:
+        found = f"has {deepest} brackets inside each other"
+    elif not _powers_are_small(_RAISED.sub(lambda m: "**" + m[0].translate(_SUPERSCRIPTS), unit)):
+        found = "has exponents that no unit has"
+    else:
+        return
+    raise QuantityError(
+        f"unit {shown!r} of {what} {found}",
+        expected=f"at most {UNIT_CHARACTERS.value} characters and {UNIT_NESTING.value} brackets inside each other, and "
+        f"exponents up to {UNIT_EXPONENT.value} of a name or a bracket, one for each",
+        remedy="write the unit as a product of names, such as 'N/mm**2'",
+    )
+
+
+def _powers_are_small(unit: str) -> bool:
+    """Whether each exponent is a small number and belongs to a name, or to a bracket, of which two may have one."""
+    powers = list(_POWER.finditer(unit))
+    words = len(_POWER_WORDS.findall(unit))
+    if words > 2 or (words and powers):
+        return False
+    brackets = 0
+    for power in powers:
+        before = unit[: power.start()]
+        exponent = _EXPONENT.match(unit, power.end()) or _FRACTION.match(unit, power.end())
+        if exponent is None or _POWER.match(unit, exponent.end()):
+            return False
+        if before.endswith(")"):
+            brackets += 1
+        elif re.search(r"(?:^|[^\w.])[\d.]+$", before) or not before:  # a number, or nothing at all
+            return False
+    return brackets <= 2
 
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
@@ -179,9 +237,12 @@ def number_and_unit(text: str, *, what: str = "value") -> tuple[float, str]:
     >>> number_and_unit("130 N/m"), number_and_unit("1.3N/cm"), number_and_unit("-2e-3")
     ((130.0, 'N/m'), (1.3, 'N/cm'), (-0.002, ''))
     """
-    found = _NUMBER.fullmatch(text)
-    if found is None or not np.isfinite(float(found[1])):
-        raise QuantityError(f"{what} {text!r}", expected="a number with its unit, such as '130 N/m'")
+    found = _NUMBER.fullmatch(text[: 2 * int(UNIT_CHARACTERS.value)])
+    if found is None or not abs(float(found[1])) <= MAGNITUDE.value:
+        raise QuantityError(
+            f"{what} {text[:60]!r}",
+            expected=f"a number with its unit, such as '130 N/m', up to {MAGNITUDE.value:g}",
+        )
     return float(found[1]), found[2]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sma_bayes.checksum import add_checksum
 from sma_bayes.gap.outcome import GapOutcome
 from sma_bayes.gap.series import series_columns, series_of
 from sma_bayes.inference.ensembles import Draws
@@ -38,11 +39,12 @@ def write_study(folder: Path, outcome: GapOutcome, *, seed: int) -> None:
     """
     if outcome.draws is not None:
         tree = posterior_tree(outcome, outcome.draws, seed)
-        write_file(
-            folder / POSTERIOR,
-            lambda place: tree.to_netcdf(place, engine="h5netcdf"),
-            nbytes=int(tree.nbytes),
-        )
+
+        def write(place: Path) -> None:
+            tree.to_netcdf(place, engine="h5netcdf")
+            add_checksum(place)
+
+        write_file(folder / POSTERIOR, write, nbytes=int(tree.nbytes))
     write_csv(
         folder / SERIES, series_columns(outcome.study, series_of(outcome.study, outcome.flat)), digits=7
     )

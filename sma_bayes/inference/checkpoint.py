@@ -8,6 +8,7 @@ versions, and a mismatch is refused.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from typing import Any
 import h5py
 import numpy as np
 from emcee.backends import HDFBackend
+from numpy.typing import NDArray
 
 from sma_bayes.disk import NEEDED, reason, unwritable, writing
 from sma_bayes.errors import ResumeError
@@ -127,6 +129,7 @@ class Checkpoint:
                 _put(group, "random_position", number, np.array([position, has_gauss]))
                 _put(group, "random_gauss", number, np.array(gauss))
                 _put(group, "evaluations", number, np.array(block.evaluations))
+                _put(group, "digest", number, _digest(block))
                 group["accepted"][...] = group["block_accepted"][()].sum(axis=0)
                 for i, part in enumerate(block.random_state):
                     group.attrs[f"random_state_{i}"] = part
@@ -151,17 +154,28 @@ def _blocks(group: h5py.Group) -> list[Block]:
         random_state = (
             "MT19937", group["random_keys"][i], int(position), int(has_gauss), float(group["random_gauss"][i])
         )  # fmt: skip
-        out.append(
-            Block(
-                chain[start:end],
-                log_prob[start:end],
-                group["block_accepted"][i],
-                group[f"log_weight_{i}"][()],
-                random_state,
-                int(group["evaluations"][i]),
-            )
+        block = Block(
+            chain[start:end],
+            log_prob[start:end],
+            group["block_accepted"][i],
+            group[f"log_weight_{i}"][()],
+            random_state,
+            int(group["evaluations"][i]),
         )
+        if not np.array_equal(_digest(block), group["digest"][i]):
+            raise ValueError("a block is not as it was written")
+        out.append(block)
     return out
+
+
+def _digest(block: Block) -> NDArray[np.uint8]:
+    """SHA-256 of all that a block holds, shape (32,)."""
+    _, keys, position, has_gauss, gauss = block.random_state
+    rest = [position, has_gauss, gauss, block.evaluations]
+    digest = hashlib.sha256()
+    for part in (block.chain, block.log_prob, block.accepted, block.log_weight, keys, rest):
+        digest.update(np.ascontiguousarray(part, dtype=float).tobytes())
+    return np.frombuffer(digest.digest(), dtype=np.uint8)
 
 
 def _create(path: Path, fingerprint: str) -> None:
@@ -191,7 +205,7 @@ def _whole(path: Path) -> bool:
         return False
 
 
-def _put(group: h5py.Group, name: str, number: int, value: Floats) -> None:
+def _put(group: h5py.Group, name: str, number: int, value: Floats | NDArray[np.uint8]) -> None:
     """Write an entry behind `number` others."""
     if name not in group:
         group.create_dataset(name, data=value[None], maxshape=(None, *value.shape))

@@ -7,11 +7,11 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from multiprocessing import active_children, resource_tracker
-from typing import Any, Final
+from typing import Final
 
-from sma_bayes.interruption import SIGNALS
+from sma_bayes.interruption import SIGNALS, kill
 
 WATCH_S: Final = 0.5
 """How often a worker looks whether its parent still lives [s]."""
@@ -70,14 +70,5 @@ def stop_workers() -> None:
 
     for worker in children:
         if isinstance(worker, LokyProcess):
-            _kill(worker)
+            kill(worker)
             worker.join()
-
-
-def _kill(worker: Any) -> None:
-    """End a worker; those of loky know SIGTERM alone, which they leave to their parent."""
-    if os.name == "posix":
-        with suppress(ProcessLookupError):
-            os.kill(worker.pid, signal.SIGKILL)
-    else:
-        worker.terminate()

@@ -26,7 +26,12 @@ class AR1Time(MemoryNoise):
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         tau = ParameterFact(
-            f"{channel}_tau", time_unit, f"correlation time of the noise of {channel}", "tau", channel
+            f"{channel}_tau",
+            time_unit,
+            f"correlation time of the noise of {channel}",
+            "tau",
+            channel,
+            positive=True,
         )
         return (sd_fact(channel, unit), tau)
 

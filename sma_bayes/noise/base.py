@@ -311,5 +311,5 @@ def lag1(residual: Floats, steps: Steps) -> Floats:
 def sd_fact(channel: str, unit: str) -> ParameterFact:
     """The parameter that every noise model begins with."""
     return ParameterFact(
-        f"{channel}_sd", unit, f"standard deviation of the noise of {channel}", "sd", channel
+        f"{channel}_sd", unit, f"standard deviation of the noise of {channel}", "sd", channel, positive=True
     )

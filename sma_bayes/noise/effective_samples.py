@@ -48,7 +48,12 @@ class EffectiveSamples(MemoryNoise):
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         memory = ParameterFact(
-            f"{channel}_memory", "1", f"samples of {channel} that count as one", "memory", channel
+            f"{channel}_memory",
+            "1",
+            f"samples of {channel} that count as one",
+            "memory",
+            channel,
+            positive=True,
         )
         return (replace(sd_fact(channel, unit), prior_key="spread"), memory)
 

@@ -210,6 +210,7 @@ def temperature_sd_fact(unit: str) -> ParameterFact:
         "standard deviation of the error of the thermometer",
         "temperature_sd",
         "temperature",
+        positive=True,
         prior={
             "family": "lognormal",
             "median": 0.005,

@@ -58,7 +58,12 @@ class StudentT(NoiseModel):
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         nu = ParameterFact(
-            f"{channel}_nu", "1", f"degrees of freedom of the noise of {channel}", "nu", channel
+            f"{channel}_nu",
+            "1",
+            f"degrees of freedom of the noise of {channel}",
+            "nu",
+            channel,
+            positive=True,
         )
         return (*self.series.parameters(channel, unit, time_unit), nu)
 

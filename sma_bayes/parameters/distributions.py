@@ -19,6 +19,8 @@ from sma_bayes.errors import PriorError
 from sma_bayes.parameters.transforms import Identity, Log, Logit, Transform
 from sma_bayes.quantities import Floats
 
+LEAST_DF = 0.25
+"""Degrees of freedom below which draws of Student's t are beyond what floating-point numbers can be reckoned with."""
 _HALF_LN_2PI = 0.5 * math.log(2.0 * math.pi)
 
 
@@ -269,6 +271,10 @@ class StudentT:
 
     def __post_init__(self) -> None:
         _positive("df", self.df)
+        if self.df < LEAST_DF:
+            raise PriorError(
+                f"df = {self.df!r}", expected=f"at least {LEAST_DF:g}; 1 is a Cauchy distribution"
+            )
         _finite("mean", self.mean)
         _positive("scale", self.scale)
 

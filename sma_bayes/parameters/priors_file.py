@@ -21,8 +21,6 @@ first whose yardstick was observed is used::
 from __future__ import annotations
 
 import math
-import re
-import tomllib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -32,10 +30,12 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.errors import PriorError, QuantityError, near_matches
+from sma_bayes.limits import MAGNITUDE
 from sma_bayes.parameters.distributions import FAMILIES, Distribution
 from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import Parameter, ParameterFact
 from sma_bayes.quantities import CHANNELS, convert
+from sma_bayes.records.toml_table import declared_bytes, parsed_toml
 from sma_bayes.records.types import Branch
 
 SCHEMA = "sma-bayes/priors/1"
@@ -175,6 +175,14 @@ class PriorSet:
             given["sign"] = self._sign(belief, fact, scales)
         if belief.fixed is not None:
             fixed = shift + scale * belief.fixed
+            if fact.positive and not fixed > 0.0:
+                raise PriorError(
+                    f"{fact.name} is fixed at {fixed:g}",
+                    file=self.file,
+                    column=belief.where,
+                    expected="more than zero",
+                    remedy="give it a prior, or fix it at a value that it can have",
+                )
             return Parameter(
                 fact.name, fact.unit, fact.meaning, FAMILIES["normal"](fixed, 1.0), belief.source, fixed
             )
@@ -193,7 +201,18 @@ class PriorSet:
                 column=belief.where,
                 expected=", ".join(wanted),
             ) from None
-        if not np.diff(prior.quantile(np.array([0.25, 0.75])))[0] > 0.0:
+        within = prior.quantile(np.array([0.01, 0.25, 0.75, 0.99]))
+        with np.errstate(divide="ignore", over="ignore"):
+            inside = np.isfinite(prior.transform.to_sampled(within)).all()
+        if not inside:
+            raise PriorError(
+                f"{prior!r} holds a hundredth or more at an end of its range, as floating-point numbers have it",
+                file=self.file,
+                column=belief.where,
+                expected="draws that differ from the ends of the range",
+                remedy="put less there; a beta or gamma distribution needs shapes of some 0.1 or more",
+            )
+        if not within[2] > within[1]:
             raise PriorError(
                 f"{prior!r} is so narrow, or so far out, that its quartiles are one number",
                 file=self.file,
@@ -267,7 +286,7 @@ def read_priors(name_or_path: str | Path) -> PriorSet:
             )
         path = priors_folder() / f"{path.name}.toml"
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = declared_bytes(path).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise PriorError(
@@ -280,17 +299,7 @@ def read_priors(name_or_path: str | Path) -> PriorSet:
 @lru_cache(maxsize=32)
 def parse_priors(text: str, file: str) -> PriorSet:
     """Understand the text of a priors file; see `read_priors`."""
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        line = re.search(r"line (\d+)", str(error))
-        raise PriorError(
-            f"is not valid TOML: {error}",
-            file=file,
-            row=int(line[1]) if line else None,
-            expected="TOML; texts stand in quotation marks, decimals have a point",
-            remedy="correct that line",
-        ) from None
+    document = parsed_toml(text.encode(), Path(file), PriorError)
     if document.get("schema") != SCHEMA:
         raise PriorError(
             f"schema = {document.get('schema')!r}", file=file, column="schema", expected=f"{SCHEMA!r}"
@@ -387,6 +396,10 @@ def _entry(file: str, where: str, belief: Any) -> PriorEntry:
             continue
         elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise PriorError(f"{key} = {value!r}", file=file, column=where, expected="a finite number")
+        elif abs(value) > MAGNITUDE.value:
+            raise PriorError(
+                f"{key} = {value!r}", file=file, column=where, expected=f"a number up to {MAGNITUDE.value:g}"
+            )
     sign = belief.get("sign", "")
     return PriorEntry(
         numbers={k: float(v) for k, v in belief.items() if k not in _KEYS},

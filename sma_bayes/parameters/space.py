@@ -36,6 +36,8 @@ class ParameterFact:
         What it does to the curve of that channel.
     prior : mapping of str to object, optional
         Belief in force where a priors file does not speak of the parameter, written as in such a file.
+    positive : bool
+        Whether it must be more than zero.
     """
 
     name: str
@@ -45,6 +47,7 @@ class ParameterFact:
     channel: str = ""
     role: Role | None = None
     prior: Mapping[str, Any] | None = None
+    positive: bool = False
 
 
 @dataclass(frozen=True, slots=True)

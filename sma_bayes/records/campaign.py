@@ -9,6 +9,7 @@ from typing import Final
 
 from sma_bayes.records.declaration import Declaration, read_declaration
 from sma_bayes.records.mapping import read_run
+from sma_bayes.records.plausibility import implausible, named_otherwise, repeated_files, require_possible
 from sma_bayes.records.split import SplitSettings, split_run
 from sma_bayes.records.types import Campaign, Finding, Record
 
@@ -49,9 +50,11 @@ def read_campaign(
     findings: list[Finding] = []
     for condition in declaration.conditions:
         run, seen_reading = read_run(condition)
+        require_possible(run)
         parts, seen_splitting = split_run(run, condition.settings)
         records += parts
-        findings += (*seen_reading, *seen_splitting)
+        findings += (*named_otherwise(condition), *seen_reading, *implausible(run), *seen_splitting)
+    findings += repeated_files(declaration.conditions)
     return Campaign(
         name=declaration.name,
         source=str(declaration.source),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
@@ -17,10 +18,11 @@ from pydantic import (
 )
 
 from sma_bayes.errors import CampaignError, SmaBayesError, many, near_matches
+from sma_bayes.limits import ID_BYTES, ID_CHARACTERS
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, STANDARD_GRAVITY
 from sma_bayes.records.formats import Reading
 from sma_bayes.records.split import SplitSettings
-from sma_bayes.records.toml_table import StrictTable, as_toml, checked, parsed_toml
+from sma_bayes.records.toml_table import StrictTable, as_toml, checked, declared_bytes, parsed_toml
 from sma_bayes.records.types import Condition
 
 CAMPAIGN_FILE: Final = "campaign.toml"
@@ -148,10 +150,11 @@ class ConditionTable(StrictTable):
     @field_validator("id")
     @classmethod
     def _names_files(cls, name: str) -> str:
-        if not 0 < len(name) <= 80 or _NOT_IN_FILE_NAMES.search(name) or _DEVICE_NAMES.fullmatch(name):
+        too_long = len(name) > ID_CHARACTERS.value or len(name.encode()) > ID_BYTES.value
+        if not name or too_long or _NOT_IN_FILE_NAMES.search(name) or _DEVICE_NAMES.fullmatch(name):
             raise ValueError(
-                'an id that can stand in a file name: 1 to 80 characters, none of < > : " / \\ | ? *, '
-                "no blank or point at either end, no name of a device"
+                f"an id that can stand in a file name: 1 to {ID_CHARACTERS.value} characters, at most {ID_BYTES.value} "
+                'bytes in UTF-8, none of < > : " / \\ | ? *, no blank or point at either end, no name of a device'
             )
         return name
 
@@ -326,7 +329,7 @@ def read_declaration(path: Path, data_dir: Path | None, settings: SplitSettings)
                 remedy="leave --data out",
             )
         return _single_file(path, settings)
-    return parse_declaration(path.read_bytes(), path, data_dir, settings)
+    return parse_declaration(declared_bytes(path), path, data_dir, settings)
 
 
 def parse_declaration(
@@ -576,9 +579,11 @@ def _refuse_equal_ids(conditions: tuple[DeclaredCondition, ...], path: Path) -> 
     seen: dict[str, str] = {}
     for condition in conditions:
         name = condition.table.id
-        other = seen.get(name.casefold())
+        form = unicodedata.normalize("NFC", name).casefold()
+        other = seen.get(form)
         if other is not None:
-            how = "" if other == name else f", which differs from {other!r} only by case"
+            only = "by case" if other.casefold() == name.casefold() else "by how Unicode writes it"
+            how = "" if other == name else f", which differs from {other!r} only {only}"
             raise CampaignError(
                 f"two conditions have the id {name!r}{how}",
                 file=path,
@@ -586,7 +591,7 @@ def _refuse_equal_ids(conditions: tuple[DeclaredCondition, ...], path: Path) -> 
                 expected="ids that differ, because they name files",
                 remedy="rename one of them",
             )
-        seen[name.casefold()] = name
+        seen[form] = name
 
 
 def _similar(path: Path) -> str:

@@ -307,7 +307,8 @@ def _canonical(
             _require_signs(reading, row, declared, title)
         reading, outside = _within_limits(reading, row, column, title)
         findings += outside
-    value = (1.0 if column.scale is None else column.scale) * reading + (column.offset or 0.0)
+    with np.errstate(over="ignore"):  # refused as soon as the run is read
+        value = (1.0 if column.scale is None else column.scale) * reading + (column.offset or 0.0)
     unit = canonical_unit(quantity, column)
     try:
         if quantity == "load":

@@ -30,7 +30,7 @@ from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles
 from sma_bayes.report.fit_page import write_record_page, write_report
 from sma_bayes.report.gather import report_content
 from sma_bayes.report.methods import bibliography, methods_text
-from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
+from sma_bayes.report.outputs import band_path, posterior_of, read_band, read_run
 from sma_bayes.report.residuals import median_curves, standardised_residuals
 from sma_bayes.report.stored_draws import draws_of
 from sma_bayes.report.tables import report_tables, write_tables
@@ -201,6 +201,6 @@ def _tasks(folder: Path, content: Content, drawn: Drawn) -> list[FigureTask]:
 
 
 def _branch_data(folder: Path, record: RecordContent) -> BranchData:
-    stored = read_record(posterior_path(folder, record.key))
+    stored = posterior_of(folder, record.key, record.checksum)
     bands = {c.channel: read_band(band_path(folder, record.key, c.channel)) for c in record.channels}
     return BranchData(record, stored, bands, median_curves(stored))

@@ -304,6 +304,8 @@ class RecordContent:
     Attributes
     ----------
     key, condition, branch : str
+    checksum : str or None
+        Of the content of its posterior; None where an earlier version wrote it.
     converged, adequate : bool
     reasons : tuple of Reason
         Why it is not adequate; empty where it is.
@@ -341,6 +343,7 @@ class RecordContent:
     """
 
     key: str
+    checksum: str | None
     condition: str
     branch: str
     converged: bool

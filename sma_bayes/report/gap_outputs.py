@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.checksum import has_its_checksum
 from sma_bayes.errors import OutputError
 from sma_bayes.gap.store import POSTERIOR, SERIES
 from sma_bayes.quantities import Floats
@@ -131,6 +132,8 @@ def _samples(path: Path) -> Samples:
 def _draws(folder: Path) -> tuple[dict[str, Floats], dict[str, Floats]]:
     path = folder / POSTERIOR
     try:
+        if not has_its_checksum(path):
+            raise OSError("its content does not have the checksum that it states")
         with h5py.File(path, "r") as file:
             names = [n for n in file["prior"] if "." in n] if "prior" in file else []
             draws = {n: np.asarray(file["posterior"][n][:], dtype=float) for n in names}

@@ -41,7 +41,6 @@ STATISTICS: Final = {
     "lag1": "correlation of neighbours",
     "block_means": "mean residual by temperature",
     "sweep_means": "mean residual by sweep",
-    "left_out_sweeps": "sweeps left out",
     "sd_by_temperature": "spread by temperature",
     "sd_by_response": "spread by response",
     "pit": "shape of the noise",
@@ -131,6 +130,7 @@ def _record(r: Mapping[str, Any]) -> RecordContent:
     measured = {**quantities, "temperature": {"name": "temperature", "unit": temperature["unit"]}}
     return RecordContent(
         key=r["key"],
+        checksum=r.get("posterior_sha256"),
         condition=r["condition"],
         branch=r["branch"],
         converged=bool(r["converged"]),

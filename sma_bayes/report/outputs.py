@@ -11,14 +11,28 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
+from sma_bayes.checksum import KEY, netcdf_checksum
 from sma_bayes.discrepancy import DiscrepancyBasis
 from sma_bayes.errors import OutputError
 from sma_bayes.quantities import Floats
 from sma_bayes.results.documents import COMPARISON, CONDITIONS, FINISH, FIT, GAP, MARK, STUDY
-from sma_bayes.results.store import FUNCTIONS, NODE, WEIGHTS
+from sma_bayes.results.store import FUNCTIONS, NODE, WEIGHTS, unguarded_text
 
 BAND_COLUMNS: Final = ("q05", "q25", "q50", "q75", "q95", "pred_q05", "pred_q95")
 """Quantiles of a band that figures show."""
+
+
+_DAMAGED: Final = (
+    OSError,
+    KeyError,
+    ValueError,
+    TypeError,
+    RuntimeError,
+    AttributeError,
+    IndexError,
+    MemoryError,
+)
+"""What HDF5 and its readers raise of a damaged file."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +78,8 @@ class StoredRecord:
 
     Attributes
     ----------
+    key, checksum : str
+        Condition and branch, as `Record.key` has them, and the checksum of the content.
     model, noise : str
         Names of the response model and of the noise model.
     observed : mapping of str to ndarray, shape (n,)
@@ -81,6 +97,8 @@ class StoredRecord:
         Channel to nodes (k,), values of the functions there (k, f), and weights (G N, f) of what the curve misses.
     """
 
+    key: str
+    checksum: str
     model: str
     noise: str
     observed: Mapping[str, Floats]
@@ -229,7 +247,8 @@ def read_cells(path: Path) -> dict[str, tuple[str, ...]]:
     """
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
-    return dict(zip(header, zip(*rows, strict=True), strict=True))
+    columns = [tuple(map(unguarded_text, column)) for column in zip(*rows, strict=True)]
+    return dict(zip(map(unguarded_text, header), columns, strict=True))
 
 
 def floats(cells: tuple[str, ...]) -> Floats:
@@ -243,12 +262,49 @@ def read_record(path: Path) -> StoredRecord:
     Raises
     ------
     OutputError
-        If the file is not one that `fit` wrote.
+        If the file is not one that `fit` wrote, was changed since, or is that of another record.
     """
+    stored = _read_record(path)
+    if stored.key != path.stem:
+        raise OutputError(
+            f"holds the posterior of {stored.key!r}",
+            file=path,
+            expected=f"that of {path.stem!r}",
+            remedy="take the file from a copy; or fit again into another folder",
+        )
+    return stored
+
+
+def posterior_of(folder: Path, key: str, checksum: str | None) -> StoredRecord:
+    """Read the posterior that belongs to an entry of ``summary.json``, by its key and checksum.
+
+    Raises
+    ------
+    OutputError
+        As `read_record`; and if it is the posterior of another run.
+    """
+    path = posterior_path(folder, key)
+    stored = read_record(path)
+    if stored.checksum != checksum:
+        raise OutputError(
+            "is not the posterior that summary.json tells of",
+            file=path,
+            expected="the file that the same run wrote",
+            remedy="take both from one run; or fit again into another folder",
+        )
+    return stored
+
+
+def _read_record(path: Path) -> StoredRecord:
     try:
         with h5py.File(path, "r") as file:
+            checksum = netcdf_checksum(file)
+            if checksum != file.attrs[KEY]:
+                raise OSError("its content does not have the checksum that it states")
             constant, prior = file["constant_data"], file["prior_predictive"]
             return StoredRecord(
+                key=f"{file.attrs['condition']}-{file.attrs['branch']}",
+                checksum=checksum,
                 model=str(file.attrs["model"]),
                 noise=str(file.attrs["noise"]),
                 observed=_variables(file["observed_data"], skip={"obs", *constant}),
@@ -264,11 +320,11 @@ def read_record(path: Path) -> StoredRecord:
                 prior_temperature=np.asarray(prior["temperature"][:], dtype=float),
                 discrepancy=_discrepancy(constant, file["sample_stats"]),
             )  # fmt: skip
-    except (OSError, KeyError) as error:
+    except _DAMAGED as error:
         raise OutputError(
             f"can't be read as a posterior: {error}",
             file=path,
-            expected="NetCDF as fit writes it",
+            expected="NetCDF as fit wrote it",
             remedy=FINISH,
         ) from None
 

@@ -19,7 +19,7 @@ from sma_bayes.parameters.space import Parameter, ParameterSpace
 from sma_bayes.posterior import Place, Posterior
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
-from sma_bayes.report.outputs import StoredRecord, StoredRun, posterior_path, read_record, read_run
+from sma_bayes.report.outputs import StoredRecord, StoredRun, posterior_of, posterior_path, read_run
 from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.results.documents import FINISH
 from sma_bayes.results.fit import calibration_errors, calibrations_of
@@ -64,7 +64,7 @@ def draws_of(run: StoredRun, summary: Mapping[str, Any]) -> RecordDraws:
         If its posterior is damaged or does not belong to the summary.
     """
     path = posterior_path(run.folder, summary["key"])
-    stored = read_record(path)
+    stored = posterior_of(run.folder, summary["key"], summary.get("posterior_sha256"))
     try:
         posterior = _posterior(summary, stored)
         theta = np.stack([stored.draws[n].reshape(-1) for n in posterior.space.names], axis=-1)

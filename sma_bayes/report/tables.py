@@ -10,6 +10,7 @@ from typing import Final
 
 from sma_bayes.assess.adequacy import Missed
 from sma_bayes.assess.checks import CHECKED
+from sma_bayes.records.severity import severity
 from sma_bayes.report.content import (
     INTERVAL,
     PAPER_CORRELATION,
@@ -25,7 +26,6 @@ from sma_bayes.report.content import (
     RecordContent,
     TransformationTemperature,
 )
-from sma_bayes.report.findings import severity
 from sma_bayes.report.notation import (
     MISSING,
     interval_text,
@@ -612,8 +612,7 @@ def check_table(records: Sequence[RecordContent]) -> Table:
         "A statistic of the standardised residuals, memory of the noise taken out: measured (posterior median), and "
         "the 5 % and 95 % quantile of replicated data. The p-value is the share of replications beyond the measured "
         "one; near 0 or 1 the model misses something. It comes in steps of "
-        f"{1 / CHECKED:.3g}. Of sweeps left out it is exact: each is predicted from the others, the most different one "
-        "is measured, and all are paid for.",
+        f"{1 / CHECKED:.3g}.",
         (
             *_RECORD,
             Column("channel", "channel"),

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from sma_bayes.checksum import KEY, document_checksum
 from sma_bayes.errors import OutputError
+from sma_bayes.limits import DOCUMENT_BYTES
+from sma_bayes.results.store import plain
 
 MARK: Final = "run.json"
 """File that tells to which run a folder belongs."""
@@ -19,9 +23,15 @@ def read_mark(folder: Path) -> dict[str, Any] | None:
     """What the mark of a folder says; None where there is none, or none that says anything."""
     try:
         mark = json.loads((folder / MARK).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return mark if isinstance(mark, dict) else None
+
+
+def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Document as it is written: values that JSON knows, and a checksum of all of them."""
+    stated: dict[str, Any] = plain(document)
+    return {**stated, KEY: document_checksum(stated)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +82,16 @@ class Document:
                 remedy=FINISH,
             )
         try:
+            if path.stat().st_size > DOCUMENT_BYTES.value:
+                raise ValueError(f"it has more than {DOCUMENT_BYTES.value} bytes")
             found = json.loads(path.read_text(encoding="utf-8"))
+        except RecursionError:
+            raise OutputError(
+                "can't be read: values too deep inside each other",
+                file=path,
+                expected=f"JSON as {self.verb} writes it",
+                remedy=f"remove it and {AGAIN}",
+            ) from None
         except (OSError, ValueError) as error:
             raise OutputError(
                 f"can't be read: {error}",
@@ -95,6 +114,13 @@ class Document:
                 file=path,
                 expected=f"what this version of sma_bayes writes under the schema {self.schema!r}",
                 remedy=self._elsewhere,
+            )
+        if found.get(KEY) != document_checksum(found):
+            raise OutputError(
+                "is not as it was written: its content does not have the checksum that it states",
+                file=path,
+                expected=f"what {self.verb} wrote, unchanged",
+                remedy=f"take it from a copy; or remove it and {AGAIN}",
             )
         return dict(found)
 

@@ -43,6 +43,8 @@ PACKED_GROUPS = ("log_likelihood", "posterior_predictive", "prior_predictive")
 """Groups that are compressed; what is rounded to a power of two takes a third of the room then."""
 
 
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""How a cell begins that spreadsheets take for a formula (OWASP, "CSV Injection")."""
 UNFINISHED = ".unfinished-"
 """How the names of files begin that are being written."""
 
@@ -114,7 +116,10 @@ def write_csv(path: Path, columns: Mapping[str, Any], digits: int = 9) -> None:
     """Write columns of equal length as CSV with a header."""
     form = f"%.{digits}g"
     cells = [_cells(np.asarray(values), form) for values in columns.values()]
-    rows = [",".join(columns), *(",".join(row) for row in zip(*cells, strict=True))]
+    rows = [
+        ",".join(_cell(name, form) for name in columns),
+        *(",".join(row) for row in zip(*cells, strict=True)),
+    ]
     write_text(path, "\n".join(rows) + "\n")
 
 
@@ -131,8 +136,24 @@ def _cell(value: Any, form: str) -> str:
         return str(int(value))
     if isinstance(value, float | np.floating):
         return form % value if np.isfinite(value) else ""
-    text = str(value)
+    text = guarded_text(str(value))
     return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\n') else text
+
+
+def guarded_text(text: str) -> str:
+    """Text that a spreadsheet takes for text: one that begins as a formula does gets an apostrophe before it.
+
+    Examples
+    --------
+    >>> guarded_text("=cmd()"), guarded_text("2A-150g")
+    ("'=cmd()", '2A-150g')
+    """
+    return f"'{text}" if text.lstrip("'").startswith(FORMULA) else text
+
+
+def unguarded_text(text: str) -> str:
+    """Text as it was before `guarded_text`."""
+    return text[1:] if text.startswith("'") and text.lstrip("'").startswith(FORMULA) else text
 
 
 def plain(value: Any) -> Any:
@@ -150,7 +171,7 @@ def plain(value: Any) -> Any:
     return value if value is None else str(value)
 
 
-def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, Floats]) -> None:
+def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, Floats]) -> str:
     """Write one record's posterior as NetCDF.
 
     Parameters
@@ -161,13 +182,21 @@ def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, 
         Which of the records that share the posterior.
     replicated : mapping of str to ndarray, shape (G N, n)
         Replicated data, one series for each kept draw.
+
+    Returns
+    -------
+    str
+        Checksum of its content, see `sma_bayes.checksum`.
     """
     groups = _groups(fit, record, replicated)
-    write_file(
-        path,
-        lambda place: write_groups(place, groups, packed=PACKED_GROUPS),
-        nbytes=sum(group.nbytes for group in groups.values()),
-    )
+    checksum = ""
+
+    def write(place: Path) -> None:
+        nonlocal checksum
+        checksum = write_groups(place, groups, packed=PACKED_GROUPS)
+
+    write_file(path, write, nbytes=sum(group.nbytes for group in groups.values()))
+    return checksum
 
 
 def _groups(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> dict[str, Group]:

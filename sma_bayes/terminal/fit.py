@@ -12,6 +12,7 @@ from rich.table import Table
 from sma_bayes.assess.adequacy import REMEDIES
 from sma_bayes.errors import many
 from sma_bayes.quantities import unit_text
+from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import MANY
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.terminal.screen import SHOWN, screen, show_end
@@ -75,6 +76,9 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     alone = [f for f in summary["findings"] if f["kind"] == "one-branch"]
     for finding in alone[:SHOWN]:
         console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
+    doubtful = [f for f in summary["findings"] if f["kind"] in DOUBTS]
+    for finding in doubtful[:SHOWN]:
+        console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
     dropped = sum(f["dropped"] for f in summary["findings"])
     if summary["findings"]:
         findings, rows = many(len(summary["findings"]), "finding"), many(dropped, "row")
@@ -85,6 +89,8 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         console.print(
             f"NOT CONVERGED: {', '.join(names[:SHOWN])}{more}. Their numbers must not be relied on."
         )
+    for sentence in thermometer_sentences(summary["records"]):
+        console.print(sentence, soft_wrap=True)
     for sentence in adequacy_sentences(summary["records"], summary["options"]["model"]):
         console.print(sentence, soft_wrap=True)
     show_end(console, summary, out)
@@ -108,6 +114,7 @@ SUBJECTS = {
     "noise": "The noise has swallowed the response in {records}",
     "tempered": "The fit does not describe the data of {records}",
     "prior": "The data do not determine the curve of {records}",
+    "conflict": "The priors exclude what the data say of {records}",
 }
 """How a sentence on fits that are not adequate begins, by the kind of their first reason."""
 NAMED = 3
@@ -129,6 +136,23 @@ def adequacy_sentences(records: Sequence[Mapping[str, Any]], model: str) -> list
         if r["why"]:
             kinds.setdefault(r["why"][0]["kind"], []).append(r)
     return [_adequacy_sentence(kind, found, model) for kind, found in kinds.items()]
+
+
+def thermometer_sentences(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What to say where the scatter follows the slope of the curve, as an error of the thermometer makes it."""
+    seen = [r for r in records if r["noise"]["name"].endswith("+temperature_error")]
+    if not seen:
+        return []
+    sizes = [float(r["parameters"]["temperature_sd"]["median"]) for r in seen]
+    unit = unit_text(seen[0]["parameters"]["temperature_sd"]["unit"])
+    size = f"{min(sizes):.2g}" if len(sizes) == 1 else f"{min(sizes):.2g} to {max(sizes):.2g}"
+    named = ", ".join(r["key"] for r in seen[:NAMED])
+    more = f" and {len(seen) - NAMED} more" if len(seen) > NAMED else ""
+    return [
+        f"The scatter of {named}{more} follows the slope of the curve, as an error of the thermometer of {size} {unit} "
+        "from reading to reading makes it; intervals count it. Where its size is known, declare it: sd = ... with the "
+        "column of temperature."
+    ]
 
 
 def _adequacy_sentence(kind: str, records: Sequence[Mapping[str, Any]], model: str) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 from rich.table import Table
 
 from sma_bayes.quantities import unit_text
+from sma_bayes.records.severity import severity
 from sma_bayes.terminal.screen import screen
 
 
@@ -40,5 +41,6 @@ def show_inspection(report: dict[str, Any]) -> None:
         for f in report["findings"]:
             rows = ", ".join(str(r) for r in f["rows"][:5]) + (" ..." if f["count"] > 5 else "")
             where = " ".join(x for x in (f["condition"], f["branch"], f["column"]) if x)
-            findings.add_row(f["kind"], where, rows, str(f["dropped"]), f["message"])
+            kind = f"SERIOUS: {f['kind']}" if severity(f["kind"]) == "serious" else f["kind"]
+            findings.add_row(kind, where, rows, str(f["dropped"]), f["message"])
         console.print(findings)

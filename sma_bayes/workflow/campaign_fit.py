@@ -14,6 +14,7 @@ from sma_bayes.errors import SmaBayesError
 from sma_bayes.inference.jobs import run
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, lines_inside, silent
+from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import DEFAULT_MODEL
@@ -208,7 +209,7 @@ def fit_campaign(
         "records": records,
         "correlation_average": averages,
         "loops": loops,
-        "findings": [asdict(f) for f in campaign.findings],
+        "findings": [finding_document(f) for f in campaign.findings],
     }
     summary = work.end(folder, summary)
     remove_parts(folder)

@@ -31,6 +31,7 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
 from sma_bayes.progress import Progress, silent
+from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS
@@ -204,7 +205,7 @@ def _compared(
         "converged": all(c.converged for c in comparisons),
         "overall": overall(comparisons),
         "records": [record_document(c) for c in comparisons],
-        "findings": [asdict(f) for f in campaign.findings],
+        "findings": [finding_document(f) for f in campaign.findings],
     })  # fmt: skip
     if folder is not None:
         write_text(folder / "priors.toml", options.priors.whole_text)

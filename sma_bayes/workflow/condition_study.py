@@ -19,9 +19,10 @@ from sma_bayes.conditions.document import (
 from sma_bayes.conditions.draws import RecordDraws, record_draws
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.conditions.study import ConditionStudy, bands_of, study
-from sma_bayes.errors import OutputError
+from sma_bayes.errors import OutputError, SmaBayesError
 from sma_bayes.inference.jobs import run as run_tasks
 from sma_bayes.inference.model_choice import ModelChoice
+from sma_bayes.limits import SCATTER as SCATTER_LIMIT
 from sma_bayes.parameters.priors_file import parse_priors
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Condition
@@ -99,6 +100,11 @@ def study_conditions(
     UnknownNameError, SmaBayesError
         If a setting or condition is not known.
     """
+    if not 0.0 < scatter <= SCATTER_LIMIT.value:
+        raise SmaBayesError(
+            f"--scatter {scatter:g}",
+            expected=f"a positive number, a share of the curve, at most {SCATTER_LIMIT.value:g}",
+        )
     source, spent = Path(folder), account or Account()
     wanted = None if model is None else model_named(model)
     with spent.timed("read"):

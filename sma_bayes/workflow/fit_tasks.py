@@ -218,7 +218,8 @@ def _assess_record(
             overall = overall_band(found, options.bias, i, options.extrapolate)
             bands |= {} if overall is None else {"overall_stiffness": overall}
     with account.timed("write"):
-        write_posterior(folder / "posterior" / f"{record.key}.nc", found, i, replicated)
+        path = folder / "posterior" / f"{record.key}.nc"
+        summary["posterior_sha256"] = write_posterior(path, found, i, replicated)
         for channel, band in bands.items():
             columns = band.columns(record.units["temperature"])
             write_csv(folder / "bands" / f"{record.key}-{channel}.csv", columns)

@@ -17,6 +17,7 @@ from sma_bayes.gap.outcome import STAGES, gap_outcome, outcome_json
 from sma_bayes.gap.store import write_study
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
+from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign
 from sma_bayes.report.choice import REPORT, Drawn, figures_for
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
@@ -134,7 +135,7 @@ def _studied(
                 *can.remarks,
                 *smoothing_remarks(outcome.study.baseline.hypothesis.histories),
             ],
-            "findings": [asdict(f) for f in campaign.findings],
+            "findings": [finding_document(f) for f in campaign.findings],
         }
     )
     if folder is not None:

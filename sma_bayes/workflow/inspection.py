@@ -11,6 +11,7 @@ from sma_bayes.inference.noise_choice import choose_noise
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.posterior import build_posterior
+from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.results.store import plain
@@ -30,7 +31,7 @@ def inspect_campaign(campaign: Campaign) -> dict[str, Any]:
         "source": campaign.source,
         "data_sha256": campaign.sha256,
         "records": [_described(r) for r in campaign.records],
-        "findings": [asdict(f) for f in campaign.findings],
+        "findings": [finding_document(f) for f in campaign.findings],
     })  # fmt: skip
     return document
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal
 
-import numpy as np
-
 from sma_bayes.errors import SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.inference.ensembles import Plan
 from sma_bayes.inference.moves import SAMPLERS
+from sma_bayes.limits import DEGREES
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
@@ -215,8 +214,11 @@ def check_call(groups: Sequence[Sequence[Record]], options: FitOptions) -> None:
         If bands are to go on for ever, the noise needs time and a record has none, or gives no evidence by which a
         model is to be chosen.
     """
-    if not np.isfinite(options.extrapolate):
-        raise SmaBayesError(f"--extrapolate {options.extrapolate}", expected="a finite number of degrees")
+    if not 0.0 <= options.extrapolate <= DEGREES.value:
+        raise SmaBayesError(
+            f"--extrapolate {options.extrapolate}",
+            expected=f"a finite number of degrees, at least 0 and at most {DEGREES.value:g}",
+        )
     noise = NOISE_MODELS["independent" if options.noise == AUTO else options.noise]
     check_model_and_noise(options.model, options.noise)
     timeless = [record.key for group in groups for record in group if "time" not in record.inputs]

@@ -15,8 +15,8 @@ from sma_bayes.assess.at import Interval, credible_at, predictive_at
 from sma_bayes.assess.bands import bias_draws
 from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, search_grid
 from sma_bayes.conditions.draws import RecordDraws
-from sma_bayes.curves import quantiles
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
+from sma_bayes.limits import DEGREES
 from sma_bayes.quantities import (
     ARBITRARY,
     SPECIMEN_QUANTITY,
@@ -224,8 +224,11 @@ def answer(
     if not 0.0 < probability <= 1.0:
         raise SmaBayesError(f"probability {probability}", expected="more than 0 and at most 1")
     for name, number in (("extrapolate", extrapolate), ("temperature-sd", temperature_sd)):
-        if not (np.isfinite(number) and number >= 0.0):
-            raise SmaBayesError(f"--{name} {number}", expected="a finite number of degrees, at least 0")
+        if not 0.0 <= number <= DEGREES.value:
+            raise SmaBayesError(
+                f"--{name} {number}",
+                expected=f"a finite number of degrees, at least 0 and at most {DEGREES.value:g}",
+            )
     records = _selected(run, condition, branch)
     if asked:
         units = [unit] if isinstance(unit, str) else list(unit or ())
@@ -601,7 +604,7 @@ def _interval(draws: Floats, level: float) -> dict[str, float]:
     """Median and equal-tailed interval of that level."""
     tail = 0.5 * (1.0 - level)
     return dict(
-        zip(("low", "median", "high"), quantiles(draws, (tail, 0.5, 1.0 - tail)).tolist(), strict=True)
+        zip(("low", "median", "high"), np.quantile(draws, (tail, 0.5, 1.0 - tail)).tolist(), strict=True)
     )
 
 

@@ -16,12 +16,13 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
-from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, STUDY
+from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, STUDY, sealed
 from sma_bayes.results.fitting import AUTO
 from sma_bayes.results.store import plain, write_json
 from sma_bayes.workflow.campaign_fit import fit_campaign
 from sma_bayes.workflow.comparison import compare
 from sma_bayes.workflow.condition_study import study_conditions
+from sma_bayes.workflow.condition_text import condition_at
 from sma_bayes.workflow.gap_study import study_gap
 from sma_bayes.workflow.identity import all_versions
 from sma_bayes.workflow.options import (
@@ -128,7 +129,7 @@ def run_study(
     with claimed_folder(folder, _identity(campaign), resume):
         for step in steps:
             results.append(_result(step, results, tell, strict=study.strict if strict is None else strict))
-            document = _document(study, campaign, results, len(results) == len(steps), clock)
+            document = sealed(_document(study, campaign, results, len(results) == len(steps), clock))
             write_json(folder / STUDY.file, document)
     return document
 
@@ -155,6 +156,9 @@ def _check(study: Study) -> None:
         plan_with(study.steps.get("fit", {}).get("sampler", DEFAULT_SAMPLER))
     with _place(study, "fit.arrangement"):
         _bias(study.steps.get("fit", {}))
+    for number, text in enumerate(study.steps.get("conditions", {}).get("at", ()), start=1):
+        with _place(study, f"conditions.at, entry {number}"):
+            condition_at(text, specimen="stress_MPa" in text)
     for number, asked in enumerate(study.asks, start=1):
         for name in (*WANTED, "tolerance"):
             if asked[name] is not None:

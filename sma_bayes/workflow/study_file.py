@@ -11,7 +11,9 @@ from pydantic import Field, model_validator
 
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.errors import StudyError, near_matches
-from sma_bayes.records.toml_table import StrictTable, as_toml, checked, parsed_toml
+from sma_bayes.limits import SCATTER as SCATTER_LIMIT
+from sma_bayes.limits import SEED
+from sma_bayes.records.toml_table import StrictTable, as_toml, checked, declared_bytes, parsed_toml
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.workflow.question import PROBABILITY, TOLERANCE, WANTED
 
@@ -48,7 +50,7 @@ class StudyTable(StrictTable):
     campaign: str
     out: str
     data: str | None = None
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, le=int(SEED.value))
     jobs: int | None = Field(default=None, ge=1)
     model: str = DEFAULT_MODEL
     priors: str | None = None
@@ -107,7 +109,7 @@ class ConditionsTable(DrawnTable):
     model: str | None = None
     at: Annotated[tuple[str, ...], Field(strict=False)] = ()
     leave_out: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    scatter: float = Field(default=SCATTER, gt=0.0)
+    scatter: float = Field(default=SCATTER, gt=0.0, le=SCATTER_LIMIT.value)
 
 
 class AskTable(StrictTable):
@@ -183,7 +185,7 @@ def read_study(path: Path) -> Study:
         If it is not there or wrong, with the key.
     """
     try:
-        content = path.read_bytes()
+        content = declared_bytes(path)
     except OSError as error:
         raise StudyError(
             f"can't be read: {error.strerror}", file=path, expected="a study file", remedy="check the path"

@@ -11,7 +11,7 @@ from typing import Any
 from sma_bayes.account import Account
 from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import Drawn
-from sma_bayes.results.documents import Document
+from sma_bayes.results.documents import Document, sealed
 from sma_bayes.results.store import write_json
 from sma_bayes.workflow.output_folder import claimed_folder
 
@@ -88,12 +88,12 @@ class UnderWay:
 
     def end(self, folder: Path, found: Mapping[str, Any]) -> dict[str, Any]:
         """Write the results, draw the report, and write the results again with what that took; return them."""
-        stated = self.with_account(found)
+        stated = sealed(self.with_account(found))
         write_json(folder / self.document.file, stated)
         if self.drawn == "none":
             return stated
         self._report(folder)
-        stated = self.with_account(found)
+        stated = sealed(self.with_account(found))
         write_json(folder / self.document.file, stated)
         return stated
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import sma_bayes
+from sma_bayes.results.documents import sealed
 from sma_bayes.workflow import fit_campaign
 
 
@@ -55,7 +56,7 @@ def test_a_fit_that_did_not_converge_ends_with_1(
         (copy / name).symlink_to(folder / name)
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     summary["records"][0]["converged"] = False
-    (copy / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    (copy / "summary.json").write_text(json.dumps(sealed(summary)), encoding="utf-8")
     outcome = run("ask", copy, "--force", "1.5 N")
     assert outcome.status == 1
     assert "NOT CONVERGED" in outcome.out

@@ -15,7 +15,7 @@ SCRIPTS = str(Path(__file__).resolve().parents[2] / "scripts")
 if SCRIPTS not in sys.path:
     sys.path.append(SCRIPTS)
 
-TIMES = ("wall_s", "stages_s", "stages_cpu_s", "workers")
+TIMES = ("wall_s", "stages_s", "stages_cpu_s", "workers", "content_sha256")
 
 
 def without_times(value: Any) -> Any:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from sma_bayes.errors import MeasurementError, near_matches
+from sma_bayes.limits import WORKBOOK_BYTES, WORKBOOK_CELLS, WORKBOOK_ROWS
 from sma_bayes.records.formats.layout import shape_of, spread, tabulate
 from sma_bayes.records.formats.numbers import is_blank
 from sma_bayes.records.formats.table import Format, Reading, Table
@@ -69,7 +70,9 @@ def sheet_titles(path: Path) -> tuple[str, ...]:
 def _sheets(path: Path) -> dict[str, _Sheet]:
     """Cells of every sheet by its title."""
     with _opened(path) as book:
-        return {sheet.title: _cells(sheet.iter_rows(values_only=True)) for sheet in book.worksheets}
+        for sheet in book.worksheets:
+            sheet.reset_dimensions()  # what a file says of them may be wrong, and rows beyond would go missing
+        return {sheet.title: _cells(sheet.iter_rows(values_only=True), path) for sheet in book.worksheets}
 
 
 @contextmanager
@@ -82,7 +85,10 @@ def _opened(path: Path) -> Iterator[Any]:
         with path.open("rb") as file, warnings.catch_warnings():
             # parts of a workbook that openpyxl drops (drawings, validation rules) hold no cells
             warnings.simplefilter("ignore", UserWarning)
+            _require_bytes(path)
             yield openpyxl.load_workbook(file, read_only=True, data_only=True)
+    except MeasurementError:
+        raise
     except Exception as error:  # on a damaged file the parsers of zip and XML raise whatever they meet
         raise MeasurementError(
             f"the workbook is damaged: {error}",
@@ -92,10 +98,36 @@ def _opened(path: Path) -> Iterator[Any]:
         ) from None
 
 
-def _cells(rows: Iterable[tuple[object, ...]]) -> _Sheet:
+def _require_bytes(path: Path) -> None:
+    with zipfile.ZipFile(path) as archive:
+        size = sum(part.file_size for part in archive.infolist())
+    if size > WORKBOOK_BYTES.value:
+        raise _too_large(
+            f"the workbook has {size} bytes when unpacked, the limit is {WORKBOOK_BYTES.value}", path
+        )
+
+
+def _too_large(found: str, path: Path) -> MeasurementError:
+    return MeasurementError(
+        found,
+        file=path,
+        expected="a sheet of measurements and little else",
+        remedy="delete rows and columns beyond the data and save it again, or export the sheet as CSV",
+    )
+
+
+def _cells(rows: Iterable[tuple[object, ...]], path: Path) -> _Sheet:
     """Cells of a sheet, each row as long as the longest."""
-    cells = [[_cell(value) for value in row] for row in rows]
-    width = max(map(len, cells), default=0)
+    cells: _Sheet = []
+    width = 0
+    for row in rows:
+        width = max(width, len(row))
+        cells.append([_cell(value) for value in row])
+        if len(cells) > WORKBOOK_ROWS.value or len(cells) * width > WORKBOOK_CELLS.value:
+            raise _too_large(
+                f"a sheet has more than {WORKBOOK_ROWS.value} rows or {WORKBOOK_CELLS.value} cells, empty ones too",
+                path,
+            )
     return [row + [None] * (width - len(row)) for row in cells]
 
 

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from sma_bayes.assess import adequacy
-from sma_bayes.assess.adequacy import LED, MISSED, Missed, led_by_prior, missed, reasons
+from sma_bayes.assess.adequacy import LED, MISSED, Missed, contradicted, led_by_prior, missed, reasons
 from sma_bayes.assess.checks import CHANCE, Check, predictive_checks
 from sma_bayes.assess.loops import branch_quantities
+from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.parameters.roles import Role
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.results.fit import Fit
+from sma_bayes.results.fitting import fit_records
 from sma_bayes.workflow import fit
 
 
@@ -110,3 +112,17 @@ def test_a_curve_that_its_prior_leads_gives_no_stiffness(
     why = reasons(good, 0, (), ())
     assert [(r.kind, r.channel) for r in why] == ([("prior", "force")] if led else [])
     assert (branch_quantities(good) == []) is led
+
+
+def test_a_prior_that_excludes_the_data_is_named(make_record: Callable[..., Record]) -> None:
+    text = read_priors("modified_sigmoid").text
+    begin = text.index("[both.B3]")
+    end = text.index("\n[", begin)
+    wrong = '[both.B3]\nfamily = "uniform"\nlow = 10.0\nhigh = 20.0\nunit = "degC"\n'
+    priors = parse_priors(text[:begin] + wrong + text[end:], "wrong.toml")
+    record = make_record(seed=1)
+    found = fit_records([record], priors, noise="independent")
+    told = contradicted(found)
+    assert any(what.startswith("B3 (") for what in told)
+    assert [r.kind for r in reasons(found, 0, (), ())].count("conflict") == 1
+    assert contradicted(fit_records([record], read_priors("modified_sigmoid"), noise="independent")) == ()

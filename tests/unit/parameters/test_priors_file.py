@@ -324,7 +324,7 @@ def test_numbers_without_a_unit_or_a_yardstick_are_refused(record: Record) -> No
 
 
 def test_a_prior_too_narrow_for_floating_point_numbers_is_refused(record: Record) -> None:
-    body = 'family = "normal"\nmean = 1e300\nsd = 1e-300\nunit = "1/degC"'
+    body = 'family = "normal"\nmean = 1e49\nsd = 1e-49\nunit = "1/degC"'
     message = refusal(priors({"both.B2": body}), record)
     assert "quartiles are one number" in message
     assert "fixed = " in message

@@ -17,6 +17,7 @@ from sma_bayes.report.figures.sheet import BranchData
 from sma_bayes.report.gather import report_content
 from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
 from sma_bayes.report.residuals import median_curves
+from sma_bayes.results.documents import sealed
 from sma_bayes.workflow import fit_campaign
 
 CONDITION = "100g-10mHz"
@@ -65,7 +66,7 @@ def edit_summary() -> Callable[[Path, Callable[[dict[str, Any]], None]], Path]:
         path = folder / "summary.json"
         summary = json.loads(path.read_text(encoding="utf-8"))
         change(summary)
-        path.write_text(json.dumps(summary), encoding="utf-8")
+        path.write_text(json.dumps(sealed(summary)), encoding="utf-8")
         return folder
 
     return edit

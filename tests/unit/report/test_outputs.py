@@ -11,6 +11,7 @@ import pytest
 
 from sma_bayes.errors import OutputError
 from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
+from sma_bayes.results.documents import sealed
 
 KEY = "100g-10mHz-heating"
 Edit = Callable[..., Path]
@@ -60,7 +61,10 @@ def test_a_run_that_was_interrupted_says_how_to_finish_it(tmp_path: Path) -> Non
         ("{ broken", "can't be read"),
         ("[]", "schema None"),
         ('{"schema": "sma-bayes/gap/1", "records": [1]}', "sma-bayes/gap/1"),
-        ('{"schema": "sma-bayes/fit/1", "records": []}', "no records"),
+        (json.dumps(sealed({"schema": "sma-bayes/fit/1", "records": []})), "no records"),
+        ('{"schema": "sma-bayes/fit/1", "records": [{}]}', "not as it was written"),
+        ("[" * 100_000 + "]" * 100_000, "too deep inside each other"),
+        ('{"schema": ' + "9" * 5000 + "}", "can't be read"),
     ],
 )
 def test_a_summary_that_is_none(run_copy: Path, text: str, found: str) -> None:

@@ -8,14 +8,24 @@ from pathlib import Path
 import pytest
 
 from sma_bayes.errors import OutputError
-from sma_bayes.results.documents import COMPARISON, CONDITIONS, FIT, GAP, MARK, STUDY, Document, read_mark
+from sma_bayes.results.documents import (
+    COMPARISON,
+    CONDITIONS,
+    FIT,
+    GAP,
+    MARK,
+    STUDY,
+    Document,
+    read_mark,
+    sealed,
+)
 
 DOCUMENTS = (FIT, COMPARISON, GAP, CONDITIONS, STUDY)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda d: d.verb)
 def test_what_is_written_is_read(tmp_path: Path, document: Document) -> None:
-    written = {"schema": document.schema, **{key: [1, 2] for key in document.keys}}
+    written = sealed({"schema": document.schema, **{key: [1, 2] for key in document.keys}})
     (tmp_path / document.file).write_text(json.dumps(written), encoding="utf-8")
     assert document.read(tmp_path) == written
     assert [d.verb for d in DOCUMENTS if d.is_in(tmp_path)] == [document.verb]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from sma_bayes.checksum import KEY
 from sma_bayes.results.netcdf import Group, Variable, write_groups
 
 
@@ -44,7 +45,7 @@ def groups(tree: xr.DataTree) -> dict[str, Group]:
 
 
 def test_xarray_reads_what_it_would_have_written_itself(tree: xr.DataTree, tmp_path: Path) -> None:
-    write_groups(tmp_path / "ours.nc", groups(tree), packed=("curves",))
+    tree.attrs[KEY] = write_groups(tmp_path / "ours.nc", groups(tree), packed=("curves",))
     tree.to_netcdf(tmp_path / "theirs.nc", engine="h5netcdf")
     with (
         xr.open_datatree(tmp_path / "ours.nc", engine="h5netcdf") as ours,

@@ -58,7 +58,15 @@ def test_a_narrow_screen_cuts_no_word_off(
 ) -> None:
     monkeypatch.setattr(fit, "screen", lambda: Console(width=width, markup=False, emoji=False))
     why = ("curve", "the curve misses displacement by up to 5.0% of its range, at 60 degC")
-    parameter = {"rhat": 1.0012, "ess_bulk": 4000.0, "ess_tail": 3500.0, "identified": False, "fixed": False}
+    parameter = {
+        "rhat": 1.0012,
+        "ess_bulk": 4000.0,
+        "ess_tail": 3500.0,
+        "identified": False,
+        "fixed": False,
+        "median": 0.2,
+        "unit": "degC",
+    }
     good = record("100MPa-cooling") | {
         "n": 140, "noise": {"name": "independent+temperature_error"}, "converged": True, "adequate": True,
         "parameters": {"displacement_sd": parameter, "temperature_sd": parameter},
@@ -75,7 +83,9 @@ def test_a_narrow_screen_cuts_no_word_off(
     rows = [line for line in shown.splitlines() if "100MPa-" in line][:2]
     assert [("yes" in line, "NO" in line) for line in rows] == [(True, False), (True, True)]
     assert ("strain 0.9999" in shown) is (width == 160)
-    assert all(len(line) <= width for line in shown.splitlines() if not line.startswith("The curve"))
+    assert all(
+        len(line) <= width for line in shown.splitlines() if not line.startswith(("The curve", "The scatter"))
+    )
 
 
 @pytest.mark.parametrize("kind", SENTENCES)

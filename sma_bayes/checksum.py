@@ -1,0 +1,89 @@
+"""Checksums of what stored results say, written with them and compared by every reader."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+
+KEY: Final = "content_sha256"
+"""Under which a checksum stands: in a JSON document, in the attributes of a NetCDF file."""
+
+_OF_HDF5: Final = {
+    "CLASS",
+    "NAME",
+    "DIMENSION_LIST",
+    "REFERENCE_LIST",
+    "_Netcdf4Dimid",
+    "_Netcdf4Coordinates",
+    KEY,
+}
+"""Attributes that say how a file is built rather than what it holds."""
+
+
+def document_checksum(document: Mapping[str, Any]) -> str:
+    """SHA-256 of a document of values that JSON knows, besides its checksum and whatever the layout of the file."""
+    content = {key: value for key, value in document.items() if key != KEY}
+    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def add_checksum(path: Path) -> str:
+    """Write the checksum of a NetCDF-4 file into its attributes, and return it."""
+    with h5py.File(path, "r+") as file:
+        checksum = netcdf_checksum(file)
+        file.attrs[KEY] = checksum
+    return checksum
+
+
+def has_its_checksum(path: Path) -> bool:
+    """Whether a NetCDF-4 file holds what it held when it was written.
+
+    Raises
+    ------
+    OSError
+        If it can't be read as HDF5.
+    """
+    with h5py.File(path, "r") as file:
+        return bool(netcdf_checksum(file) == file.attrs.get(KEY))
+
+
+def netcdf_checksum(file: h5py.File) -> str:
+    """SHA-256 of all variables and attributes of a file, with their names, in the order of the names.
+
+    Raises
+    ------
+    OSError
+        If a part of it can't be read.
+    """
+    names: list[str] = []
+    file.visit(names.append)
+    digest = hashlib.sha256()
+    try:
+        for name in ("/", *sorted(names)):
+            place = file[name]
+            digest.update(name.encode())
+            for key in sorted(set(place.attrs) - _OF_HDF5):
+                _add(digest, key, place.attrs[key])
+            if isinstance(place, h5py.Dataset):
+                _add(digest, "", place[()])
+    except (
+        KeyError,
+        RuntimeError,
+        ValueError,
+        TypeError,
+    ) as error:  # HDF5 raises whatever it meets in a damaged file
+        raise OSError(f"a part of the file is damaged: {error}") from None
+    return digest.hexdigest()
+
+
+def _add(digest: Any, name: str, value: object) -> None:
+    array = np.asarray(value)
+    digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
+    digest.update(
+        repr(array.tolist()).encode() if array.dtype.hasobject else np.ascontiguousarray(array).data
+    )

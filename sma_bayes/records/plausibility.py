@@ -1,0 +1,302 @@
+"""What can't be, and what can but hardly is: values beyond what springs, wires and their rigs show.
+
+What can't be measured at all is refused, as nothing could be made of it; what is implausible is reported, and nothing
+is changed. `RANGES` holds between what values a quantity is believed without a word.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from sma_bayes.errors import MeasurementError
+from sma_bayes.limits import MAGNITUDE
+from sma_bayes.quantities import (
+    ARBITRARY,
+    CHANNELS,
+    QUANTITIES,
+    SPECIMEN_QUANTITY,
+    Floats,
+    convert,
+    unit_text,
+)
+from sma_bayes.records.declaration import Column, DeclaredCondition
+from sma_bayes.records.default_names import recognised
+from sma_bayes.records.run import Run
+from sma_bayes.records.types import Finding
+
+ABSOLUTE_ZERO: Final = -273.15
+"""[degC], by definition (SI brochure, 9th ed.)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Between what values a quantity is believed without a word.
+
+    Attributes
+    ----------
+    low, high : float
+        Of the largest magnitude in a record; of the temperature, of every value [unit].
+    unit : str
+        Canonical.
+    source : str
+    """
+
+    low: float
+    high: float
+    unit: str
+    source: str
+
+
+RANGES: Final[dict[str, Range]] = {
+    "temperature": Range(
+        -200.0, 600.0, "degC",
+        "NiTi transforms between -100 and 120 °C, NiTiHf and NiTiPt up to some 550 °C (Ma, Karaman and Noebe, Int. "
+        "Mater. Rev. 55 (2010) 257-315)",
+    ),
+    "force": Range(
+        1e-4, 1e5, "N",
+        "springs of wire from 25 µm pull millinewtons; a rod of 10 mm at 800 MPa, more than NiTi recovers (Otsuka and "
+        "Ren, Prog. Mater. Sci. 50 (2005) 511-678), pulls 63 kN",
+    ),
+    "displacement": Range(
+        1e-7, 2.0, "m",
+        "from what displacement sensors resolve to a metre-long actuator: recoverable strain of a wire is at most 8 %, "
+        "springs stretch several times their length (Otsuka and Ren 2005)",
+    ),
+    "stiffness": Range(1e-2, 1e8, "N/m", "the softest springs to a rod of 10 mm by 100 mm at 80 GPa, 63 MN/m"),
+    "stress": Range(1e3, 3e9, "Pa", "to above the strength of drawn NiTi wire, 1.9 GPa (Otsuka and Ren 2005)"),
+    "strain": Range(1e-6, 0.5, "1", "from what extensometers resolve to several times the recoverable 8 %"),
+    "modulus": Range(1e5, 5e11, "Pa", "NiTi has 20 to 90 GPa (Otsuka and Ren 2005); paths may be far softer"),
+    "current": Range(0.0, 1e3, "A", "wires of 25 µm to 1 mm take 0.05 to 20 A"),
+}  # fmt: skip
+"""Wider than any measurement that is known by an order of magnitude; a wrong prefix lies three away."""
+
+SPREAD_SCALE: Final = 0.5
+"""Share of the scale above which its declared standard deviation is doubted."""
+SPREAD_TEMPERATURE: Final = 0.25
+"""Share of the sweep above which the declared error of a temperature reading is doubted: the curve is all but lost in
+it, and its expansion in the error, of which the start of a fit is made, has no meaning."""
+SAME: Final = 1.0 - 1e-9
+"""Correlation of two columns from which on they are one."""
+
+
+DOUBTS: Final = ("implausible", "large-sd", "named-otherwise", "same-column", "same-file", "swapped")
+"""Kinds of finding that say that a measurement can hardly be what it was declared to be."""
+
+
+def require_possible(run: Run) -> None:
+    """Refuse what can't have been measured.
+
+    Raises
+    ------
+    MeasurementError
+        Where a temperature lies below absolute zero, a value is too large to reckon with, or a column that was declared
+        has no value.
+    """
+    for name, values in run.columns.items():
+        quantity = SPECIMEN_QUANTITY.get(name, name) if run.specimen else name
+        with np.errstate(invalid="ignore"):
+            large = np.flatnonzero(np.isinf(values) | (np.abs(values) > MAGNITUDE.value))
+        if large.size:
+            raise MeasurementError(
+                f"{quantity} is {values[large[0]]:g} {unit_text(run.units.get(name, ''))}".rstrip(),
+                file=run.file,
+                row=int(run.row[large[0]]),
+                column=quantity,
+                expected=f"a magnitude up to {MAGNITUDE.value:g}",
+                remedy="correct the cell, or unit, scale and offset in [columns]",
+            )
+        if values.size and np.isnan(values).all():
+            raise MeasurementError(
+                f"condition {run.condition.id!r}: {quantity} has no value in {values.size} rows",
+                file=run.file,
+                column=quantity,
+                expected="at least one value that is not missing",
+                remedy="leave the column out of [columns], or correct `valid` and the codes of missing values",
+            )
+    for name in ("temperature", "ambient_temperature"):
+        if run.units.get(name) != "degC":
+            continue
+        with np.errstate(invalid="ignore"):
+            cold = np.flatnonzero(run.columns[name] < ABSOLUTE_ZERO)
+        if cold.size:
+            raise MeasurementError(
+                f"{name} is {run.columns[name][cold[0]]:.6g} °C in {cold.size} rows, below absolute zero",
+                file=run.file,
+                row=int(run.row[cold[0]]),
+                column=name,
+                expected=f"more than {ABSOLUTE_ZERO:g} °C",
+                remedy="correct the unit: of kelvin, degC and degF only one can be right; or leave readings out with "
+                "valid = [low, high] of the column",
+            )
+
+
+def implausible(run: Run) -> tuple[Finding, ...]:
+    """What of one run can hardly be, each with what it looks like."""
+    return tuple(
+        Finding(kind, message, run.file, condition=run.condition.id, column=column)
+        for kind, message, column in (
+            *_out_of_range(run),
+            *_same_columns(run),
+            *_temperature_like_time(run),
+            *_declared_spread(run),
+            *_duty(run),
+        )
+    )
+
+
+_Seen = Iterator[tuple[str, str, str]]
+
+
+def _quantity(run: Run, name: str) -> str:
+    return SPECIMEN_QUANTITY.get(name, name) if run.specimen else name
+
+
+def _out_of_range(run: Run) -> _Seen:
+    for name, values in run.columns.items():
+        quantity = _quantity(run, name)
+        believed = RANGES.get("temperature" if name == "ambient_temperature" else quantity)
+        if believed is None or run.units.get(name) != believed.unit:
+            continue
+        unit = unit_text(believed.unit)
+        limits = f"{believed.low:g} to {believed.high:g} {unit}".rstrip()
+        if believed.unit == "degC":
+            found = [
+                v for v in (np.nanmin(values), np.nanmax(values)) if not believed.low <= v <= believed.high
+            ]
+            shown = f"reaches {found[0]:.4g} {unit}" if found else ""
+        else:
+            largest = float(np.nanmax(np.abs(values)))
+            shown = (
+                ""
+                if not largest or believed.low <= largest <= believed.high
+                else f"reaches {largest:.3g} {unit}"
+            )
+        if shown:
+            yield (
+                "implausible",
+                f"{quantity} {shown.rstrip()}, specimens show {limits} ({believed.source}): is its unit "
+                "right, and the column this quantity?",
+                name,
+            )
+
+
+def _same_columns(run: Run) -> _Seen:
+    names = [n for n in ("temperature", *CHANNELS) if n in run.columns]
+    for i, name in enumerate(names):
+        for other in names[i + 1 :]:
+            a, b = run.columns[name], run.columns[other]
+            good = np.isfinite(a) & np.isfinite(b)
+            if np.count_nonzero(good) > 2 and abs(_correlation(a[good], b[good])) > SAME:
+                yield (
+                    "same-column",
+                    f"{_quantity(run, name)} and {_quantity(run, other)} are one column, up to a factor and an offset: "
+                    "the second says nothing",
+                    other,
+                )
+
+
+def _correlation(a: Floats, b: Floats) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    norm = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / norm if norm > 0.0 else 0.0
+
+
+def _temperature_like_time(run: Run) -> _Seen:
+    """A temperature that is a clock: it rises by the same step all along, while the time does not."""
+    temperature = run.columns["temperature"]
+    time = run.columns.get("time")
+    if time is None or temperature.size < 10:
+        return
+    good = np.isfinite(temperature) & np.isfinite(time)
+    step, clock = np.diff(temperature[good]), np.diff(time[good])
+    even = step.size > 5 and bool(np.all(step > 0) and np.ptp(step) <= 1e-6 * np.median(step))
+    if even and np.count_nonzero(clock < 0) > 0.1 * clock.size:
+        yield (
+            "swapped",
+            "temperature rises by the same step from row to row while time goes up and down: the two look swapped",
+            "temperature",
+        )
+
+
+def _declared_spread(run: Run) -> _Seen:
+    span = float(np.nanmax(run.columns["temperature"]) - np.nanmin(run.columns["temperature"]))
+    if run.temperature_sd > SPREAD_TEMPERATURE * span > 0.0:
+        yield (
+            "large-sd",
+            f"the declared error of a temperature reading, sd = {run.temperature_sd:.3g}, is "
+            f"{run.temperature_sd / span:.0%} of the sweep: little of a curve can be told from such readings",
+            "temperature",
+        )
+    for name, calibration in run.calibration.items():
+        if calibration.relative_scale_sd > SPREAD_SCALE:
+            yield (
+                "large-sd",
+                f"the declared scale_sd of {_quantity(run, name)} is {calibration.relative_scale_sd:.0%} of its scale: "
+                "not even the sign is known; is it given in the unit of the scale?",
+                name,
+            )
+
+
+def _duty(run: Run) -> _Seen:
+    duty = run.condition.duty_cycle
+    if duty is not None and duty <= 0.01:
+        yield (
+            "implausible",
+            f"duty_cycle_pct = {100 * duty:g} is at most 1 %: it is given in percent; "
+            f"{100 * duty:g} may be meant as a share, {1e4 * duty:g} %",
+            "",
+        )
+
+
+def named_otherwise(condition: DeclaredCondition) -> tuple[Finding, ...]:
+    """Columns whose name tells another quantity, or another unit of it, than was declared."""
+    return tuple(
+        Finding("named-otherwise", message, condition.title, condition=condition.table.id, column=quantity)
+        for quantity, columns in condition.columns.items()
+        for column in columns
+        if (message := _told_otherwise(quantity, column))
+    )
+
+
+def _told_otherwise(quantity: str, column: Column) -> str:
+    told = recognised(column.name or "")
+    if told is None or told[0] not in QUANTITIES:  # a load may be measured as a force
+        return ""
+    if told[0] != quantity:
+        return f"the column {column.name!r} is declared as {quantity}, its name tells {told[0]}"
+    calibrated = column.scale is not None or column.offset is not None
+    if calibrated or column.unit == ARBITRARY or _equal_units(told[1], column.unit or "1"):
+        return ""
+    return f"the column {column.name!r} is declared in {column.unit!r}, its name tells {told[1]!r}"
+
+
+def _equal_units(one: str, other: str) -> bool:
+    numbers = np.array([0.0, 1.0])
+    return bool(np.allclose(convert(numbers, one, other), numbers, rtol=1e-9, atol=1e-12))
+
+
+def repeated_files(conditions: Sequence[DeclaredCondition]) -> tuple[Finding, ...]:
+    """Conditions that are the same rows of the same file as another."""
+    seen: dict[tuple[object, ...], str] = {}
+    found = []
+    for condition in conditions:
+        columns = sorted((name, repr(column)) for name, column in condition.columns.items())
+        what = (
+            tuple(p.resolve() for p in condition.paths),
+            repr(condition.reading),
+            condition.window,
+            tuple(columns),
+        )
+        other = seen.setdefault(what, condition.table.id)
+        if other != condition.table.id:
+            message = (
+                f"the conditions {other!r} and {condition.table.id!r} are the same rows of the same file: their "
+                "measurements count twice"
+            )
+            found.append(Finding("same-file", message, condition.title, condition=condition.table.id))
+    return tuple(found)

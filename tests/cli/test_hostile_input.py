@@ -1,0 +1,347 @@
+"""What is meant to hurt, or careless beyond belief: one message, status 2, in little time and memory."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import openpyxl
+import pytest
+
+import sma_bayes
+from sma_bayes.limits import LIMITS
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.workflow import fit_campaign
+
+Run = Callable[..., object]
+ROOT = Path(__file__).resolve().parents[2]
+SHIPPED = read_priors("modified_sigmoid").text
+LARGEST_MB = 1000.0
+QUOTED = ".".join(["'b'"] * 50_000)
+
+
+def refused(run: Callable[..., object], *arguments: object) -> str:
+    """The one message of a call that must be refused."""
+    outcome = run(*arguments)
+    assert outcome.status == 2, outcome
+    assert outcome.out == ""
+    assert "Traceback" not in outcome.err
+    assert outcome.err.count("error: ") + outcome.err.count("Error: ") == 1
+    assert len(outcome.err) < 7000
+    return str(outcome.err)
+
+
+CAMPAIGNS = {
+    "a power of powers as a unit": (('unit = "N"', 'unit = "9**9**9**9 N"'), "exponents that no unit has"),
+    "superscripts as a unit": (('unit = "N"', 'unit = "9⁹⁹⁹⁹⁹⁹⁹⁹"'), "exponents that no unit has"),
+    "600 kB of unit": (('unit = "N"', f'unit = "{"(" * 300_000}{")" * 300_000}"'), "a text of 600000 characters"),
+    "200 characters of unit": (('unit = "N"', f'unit = "N{" N" * 100}"'), "has 201 characters"),
+    "brackets in a unit": (('unit = "N"', f'unit = "{"(" * 9}N{")" * 9}"'), "9 brackets inside each other"),
+    "lists a thousand deep": (('id = "a"', f'id = {"[" * 1000}{"]" * 1000}'), "too deep inside each other"),
+    "lists thirty deep": (('id = "a"', f'id = {"[" * 30}{"]" * 30}'), "too deep inside each other"),
+    "tables a thousand deep": (('id = "a"', f'id = {"{a=" * 1000}1{"}" * 1000}'), "too deep inside each other"),
+    "a key of 50,000 parts": (('id = "a"', f'id = "a"\n{".".join("b" * 50_000)} = 1'), "a key of more than"),
+    "a table of 50,000 parts": (("[campaign]", f"[{'.'.join('b' * 50_000)}]\n[campaign]"), "a key of more than"),
+    "quoted parts of a key": (('id = "a"', f'id = "a"\n{QUOTED} = 1'), "a key of more than"),
+    "3 MB of campaign": (("[campaign]", f"#{'x' * 3_000_000}\n[campaign]"), "more than 2000000 bytes"),
+    "an integer of 5,000 digits": (('id = "a"', f'id = "a"\nload_g = {"9" * 5000}'), "is not valid TOML"),
+    "an integer of 400 digits": (('id = "a"', f'id = "a"\nload_g = {"9" * 400}'), "a whole number of 1329 bits"),
+    "a file name of 5,000 characters": (('"a.csv"', f'"{"a" * 5000}.csv"'), "a text of 5004 characters"),
+    "a file name of 3,000 characters": (('"a.csv"', f'"{"a" * 3000}.csv"'), "File name too long"),
+    "a null character": (('"a.csv"', '"a\\u0000.csv"'), "null character"),
+    "an id of 60 emoji": (('id = "a"', f'id = "{"😀" * 60}"'), "at most 120 bytes"),
+    "a scale that overflows": (('unit = "N"', 'unit = "N", scale = 1e308'), "a magnitude up to 1e+50"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", CAMPAIGNS)
+def test_a_campaign(run: Run, make_campaign: Callable[..., Path], tmp_path: Path, what: str) -> None:
+    change, told = CAMPAIGNS[what]
+    assert told in refused(run, "inspect", make_campaign(tmp_path / "c", change))
+
+
+def test_forces_that_no_number_can_square(run: Run, measured: Path) -> None:
+    lines = measured.read_text(encoding="utf-8").splitlines()
+    lines[9] = "8,40,1e308,1"
+    measured.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert "row 10, column 'force': force is 1e+308 N" in refused(run, "inspect", measured)
+
+
+def table(name: str) -> str:
+    """Table of a parameter in the priors that ship, up to the next."""
+    begin = SHIPPED.index(name)
+    end = SHIPPED.index("\n[", begin + 1)
+    return SHIPPED[begin:end]
+
+
+B2 = '[both.B2]\nfamily = "{}"\n{}\nunit = "1/degC"'
+PRIORS = {
+    "sd = 1e300": ("[both.B2]", B2.format("normal", "mean = 0.3\nsd = 1e300"), "a number up to 1e+50"),
+    "beta(0.001, 0.001)": (
+        "[both.B2]", B2.format("beta", "a = 0.001\nb = 0.001\nlow = 0.0\nhigh = 3.0"), "at an end of its range",
+    ),
+    "degrees of freedom near 0": ("[both.B2]", B2.format("student_t", "df = 1e-5\nmean = 1\nscale = 1"), "df = 1e-05"),
+    "a power of powers": (
+        "[both.B2]", B2.format("normal", "mean = 1\nsd = 1").replace("1/degC", "9**9**9**9/degC"), "exponents",
+    ),
+    "nested": ("[both.B2]", f"[both.B2]\nfamily = {'[' * 5000}{']' * 5000}", "too deep inside each other"),
+    "a fixed sd of 0": ("[[noise.sd]]", '[[noise.sd]]\nfixed = 0.0\nunit = "N"', "fixed at 0"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", PRIORS)
+def test_priors(run: Run, measured: Path, tmp_path: Path, what: str) -> None:
+    name, new, told = PRIORS[what]
+    text = SHIPPED.replace(table(name), new)
+    if what.startswith("a fixed"):
+        text = SHIPPED[: SHIPPED.index(name)] + new + "\n" + SHIPPED[SHIPPED.index("\n[noise.phi]") :]
+    (tmp_path / "p.toml").write_text(text, encoding="utf-8")
+    out = tmp_path / "out"
+    message = refused(
+        run, "fit", measured, "--out", out, "--priors", tmp_path / "p.toml", "--noise", "ar1", "--jobs", 1
+    )
+    assert told in message
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("fit", "{data}", "--out", "{out}", "--seed", str(2**64)), "--seed"),
+        (("fit", "{data}", "--out", "{out}", "--extrapolate", "1e300"), "at most 1e+06"),
+        (("fit", "{data}", "--out", "a" * 5000), "File name too long"),
+        (("fit", "{data}", "--out", "{out}", "--priors", "a" * 5000 + ".toml"), "File name too long"),
+        (("inspect", "a" * 5000), "File name too long"),
+        (("ask", "a" * 5000, "--force", "1 N"), "File name too long"),
+        (("report", "a" * 5000), "File name too long"),
+        (("run", "a" * 5000 + ".toml"), "File name too long"),
+        (("conditions", "{out}", "--out", "{out}", "--scatter", "1e300"), "at most 100"),
+    ],
+)
+def test_a_call(run: Run, measured: Path, tmp_path: Path, arguments: tuple[str, ...], told: str) -> None:
+    given = [a.format(data=measured, out=tmp_path / "out") for a in arguments]
+    assert told in refused(run, *given)
+    assert not (tmp_path / "out").exists()
+
+
+def limited(*arguments: object) -> tuple[int, str, float]:
+    """Status, standard error and memory [MB] of a call in a process of its own."""
+    program = (
+        "import resource, sys\nfrom sma_bayes import cli\nsys.argv = ['sma-bayes', *sys.argv[1:]]\nstatus = 0\n"
+        "try:\n    cli.main()\nexcept SystemExit as end:\n    status = end.code or 0\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\nsys.exit(status)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, *map(str, arguments)],
+        capture_output=True, text=True, timeout=240, check=False, cwd=ROOT,
+    )  # fmt: skip
+    return done.returncode, done.stderr, float(done.stdout.split()[-1]) / 1e3
+
+
+def workbook(path: Path, lines: list[str], *, cell: str = "", more: bytes = b"", times: int = 0) -> Path:
+    """An Excel workbook, with one more cell, or more rows written straight into its sheet."""
+    book = openpyxl.Workbook()
+    for line in lines:
+        book.active.append([float(v) if v[0].isdigit() else v for v in line.split(",")])
+    if cell:
+        book.active[cell] = 1.0
+    book.save(path)
+    if not times:
+        return path
+    with (
+        zipfile.ZipFile(path) as old,
+        zipfile.ZipFile(path.with_suffix(".more"), "w", zipfile.ZIP_DEFLATED) as new,
+    ):
+        for part in old.infolist():
+            with new.open(part.filename, "w", force_zip64=True) as file:
+                head, mark, tail = old.read(part).partition(b"</sheetData>")
+                file.write(head)
+                if mark:
+                    for _ in range(times):
+                        file.write(more * 100_000)
+                file.write(mark + tail)
+    path.with_suffix(".more").replace(path)
+    return path
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no resource limits")
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"cell": "XFD1048576"}, "a sheet has more than"),
+        ({"more": b'<row><c t="n"><v>1.2345678901234</v></c></row>', "times": 80}, "bytes when unpacked"),
+        ({"more": b"<row/>", "times": 12}, "a sheet has more than"),
+    ],
+)
+def test_a_workbook(
+    make_sweep: Callable[..., list[str]], tmp_path: Path, change: dict[str, object], told: str
+) -> None:
+    path = workbook(tmp_path / "a.xlsx", make_sweep(), **change)
+    status, err, megabytes = limited("inspect", path)
+    assert status == 2, err
+    assert told in err
+    assert megabytes < LARGEST_MB
+
+
+def test_rows_beyond_what_a_workbook_says_of_itself_are_read(
+    run: Run, make_sweep: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    path = workbook(tmp_path / "a.xlsx", make_sweep(40))
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(tmp_path / "b.xlsx", "w") as new:
+        for part in old.infolist():
+            new.writestr(part, old.read(part).replace(b'ref="A1:D81"', b'ref="A1:D31"'))
+    whole, said_less = (sma_bayes.read_campaign(p).records[0] for p in (path, tmp_path / "b.xlsx"))
+    assert whole.n == said_less.n
+
+
+# --- stored results -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def finished(make_campaign: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("hostile")
+    campaign = sma_bayes.read_campaign(make_campaign(place / "bench"))
+    fit_campaign(campaign, place / "out", noise="independent", jobs=1, figures=False)
+    return place / "out"
+
+
+@pytest.fixture
+def folder(finished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "copy"))
+
+
+def read_by_all(run: Callable[..., object], folder: Path, told: str) -> None:
+    for call in (
+        ("ask", folder, "--force", "1.5 N"),
+        ("report", folder, "--jobs", 1),
+        ("conditions", folder, "--out", folder / "conditions"),
+    ):
+        assert told in refused(run, *call)
+    assert not (folder / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('{"schema": "sma-bayes/fit/1", "records": [{}]}', "does not have the checksum"),
+        ("[" * 100_000 + "]" * 100_000, "too deep inside each other"),
+        ('{"schema": ' + "9" * 5000 + "}", "can't be read"),
+    ],
+)
+def test_a_summary_that_none_wrote(run: Run, folder: Path, text: str, told: str) -> None:
+    (folder / "summary.json").write_text(text, encoding="utf-8")
+    read_by_all(run, folder, told)
+
+
+def test_a_summary_that_was_changed(run: Run, folder: Path) -> None:
+    path = folder / "summary.json"
+    summary = json.loads(path.read_text(encoding="utf-8"))
+    summary["records"][0]["converged"] = False
+    path.write_text(json.dumps(summary), encoding="utf-8")
+    read_by_all(run, folder, "does not have the checksum")
+
+
+def test_the_posterior_of_another_branch(run: Run, folder: Path) -> None:
+    shutil.copy(folder / "posterior" / "a-cooling.nc", folder / "posterior" / "a-heating.nc")
+    read_by_all(run, folder, "holds the posterior of 'a-cooling'")
+
+
+def test_the_posterior_of_another_run(
+    run: Run, folder: Path, make_campaign: Callable[..., Path], tmp_path: Path
+) -> None:
+    campaign = sma_bayes.read_campaign(make_campaign(tmp_path / "other"))
+    fit_campaign(campaign, tmp_path / "o", seed=1, noise="independent", jobs=1, figures=False)
+    shutil.copy(tmp_path / "o" / "posterior" / "a-heating.nc", folder / "posterior")
+    read_by_all(run, folder, "is not the posterior that summary.json tells of")
+
+
+def test_draws_that_are_no_numbers(run: Run, folder: Path) -> None:
+    path = folder / "posterior" / "a-heating.nc"
+    with h5py.File(path, "r+") as file:
+        file["posterior"]["B1"][0, 0] = np.nan
+    read_by_all(run, folder, "does not have the checksum")
+    with pytest.raises(sma_bayes.SmaBayesError, match="checksum"):
+        sma_bayes.open_posterior(path)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_flipped_bits(run: Run, folder: Path, seed: int) -> None:
+    """Of a posterior, 10 bits at random: what is read is what was written, or refused."""
+    path = folder / "posterior" / "a-heating.nc"
+    content = bytearray(path.read_bytes())
+    rng = np.random.default_rng(seed)
+    for place in rng.integers(len(content), size=10):
+        content[place] ^= 1 << int(rng.integers(8))
+    before = run("ask", folder, "--force", "1.5 N", "--json").out
+    path.write_bytes(bytes(content))
+    after = run("ask", folder, "--force", "1.5 N", "--json")
+    assert after.status == 2 or after.out == before
+
+
+@pytest.mark.parametrize(
+    "question",
+    [
+        ("--force", "9**9**9**9 N"),
+        ("--force", "1e308 N"),
+        ("--force", "1" * 5000 + " N"),
+        ("--force", "1 N", "--tolerance", "9**9**9**9 N"),
+        ("--force", "1 N", "--temperature-unit", "9**9**9**9"),
+        ("--force", "1 N", "--extrapolate", "1e300"),
+        ("--force", "1 N", "--temperature-sd", "1e300"),
+        ("--force", "1 N", "--condition", "a" * 5000),
+    ],
+)
+def test_a_question(run: Run, finished: Path, question: tuple[str, ...]) -> None:
+    refused(run, "ask", finished, *question)
+
+
+# --- the table ----------------------------------------------------------------------------------------
+
+
+def test_every_limit_is_documented() -> None:
+    page = (ROOT / "docs" / "reference" / "limits.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| ") and not line.startswith("| limit")]
+    assert rows == [f"| {limit.of} | {limit.value:,.15g} |" for limit in LIMITS]
+
+
+@pytest.mark.skipif(not hasattr(os, "setuid") or os.geteuid() != 0, reason="only root can be another user")
+def test_what_a_user_may_not_read_or_write_is_named(measured: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.mkdir(mode=0o700)
+    shutil.copy(measured, secret / "run.csv")
+    for path in (tmp_path, *tmp_path.parents):
+        if path != secret and path.stat().st_uid == os.geteuid() and path != Path("/"):
+            path.chmod(path.stat().st_mode | 0o055)
+    imports = "workflow.study", "workflow.question", "report.build_fit", "workflow.campaign_fit"
+    program = (
+        "import contextlib, importlib, io, os, sys\nfrom sma_bayes import cli\n"
+        f"for name in {imports}: importlib.import_module('sma_bayes.' + name)\n"
+        f"given, sys.argv = sys.argv, ['sma-bayes', 'inspect', {str(measured)!r}]\n"
+        "with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):\n    cli.main()\n"
+        "sys.argv = given\nos.setgid(65534)\nos.setuid(65534)\ncli.main()"
+    )  # Python itself may lie where only root reads
+    for given in (
+        ("inspect", secret / "run.csv"),
+        ("inspect", secret),
+        ("fit", measured, "--out", secret / "out"),
+        ("fit", measured, "--out", tmp_path / "out"),
+        ("ask", secret, "--force", "1 N"),
+        ("report", secret),
+        ("run", secret / "study.toml"),
+        ("fit", measured, "--out", tmp_path / "out", "--priors", secret / "p.toml"),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-c", program, *map(str, given)],
+            capture_output=True, text=True, timeout=240, check=False, cwd=ROOT,
+        )  # fmt: skip
+        assert (done.returncode, done.stdout) == (2, ""), (given, done.stderr)
+        assert "Permission denied" in done.stderr
+        assert done.stderr.count("error: ") == 1

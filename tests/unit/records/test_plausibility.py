@@ -1,0 +1,177 @@
+"""What can't be is refused, what can hardly be is reported, and nothing real is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sma_bayes.errors import SmaBayesError
+from sma_bayes.records.campaign import read_campaign
+from sma_bayes.records.plausibility import DOUBTS, RANGES
+from sma_bayes.records.severity import severity
+from sma_bayes.records.types import Finding
+
+COLUMNS = {
+    "time": '{ name = "t", unit = "s" }',
+    "temperature": '{ name = "T", unit = "degC" }',
+    "force": '{ name = "F", unit = "N" }',
+    "displacement": '{ name = "X", unit = "mm" }',
+}
+EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
+
+
+def measured(n: int = 60, *, seed: int = 0) -> dict[str, np.ndarray]:
+    """A spring that is heated and cooled."""
+    rng = np.random.default_rng(seed)
+    up = np.linspace(30.0, 70.0, n)
+    temperature = np.concatenate([up, up[::-1]])
+    force = 0.5 + 2.5 / (1.0 + np.exp(-0.35 * (temperature - 52.0)))
+    stroke = 1.0 + 20.0 / (1.0 + np.exp(-0.30 * (temperature - 48.0)))
+    return {
+        "t": np.arange(temperature.size) * 1.0,
+        "T": temperature,
+        "F": force + 0.02 * rng.standard_normal(force.size),
+        "X": stroke + 0.1 * rng.standard_normal(stroke.size),
+    }
+
+
+def campaign(folder: Path, data: dict[str, np.ndarray], condition: str = "", **columns: str) -> Path:
+    """A campaign of one condition, with other columns than the usual."""
+    table = np.column_stack(list(data.values()))
+    text = ",".join(data) + "\n" + "\n".join(",".join(f"{v:.9g}" for v in row) for row in table) + "\n"
+    (folder / "a.csv").write_text(text, encoding="utf-8")
+    declared = "".join(f"{k} = {v}\n" for k, v in {**COLUMNS, **columns}.items() if v)
+    (folder / "campaign.toml").write_text(
+        f'[columns]\n{declared}[[condition]]\nid = "a"\nfile = "a.csv"\n{condition}', encoding="utf-8"
+    )
+    return folder
+
+
+def warnings_of(folder: Path) -> list[Finding]:
+    return [f for f in read_campaign(folder).findings if f.kind in DOUBTS]
+
+
+def test_a_good_record_is_believed(tmp_path: Path) -> None:
+    assert warnings_of(campaign(tmp_path, measured())) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda d: d | {"T": d["T"] - 345.0}, "below absolute zero"),
+        (lambda d: d | {"F": d["F"] * 1e60}, "a magnitude up to"),
+        (lambda d: d | {"T": d["T"] + 1e300}, "a magnitude up to"),
+    ],
+)
+def test_what_can_not_be_is_refused(tmp_path: Path, change: Callable[[dict], dict], told: str) -> None:
+    with pytest.raises(SmaBayesError, match="row") as refused:
+        read_campaign(campaign(tmp_path, change(measured())))
+    assert told in str(refused.value)
+
+
+def test_a_declared_channel_without_a_value_is_refused(tmp_path: Path) -> None:
+    folder = campaign(tmp_path, measured(), force='{ name = "F", unit = "N", valid = [100.0, 200.0] }')
+    with pytest.raises(SmaBayesError, match="force has no value in 120 rows"):
+        read_campaign(folder)
+
+
+def by_names(**names: str) -> Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]]:
+    return lambda data: {names.get(key, key): values for key, values in data.items()}
+
+
+@pytest.mark.parametrize(
+    ("change", "columns", "condition", "kind", "told"),
+    [
+        (None, {"displacement": '{ name = "X", unit = "m" }'}, "", "implausible", "displacement reaches 21"),
+        (None, {"force": '{ name = "F", unit = "MN" }'}, "", "implausible", "force reaches 3"),
+        (lambda d: d | {"T": d["T"] + 900}, {}, "", "implausible", "temperature reaches"),
+        (None, {"temperature": '{ name = "T", unit = "kelvin" }'}, "", "implausible", "temperature reaches -24"),
+        (None, {"displacement": '{ name = "F", unit = "mm" }'}, "", "same-column", "are one column"),
+        (None, {"displacement": '{ name = "T", unit = "mm" }'}, "", "same-column", "are one column"),
+        (
+            by_names(F="force_N", X="displacement_mm"),
+            {"force": '{ name = "displacement_mm", unit = "N" }', "displacement": '{ name = "force_N", unit = "mm" }'},
+            "", "named-otherwise", "its name tells displacement",
+        ),
+        (
+            by_names(X="displacement_mm"), {"displacement": '{ name = "displacement_mm", unit = "m" }'}, "",
+            "named-otherwise", "declared in 'm', its name tells 'mm'",
+        ),
+        (
+            lambda d: d | {"t": d["T"], "T": d["t"]}, {}, "", "swapped", "look swapped",
+        ),
+        (
+            None, {"force": '{ name = "F", unit = "V", scale = 1.0, to = "N", scale_sd = 2.5 }'}, "",
+            "large-sd", "250% of its scale",
+        ),
+        (None, {"temperature": '{ name = "T", unit = "degC", sd = 20.0 }'}, "", "large-sd", "50% of the sweep"),
+        (None, {}, "duty_cycle_pct = 0.5\n", "implausible", "may be meant as a share, 50 %"),
+    ],
+)  # fmt: skip
+def test_what_can_hardly_be_is_reported(
+    tmp_path: Path, change: Callable | None, columns: dict[str, str], condition: str, kind: str, told: str
+) -> None:
+    data = change(measured()) if change else measured()
+    found = warnings_of(campaign(tmp_path, data, condition, **columns))
+    assert [f for f in found if f.kind == kind and told in f.message], found
+
+
+def test_one_file_as_two_conditions_is_reported(tmp_path: Path) -> None:
+    (found,) = warnings_of(campaign(tmp_path, measured(), '[[condition]]\nid = "b"\nfile = "./a.csv"\n'))
+    assert (found.kind, found.condition) == ("same-file", "b")
+    assert "'a' and 'b' are the same rows" in found.message
+
+
+def test_parts_of_one_file_are_two_conditions(tmp_path: Path) -> None:
+    rows = "[condition.reading]\nfirst_row = {}\nlast_row = {}\n"
+    text = rows.format(2, 61) + '[[condition]]\nid = "b"\nfile = "a.csv"\n' + rows.format(62, 121)
+    assert warnings_of(campaign(tmp_path, measured(), text)) == []
+
+
+def test_ids_that_look_alike_are_refused(tmp_path: Path) -> None:
+    text = '[[condition]]\nid = "Ko\u0308rper"\nfile = "a.csv"\n[[condition]]\nid = "K\u00f6rper"\nfile = "a.csv"\n'
+    with pytest.raises(SmaBayesError, match="by how Unicode writes it"):
+        read_campaign(campaign(tmp_path, measured(), text))
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    temperature=st.floats(-80.0, 400.0),
+    span=st.floats(10.0, 150.0),
+    force=st.floats(-2.0, 3.0),
+    stroke=st.floats(-2.0, 2.0),
+)
+def test_no_unit_that_is_right_is_doubted(
+    tmp_path_factory: pytest.TempPathFactory, temperature: float, span: float, force: float, stroke: float
+) -> None:
+    """Springs of 10 mN to 1 kN and of 10 µm to 100 mm, at temperatures of any shape memory alloy."""
+    data = measured()
+    data["T"] = temperature + (data["T"] - 30.0) * span / 40.0
+    data["F"] = 10.0**force * data["F"] / data["F"].max()
+    data["X"] = 10.0**stroke * data["X"] / data["X"].max()
+    folder = tmp_path_factory.mktemp("plausible")
+    assert [f for f in warnings_of(campaign(folder, data)) if f.kind == "implausible"] == []
+
+
+def test_doubts_are_serious() -> None:
+    assert {severity(kind) for kind in DOUBTS} == {"serious"}
+
+
+def test_ranges_have_sources() -> None:
+    for name, limits in RANGES.items():
+        assert limits.low < limits.high, name
+        assert len(limits.source) > 20, name
+
+
+@pytest.mark.parametrize("example", sorted(p.stem for p in EXAMPLES.glob("*.toml")))
+def test_real_measurements_are_believed(shared_data: Path, example: str) -> None:
+    folder = shared_data / example
+    if not folder.is_dir():
+        pytest.skip(f"{example} is not there")
+    found = read_campaign(EXAMPLES / f"{example}.toml", data_dir=folder).findings
+    assert [f.message for f in found if f.kind in DOUBTS] == []
