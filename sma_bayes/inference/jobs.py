@@ -42,8 +42,8 @@ IDLE_S = 21_600.0
 By joblib's default, 300 s, a stage that follows another after five minutes may hand out tasks just as the processes
 retire, and wait for ever: seen once on a busy machine, with joblib 1.6."""
 
-WORTH_S = 5.0
-"""Expected time of light tasks from which processes are started for them [s]; to start two takes half of that."""
+WORTH_S = 4.0
+"""Time that processes have to save on light tasks, to be started for them [s]; to start two takes half of it."""
 
 TRIES = 4
 """How often a task is begun, at most, where worker processes come to an end in the middle of it."""
@@ -106,7 +106,7 @@ def run(
         Stage of the account to which the time is added.
     light : bool
         Tasks that hardly take longer than to start a process. Without `jobs` they are done in this process, as long as
-        what is left is not expected to take more than `WORTH_S`.
+        that is not expected to cost `WORTH_S`.
 
     Raises
     ------
@@ -142,11 +142,12 @@ def _here_first(
     spent = 0.0
     for number, item in enumerate(items):
         left = len(items) - number
-        if number and left > 1 and spent / number * left > WORTH_S:
+        saved = (spent / number) * left * (1.0 - 1.0 / workers) if number else 0.0
+        if left > 1 and saved > WORTH_S:
             yield from _on_processes(task, items[number:], min(workers, left), account)
             return
         done = _timed(task, item)
-        spent += done.wall
+        spent += done.cpu  # the clock would tell of what else the machine is doing
         yield done
 
 
