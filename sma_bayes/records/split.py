@@ -154,8 +154,8 @@ def split_run(
     Raises
     ------
     MeasurementError
-        If there is no temperature or no channel to fit, the temperature is constant, or no branch has enough
-        samples.
+        If there is no temperature or no channel to fit, the temperature or every channel is constant, or no branch
+        has enough samples.
     """
     settings = settings or SplitSettings()
     _require_columns(run, settings)
@@ -174,6 +174,7 @@ def split_run(
         clean_channel(ledger, channel)
     inputs = _choose_inputs(ledger)
     legs = _long_enough(ledger, legs, settings.min_samples)
+    _refuse_constant(ledger, rows_of(legs), channels)
     _note_quality(ledger, legs, channels)
     records = tuple(
         _record(ledger, branch, [leg for leg in legs if leg.branch is branch], channels, inputs, settings)
@@ -181,6 +182,19 @@ def split_run(
         if any(leg.branch is branch for leg in legs)
     )
     return records, tuple(ledger.findings)
+
+
+def _refuse_constant(ledger: Ledger, rows: Ints, channels: tuple[str, ...]) -> None:
+    """Refuse channels that are one number throughout: no curve follows from them, however long one samples."""
+    values = {channel: ledger.run.columns[channel][rows] for channel in channels}
+    if any(np.ptp(v) > 0.0 for v in values.values()):
+        return
+    what = " and ".join(f"{ledger.quantity(c)} is {ledger.amount(c, float(v[0]))}" for c, v in values.items())
+    raise ledger.error(
+        f"{what} in all {rows.size} rows of the sweeps",
+        expected="a channel that changes with the temperature",
+        remedy="map the column of another channel, or leave the condition out",
+    )
 
 
 def _require_columns(run: Run, settings: SplitSettings) -> None:

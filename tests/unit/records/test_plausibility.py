@@ -80,6 +80,13 @@ def test_a_declared_channel_without_a_value_is_refused(tmp_path: Path) -> None:
         read_campaign(folder)
 
 
+def test_a_force_that_is_one_number_is_refused(tmp_path: Path) -> None:
+    data = measured()
+    folder = campaign(tmp_path, data | {"F": np.full(data["F"].size, 1.5)}, displacement="")
+    with pytest.raises(SmaBayesError, match=r"force is 1\.5 N in all 120 rows of the sweeps"):
+        read_campaign(folder)
+
+
 def by_names(**names: str) -> Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]]:
     return lambda data: {names.get(key, key): values for key, values in data.items()}
 
