@@ -24,6 +24,9 @@ stiffness = "0.12 N/mm"
 """
 
 
+AT = '[[ask]]\nat = ["50 degC", "323.15 kelvin"]\nunit = ["mN"]\n'
+
+
 @pytest.fixture
 def study(make_campaign: Callable[..., Path], tmp_path: Path) -> Path:
     make_campaign(tmp_path / "bench")
@@ -59,15 +62,18 @@ def test_steps_are_run_resumed_and_added(run: Callable[..., Any], study: Path) -
     assert again.status == 2
     assert "--resume" in again.err
     # one condition can't be left out: this step fails, the others don't; a new question is answered
-    written(study, STUDY + '[[ask]]\nforce = "1 N"\n[compare]\npool = "campaign"\n')
+    written(study, STUDY + '[[ask]]\nforce = "1 N"\n' + AT + '[compare]\npool = "campaign"\n')
     more = run("run", study, "--resume")
     assert more.status == 2
     found = document(folder)
     assert found["exit_status"] == 2
     assert not found["converged"]
     assert {s["step"]: s["status"] for s in found["steps"]} == {
-        "fit": "done", "compare": "failed", "ask 1": "done", "ask 2": "done"
+        "fit": "done", "compare": "failed", "ask 1": "done", "ask 2": "done", "ask 3": "done"
     }  # fmt: skip
+    told = json.loads((folder / "results" / "ask" / "3.json").read_text(encoding="utf-8"))
+    assert told["schema"] == "sma-bayes/ask-at/1"
+    assert told["answers"][0]["quantities"]["force"]["unit"] == "mN"
     (failed,) = [s for s in found["steps"] if s["status"] == "failed"]
     assert "no two conditions" in failed["error"]
     assert "no two conditions" in more.out

@@ -88,6 +88,8 @@ def test_an_empty_table_runs_a_step_with_its_defaults(tmp_path: Path) -> None:
         ('pool = "campaign"', 'pool = "all"', "compare.pool", "'none' or 'campaign'"),
         ('arrangement = "parallel"\n', "", "fit", "an arrangement beside bias"),
         ('force = "2 N"', 'force = "2 N"\nstiffness = "1 N/m"', "ask 2", "exactly one of stiffness"),
+        ('force = "2 N"', 'force = "2 N"\nat = ["50 degC"]', "ask 2", "exactly one of stiffness"),
+        ('force = "2 N"', 'force = "2 N"\nunit = ["mN"]', "ask 2", "unit beside `at` only"),
         ('force = "2 N"', "force = 2", "ask 2.force", "a text in quotation marks"),
         ("probability = 0.95", "probability = 95", "ask 2.probability", "less than or equal to 1"),
         ('at = ["current_A=2"]', 'at = "current_A=2"', "conditions.at", "a list: [ ... ]"),
