@@ -69,7 +69,7 @@ def prior_set(priors: str | Path | PriorSet | None, model: str = DEFAULT_MODEL) 
     PriorError
         If there are no such priors; see `read_priors`.
     """
-    own = RESPONSE_MODELS[DEFAULT_MODEL if model == AUTO_MODEL else model]
+    own = RESPONSE_MODELS[DEFAULT_MODEL if model_named(model) == AUTO_MODEL else model]
     if priors is None:
         return own.default_priors()
     found = priors if isinstance(priors, PriorSet) else priors_named(priors)
@@ -84,7 +84,12 @@ def model_named(name: str) -> str:
     UnknownNameError
         If there is none of that name.
     """
-    return name if name == AUTO_MODEL else RESPONSE_MODELS[name].name
+    if name != AUTO_MODEL and name not in RESPONSE_MODELS:
+        raise UnknownNameError(
+            f"no response model is called {name!r}",
+            expected=near_matches(name, [AUTO_MODEL, *RESPONSE_MODELS]),
+        )
+    return name
 
 
 def pool_named(name: str) -> Pool:

@@ -161,3 +161,9 @@ def test_priors_of_a_richer_rung_are_taken_where_it_has_the_parameter(
     assert bad.status == 2
     assert "no parameter is called 'A_cold_slop'" in bad.err
     assert not (tmp_path / "none").exists()
+
+
+def test_a_misspelt_choice_is_named(run: Callable[..., Any], bench: Path, tmp_path: Path) -> None:
+    found = run("gap", bench / "bench", "--out", tmp_path / "out", "--model", "autoo")
+    assert found.status == 2
+    assert "did you mean 'auto'?" in found.err

@@ -286,6 +286,13 @@ def test_ranks_are_uniform(found: Outcomes) -> None:
     assert min(p.values()) > FALSE_ALARM / len(p), p
 
 
+def test_every_model_and_noise_of_the_catalogues_is_a_case() -> None:
+    assert {c.model for c in CASES.values()} == set(RESPONSE_MODELS)
+    densities = {name for name, noise in NOISE_MODELS.items() if noise.is_density}
+    extended = {f"independent+{suffix}" for suffix in WRAPPERS}
+    assert {c.noise for c in CASES.values()} == densities | extended
+
+
 def test_the_check_sees_intervals_that_are_too_narrow() -> None:
     """Ranks of posteriors of half the width that they should have are told from uniform ones."""
     rng = np.random.default_rng(2)
