@@ -62,6 +62,8 @@ QUANTITIES: Final[dict[str, Quantity]] = {
         Quantity("strain", "ε", "1", "strain of the specimen"),
         Quantity("modulus", "E", "Pa", "slope of stress over strain along the actuation path"),
         Quantity("current", "I", "A", "heating current"),
+        Quantity("voltage", "U", "V", "voltage over the alloy while it is heated"),
+        Quantity("resistance", "R", "ohm", "resistance of the alloy"),
         Quantity("ambient_temperature", "Ta", "degC", "temperature of the surroundings"),
         Quantity("drive", "u", "1", "drive signal; positive while the alloy is heated"),
         Quantity("cycle", "N", "1", "number of the thermal cycle, from 1"),

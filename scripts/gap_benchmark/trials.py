@@ -20,7 +20,9 @@ from gap_benchmark.hide import INSIDE, LAWS, OUTSIDE, hide_several
 from gap_benchmark.noise import NOISES
 from gap_benchmark.spring import CURVES
 from sma_bayes.effects import EFFECTS
+from sma_bayes.effects.needs import of_heating, of_response
 from sma_bayes.gap.close import close
+from sma_bayes.gap.heating import study_heating
 from sma_bayes.gap.study import GapStudy, study_campaign
 from sma_bayes.parameters.priors_file import read_priors
 
@@ -234,6 +236,16 @@ def attempt(trial: Trial, *, folds: bool = False) -> Row | None:
             effects=catalogue,
             seed=trial.seed,
         )
+        if set(hidden) & set(of_heating(EFFECTS)) - set(of_response(EFFECTS)):
+            of_heat = study_heating(
+                case.campaign,
+                study,
+                read_priors("modified_sigmoid"),
+                pooled=case.pooled,
+                effects=catalogue,
+                seed=trial.seed,
+            )
+            study = study if of_heat is None else of_heat
     seconds = time.process_time() - began
     low, high = interval(study, hidden[0])
     row = Row(

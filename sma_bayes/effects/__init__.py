@@ -7,6 +7,7 @@ from sma_bayes.effects.asymmetric_kinetics import AsymmetricKinetics
 from sma_bayes.effects.bias_spring import BiasSpring
 from sma_bayes.effects.clock_skew import ClockSkew
 from sma_bayes.effects.contact_error import ContactError
+from sma_bayes.effects.convective_loss import ConvectiveLoss
 from sma_bayes.effects.drive_ripple import DriveRipple
 from sma_bayes.effects.fixture_compliance import FixtureCompliance
 from sma_bayes.effects.guide_friction import GuideFriction
@@ -15,10 +16,13 @@ from sma_bayes.effects.latent_heat import LatentHeat
 from sma_bayes.effects.load_cell_thermal_drift import LoadCellThermalDrift
 from sma_bayes.effects.minor_loop import MinorLoop
 from sma_bayes.effects.path_stress_shift import PathStressShift
+from sma_bayes.effects.phase_resistance import PhaseResistance
 from sma_bayes.effects.quantisation import Quantisation
 from sma_bayes.effects.r_phase import RPhase
+from sma_bayes.effects.radiative_loss import RadiativeLoss
 from sma_bayes.effects.rate_dependence import RateDependence
 from sma_bayes.effects.saturation import Saturation
+from sma_bayes.effects.second_mass import SecondMass
 from sma_bayes.effects.sensor_drift import SensorDrift
 from sma_bayes.effects.stress_shift import StressShift
 from sma_bayes.effects.stress_stroke import StressStroke
@@ -57,6 +61,10 @@ _SHIPPED: tuple[Effect, ...] = (
     ClockSkew(),
     LatentHeat(),
     AmbientDraught(),
+    ConvectiveLoss(),
+    RadiativeLoss(),
+    PhaseResistance(),
+    SecondMass(),
 )
 EFFECTS: Catalogue[Effect] = Catalogue(
     "effect", {effect.id: effect for effect in _SHIPPED}, entry_point_group="sma_bayes.effects"

@@ -27,7 +27,7 @@ class ContactError:
         "conduction along the wires of thermocouples on surfaces: Boelter and Lockhart, NACA TN 2427 (1951); "
         "ASTM MNL12, Manual on the Use of Thermocouples in Temperature Measurement (1993)"
     )
-    needs = ("channel", "ambient_varies")
+    needs = ("outcome", "ambient_varies")
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = LogNormal(0.07, 0.9)
@@ -36,7 +36,10 @@ class ContactError:
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         b, ambient = theta[..., :1], inputs["ambient_temperature"]
-        out = response(at(inputs, inputs["temperature"] + b * (inputs["temperature"] - ambient)))
+        given = at(inputs, inputs["temperature"] + b * (inputs["temperature"] - ambient))
+        if "read" in inputs:
+            given["read"] = inputs["read"] + b * (inputs["read"] - ambient)
+        out = response(given)
         if "temperature" in out:
             out = {**out, "temperature": (out["temperature"] + b * ambient) / (1.0 + b)}
         return out

@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.effects.transformation import STEP, at, curves
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
@@ -19,33 +18,41 @@ SPECIFIC_HEAT: Final = 500.0
 
 @dataclass(frozen=True)
 class LatentHeat:
-    """The specific heat is ``c + L abs(ds/dT)`` while the share s transforms.
+    """What transforms takes up ``L ds``, and gives it back on the way down, s the share of austenite.
 
-    The share is that of the model's displacement, or of its force where there is no displacement. Gain and loss of the
-    Joule-heating balance absorb the mean slowing; what is left is a shoulder of the temperature within the
-    transformation, on both branches. Nothing else in the catalogue makes one; a step of power settles it.
+    The share is that of the model's displacement, or of its force where there is no displacement, along the measured
+    history. Gain and loss of the Joule-heating balance absorb the mean slowing; what is left is a shoulder of the
+    temperature within the transformation, on both branches. Nothing else in the catalogue makes one; a step of power
+    settles it. From sweep to sweep nothing is counted, since each branch has a curve of its own.
     """
 
     id = "latent_heat"
     title = "the transformation takes up heat"
-    equation = "c -> c + L abs(ds/dT)"
+    equation = "m c dT/dt = I^2 R - h A (T - Ta) - m L ds/dt"
     reference = (
         "Wang, Jiang and Nikanpour, Measurement of specific heat, latent heat and phase transformation temperatures "
         "of shape memory alloys, High Temp.-High Press. 37 (2008) 91-107; 24 kJ/kg on data sheets of nitinol"
     )
-    needs = ("temperature_response", "curve")
+    needs = ("temperature_response", "share")
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = LogNormal(1e4, 0.55)
         return (Parameter("L", "J/kg", "latent heat", prior, "90 % between 4 and 25 kJ/kg"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
-        up, down = (
-            list(curves(response, at(inputs, inputs["temperature"] + by))[1].values())[-1].share
-            for by in (STEP, -STEP)
-        )
-        steepness = np.abs(up - down) / (2.0 * STEP)
-        factor = 1.0 + theta[..., :1] / SPECIFIC_HEAT * steepness
-        return response(
-            {**inputs, "heat_capacity_factor": factor * inputs.get("heat_capacity_factor", np.ones(1))}
-        )
+        share = inputs["share"]
+        same = np.diff(inputs["segment"], prepend=-1.0) == 0
+        risen = np.cumsum(np.where(same, np.diff(share, axis=-1, prepend=share[..., :1]), 0.0), axis=-1)
+        return response(taking(inputs, theta[..., :1] / SPECIFIC_HEAT * risen))
+
+
+def taking(inputs: Inputs, heat: Floats) -> dict[str, Floats]:
+    """Inputs with something that takes up heat.
+
+    Parameters
+    ----------
+    inputs : mapping of str to ndarray
+    heat : ndarray, shape (..., n)
+        That it has taken up at each sample, over the heat capacity of the alloy [K].
+    """
+    return {**inputs, "heat_taken": inputs.get("heat_taken", np.zeros(1)) + heat}

@@ -8,9 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.effects.types import Scales
+from sma_bayes.effects.types import Effect, Scales
 from sma_bayes.quantities import CHANNELS, Floats
 from sma_bayes.records.history import History
+
+OF_HEATING: Final = frozenset({"temperature_response", "outcome"})
+"""Needs of effects that act in the heat balance, where temperature is an outcome."""
 
 Test = Callable[[Sequence[History]], str]
 """Why a need is not met; empty where it is."""
@@ -42,6 +45,16 @@ def untestable(needs: Sequence[str], histories: Sequence[History]) -> str:
     return "; ".join(dict.fromkeys(filter(None, (NEEDS[need](histories) for need in needs))))
 
 
+def of_response(effects: Mapping[str, Effect]) -> dict[str, Effect]:
+    """Effects that act on force, displacement and stiffness at a given temperature."""
+    return {name: e for name, e in effects.items() if "temperature_response" not in e.needs}
+
+
+def of_heating(effects: Mapping[str, Effect]) -> dict[str, Effect]:
+    """Effects that act on the temperature that a current makes; those of the thermometer are among both."""
+    return {name: e for name, e in effects.items() if OF_HEATING & set(e.needs)}
+
+
 def _input(name: str, what: str) -> Test:
     return lambda histories: "" if all(name in h.inputs for h in histories) else f"{what} was not recorded"
 
@@ -61,6 +74,17 @@ def _any_channel(histories: Sequence[History]) -> str:
         ""
         if all(set(CHANNELS) & set(h.observed) for h in histories)
         else "no mechanical channel was observed"
+    )
+
+
+def _any_outcome(histories: Sequence[History]) -> str:
+    """What a thermometer does shows in mechanical channels, and in the temperature itself where it is an outcome."""
+    return "" if all("temperature" in h.observed for h in histories) else _any_channel(histories)
+
+
+def _share(histories: Sequence[History]) -> str:
+    return (
+        "" if all("share" in h.inputs for h in histories) else "neither force nor displacement was observed"
     )
 
 
@@ -201,6 +225,13 @@ def _flat_tops(histories: Sequence[History]) -> str:
 
 NEEDS: Final[Mapping[str, Test]] = {
     "channel": _any_channel,
+    "outcome": _any_outcome,
+    "share": _share,
+    "resistance_unknown": lambda histories: (
+        "resistance or voltage was recorded, and is used"
+        if any("resistance" in h.inputs for h in histories)
+        else ""
+    ),
     "curve": _curve,
     "force": _channel("force"),
     "displacement": _channel("displacement"),

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from sma_bayes.effects.memory import FORGOTTEN, elapsed, lagged
 from sma_bayes.effects.transformation import at
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
-from sma_bayes.records.history import starts
 
 
 @dataclass(frozen=True)
@@ -22,7 +18,7 @@ class ThermocoupleLag:
     At a constant rate on each branch that is a shift of the curve, which its midpoint absorbs; it shows where the rate
     differs at the same temperature: other currents, a step-off, the rounded ends of a sweep. A transformation that
     lags moves the curves the other way; infrared, or a step-off above the transformation, shows the sensor alone. A
-    simulated temperature goes through the same lag, and begins each stretch as far behind as it then sweeps.
+    simulated temperature goes through the same lag.
     """
 
     id = "thermocouple_lag"
@@ -32,19 +28,15 @@ class ThermocoupleLag:
         "first-order response of a temperature sensor, tau 0.05-5 s from a fine junction in contact to a beaded "
         "thermocouple in still air: ASTM MNL12, Manual on the Use of Thermocouples in Temperature Measurement (1993)"
     )
-    needs = ("channel", "several_rates")
+    needs = ("outcome", "several_rates")
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = LogNormal(0.5, 1.2)
         return (Parameter("tau", "s", "time constant of the sensor", prior, "90 % between 0.07 and 3.6 s"),)
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
-        tau = theta[..., :1]
-        out = response(at(inputs, inputs["temperature"] + tau * inputs["rate"]))
-        if "temperature" in out:
-            first = starts(inputs)
-            behind = np.where(first, tau * inputs["rate"], 0.0)
-            metal = out["temperature"] - behind
-            steps = np.where(first, FORGOTTEN, elapsed(inputs) / np.maximum(tau, 1e-12))
-            out = {**out, "temperature": lagged(metal, steps)}
-        return out
+        tau, read = theta[..., :1], inputs["temperature"]
+        lag = tau + inputs.get("sensor_lag", 0.0)
+        return response(
+            {**at(inputs, read + tau * inputs["rate"]), "sensor_lag": lag, "read": inputs.get("read", read)}
+        )

@@ -61,7 +61,7 @@ def _about_names(found: Mapping[str, Any]) -> list[str]:
 
 
 def _about_what_is_left(left: Mapping[str, Any]) -> str:
-    if left["covariate"] == SHAPE:
+    if left["covariate"] == SHAPE and left["channel"] != "temperature":
         return (
             "That is the shape of the curve, the same in every cycle and condition; --model offers richer ones "
             "('sma-bayes priors --list')."
@@ -74,8 +74,8 @@ def _about_closing(gap: Mapping[str, Any]) -> list[str]:
         return []
     if gap["shrink"] < MOSTLY:
         return [
-            f"What was named closes {100.0 * gap['shrink']:.0f} % of the gap on held-out measurements: most of it is "
-            "still open, or the effects do not carry over to what was held out."
+            f"What was named closes {100.0 * gap['shrink']:.0f} % of what can be explained on held-out measurements: "
+            "most of it is still open, or the effects do not carry over to what was held out."
         ]
     if gap["after"] > STILL_OPEN:
         return [

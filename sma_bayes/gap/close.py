@@ -19,7 +19,7 @@ from sma_bayes.gap.fitting import Fitted, fit_hypothesis, fit_with_noise, measur
 from sma_bayes.gap.flexible import SIZES, Gain, Term, gains, terms_of
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.name import Candidate
-from sma_bayes.gap.noise import BlockNoise, Noise, blocks_of, whiten
+from sma_bayes.gap.noise import Noise, blocks_of, whiten
 from sma_bayes.gap.study import SIGNIFICANT, GapStudy, study_from
 from sma_bayes.inference.jobs import run
 from sma_bayes.quantities import Floats
@@ -32,6 +32,46 @@ STRETCHES = 12
 """Stretches of a sweep that are dealt out where there is only one cycle and no other condition."""
 
 Masks = tuple[NDArray[np.bool_], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelGap:
+    """Held-out residuals of one channel.
+
+    Attributes
+    ----------
+    before_sigma, after_sigma : float
+        Root mean square as innovations of the noise, in its standard deviations.
+    before, after, noise : float
+        Root mean square as they are, and standard deviation of the noise [unit of the channel].
+    """
+
+    before_sigma: float
+    after_sigma: float
+    before: float
+    after: float
+    noise: float
+
+    @property
+    def way_to_noise(self) -> float:
+        """Share of the way from the gap before to noise alone; see `way_to_noise`."""
+        return way_to_noise(self.before_sigma, self.after_sigma)
+
+
+def way_to_noise(before: float, after: float) -> float:
+    """Share of the way to noise alone, ``(before - after)/(before - 1)``; 0 where noise alone was left before.
+
+    Parameters
+    ----------
+    before, after : float
+        Root mean square of innovations, in standard deviations of the noise.
+
+    Examples
+    --------
+    >>> round(way_to_noise(5.47, 5.15), 3), way_to_noise(0.99, 0.98)
+    (0.072, 0.0)
+    """
+    return (before - after) / (before - NOISE_ALONE) if before > NOISE_ALONE else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +88,7 @@ class Gap:
         What was held out.
     chosen : tuple of tuple of str
         Effects that were chosen without each fold.
+    channels : mapping of str to ChannelGap
     """
 
     before: float
@@ -55,10 +96,16 @@ class Gap:
     floor: float
     held_out: str
     chosen: tuple[tuple[str, ...], ...]
+    channels: Mapping[str, ChannelGap]
+
+    @property
+    def way_to_noise(self) -> float:
+        """Share of the way from the gap before to noise alone; see `way_to_noise`."""
+        return way_to_noise(self.before, self.after)
 
     @property
     def shrink(self) -> float:
-        """Share of the gap that is closed, ``(before - after)/(before - floor)``; 0 where there is none."""
+        """Closed share of what can be explained, ``(before - after)/(before - floor)``; 0 where that is nothing."""
         return (self.before - self.after) / (self.before - self.floor) if self.before > self.floor else 0.0
 
 
@@ -111,10 +158,20 @@ class Fold:
 
 @dataclass(frozen=True, slots=True)
 class Predicted:
-    """Sums of squares over a fold: before, after, and with a flexible term besides."""
+    """Sums of squares over a fold.
 
-    squares: tuple[float, float, float]
-    count: int
+    Attributes
+    ----------
+    squares : ndarray, shape (3,)
+        Of innovations: before, after, and with a flexible term besides.
+    channels : mapping of str to ndarray, shape (6,)
+        Of each channel: samples; squared innovations before and after; squared residuals before and after [unit^2];
+        variances of the noise, summed over the samples [unit^2].
+    chosen : tuple of str
+    """
+
+    squares: Floats
+    channels: Mapping[str, Floats]
     chosen: tuple[str, ...]
 
 
@@ -144,12 +201,18 @@ def close(
     masks, named = folds_of(study.baseline.hypothesis.histories, pooled=pooled)
     folds = [Fold(study, effects, out, (seed, 11, i)) for i, out in enumerate(masks)]
     found = list(run(predict_fold, folds, jobs, account=account, stage="hold_out"))
-    count = sum(f.count for f in found)
-    rms = np.sqrt(np.sum([f.squares for f in found], axis=0) / max(count, 1))
+    channels = {c: _channel_gap(np.sum([f.channels[c] for f in found], axis=0)) for c in found[0].channels}
+    count = sum(float(f.channels[c][0]) for f in found for c in f.channels)
+    rms = np.sqrt(np.sum([f.squares for f in found], axis=0) / max(count, 1.0))
     floor = min(float(rms[1]), float(rms[2]))
     if study.left.p_value <= SIGNIFICANT:
         floor = min(floor, NOISE_ALONE)
-    return Gap(float(rms[0]), float(rms[1]), floor, named, tuple(f.chosen for f in found))
+    return Gap(float(rms[0]), float(rms[1]), floor, named, tuple(f.chosen for f in found), channels)
+
+
+def _channel_gap(sums: Floats) -> ChannelGap:
+    """From what is summed over folds, as of `Predicted.channels`."""
+    return ChannelGap(*np.sqrt(sums[1:] / max(float(sums[0]), 1.0)).tolist())
 
 
 def predict_fold(fold: Fold) -> Predicted:
@@ -166,9 +229,16 @@ def predict_fold(fold: Fold) -> Predicted:
         _residual(extended, final.theta),
         _with_flexible(final, extended, fold.study.final, _rows(first, kept), _rows(first, out)),
     )
-    before, after, helped = (float(np.sum(whiten(blocks_of(test), noise, r) ** 2)) for r in left)
+    blocks = blocks_of(test)
+    whitened = [whiten(blocks, noise, r) ** 2 for r in left]
+    channels: dict[str, Floats] = {}
+    for block, own in zip(blocks, noise, strict=True):
+        n = block.first.size
+        squares = [np.sum(x[block.at]) for x in (whitened[0], whitened[1], left[0] ** 2, left[1] ** 2)]
+        own_sums = np.array([n, *squares, n * own.sd**2])
+        channels[block.channel] = channels.get(block.channel, 0.0) + own_sums
     chosen = tuple(e.id for e in final.hypothesis.effects)
-    return Predicted((before, after, helped), left[0].size, chosen)
+    return Predicted(np.array([w.sum() for w in whitened]), channels, chosen)
 
 
 def held_out_scores(
@@ -213,16 +283,10 @@ def _rows(fitted: Fitted, kept: Masks) -> NDArray[np.intp]:
 def _noise_on(fitted: Fitted, kept: Masks) -> Noise:
     """The noise of a fit, for some of the samples of each block."""
     return tuple(
-        BlockNoise(n.sd, _memory_on(n.memory, kept[b.history]), n.scale_on(kept[b.history]))
+        n.on(kept[b.history])
         for b, n in zip(fitted.blocks, fitted.noise, strict=True)
         if kept[b.history].any()
     )
-
-
-def _memory_on(memory: Floats, kept: NDArray[np.bool_]) -> Floats:
-    """Memory of the samples that are kept; none where the sample before is not."""
-    together = np.concatenate([[False], kept[:-1]])[kept]
-    return np.asarray(np.where(together, memory[kept], 0.0))
 
 
 def _residual(hypothesis: Hypothesis, theta: Floats) -> Floats:

@@ -171,10 +171,10 @@ def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> Fitted:
     """Find mode and noise in turn."""
     problem = _Problem(hypothesis)
     z = np.asarray(start, dtype=float)
-    noise = noise_of(hypothesis, problem.blocks, problem.residual(z))
+    noise = problem.noise(z)
     for _ in range(ROUNDS):
         z = problem.climb(z, noise)
-        before, noise = noise, noise_of(hypothesis, problem.blocks, problem.residual(z))
+        before, noise = noise, problem.noise(z)
         if all(
             abs(a.log_scale - b.log_scale) < 0.01 * a.memory.size for a, b in zip(before, noise, strict=True)
         ):
@@ -206,6 +206,10 @@ class _Problem:
         """Measured minus predicted (N,); what overflows counts as very far off."""
         mu = stacked(self.hypothesis, self.blocks, self.space.to_physical(z))
         return np.nan_to_num(self.y - mu, nan=1e30, posinf=1e30, neginf=-1e30)
+
+    def noise(self, z: Floats) -> Noise:
+        """Noise beside what is left at these parameters."""
+        return noise_of(self.hypothesis, self.blocks, self.residual(z), self.space.to_physical(z))
 
     def derivative(self, z: Floats) -> Floats:
         """Derivative of the prediction by each coordinate, shape (N, D), by central differences."""

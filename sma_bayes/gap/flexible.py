@@ -165,8 +165,10 @@ def offer(fitted: Fitted, found: Sequence[Gain] = ()) -> Offer:
     """What flexible terms bring to a fitted model; `found`, if that is known already for it as it is."""
     terms = [g.term for g in found] or terms_of(fitted)
     found = found or gains(fitted, terms)
+    channels = [c for c in fitted.hypothesis.channels if c != "temperature"]
+    if not channels:  # a heat balance has no curve whose shape may be another
+        return Offer(_best(found), 0.0, _best(found))
     shapes = [g for g in found if g.term.covariate == SHAPE]
-    channels = fitted.hypothesis.channels
     alone = sum(worth_of(_best([g for g in shapes if g.term.channel == c])) for c in channels)
     together = worth_of(_best([g for g in shapes if g.term.channel not in channels]))
     shape = max(alone, together)

@@ -14,6 +14,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import Parameter, ParameterSpace
 from sma_bayes.quantities import Floats
+from sma_bayes.records.drive import switched_at
 from sma_bayes.records.history import History
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.response.base import ResponseModel
@@ -21,6 +22,9 @@ from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.response.simulation import Simulation
 
 Positions = NDArray[np.intp]
+
+SHIFT = 0.2
+"""Shift of a switching by which what it moves is found, in steps of the record."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +99,25 @@ class Hypothesis:
         with np.errstate(over="ignore", invalid="ignore"):
             return whole(applied)
 
+    def switchings(self, theta: Floats, history: int) -> Floats:
+        """By how much each switching of the current moves the temperature, for a whole step of the record, (n, K).
+
+        Empty where the current is not switched, or too often for its instants to be told one by one. Two for each
+        where earlier and later instants fall into different steps.
+        """
+        inputs = self.histories[history].inputs
+        at = switched_at(inputs)
+        if "temperature" not in self.channels or not at.size:
+            return np.empty((self.histories[history].n, 0))
+        near = np.abs(np.arange(self.histories[history].n) - at[:, None]) <= 1
+        plain, later, earlier = (
+            self.predict(theta, history, {**inputs, "switching_shift": by * near})["temperature"]
+            for by in (np.zeros(1), SHIFT, -SHIFT)
+        )
+        forth, back = (later - plain) / SHIFT, (plain - earlier) / SHIFT
+        unlike = np.any(np.abs(forth - back) > 1e-3 * np.abs(forth).max(), axis=1)
+        return np.concatenate([forth, back[unlike]]).T
+
     def extended(self, effect: Effect) -> Hypothesis:
         """The same with one more effect around it."""
         return self.with_effects((*self.effects, effect))
@@ -145,7 +168,9 @@ def baseline(
     """
     channels = tuple(c for c in histories[0].channels if all(c in h.channels for h in histories))
     mechanical = tuple(c for c in channels if c != "temperature")
-    shared = [replace(r, observed={c: r.observed[c] for c in mechanical}) for r in campaign.records]
+    shared = [
+        replace(r, observed={c: r.observed[c] for c in mechanical or r.channels}) for r in campaign.records
+    ]
     simulation = Simulation(channels, model.made_for(shared) if mechanical else None)
     scales = Scales.of(histories)
     parameters: list[Parameter] = []
@@ -164,6 +189,9 @@ def baseline(
         if simulation.thermal is not None:
             parameters += _thermal(scales, tag)
         layout.append(np.arange(at, len(parameters)))
+    if simulation.thermal is not None:  # how the rig switches and logs is the same in all conditions
+        layout = [np.append(own, len(parameters)) for own in layout]
+        parameters.append(_switching())
     if pooled:
         layout = layout * len(histories)
     return Hypothesis(
@@ -204,3 +232,14 @@ def _thermal(scales: Scales, tag: str) -> list[Parameter]:
             "near the coldest reading",
         ),
     ]
+
+
+def _switching() -> Parameter:
+    """Of `JouleHeating`."""
+    return Parameter(
+        "switching",
+        "1",
+        "share of a step of the record before the current changes",
+        Normal(0.5, 0.4),
+        "1: each reading holds until the next, 0: since the last; beyond, where it is an average or late",
+    )

@@ -20,6 +20,7 @@ from scipy import stats
 
 from sma_bayes.gap.hypothesis import Hypothesis
 from sma_bayes.gap.splines import bumps, grouped, one_of_each, times
+from sma_bayes.gap.switching import Scatter, likeliest_size
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, starts
 
@@ -90,19 +91,23 @@ class BlockNoise:
         Of each innovation, over the usual one: above 1 where tails are heavy and the sample is far out.
     others : tuple of (float, BlockNoise)
         What else it may be, with probabilities from the restricted likelihood that add up to 1; itself included.
+    switching : Scatter or None
+        Scatter of the instants at which a current was switched, on top of it.
     """
 
     sd: float
     memory: Floats
     scale: Floats | float = 1.0
     others: tuple[tuple[float, BlockNoise], ...] = ()
+    switching: Scatter | None = None
 
     def whiten(self, x: Floats) -> Floats:
         """Series (..., n) as innovations of unit variance."""
         e = x / self.sd
         out = e.copy()
         out[..., 1:] -= self.memory[1:] * e[..., :-1]
-        return np.asarray(out / (np.sqrt(1.0 - self.memory**2) * self.scale))
+        out = out / (np.sqrt(1.0 - self.memory**2) * self.scale)
+        return np.asarray(out if self.switching is None else self.switching.whiten(out))
 
     def as_likely(self, innovations: Floats, rng: np.random.Generator) -> Floats:
         """Series (n, count) from innovations of unit variance, each with one of `others` drawn for it."""
@@ -113,7 +118,8 @@ class BlockNoise:
         out = innovations * np.sqrt(1.0 - memory**2) * np.reshape(self.scale, (-1, 1))
         for i in np.flatnonzero(np.any(memory != 0.0, axis=1)).tolist():
             out[i] += memory[i] * out[i - 1]
-        return np.asarray(out * sd)
+        out = out * sd
+        return np.asarray(out if self.switching is None else out + self.switching.drawn(rng, out.shape[1]))
 
     def scale_on(self, kept: NDArray[np.bool_]) -> Floats | float:
         """Scales of the samples for which a mask is true."""
@@ -123,9 +129,17 @@ class BlockNoise:
     def log_scale(self) -> float:
         """Sum over samples of the logarithm of the scale of an innovation."""
         widths = np.log(np.broadcast_to(self.scale, self.memory.shape))
-        return float(
-            self.memory.size * np.log(self.sd) + 0.5 * np.log1p(-(self.memory**2)).sum() + widths.sum()
-        )
+        own = self.memory.size * np.log(self.sd) + 0.5 * np.log1p(-(self.memory**2)).sum() + widths.sum()
+        return float(own) + (0.0 if self.switching is None else self.switching.log_scale)
+
+    def on(self, kept: NDArray[np.bool_]) -> BlockNoise:
+        """The same noise of samples for which a mask is true; without memory where the one before is not kept."""
+        together = np.concatenate([[False], kept[:-1]])[kept]
+        some = BlockNoise(self.sd, np.where(together, self.memory[kept], 0.0), self.scale_on(kept))
+        if self.switching is None:
+            return some
+        courses = self.switching.courses[kept]
+        return replace(some, switching=Scatter.of(self.switching.size, courses, some.whiten))
 
 
 Noise = tuple[BlockNoise, ...]
@@ -155,9 +169,9 @@ def whiten(blocks: Sequence[Block], noise: Noise, series: Floats) -> Floats:
     return out
 
 
-def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats) -> Noise:
-    """Noise of every block, from stacked residuals (N,)."""
-    out = []
+def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats, theta: Floats) -> Noise:
+    """Noise of every block, from stacked residuals (N,) at some parameters (P,)."""
+    out, beside = [], []
     for block in blocks:
         history, own = hypothesis.histories[block.history], residual[block.at]
         inputs = history.inputs
@@ -168,8 +182,32 @@ def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats) 
             inputs = {**inputs, "temperature": history.observed["temperature"] - own}
         lattice = hypothesis.scales.step.get(block.channel, 0.0)
         smooth = smooth_columns(history, inputs["temperature"])
-        out.append(block_noise(own, block, smooth, lattice, recorded_columns(inputs, smooth)))
-    return tuple(out)
+        courses = (
+            hypothesis.switchings(theta, block.history) if block.channel == "temperature" else smooth[:, :0]
+        )
+        misfit = np.concatenate([smooth, courses / np.maximum(np.abs(courses).max(axis=0), 1e-300)], axis=1)
+        out.append(block_noise(own, block, misfit, lattice, recorded_columns(inputs, misfit)))
+        beside.append((smooth, courses))
+    return _with_scattered_switching(blocks, out, residual, beside)
+
+
+def _with_scattered_switching(
+    blocks: Sequence[Block],
+    noise: Sequence[BlockNoise],
+    residual: Floats,
+    beside: Sequence[tuple[Floats, Floats]],
+) -> Noise:
+    """The noise with the scatter of instants of switching on top: one size for the campaign, where there is any."""
+    parts = [
+        (own.whiten(residual[block.at]), own.whiten(smooth.T).T, own.whiten(courses.T).T)
+        for block, own, (smooth, courses) in zip(blocks, noise, beside, strict=True)
+        if courses.size
+    ]
+    size = likeliest_size(parts)
+    return tuple(
+        replace(own, switching=Scatter.of(size, size * courses, own.whiten)) if size and courses.size else own
+        for own, (_, courses) in zip(noise, beside, strict=True)
+    )
 
 
 def smooth_columns(history: History, temperature: Floats, most: int = SMOOTH) -> Floats:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,12 @@ import numpy as np
 
 from sma_bayes.account import Account
 from sma_bayes.effects import EFFECTS, Effect
-from sma_bayes.effects.needs import untestable
-from sma_bayes.gap.close import Gap, HeldOutScore, close, held_out_scores
+from sma_bayes.effects.needs import of_heating, untestable
+from sma_bayes.gap.close import NOISE_ALONE, ChannelGap, Gap, HeldOutScore, close, held_out_scores
 from sma_bayes.gap.density import sample_hypothesis
 from sma_bayes.gap.experiments import Proposal, next_experiment
 from sma_bayes.gap.fitting import Fitted
+from sma_bayes.gap.heating import heat_parameters, study_heating
 from sma_bayes.gap.locate import Disagreement
 from sma_bayes.gap.name import MISSHAPEN, WORTH, Beside, Candidate
 from sma_bayes.gap.noise import Block, BlockNoise, scatter
@@ -47,8 +49,11 @@ METRIC = (
     "root mean square of held-out residuals, as innovations of the noise, in its standard deviations; "
     "1 where only noise is left"
 )
-STAGES = MOST + 5
-"""Stages that progress counts: the first fit, at most so many looks, held-out data twice, sampling."""
+HEATING = "heating"
+"""What the study of the heat balance is called in names of files and figures."""
+STAGES = MOST + 9
+"""Stages that progress counts: the first fit, at most so many looks, held-out data twice, sampling; and for the heat
+balance one for fit and looks, and the others again."""
 Progress = Callable[[int, str], None]
 """Told how many of `STAGES` are done, and what is going on."""
 
@@ -73,6 +78,9 @@ class GapOutcome:
     experiments : mapping of str to Proposal
         For each effect with rivals, what would separate them.
     pooled : bool
+    seed : int
+    heating : GapOutcome or None
+        Where temperature is an outcome: the same for the heat balance.
     """
 
     study: GapStudy
@@ -81,6 +89,14 @@ class GapOutcome:
     scores: Mapping[str, HeldOutScore]
     experiments: Mapping[str, Proposal]
     pooled: bool
+    seed: int
+    heating: GapOutcome | None = None
+
+    @property
+    def converged(self) -> bool:
+        """Whether the draws of the final model reached their target, those of the heat balance included."""
+        own = self.draws is None or self.draws.convergence.converged
+        return own and (self.heating is None or self.heating.converged)
 
     @property
     def flat(self) -> Floats:
@@ -131,12 +147,48 @@ def gap_outcome(
             seed=seed,
             progress=lambda message: tell(next(looks, MOST + 1), message),
         )
-    tell(MOST + 2, "choosing and predicting without each third of the measurements")
+    judge = partial(_judged, pooled=pooled, seed=seed, jobs=jobs, account=account)
+    judged = judge(study, effects, lambda i, m: tell(MOST + 2 + i, m), checkpoint=checkpoint)
+    with account.timed("study"):
+        of_heat = study_heating(
+            campaign,
+            study,
+            priors,
+            pooled=pooled,
+            effects=effects,
+            seed=seed,
+            progress=lambda message: tell(MOST + 5, f"the heat balance: {message}"),
+        )
+    if of_heat is None:
+        return judged
+    beside = checkpoint and checkpoint.with_stem(f"{checkpoint.stem}_{HEATING}")
+    heating = judge(
+        of_heat,
+        of_heating(effects),
+        lambda i, m: tell(MOST + 6 + i, f"the heat balance: {m}"),
+        checkpoint=beside,
+    )
+    return replace(judged, heating=heating)
+
+
+def _judged(
+    study: GapStudy,
+    effects: Mapping[str, Effect],
+    tell: Progress,
+    *,
+    pooled: bool,
+    seed: int,
+    jobs: int | None,
+    account: Account,
+    checkpoint: Path | None,
+) -> GapOutcome:
+    """A study with what held-out measurements, draws and experiments say of it."""
+    tell(0, "choosing and predicting without each third of the measurements")
     gap = close(study, effects, pooled=pooled, seed=seed, jobs=jobs, account=account)
-    tell(MOST + 3, "scoring candidates on held-out measurements")
+    tell(1, "scoring candidates on held-out measurements")
     with account.timed("score"):
         scores = _scores(study, pooled=pooled)
-    tell(MOST + 4, "sampling the final model")
+    tell(2, "sampling the final model")
     with account.timed("sample"):
         draws = None
         if study.effects:
@@ -144,7 +196,7 @@ def gap_outcome(
             draws = sample_hypothesis(study.final, seeds, checkpoint=checkpoint)
     with account.timed("next_experiment"):
         experiments = _experiments(study)
-    return GapOutcome(study, draws, gap, scores, experiments, pooled)
+    return GapOutcome(study, draws, gap, scores, experiments, pooled, seed)
 
 
 def _scores(study: GapStudy, *, pooled: bool) -> dict[str, HeldOutScore]:
@@ -185,7 +237,7 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
         "verdict": study.verdict,
         "p_value": study.p_value,
         "p_value_extrapolated": study.steps[0].look.extrapolated,
-        "converged": outcome.draws is None or outcome.draws.convergence.converged,
+        "converged": outcome.converged,
         "disagreement": [] if none else found,
         "within_chance": found if none else [],
         "periodic": [asdict(line) for line in study.periodic],
@@ -210,6 +262,9 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
             "after": outcome.gap.after,
             "floor": outcome.gap.floor,
             "shrink": outcome.gap.shrink,
+            "noise": NOISE_ALONE,
+            "way_to_noise": outcome.gap.way_to_noise,
+            "channels": {c: _channel_gap_json(g, study.final, c) for c, g in outcome.gap.channels.items()},
             "held_out": outcome.gap.held_out,
             "chosen_without": [list(c) for c in outcome.gap.chosen],
         },
@@ -231,7 +286,20 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
                 study.final.blocks, study.final.noise, Spectra(study.final).bands(), strict=True
             )
         ],
+        "heating": None if outcome.heating is None else _heating_json(outcome.heating),
     }
+
+
+def _heating_json(outcome: GapOutcome) -> dict[str, Any]:
+    """What ``heating`` of `gap.json` holds: the same keys, and the parameters of the heat balance."""
+    stated = outcome_json(outcome)
+    del stated["schema"], stated["heating"]
+    return {**stated, "parameters": heat_parameters(outcome.study, outcome.flat, outcome.seed)}
+
+
+def _channel_gap_json(gap: ChannelGap, fitted: Fitted, channel: str) -> dict[str, Any]:
+    unit = fitted.hypothesis.histories[0].units[channel]
+    return {"unit": unit, **asdict(gap), "way_to_noise": gap.way_to_noise}
 
 
 def _disagreement_json(d: Disagreement) -> dict[str, Any]:

@@ -5,7 +5,7 @@ Figures and maps of residuals are drawn from these series, and anyone can draw o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,6 +74,18 @@ def series_of(study: GapStudy, draws: Floats) -> Series:
 def _quantiles(draws: Floats) -> dict[str, Floats]:
     """Of each column of draws (S, N)."""
     return dict(zip(QUANTILES, np.nanquantile(draws, list(QUANTILES.values()), axis=0), strict=True))
+
+
+def joined(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Columns of several studies, one below the other; NaN where a study lacks one."""
+    names = dict.fromkeys(name for part in parts for name in part)
+    count = [len(part["condition"]) for part in parts]
+    return {
+        name: np.concatenate(
+            [part.get(name, np.full(n, np.nan)) for part, n in zip(parts, count, strict=True)]
+        )
+        for name in names
+    }
 
 
 def series_columns(study: GapStudy, series: Series) -> dict[str, Any]:

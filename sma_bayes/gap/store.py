@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.checksum import add_checksum
-from sma_bayes.gap.outcome import GapOutcome
-from sma_bayes.gap.series import series_columns, series_of
+from sma_bayes.gap.outcome import HEATING, GapOutcome
+from sma_bayes.gap.series import joined, series_columns, series_of
 from sma_bayes.inference.ensembles import Draws
 from sma_bayes.posterior import versions
 from sma_bayes.results.store import write_csv, write_file
@@ -20,11 +20,12 @@ KEPT = 500
 PRIOR_DRAWS = 2000
 
 POSTERIOR = Path("posterior") / "gap.nc"
+POSTERIOR_OF_HEATING = Path("posterior") / f"gap_{HEATING}.nc"
 SERIES = Path("series.csv")
 
 
 def write_study(folder: Path, outcome: GapOutcome, *, seed: int) -> None:
-    """Write ``series.csv`` and, where an effect was added, ``posterior/gap.nc``.
+    """Write ``series.csv`` and, where an effect was added, ``posterior/gap.nc``; of the heat balance a file of its own.
 
     Parameters
     ----------
@@ -37,17 +38,20 @@ def write_study(folder: Path, outcome: GapOutcome, *, seed: int) -> None:
     OutputError
         If a file can't be written.
     """
-    if outcome.draws is not None:
-        tree = posterior_tree(outcome, outcome.draws, seed)
+    parts = {POSTERIOR: outcome} | ({POSTERIOR_OF_HEATING: outcome.heating} if outcome.heating else {})
+    for place, part in parts.items():
+        if part.draws is not None:
+            _write_tree(folder / place, posterior_tree(part, part.draws, seed))
+    columns = [series_columns(p.study, series_of(p.study, p.flat)) for p in parts.values()]
+    write_csv(folder / SERIES, joined(columns), digits=7)
 
-        def write(place: Path) -> None:
-            tree.to_netcdf(place, engine="h5netcdf")
-            add_checksum(place)
 
-        write_file(folder / POSTERIOR, write, nbytes=int(tree.nbytes))
-    write_csv(
-        folder / SERIES, series_columns(outcome.study, series_of(outcome.study, outcome.flat)), digits=7
-    )
+def _write_tree(path: Path, tree: Any) -> None:
+    def write(place: Path) -> None:
+        tree.to_netcdf(place, engine="h5netcdf")
+        add_checksum(place)
+
+    write_file(path, write, nbytes=int(tree.nbytes))
 
 
 def posterior_tree(outcome: GapOutcome, draws: Draws, seed: int) -> Any:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sma_bayes.effects import EFFECTS, Effect
+from sma_bayes.effects.needs import of_response
 from sma_bayes.gap.fitting import Fitted, fit_hypothesis, fit_with_noise
 from sma_bayes.gap.flexible import gains, offer, terms_of, worth_of
 from sma_bayes.gap.hypothesis import Hypothesis, baseline
@@ -28,7 +29,7 @@ from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.posterior import build_posterior
-from sma_bayes.quantities import Floats
+from sma_bayes.quantities import CHANNELS, Floats
 from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.response.base import ResponseModel
@@ -155,7 +156,9 @@ def study_campaign(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> GapStudy:
-    """Find where a campaign disagrees with the model and what is missing.
+    """Find where force, displacement and stiffness of a campaign disagree with the model and what is missing.
+
+    The temperature that a current makes is studied apart, see `study_heating`.
 
     Parameters
     ----------
@@ -174,9 +177,12 @@ def study_campaign(
     tell = progress or (lambda _: None)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 7]))
     tell("fitting the model without effects")
-    hypothesis = baseline(campaign, histories(campaign), priors, model=model, pooled=pooled)
+    whole = histories(campaign)
+    heated = all("temperature" in h.observed for h in whole)
+    own = [h.of(CHANNELS) for h in whole]
+    hypothesis = baseline(campaign, own, priors, model=model, pooled=pooled)
     first = fit_with_noise(hypothesis, baseline_start(hypothesis, campaign, priors, pooled=pooled, rng=rng))
-    return study_from(first, effects, rng, tell)
+    return study_from(first, of_response(effects) if heated else effects, rng, tell)
 
 
 def study_from(

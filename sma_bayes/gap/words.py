@@ -58,6 +58,33 @@ def remainder_text(found: Mapping[str, Any]) -> str:
     return f"with a remainder of {share} along {along}, in {where}"
 
 
+def closed_text(found: Mapping[str, Any]) -> str:
+    """How far residuals on held-out measurements came down, beside the noise and in the units of the channels.
+
+    Parameters
+    ----------
+    found : mapping
+        What ``gap.json`` holds.
+
+    Examples
+    --------
+    >>> force = {"unit": "N", "before": 0.52, "after": 0.49, "noise": 0.1, "before_sigma": 5.47, "after_sigma": 5.15}
+    >>> gap = {"before": 5.47, "after": 5.15, "way_to_noise": 0.0716, "channels": {"force": force}}
+    >>> closed_text({"gap": gap, "channels": {"force": {"name": "force", "unit": "N"}}})
+    'rms 5.47 σ before, 5.15 after, noise 1: 7 % of the way; force 0.52 N before, 0.49 after, noise 0.1'
+    """
+    gap = found["gap"]
+    way = f"{100.0 * gap['way_to_noise']:.0f} % of the way" if gap["before"] > 1.0 else "no more than noise"
+    parts = [f"rms {gap['before']:.3g} σ before, {gap['after']:.3g} after, noise 1: {way}"]
+    for channel, c in gap["channels"].items():
+        unit = f" {unit_text(c['unit'])}".rstrip()
+        parts.append(
+            f"{channel_text(found, channel)} {c['before']:.3g}{unit} before, {c['after']:.3g} after, "
+            f"noise {c['noise']:.3g}"
+        )
+    return "; ".join(parts)
+
+
 def periodic_text(found: Mapping[str, Any], line: Mapping[str, Any]) -> str:
     """A disturbance that repeats in time, in words.
 

@@ -6,7 +6,7 @@ happened before, so the gap workflow follows each condition along its whole hist
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -42,7 +42,8 @@ class History:
         uninterrupted sweep share a number; ``stretch``: samples between which nothing was left out share a number;
         ``order``: place in the history, from 0. Where they were recorded: ``time`` [s], ``rate``: dT/dt [K/s],
         ``typical_rate``: median of its magnitude over the campaign [K/s], ``current`` [A], ``ambient_temperature``
-        [degC]; where they were set: ``load`` [N, or Pa of a specimen], ``frequency`` [Hz], ``duty_cycle``.
+        [degC], `DELIVERED` [A^2 s], ``resistance`` and ``typical_resistance``, its median over the campaign [ohm];
+        where they were set: ``load`` [N, or Pa of a specimen], ``frequency`` [Hz], ``duty_cycle``.
     observed : mapping of str to ndarray, shape (n,)
         Channels among force, displacement, stiffness; temperature too where current and time were recorded, since it
         then is an outcome as well.
@@ -82,6 +83,11 @@ class History:
     def channels(self) -> tuple[str, ...]:
         """Observed channels, in canonical order."""
         return tuple(self.observed)
+
+    def of(self, channels: Collection[str], **inputs: Floats) -> History:
+        """The same with some of the observed channels, and with further inputs."""
+        observed = {c: v for c, v in self.observed.items() if c in channels}
+        return replace(self, observed=observed, inputs={**self.inputs, **inputs})
 
     def part(self, kept: np.ndarray) -> History:
         """Only the samples for which a mask is true; where some are left out, sweeps and stretches end."""
@@ -128,6 +134,10 @@ def histories(campaign: Campaign) -> tuple[History, ...]:
     shared = {"last_cycle": max(float(h.inputs["cycle"].max()) for h in found)}
     if typical > 0.0:
         shared["typical_rate"] = typical
+    if all("resistance" in h.inputs for h in found):
+        shared["typical_resistance"] = float(
+            np.median(np.concatenate([h.inputs["resistance"] for h in found]))
+        )
     return tuple(
         replace(h, inputs={**h.inputs, **{name: np.full(h.n, value) for name, value in shared.items()}})
         for h in found

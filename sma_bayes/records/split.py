@@ -26,8 +26,9 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.errors import MeasurementError, many, near_matches
-from sma_bayes.quantities import CHANNELS
+from sma_bayes.quantities import CHANNELS, Floats
 from sma_bayes.records.cleaning import SPARSE, clean_channel, clean_rows, note_digits
+from sma_bayes.records.drive import delivered
 from sma_bayes.records.held import (
     Leg,
     choose_channels,
@@ -501,6 +502,8 @@ def _record(
     blocks = blocks_of(run.columns["temperature"][rows], segment, settings.max_samples, settings.block_span)
     _note_reduction(ledger, branch, blocks, rows, settings)
     inputs = {name: average(run.columns[name][rows], blocks) for name in ("temperature", *optional)}
+    sums = _delivered(run, optional)
+    inputs |= {name: average(values[rows], blocks) for name, values in sums.items()}
     inputs["cycle"] = np.repeat([float(leg.cycle) for leg in legs], length)[blocks.first]
     inputs["segment"] = segment[blocks.first]
     held = held_channels(run, rows, channels)
@@ -510,7 +513,12 @@ def _record(
         inputs=inputs,
         observed={name: average(run.columns[name][rows], blocks) for name in channels},
         row=run.row[rows[blocks.first]],
-        units={**{n: run.units[n] for n in (*inputs, *channels, *held) if n in run.units}, **_COUNTED},
+        units={
+            **{n: run.units[n] for n in (*inputs, *channels, *held) if n in run.units},
+            **_COUNTED,
+            **dict.fromkeys(sums, "A^2 s"),
+            **({"resistance": "ohm"} if "resistance" in sums else {}),
+        },
         specimen=run.specimen,
         temperature_sd=run.temperature_sd,
         calibration=run.calibration,
@@ -521,6 +529,35 @@ def _record(
 
 
 _COUNTED: Final = {"cycle": "1", "segment": "1"}
+
+
+def _delivered(run: Run, optional: tuple[str, ...]) -> dict[str, Floats]:
+    """What the current has delivered by each row of a run, NaN where a row lacks time or current.
+
+    Where resistance or voltage were recorded, the resistance beside it.
+    """
+    if not {"time", "current"} <= set(optional):
+        return {}
+    time, current = run.columns["time"], run.columns["current"]
+    known = np.flatnonzero(np.isfinite(time) & np.isfinite(current))
+    out = _resistance(run, current)
+    for name, values in delivered(time[known], current[known] ** 2).items():
+        out[name] = np.full(time.size, np.nan)
+        out[name][known] = values
+    return out
+
+
+def _resistance(run: Run, current: Floats) -> dict[str, Floats]:
+    """Resistance at each row [ohm]; where it is not known, as without a current, that of the nearest rows."""
+    if "resistance" in run.columns:
+        found = run.columns["resistance"]
+    elif "voltage" in run.columns:
+        on = np.abs(current) > OFF * np.nanmax(np.abs(current), initial=0.0)
+        found = np.where(on, run.columns["voltage"] / np.where(on, current, 1.0), np.nan)
+    else:
+        return {}
+    known = np.flatnonzero(np.isfinite(found) & (found > 0.0))
+    return {"resistance": np.interp(np.arange(found.size), known, found[known])} if known.size else {}
 
 
 def _note_reduction(

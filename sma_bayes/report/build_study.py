@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from sma_bayes.account import Account
+from sma_bayes.gap.outcome import HEATING
 from sma_bayes.progress import Progress
 from sma_bayes.report.choice import MANY, REPORT, Drawn, Wanted
 from sma_bayes.report.comparison_outputs import StoredComparison, read_comparison
@@ -111,7 +113,16 @@ def _write(
 def _gap_drawings(study: StoredStudy) -> list[Callable[[StoredStudy], Drawing]]:
     drawings: list[Callable[[StoredStudy], Drawing]] = [disagreement_loops, residual_maps, ladder_figure]
     drawings += [partial(effect_figure, effect=e) for e in study.effects]
-    return [*drawings, effect_parameter_figure] if study.effects else drawings
+    drawings += [effect_parameter_figure] if study.effects else []
+    if study.heating is not None:
+        drawings += [partial(_of_heating, draw=draw) for draw in _gap_drawings(study.heating)]
+    return drawings
+
+
+def _of_heating(study: StoredStudy, draw: Callable[[StoredStudy], Drawing]) -> Drawing:
+    """A figure of the heat balance, by a name of its own."""
+    drawn = draw(study.heating or study)
+    return replace(drawn, stem=f"{HEATING}-{drawn.stem}", caption=f"Heat balance. {drawn.caption}")
 
 
 def _comparison_drawings(

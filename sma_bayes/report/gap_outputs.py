@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from sma_bayes.checksum import has_its_checksum
 from sma_bayes.errors import OutputError
-from sma_bayes.gap.store import POSTERIOR, SERIES
+from sma_bayes.gap.outcome import HEATING
+from sma_bayes.gap.store import POSTERIOR, POSTERIOR_OF_HEATING, SERIES
 from sma_bayes.quantities import Floats
 from sma_bayes.report.outputs import floats, read_cells
 from sma_bayes.results.documents import GAP
@@ -77,6 +78,8 @@ class StoredStudy:
     samples : Samples
     draws, prior : mapping of str to ndarray
         Of the parameters of the effects, by ``<effect>.<parameter>``; ensembles (G, N), and (S,).
+    heating : StoredStudy or None
+        Where temperature is an outcome: the same for the heat balance.
     """
 
     folder: Path
@@ -84,6 +87,7 @@ class StoredStudy:
     samples: Samples
     draws: Mapping[str, Floats]
     prior: Mapping[str, Floats]
+    heating: StoredStudy | None = None
 
     @property
     def effects(self) -> list[dict[str, Any]]:
@@ -100,8 +104,9 @@ def read_study(folder: Path) -> StoredStudy:
         If the study is not finished, of another version, or a file can't be read.
     """
     found = GAP.read(folder)
-    needed = (POSTERIOR, SERIES) if found["effects"] or found["partial"] else (SERIES,)
-    lacking = [str(p) for p in needed if not (folder / p).is_file()]
+    parts = {POSTERIOR: found} | ({POSTERIOR_OF_HEATING: found[HEATING]} if found.get(HEATING) else {})
+    sampled = [place for place, part in parts.items() if part["effects"] or part["partial"]]
+    lacking = [str(p) for p in (*sampled, SERIES) if not (folder / p).is_file()]
     if lacking:
         raise OutputError(
             f"lacks {' and '.join(lacking)}",
@@ -109,8 +114,14 @@ def read_study(folder: Path) -> StoredStudy:
             expected="what `gap` writes",
             remedy=GAP.anew(folder),
         )
-    draws, prior = _draws(folder) if POSTERIOR in needed else ({}, {})
-    return StoredStudy(folder, found, _samples(folder / SERIES), draws, prior)
+    samples = _samples(folder / SERIES)
+    draws = {place: _draws(folder, place) if place in sampled else ({}, {}) for place in parts}
+    if len(parts) == 1:
+        return StoredStudy(folder, found, samples, *draws[POSTERIOR])
+    hot = samples.words["channel"] == "temperature"
+    balance = {**found, **found[HEATING], HEATING: None}
+    heating = StoredStudy(folder, balance, samples.where(hot), *draws[POSTERIOR_OF_HEATING])
+    return StoredStudy(folder, found, samples.where(~hot), *draws[POSTERIOR], heating)
 
 
 def _samples(path: Path) -> Samples:
@@ -129,8 +140,8 @@ def _samples(path: Path) -> Samples:
         ) from None
 
 
-def _draws(folder: Path) -> tuple[dict[str, Floats], dict[str, Floats]]:
-    path = folder / POSTERIOR
+def _draws(folder: Path, place: Path) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    path = folder / place
     try:
         if not has_its_checksum(path):
             raise OSError("its content does not have the checksum that it states")

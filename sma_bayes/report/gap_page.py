@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
+from sma_bayes.gap.outcome import HEATING
 from sma_bayes.gap.words import channel_text, covariate_text, p_text, periodic_text, remainder_text
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.gap_outputs import StoredStudy
@@ -42,6 +43,7 @@ def write_gap_report(
         found=found,
         effects=study.effects,
         p_text=p_text,
+        way=way_text(found["gap"]),
         share=share_text(found["gap"]),
         place=place_text(found),
         remainder=remainder_text(found),
@@ -50,11 +52,29 @@ def write_gap_report(
         periodic=[periodic_text(found, line) for line in found["periodic"]],
         parameters=lambda name: _parameters(tables["effects"], name),
         tested=_tested(tables["candidates"]),
+        heating=None if study.heating is None else _heating(study.heating, tables),
         needs=by_single_need(tables["untestable"]),
         command=command(found),
         tables=tables,
         priors=_priors(study),
     )
+
+
+def _heating(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any]:
+    """What the page tells of the heat balance."""
+    found = study.found
+    return {
+        "found": found,
+        "effects": study.effects,
+        "way": way_text(found["gap"]),
+        "share": share_text(found["gap"]),
+        "place": place_text(found),
+        "remainder": remainder_text(found),
+        "folds": fold_texts(found),
+        "periodic": [periodic_text(found, line) for line in found["periodic"]],
+        "parameters": {e["id"]: _parameters(tables[f"{HEATING}-effects"], e["id"]) for e in study.effects},
+        "tested": _tested(tables[f"{HEATING}-candidates"]),
+    }
 
 
 def _tested(candidates: Table) -> Table:
@@ -79,8 +99,19 @@ def _priors(study: StoredStudy) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
+def way_text(gap: Mapping[str, Any]) -> str:
+    """Share of the way to the noise, as a percentage; a dash where there was no more than noise.
+
+    Examples
+    --------
+    >>> way_text({"before": 5.47, "way_to_noise": 0.0716}), way_text({"before": 0.99, "way_to_noise": 0.0})
+    ('7 %', '–')
+    """
+    return f"{100.0 * gap['way_to_noise']:.0f} %".replace("-", "−") if gap["before"] > 1.0 else "–"
+
+
 def share_text(gap: Mapping[str, Any]) -> str:
-    """Closed share of the gap, as a percentage; a dash where there was none to close.
+    """Closed share of what can be explained, as a percentage; a dash where there was nothing to explain.
 
     Examples
     --------

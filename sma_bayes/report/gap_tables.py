@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from sma_bayes.gap.cautions import outside_prior
+from sma_bayes.gap.outcome import HEATING
 from sma_bayes.gap.words import channel_text, covariate_text
 from sma_bayes.report.content import INTERVAL, Number
 from sma_bayes.report.gap_outputs import StoredStudy
@@ -29,6 +31,8 @@ ADVICE: Final[Mapping[str, str]] = {
     "displacement": "measure displacement, on a rig that does not hold it constant",
     "stiffness": "measure stiffness, by a small pull at each temperature",
     "channel": "measure force, displacement or stiffness",
+    "outcome": "measure force, displacement or stiffness",
+    "share": "measure force or displacement",
     "curve": "measure force or displacement",
     "reversals": "keep the record going through two reversals or more without a break",
     "warming_cell": "record time or the ambient temperature over five minutes or more, so that the load cell can warm",
@@ -46,14 +50,77 @@ def gap_tables(study: StoredStudy) -> dict[str, Table]:
     ----------
     study : StoredStudy
     """
-    tables = (
+    made = (
         disagreement_table(study),
         effect_table(study),
         candidate_table(study),
         untestable_table(study),
+        closed_table(study),
         noise_table(study),
     )
-    return {table.name: table for table in tables}
+    tables = {table.name: table for table in made}
+    if study.heating is None:
+        return tables
+    heating = {name: replace(t, name=f"{HEATING}-{name}") for name, t in gap_tables(study.heating).items()}
+    return tables | {t.name: t for t in (*heating.values(), heat_balance_table(study.heating))}
+
+
+def closed_table(study: StoredStudy) -> Table:
+    """How far residuals of each channel came down on held-out measurements."""
+    return Table(
+        "gap",
+        "Held-out residuals beside the noise",
+        "Root mean square of what was held out, before and after effects were added: as innovations of the noise, in "
+        "its standard deviations, and as they are, beside the standard deviation of the noise. Way: from before to "
+        "noise alone.",
+        (
+            Column("channel", "channel"),
+            Column("before [sd]", "before_sigma", "1"),
+            Column("after [sd]", "after_sigma", "1"),
+            Column("way to the noise", "way_to_noise", "1"),
+            Column("unit", "unit"),
+            Column("before", "before", OF_ROW),
+            Column("after", "after", OF_ROW),
+            Column("noise", "noise", OF_ROW),
+        ),
+        tuple(
+            (
+                channel_text(study.found, channel),
+                *(Number(c[k], "1", 0.01) for k in ("before_sigma", "after_sigma", "way_to_noise")),
+                unit_label(c["unit"]) or "1",
+                *(Number(c[k], c["unit"], c["noise"] / 10.0) for k in ("before", "after", "noise")),
+            )
+            for channel, c in study.found["gap"]["channels"].items()
+        ),
+    )
+
+
+def heat_balance_table(study: StoredStudy) -> Table:
+    """Gain, loss, time constant, ambient temperature and switching."""
+    return Table(
+        f"{HEATING}-parameters",
+        "Parameters of the heat balance",
+        f"5 % and 95 % bound the {INTERVAL}. Switching is the share of a step of the record that passes before the "
+        "current changes: 1 where each reading holds until the next, 0 where it holds since the last; scatter, its "
+        "standard deviation from switching to switching, in steps.",
+        (
+            Column("parameter", "parameter"),
+            Column("meaning", "meaning"),
+            Column("unit", "unit"),
+            Column("5 %", "q05", OF_ROW),
+            Column("median", "median", OF_ROW),
+            Column("95 %", "q95", OF_ROW),
+            Column("scatter", "scatter", "1"),
+        ),
+        tuple(
+            (
+                name, p["meaning"], unit_label(p["unit"]) or "1",
+                *(Number(p[q], p["unit"], (p["q95"] - p["q05"]) / 3.29) for q in ("q05", "median", "q95")),
+                Number(p.get("scatter"), "1", 0.1),
+            )
+            for name, p in study.found["parameters"].items()
+        ),
+    )  # fmt: skip
 
 
 def disagreement_table(study: StoredStudy) -> Table:

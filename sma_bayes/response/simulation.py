@@ -59,5 +59,5 @@ class Simulation:
             count = 2 * len(self.mechanical.model.parameter_names)
             out |= self.mechanical.predict(theta[..., :count], inputs)
         if self.thermal is not None:
-            out |= self.thermal.predict(theta[..., -3:], inputs)
+            out |= self.thermal.predict(theta[..., -len(self.thermal.parameter_names) :], inputs)
         return out

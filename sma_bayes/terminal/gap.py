@@ -5,9 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
+from rich.console import Console
 from rich.table import Table
 
-from sma_bayes.gap.words import channel_text, covariate_text, p_text, periodic_text, remainder_text
+from sma_bayes.gap.words import (
+    channel_text,
+    closed_text,
+    covariate_text,
+    p_text,
+    periodic_text,
+    remainder_text,
+)
 from sma_bayes.quantities import unit_text
 from sma_bayes.terminal.screen import screen, show_end
 
@@ -21,11 +29,27 @@ VERDICTS: Final = {
 def show_gap(found: dict[str, Any], out: Path) -> None:
     """Tell what `gap.json` says."""
     console = screen()
+    _show_part(console, found, str(found["campaign"]))
+    if found["heating"]:
+        _show_part(console, found["heating"], f"{found['campaign']}, heating (temperature from current)")
+        console.print(f"heat balance: {_numbers(found['heating']['parameters'])}", soft_wrap=True)
+    for text in found["remarks"]:
+        console.print(f"note: {text}", soft_wrap=True)
+    if not found["converged"]:
+        console.print(
+            "NOT CONVERGED: draws and intervals must not be relied on; the verdict does not come from them.",
+            soft_wrap=True,
+        )
+    show_end(console, found, out)
+
+
+def _show_part(console: Console, found: dict[str, Any], title: str) -> None:
+    """The response, or the heat balance."""
     chance = p_text(found["p_value"])
     verdict = VERDICTS[found["verdict"]]
     if found["verdict"] == "named" and remainder_text(found):
         verdict = f"{verdict}, {remainder_text(found)}"
-    console.print(f"{found['campaign']}: {verdict} ({chance})", soft_wrap=True)
+    console.print(f"{title}: {verdict} ({chance})", soft_wrap=True)
     if choice := found.get("model_choice"):
         console.print(f"  model {choice['reason']}", soft_wrap=True)
     for line in found["periodic"][:3]:
@@ -49,31 +73,27 @@ def show_gap(found: dict[str, Any], out: Path) -> None:
     if untested:
         console.print(f"these data cannot test {', '.join(untested)}; the report says why", soft_wrap=True)
     added = bool(found["effects"] or found["partial"])
-    console.print(_gap_text(found["gap"], added=added), soft_wrap=True)
+    console.print(_gap_text(found, added=added), soft_wrap=True)
     for text in found["cautions"]:
         console.print(f"caution: {text}", soft_wrap=True)
-    for text in found["remarks"]:
-        console.print(f"note: {text}", soft_wrap=True)
-    if not found["converged"]:
-        console.print(
-            "NOT CONVERGED: draws and intervals must not be relied on; the verdict does not come from them.",
-            soft_wrap=True,
-        )
-    show_end(console, found, out)
 
 
 def _effect_text(e: dict[str, Any], *, partial: bool) -> str:
-    numbers = ", ".join(
-        f"{name} {p['median']:.4g} ({p['q05']:.4g} to {p['q95']:.4g}) {unit_text(p['unit'])}".rstrip()
-        for name, p in e["parameters"].items()
-    )
-    lines = [f"{'helps: ' if partial else ''}{e['id']} ({e['title']}): {numbers}"]
+    lines = [f"{'helps: ' if partial else ''}{e['id']} ({e['title']}): {_numbers(e['parameters'])}"]
     others = [name for name in e["class"] if name != e["id"]]
     if others:
         lines.append(f"  these data cannot tell it from {', '.join(others)}")
     if e["next_experiment"]:
         lines.append(f"  what would: {e['next_experiment']}")
     return "\n".join(lines)
+
+
+def _numbers(parameters: dict[str, Any]) -> str:
+    """Parameters with their medians and 90 % intervals."""
+    return ", ".join(
+        f"{name} {p['median']:.4g} ({p['q05']:.4g} to {p['q95']:.4g}) {unit_text(p['unit'])}".rstrip()
+        for name, p in parameters.items()
+    )
 
 
 def _candidate_rows(candidates: list[dict[str, Any]]) -> Table:
@@ -94,9 +114,14 @@ def _candidate_rows(candidates: list[dict[str, Any]]) -> Table:
     return table
 
 
-def _gap_text(gap: dict[str, Any], *, added: bool) -> str:
-    start = f"held-out gap ({gap['held_out']}; 1 is noise alone): {gap['before']:.3f}"
+def _gap_text(found: dict[str, Any], *, added: bool) -> str:
+    gap = found["gap"]
+    start = f"held-out gap ({gap['held_out']}; 1 is noise alone)"
     if not added:
-        return f"{start}; nothing was added"
-    closed = f"{100.0 * gap['shrink']:.0f} % closed" if gap["before"] > gap["floor"] else "no gap to close"
-    return f"{start} before, {gap['after']:.3f} after, floor {gap['floor']:.3f}; {closed}"
+        return f"{start}: {gap['before']:.3f}; nothing was added"
+    explainable = (
+        f"{100.0 * gap['shrink']:.0f} % of what can be explained (floor {gap['floor']:.3f})"
+        if gap["before"] > gap["floor"]
+        else "nothing to explain"
+    )
+    return f"{start}: {closed_text(found)}; {explainable}"

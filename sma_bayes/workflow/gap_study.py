@@ -118,6 +118,8 @@ def _studied(
             checkpoint=folder and folder / "checkpoints" / "gap.h5",
         )
     stated = outcome_json(outcome)
+    if stated["heating"] is not None:
+        stated["heating"]["cautions"] = cautions(stated["heating"])
     found: dict[str, Any] = plain(
         {
             **stated,
@@ -133,7 +135,11 @@ def _studied(
             "cautions": cautions(stated),
             "remarks": [
                 *can.remarks,
-                *smoothing_remarks(outcome.study.baseline.hypothesis.histories),
+                *(
+                    smoothing_remarks(outcome.heating.study.baseline.hypothesis.histories)
+                    if outcome.heating
+                    else []
+                ),
             ],
             "findings": [finding_document(f) for f in campaign.findings],
         }

@@ -262,8 +262,8 @@ def _told(kind: str, found: Mapping[str, Any]) -> str:
     if kind == "compare":
         return "; ".join(f"{g['quantity']}: {g['verdict']}" for g in found["overall"])
     if kind == "gap":
-        effects = ", ".join(e["id"] for e in found["effects"])
-        return f"{found['verdict']}: {effects}" if effects else str(found["verdict"])
+        parts = {"": found} | ({"; heating: ": found["heating"]} if found["heating"] else {})
+        return "".join(f"{start}{_verdict(part)}" for start, part in parts.items())
     if kind == "conditions":
         counts = {"effects": "effects", "predictions": "predictions", "held_out": "left out"}
         return ", ".join(f"{len(found[key])} {what}" for key, what in counts.items())
@@ -294,3 +294,9 @@ def _document(
         "wall_s": time.perf_counter() - clock,
     })  # fmt: skip
     return document
+
+
+def _verdict(found: Mapping[str, Any]) -> str:
+    """Verdict of a gap study with the effects that it names."""
+    effects = ", ".join(e["id"] for e in found["effects"])
+    return f"{found['verdict']}: {effects}" if effects else str(found["verdict"])

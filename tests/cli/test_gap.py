@@ -189,7 +189,7 @@ def test_nothing_is_named_where_nothing_is_hidden_and_no_figures_are_made_unaske
     assert run("report", tmp_path / "out", "--jobs", 1).status == 0
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "No disagreement beyond what chance explains" in page
-    assert "there was no gap to close" in page
+    assert "there was nothing to explain" in page
 
 
 def test_another_noise_is_refused_with_the_reason(run: Run, tmp_path: Path) -> None:

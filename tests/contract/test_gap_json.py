@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,11 @@ CANDIDATE = {
 }  # fmt: skip
 GAINED = {
     "metric": TEXT, "before": NUMBER, "after": NUMBER, "floor": NUMBER, "shrink": NUMBER, "held_out": TEXT,
+    "noise": NUMBER, "way_to_noise": NUMBER, "channels": dict,
+}  # fmt: skip
+CHANNEL = {
+    "unit": TEXT, "before": NUMBER, "after": NUMBER, "noise": NUMBER, "before_sigma": NUMBER, "after_sigma": NUMBER,
+    "way_to_noise": NUMBER,
 }  # fmt: skip
 
 
@@ -91,6 +97,9 @@ def test_names_and_kinds_are_those_of_the_contract(found: Any) -> None:
     assert found["schema"] == "sma-bayes/gap/1"
     holds(found, GAP)
     holds(found["gap"], GAINED)
+    assert set(found["gap"]["channels"]) == set(found["channels"])
+    for channel in found["gap"]["channels"].values():
+        holds(channel, CHANNEL)
     for d in (*found["disagreement"], *found["within_chance"]):
         holds(d, DISAGREEMENT)
         assert d["branch"] in ("heating", "cooling")
@@ -126,6 +135,8 @@ def test_the_parts_agree_with_the_verdict(found: Any) -> None:
     assert (found["verdict"] == "none") == (found["p_value"] > found["thresholds"]["p_value"])
     assert found["verdict"] != "none" or not found["periodic"]
     gap = found["gap"]
+    way = (gap["before"] - gap["after"]) / (gap["before"] - 1.0) if gap["before"] > 1.0 else 0.0
+    assert gap["way_to_noise"] == pytest.approx(way, abs=1e-9)
     if gap["before"] > gap["floor"]:
         share = (gap["before"] - gap["after"]) / (gap["before"] - gap["floor"])
         assert gap["shrink"] == pytest.approx(share, abs=1e-9)
@@ -137,3 +148,62 @@ def test_every_effect_of_the_catalogue_is_judged_once(found: Any) -> None:
     from sma_bayes.effects import EFFECTS
 
     assert sorted(c["id"] for c in found["candidates"]) == sorted(EFFECTS)
+
+
+@pytest.fixture(scope="module")
+def heated() -> Any:
+    """The same springs without training, warmed by a current that is switched."""
+    plain = campaign(0.0)
+    rng = np.random.default_rng(6)
+    gain, loss, room = 2.0, 0.05, 20.0
+    records = []
+    for record in plain.records:
+        on = record.branch is Branch.HEATING
+        goal = room + gain * 1.5**2 / loss if on else room
+        passed = np.tile(np.arange(30.0), 4)
+        low = room + (goal - room) / (1.0 + np.exp(30.0 * loss)) if on else None
+        top = room + gain * 1.5**2 / loss * (1.0 - 1.0 / (1.0 + np.exp(30.0 * loss)))
+        temperature = goal + ((low if on else top) - goal) * np.exp(-loss * passed)
+        middle = 52.0 if on else 46.0
+        stroke = (
+            0.01 + 0.02 / (1.0 + np.exp(-0.32 * (temperature - middle))) + 2e-4 * rng.standard_normal(120)
+        )
+        inputs = {
+            **record.inputs,
+            "temperature": temperature + 0.05 * rng.standard_normal(120),
+            "current": np.full(120, 1.5 if on else 0.0),
+        }
+        records.append(
+            replace(
+                record,
+                inputs=inputs,
+                observed={"displacement": stroke},
+                units={**record.units, "current": "A"},
+            )
+        )
+    study = study_gap(replace(plain, records=tuple(records)), pool="campaign", jobs=1)
+    return json.loads(json.dumps(study))
+
+
+def test_where_temperature_is_an_outcome_heating_holds_the_same_keys(heated: Any) -> None:
+    heating = heated["heating"]
+    holds(heating, GAP)
+    holds(heating["gap"], GAINED)
+    assert set(heating["gap"]["channels"]) == {"temperature"}
+    assert "temperature" not in heated["channels"]
+    assert set(heated) - set(heating) >= {"schema", "heating"}
+    assert heating["verdict"] == "none", heating["p_value"]
+    of_heat = {c["id"] for c in heating["candidates"]}
+    assert {"latent_heat", "thermocouple_lag", "convective_loss"} <= of_heat
+    assert of_heat & {c["id"] for c in heated["candidates"]} == {"thermocouple_lag", "contact_error"}
+    for name, unit in {"gain": "K/(s A^2)", "loss": "1/s", "time_constant": "s", "switching": "1"}.items():
+        holds(heating["parameters"][name], PARAMETER)
+        assert heating["parameters"][name]["unit"] == unit
+    known = {"gain": 2.0, "loss": 0.05, "time_constant": 20.0, "ambient": 20.0, "switching": 1.0}
+    for name, true in known.items():
+        p = heating["parameters"][name]
+        assert abs(p["median"] - true) < 2.5 * (p["q95"] - p["q05"]) / 2.0, (name, p)
+
+
+def test_without_a_current_there_is_no_heating(found: Any) -> None:
+    assert found["heating"] is None

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
 from sma_bayes.effects.types import Response
 from sma_bayes.quantities import Floats
@@ -15,9 +16,9 @@ from sma_bayes.response.simulation import Simulation
 CHANNELS = ("force", "displacement", "stiffness", "temperature")
 HEATING = (0.03, 0.25, 60.0, 0.01, 2.0, 0.22, 64.0, 1.0)
 COOLING = (0.03, 0.30, 48.0, 0.01, 2.0, 0.27, 52.0, 1.0)
-THERMAL = (2.0, 0.1, 22.0)
+THERMAL = (2.0, 0.1, 22.0, 1.0)
 THETA = np.array([*HEATING, *COOLING, *THERMAL])
-"""A1 to A4, B1 to B4 of both branches; gain, loss and ambient of the Joule-heating balance."""
+"""A1 to A4, B1 to B4 of both branches; gain, loss, ambient and switching of the Joule-heating balance."""
 SAMPLES = 40
 UNITS = {
     "temperature": "degC",
@@ -84,7 +85,15 @@ def _record(what: Condition, branch: Branch, parts: Sequence[Mapping[str, Floats
 def measured() -> tuple[History, ...]:
     """Three conditions of three cycles each: loads, rates, peaks and ambient temperature vary."""
     records = tuple(r for number in range(3) for r in condition(number))
-    return histories(Campaign("synthetic", "", "", records))
+    found = histories(Campaign("synthetic", "", "", records))
+    return tuple(h.of(CHANNELS, share=share_of(h)) for h in found)
+
+
+def share_of(history: History) -> Floats:
+    """Share of austenite along a history."""
+    (_, a2, a3, *_), (_, c2, c3, *_) = HEATING, COOLING
+    t = history.inputs["temperature"]
+    return expit(np.where(history.inputs["branch"] > 0.0, a2 * (t - a3), c2 * (t - c3)))
 
 
 def with_force(measured: Sequence[History], change: object) -> tuple[History, ...]:

@@ -22,7 +22,7 @@ IDS = (
     "temperature_gradient", "asymmetric_kinetics", "r_phase", "training_drift", "training", "amplitude_fatigue",
     "hot_creep", "guide_friction", "sensor_drift", "load_cell_thermal_drift", "thermal_expansion", "fixture_compliance",
     "bias_spring", "saturation", "quantisation", "drive_ripple", "minor_loop", "clock_skew", "latent_heat",
-    "ambient_draught",
+    "ambient_draught", "convective_loss", "radiative_loss", "phase_resistance", "second_mass",
 )  # fmt: skip
 SHARED = {"__init__", "needs", "types", "transformation", "memory", "stress"}
 REGISTRY = UnitRegistry(cache_folder=None)

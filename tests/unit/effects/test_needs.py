@@ -36,6 +36,8 @@ def constant(name: str, value: float) -> Callable[[History], History]:
 
 UNMET = {
     "channel": without("force", "displacement", "stiffness"),
+    "outcome": without("force", "displacement", "stiffness", "temperature"),
+    "share": without("share"),
     "curve": without("force", "displacement"),
     "force": without("force"),
     "displacement": without("displacement"),

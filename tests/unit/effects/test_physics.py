@@ -67,7 +67,7 @@ def test_a_lagging_sensor_gives_back_the_metal() -> None:
 
 def test_a_lagging_sensor_delays_the_simulated_temperature() -> None:
     tau, time = 2.0, np.linspace(0.0, 60.0, 601)
-    gain, loss, ambient = THERMAL
+    gain, loss, ambient, _ = THERMAL
 
     def balance(t: float, y: Floats) -> list[float]:
         return [4.0 * gain - loss * (y[0] - ambient), (y[0] - y[1]) / tau]
@@ -333,7 +333,7 @@ def test_skew_is_a_later_force_only() -> None:
 
 def test_latent_heat_slows_the_heating() -> None:
     """The balance with the heat of transformation, integrated in time, is what the effect gives back."""
-    gain, loss, ambient = THERMAL
+    gain, loss, ambient, _ = THERMAL
     time = np.linspace(0.0, 60.0, 1201)
 
     def balance(t: float, y: Floats) -> Floats:
@@ -341,7 +341,7 @@ def test_latent_heat_slows_the_heating() -> None:
         return (4.0 * gain - loss * (y - ambient)) / (1.0 + 20.0 * A2 * share * (1.0 - share))
 
     measured = solve_ivp(balance, (0.0, 60.0), [22.0], t_eval=time, rtol=1e-9).y[0]
-    inputs = inputs_of(measured, time=time)
+    inputs = inputs_of(measured, time=time, share=expit(A2 * (measured - A3)))
     plain = response_at(THETA)(inputs)["temperature"]
     assert np.max(np.abs(plain - measured)) > 5.0
     out = applied("latent_heat", [20.0 * 500.0], inputs)
@@ -350,7 +350,7 @@ def test_latent_heat_slows_the_heating() -> None:
 
 def test_a_draught_changes_the_cooling() -> None:
     """In the colder half of a record the loss is greater, so that the alloy settles nearer to the room."""
-    gain, loss, _ = THERMAL
+    gain, loss, *_ = THERMAL
     ambient = np.r_[np.full(400, 23.0), np.full(400, 21.0)]
     inputs = inputs_of(np.full(800, 60.0), time=np.linspace(0.0, 400.0, 800), ambient_temperature=ambient)
     out = applied("ambient_draught", [0.3], inputs)["temperature"]

@@ -89,7 +89,7 @@ def test_held_out_values_do_not_move_the_fit_of_their_fold(lagging: GapStudy, lo
         np.testing.assert_array_equal(one.z, two.z)
         assert one.ln_evidence == two.ln_evidence
         assert changed.squares[0] > 10.0 * plain.squares[0]
-        assert plain.count == sum(int(m.sum()) for m in out)
+        assert plain.channels["displacement"][0] == sum(int(m.sum()) for m in out)
 
 
 @pytest.mark.parametrize("of", [{}, {"cycles": 1, "memory": 0.6}], ids=["cycles", "stretches"])
@@ -108,7 +108,8 @@ def test_what_is_left_is_the_held_out_residual_in_sds_of_the_noise(of, rig, look
             phi = noise.memory[i] if i > 0 and m[i - 1] else 0.0
             total += (u[i] - phi * u[i - 1]) ** 2 / (1.0 - phi**2)
     assert found.squares[1] == pytest.approx(total, rel=1e-6)
-    assert found.count == sum(int(m.sum()) for m in folds[1])
+    assert found.channels["displacement"][0] == sum(int(m.sum()) for m in folds[1])
+    assert found.channels["displacement"][2] == pytest.approx(total, rel=1e-6)
 
 
 def test_a_fold_repeats_itself(lagging: GapStudy, looks: list[GapStudy]) -> None:
@@ -127,6 +128,23 @@ def test_the_gap_closes_where_the_cause_was_named(lagging: GapStudy) -> None:
     assert gap.after == pytest.approx(1.0, abs=0.1)
     assert gap.floor <= gap.after
     assert gap.shrink > 0.9
+    assert gap.way_to_noise == pytest.approx((gap.before - gap.after) / (gap.before - 1.0))
+
+
+def test_the_gap_of_each_channel_is_told_in_its_unit(rig) -> None:
+    """Two channels: squares add up to the whole, and the noise is what was put in."""
+    hidden = rig(channels=("displacement", "force"), lag=0.4)
+    study = study_campaign(hidden.campaign(), PRIORS, pooled=True, effects=FEW)
+    gap = close(study, FEW, pooled=True, seed=0)
+    assert set(gap.channels) == {"displacement", "force"}
+    for name in ("before_sigma", "after_sigma"):
+        both = [getattr(c, name) for c in gap.channels.values()]
+        assert np.sqrt(np.mean(np.square(both))) == pytest.approx(getattr(gap, name.removesuffix("_sigma")))
+    span = {"displacement": 0.02, "force": 2.0}
+    for channel, found in gap.channels.items():
+        assert found.noise == pytest.approx(hidden.sd * span[channel], rel=0.1)
+        assert found.after == pytest.approx(found.noise, rel=0.15)
+        assert found.before > 2.0 * found.after
 
 
 def test_without_a_gap_nothing_is_closed(rig) -> None:
@@ -147,7 +165,7 @@ def test_without_a_gap_nothing_is_closed(rig) -> None:
     ],
 )
 def test_the_share_that_is_closed(before: float, after: float, floor: float, shrink: float) -> None:
-    assert Gap(before, after, floor, "", ()).shrink == pytest.approx(shrink)
+    assert Gap(before, after, floor, "", (), {}).shrink == pytest.approx(shrink)
 
 
 def test_scores_of_candidates_tell_the_cause_from_another_effect(lagging: GapStudy) -> None:

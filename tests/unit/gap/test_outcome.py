@@ -140,7 +140,7 @@ HELPING = {"verdict": "unnamed", "effects": [], "partial": [{"id": "x", "paramet
     ("changes", "says"),
     [
         ({}, []),
-        ({"gap": {"after": 1.9, "shrink": 0.1}}, ["closes 10 % of the gap"]),
+        ({"gap": {"after": 1.9, "shrink": 0.1}}, ["closes 10 % of what can be explained"]),
         ({"gap": {"chosen_without": [["x"], ["z"]]}}, ["in 1 of 2 cases"]),
         (
             {"remaining": {"p_value": 1e-9, "channel": "force", "covariate": "time", "share": 0.08}},

@@ -13,7 +13,7 @@ from sma_bayes.response.simulation import Simulation
 
 HEATING = (0.02, 0.30, 62.0, 0.01, 2.0, 0.25, 65.0, 1.0)
 COOLING = (0.025, 0.28, 50.0, 0.012, 1.8, 0.22, 54.0, 0.8)
-THERMAL = (2.0, 0.1, 22.0)
+THERMAL = (2.0, 0.1, 22.0, 0.7)
 THETA = np.array([*HEATING, *COOLING])
 ALL = ("force", "displacement", "stiffness")
 
@@ -85,9 +85,9 @@ def test_all_together_are_the_parts(applied: dict[str, Floats]) -> None:
     ("channels", "count"),
     [
         (("force",), 8),
-        (("displacement", "temperature"), 11),
+        (("displacement", "temperature"), 12),
         (("stiffness",), 12),
-        (("temperature",), 3),
+        (("temperature",), 4),
         (ALL, 16),
     ],
 )
