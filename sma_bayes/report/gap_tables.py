@@ -33,6 +33,7 @@ ADVICE: Final[Mapping[str, str]] = {
     "channel": "measure force, displacement or stiffness",
     "outcome": "measure force, displacement or stiffness",
     "share": "measure force or displacement",
+    "resistance_unknown": "nothing: the resistance was measured, and is used",
     "curve": "measure force or displacement",
     "reversals": "keep the record going through two reversals or more without a break",
     "warming_cell": "record time or the ambient temperature over five minutes or more, so that the load cell can warm",
