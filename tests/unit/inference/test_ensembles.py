@@ -277,22 +277,33 @@ def test_heavy_tails_in_ten_dimensions(joint: bool) -> None:
         assert draws.evaluations >= 600_000
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("width", [1.0, 3.0])
-def test_a_funnel_in_ten_dimensions(width: float) -> None:
-    """Of widths from exp(-width) to exp(width) of that in the middle, in nine directions; the wider is out of reach.
-
-    The narrower takes 430,000 to 970,000 evaluations, by eight seeds.
-    """
+def funnel(width: float) -> Density:
+    """Of widths from exp(-width) to exp(width) of that in the middle, in nine directions."""
 
     def log_prob(z: np.ndarray) -> np.ndarray:
         v = z[:, 0]
         return -0.5 * (v / width) ** 2 - 0.5 * (z[:, 1:] ** 2).sum(axis=1) * np.exp(-v) - 4.5 * v
 
-    draws = run(Density(log_prob, 10), plan=Plan(evaluations=2_000_000 if width < 2.0 else 600_000))
-    assert draws.convergence.converged == (width < 2.0)
-    if draws.convergence.converged:
-        right_moments(draws, np.zeros(10), np.array([width, *np.full(9, np.exp(0.25 * width**2))]))
+    return Density(log_prob, 10)
+
+
+@pytest.mark.slow
+def test_a_funnel_in_ten_dimensions() -> None:
+    """Most runs reach it within 440,000 to 1,100,000 evaluations, one in twelve not within 2,000,000.
+
+    Which ones is a matter of rounding, which differs between processors: by chance fewer than two of four do so once in
+    500 times.
+    """
+    runs = [run(funnel(1.0), seed, plan=Plan(evaluations=2_000_000)) for seed in range(4)]
+    reached = [draws for draws in runs if draws.convergence.converged]
+    assert len(reached) >= 2
+    for draws in reached:
+        right_moments(draws, np.zeros(10), np.array([1.0, *np.full(9, np.exp(0.25))]))
+
+
+@pytest.mark.slow
+def test_a_wide_funnel_is_out_of_reach() -> None:
+    assert not run(funnel(3.0), plan=Plan(evaluations=600_000)).convergence.converged
 
 
 @pytest.mark.slow
