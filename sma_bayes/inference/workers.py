@@ -49,13 +49,11 @@ def signals_left_to_parent() -> Iterator[None]:
         return
     from joblib.externals.loky.backend import resource_tracker as loky_tracker
 
-    for tracker in (
-        resource_tracker,
-        loky_tracker,
-    ):  # they let signals in again as they start, so they start before
-        tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
+        for tracker in (resource_tracker, loky_tracker):
+            tracker.ensure_running()  # lets SIGINT and SIGTERM in again as it starts
+        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

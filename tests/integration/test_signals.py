@@ -200,15 +200,17 @@ def try_instants(
             ) from error
 
 
+@pytest.mark.parametrize("group", [False, True])
 @pytest.mark.parametrize("number", ASKED)
 def test_a_signal_ends_a_run_with_its_status_and_one_line(
-    campaign: Path, tmp_path: Path, number: signal.Signals
+    campaign: Path, tmp_path: Path, number: signal.Signals, group: bool
 ) -> None:
+    """Sent to the run alone, and to all of its processes as a terminal does."""
     started = Started(tmp_path, arguments("fit", campaign, tmp_path, tmp_path / "out"))
-    started.send_after(2.0, number, group=False)
+    started.send_after(2.0, number, group=group)
     assert started.process.wait(timeout=60) == 128 + number
-    assert started.text() == "interrupted; the same command with --resume goes on from here\n"
     started.assert_nothing_lives()
+    assert started.text() == "interrupted; the same command with --resume goes on from here\n"
 
 
 def test_workers_end_with_a_parent_that_is_killed(campaign: Path, tmp_path: Path) -> None:
