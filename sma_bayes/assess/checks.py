@@ -171,7 +171,7 @@ class Check:
     @property
     def failed(self) -> bool:
         """Whether the model does not make such data: its p-value is below `CHANCE` in a tail that tells."""
-        two_sided = STATISTICS[self.statistic].two_sided
+        two_sided = self.statistic in STATISTICS and STATISTICS[self.statistic].two_sided
         return self.p_value < CHANCE or (two_sided and self.p_value > 1.0 - CHANCE)
 
 

@@ -103,6 +103,15 @@ def of_samples(posterior: Posterior, record: Record) -> Posterior:
     return posterior.on([record], discrepancy=[bases])
 
 
+def evaluated_on(posterior: Posterior, record: Record) -> Posterior:
+    """The same at other samples, for given weights: the functions of the discrepancy stay as they are."""
+    bases = {
+        c: DiscrepancyBasis.tabulated(b.temperature, b.values, record.temperature)
+        for c, b in posterior.discrepancy[0].items()
+    }
+    return posterior.on([record], discrepancy=[bases])
+
+
 def density_of(
     posterior: Posterior, theta: Floats, weights: Weights, record: Record
 ) -> tuple[Floats, Floats]:
@@ -118,13 +127,8 @@ def density_of(
         Of other samples of one channel.
     """
     (channel,) = record.channels
-    bases = {
-        c: DiscrepancyBasis.tabulated(b.temperature, b.values, record.temperature)
-        for c, b in posterior.discrepancy[0].items()
-    }
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far tails of a prior
-        there = posterior.on([record], discrepancy=[bases])
-        (pointwise,) = there.pointwise_log_likelihood(theta, weights)
+        (pointwise,) = evaluated_on(posterior, record).pointwise_log_likelihood(theta, weights)
     share = posterior.noise.information(posterior.noise_shape(theta, 0, channel))
     density = pointwise[channel] / share[:, None]
     return np.where(np.isnan(density), -np.inf, density), share

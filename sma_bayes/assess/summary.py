@@ -16,6 +16,7 @@ from sma_bayes.assess.identifiability import IDENTIFIED, contraction, free_direc
 from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.assess.nearest import nearest_parameters
 from sma_bayes.assess.path import path_remark
+from sma_bayes.assess.sweeps import left_out_sweeps, sweep_checks
 from sma_bayes.assess.transformation import transformation_temperatures
 from sma_bayes.inference.audit import Audit
 from sma_bayes.parameters.distributions import family_name, numbers
@@ -42,7 +43,8 @@ def record_summary(
     """
     r = fit.records[record]
     start = fit.warm_start
-    checks, of_curve = predictive_checks(fit, record), missed(fit, record)
+    sweeps, of_curve = left_out_sweeps(fit, record), missed(fit, record)
+    checks = [*predictive_checks(fit, record), *sweep_checks(sweeps)]
     why = reasons(fit, record, checks, of_curve)
     noise_sd = {
         c: float(np.median(fit.flat[:, at[0]])) for c, at in fit.posterior.layout[record].noise.items()
@@ -89,6 +91,7 @@ def record_summary(
         "quantities_of_branch": [asdict(q) for q in branch_quantities(fit, record)],
         "transformation": _transformation(fit, record),
         "checks": [asdict(c) for c in checks],
+        "left_out_sweeps": [asdict(s) for s in sweeps],
         "noise": {
             "name": fit.posterior.noise.name,
             "title": fit.posterior.noise.title,

@@ -41,6 +41,7 @@ STATISTICS: Final = {
     "lag1": "correlation of neighbours",
     "block_means": "mean residual by temperature",
     "sweep_means": "mean residual by sweep",
+    "left_out_sweeps": "sweeps left out",
     "sd_by_temperature": "spread by temperature",
     "sd_by_response": "spread by response",
     "pit": "shape of the noise",

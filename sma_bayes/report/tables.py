@@ -612,7 +612,8 @@ def check_table(records: Sequence[RecordContent]) -> Table:
         "A statistic of the standardised residuals, memory of the noise taken out: measured (posterior median), and "
         "the 5 % and 95 % quantile of replicated data. The p-value is the share of replications beyond the measured "
         "one; near 0 or 1 the model misses something. It comes in steps of "
-        f"{1 / CHECKED:.3g}.",
+        f"{1 / CHECKED:.3g}. Of sweeps left out it is exact: each is predicted from the others, the most different one "
+        "is measured, and all are paid for.",
         (
             *_RECORD,
             Column("channel", "channel"),

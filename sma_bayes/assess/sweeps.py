@@ -1,0 +1,198 @@
+"""Whether sweeps of a record are alike: each is predicted from the others, and its place in that looked at.
+
+Draws of the posterior are weighted by one over the likelihood of the sweep that is left out (PSIS); where the weights
+can't be relied on the others are fitted again. What is looked at is the part of the sweep along the tangents of its
+curve, in which parameters of its own would show. Its innovations there, ``d``, are predicted with mean nought and
+covariance ``1 + C``, the noise and what the others leave open of the curve, so that
+
+    d' (1 + C)^-1 d / r
+
+has an F distribution with ``r``, the number of tangents, and as many degrees of freedom as tell the noise. The place in
+it, the probability integral transform, is uniform where all sweeps have the same curve and noise, as far as the
+posterior is normal along the tangents.
+
+References
+----------
+A. Vehtari, A. Gelman, J. Gabry, Statistics and Computing 27 (2017) 1413 (weights), and A. P. Dawid, J. R. Stat. Soc. A
+147 (1984) 278 (predictions judged by their place in what was predicted).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+from scipy.stats import f as f_distribution
+
+from sma_bayes.assess.checks import Check
+from sma_bayes.assess.held_out import evaluated_on, missed_by, of_samples, part
+from sma_bayes.inference.importance import importance_draws
+from sma_bayes.inference.pareto import RELIABLE, smoothed_weights
+from sma_bayes.posterior import Posterior, Weights
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Ints
+from sma_bayes.results.fit import Fit
+
+FEWEST_SWEEPS = 3
+REFITS = 3
+"""Fits made anew for one record, at most: of the sweeps that the draws can be relied on least without."""
+STATISTIC = "left_out_sweeps"
+MEANING = (
+    "greatest distance of a sweep from what the others predict, along what parameters of its own would do"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOutSweep:
+    """A sweep of one channel that had no part in the fit.
+
+    Attributes
+    ----------
+    sweep : int
+        Its number in the record, from 1.
+    channel : str
+    distance : float or None
+        ``d' (1 + C)^-1 d / r``; about 1 is expected. None where it can't be told: the weights can't be relied on, and
+        no fit without the sweep was made, or it did not reach its target.
+    pit : float or None
+        Share of such distances that are smaller, uniform if the sweep is like the others.
+    r, spare : int
+        Degrees of freedom of that distribution.
+    pareto_k : float
+        Of the weights.
+    refitted : bool
+        Whether the others were fitted again.
+    """
+
+    sweep: int
+    channel: str
+    distance: float | None
+    pit: float | None
+    r: int
+    spare: int
+    pareto_k: float
+    refitted: bool
+
+
+def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
+    """Predict each sweep of a record from all others; empty where it has fewer than `FEWEST_SWEEPS`.
+
+    Parameters
+    ----------
+    fit : Fit
+    record : int
+        Which of the records that share the posterior; where there are several no fits are made anew.
+    """
+    r, posterior = fit.records[record], fit.posterior
+    number = r.inputs.get("segment", np.zeros(r.n))
+    sweeps = [np.flatnonzero(number == s) for s in np.unique(number)]
+    if len(sweeps) < FEWEST_SWEEPS or not posterior.noise.is_density:
+        return []
+    with np.errstate(all="ignore"):
+        pointwise = posterior.pointwise_log_likelihood(fit.flat, fit.discrepancy)[record]
+    each = np.sum(list(pointwise.values()), axis=0)
+    log_weight, k = smoothed_weights(-np.stack([each[:, s].sum(axis=1) for s in sweeps], axis=1))
+    again = set(np.argsort(-k, kind="stable")[:REFITS].tolist()) if len(fit.records) == 1 else set()
+    tangents = _tangents(fit, record)
+    innovations = _innovations(posterior, fit.flat, fit.discrepancy, record)
+    out = []
+    for i, sweep in enumerate(sweeps):
+        drawn: tuple[dict[str, Floats], Floats] | None = (innovations, log_weight[:, i])
+        if not k[i] <= RELIABLE:
+            drawn = _without(fit, sweep) if i in again else None
+        for channel in r.channels:
+            rows = _orthonormal(tangents[channel][:, sweep])
+            spare = max(sum(x.n for x in fit.records) - sweep.size - rows.shape[0], 1)
+            distance = None if drawn is None else _distance(drawn[0][channel][:, sweep], drawn[1], rows)
+            pit = None if distance is None else float(f_distribution.cdf(distance, rows.shape[0], spare))
+            refitted = drawn is not None and not k[i] <= RELIABLE
+            out.append(
+                LeftOutSweep(i + 1, channel, distance, pit, rows.shape[0], spare, float(k[i]), refitted)
+            )
+    return out
+
+
+def sweep_checks(sweeps: Sequence[LeftOutSweep]) -> list[Check]:
+    """Check of each channel: the least probability of a distance as great, all sweeps that were left out paid for.
+
+    A channel of which no sweep could be told has none.
+    """
+    out = []
+    for channel in dict.fromkeys(s.channel for s in sweeps):
+        own = [s for s in sweeps if s.channel == channel]
+        told = [
+            (float(f_distribution.sf(s.distance, s.r, s.spare)), s) for s in own if s.distance is not None
+        ]
+        if not told:
+            continue
+        least, worst = min(told, key=lambda x: x[0])
+        p = float(-np.expm1(len(own) * np.log1p(-least))) if least < 1.0 else 1.0
+        low, high = (
+            float(f_distribution.ppf(q ** (1.0 / len(own)), worst.r, worst.spare)) for q in (0.05, 0.95)
+        )
+        meaning = f"{MEANING}; sweep {worst.sweep}"
+        if len(told) < len(own):
+            meaning += f", {len(own) - len(told)} of {len(own)} can't be told"
+        out.append(Check(channel, STATISTIC, float(worst.distance or 0.0), low, high, p, meaning))
+    return out
+
+
+def _innovations(posterior: Posterior, theta: Floats, weights: Weights, record: int) -> dict[str, Floats]:
+    with np.errstate(all="ignore"):
+        return posterior.residuals(theta, weights)[record]
+
+
+def _tangents(fit: Fit, record: int) -> dict[str, Floats]:
+    """What a change of each free parameter of the curve does to innovations, at the median: channel to (p, n)."""
+    posterior, r = fit.posterior, fit.records[record]
+    place, steps = posterior.layout[record], posterior.steps[record]
+    theta = np.median(fit.flat, axis=0)
+    free = posterior.sampled_model
+    with np.errstate(all="ignore"):
+        slopes = posterior.model.jacobian(theta[place.model], r.inputs)
+        _, relative = posterior.moments_of_noise(theta, record)
+        out = {}
+        for channel, at in place.noise.items():
+            rows = slopes[channel][:, free].T / (theta[at[0]] * relative[channel])
+            shape = np.repeat(posterior.noise_shape(theta[None], record, channel), len(rows), axis=0)
+            out[channel] = posterior.noise.decorrelate(rows, shape, steps)
+    return out
+
+
+def _orthonormal(rows: Floats) -> Floats:
+    """Orthonormal rows (r, n) that span what is finite of some rows (p, n)."""
+    usable = rows[np.isfinite(rows).all(axis=1)]
+    size = np.linalg.norm(usable, axis=1)
+    usable = usable[size > 0.0] / size[size > 0.0, None]
+    _, singular, axes = np.linalg.svd(usable, full_matrices=False)
+    return np.asarray(axes[singular > 1e-6 * singular.max(initial=0.0)])
+
+
+def _distance(e: Floats, log_weight: Floats, rows: Floats) -> float | None:
+    """``d' (1 + C)^-1 d / r`` of weighted draws of innovations (S, n) along orthonormal rows (r, n)."""
+    w = np.exp(log_weight - logsumexp(log_weight))
+    kept = w > 0.0
+    along = e[kept] @ rows.T
+    mean = w[kept] @ along
+    apart = along - mean
+    covariance = np.eye(len(rows)) + (apart * w[kept, None]).T @ apart
+    value = float(mean @ np.linalg.solve(covariance, mean)) / len(rows) if len(rows) else np.nan
+    return value if np.isfinite(value) else None
+
+
+def _without(fit: Fit, sweep: Ints) -> tuple[dict[str, Floats], Floats] | None:
+    """Innovations of the whole record under a fit without a sweep, with weights; None where it missed its target."""
+    posterior, (record,) = fit.posterior, fit.records
+    kept = np.ones(record.n, dtype=bool)
+    kept[sweep] = False
+    rest = of_samples(posterior, part(record, kept))
+    seed, missed_seed = np.random.SeedSequence([fit.seed, 7, int(sweep[0]), *record.key.encode()]).spawn(2)
+    start = np.median(fit.z.reshape(-1, fit.z.shape[-1]), axis=0)
+    draws = importance_draws(rest, [start], rest.space.prior_sd(), seed)
+    if not draws.converged:
+        return None
+    theta = rest.space.to_physical(draws.z)
+    weights = missed_by(rest, theta, missed_seed)
+    return _innovations(evaluated_on(rest, record), theta, weights, 0), draws.log_weight
