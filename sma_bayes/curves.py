@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -141,3 +141,40 @@ def calibrated_parameters(
         elif channel != "stiffness":
             out[:, at] = model.calibrated(out[:, at], channel, gain, shift)
     return out
+
+
+def quantiles(draws: Floats, levels: Sequence[float], axis: int | None = None) -> Floats:
+    """Quantiles of draws that may be infinite, as a stiffness is where the displacement stands still.
+
+    Between two ordered draws of which one is infinite lies that one; between both infinities the nearer. An undefined
+    draw (NaN) leaves the quantile undefined.
+
+    Parameters
+    ----------
+    draws : ndarray
+    levels : sequence of float
+    axis : int, optional
+        Of the draws; all by default.
+
+    Returns
+    -------
+    ndarray
+        The levels come first.
+
+    Examples
+    --------
+    >>> quantiles(np.array([-np.inf, -np.inf, 1.0, 2.0, np.inf, np.inf]), (0.1, 0.5, 0.9)).tolist()
+    [-inf, 1.5, inf]
+    """
+    at = list(levels)
+    with np.errstate(invalid="ignore"):
+        value = np.quantile(draws, at, axis=axis)
+    if not np.isinf(draws).any():
+        return np.asarray(value)
+    below, above, nearest = (
+        np.quantile(draws, at, axis=axis, method=m) for m in ("lower", "higher", "nearest")
+    )
+    value = np.where(np.isinf(above), above, value)
+    value = np.where(np.isinf(below), below, value)
+    value = np.where(np.isinf(below) & np.isinf(above), nearest, value)
+    return np.asarray(np.where(below == above, below, value))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.assess.bands import new_samples
-from sma_bayes.curves import CurveDraws
+from sma_bayes.curves import CurveDraws, quantiles
 from sma_bayes.quantities import Floats
 
 Curve = Callable[[Floats], Floats]
@@ -31,7 +31,7 @@ class Interval:
 def interval(draws: Floats, level: float) -> Interval:
     """Median and equal-tailed interval that holds a probability, over the draws of the first axis (S, m)."""
     tail = 0.5 * (1.0 - level)
-    return Interval(*np.quantile(draws, (tail, 0.5, 1.0 - tail), axis=0))
+    return Interval(*quantiles(draws, (tail, 0.5, 1.0 - tail), axis=0))
 
 
 def credible_at(curve: Curve, temperature: Floats, level: float, error: Floats | float = 0.0) -> Interval:

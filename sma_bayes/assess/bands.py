@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.curves import CurveDraws
+from sma_bayes.curves import CurveDraws, quantiles
 from sma_bayes.noise import Steps
 from sma_bayes.quantities import ARBITRARY, Floats, convert
 from sma_bayes.records.types import Ints, Record
@@ -105,7 +105,7 @@ def _band(record: Record, channel: str, t: Floats, curve: Floats, predictive: di
     measured = channel in record.channels
     order = np.argsort(curve.T, axis=1, kind="stable")
     in_order = np.take_along_axis(curve.T, order, axis=1)  # sorting is what a band costs, so do it once
-    values = np.quantile(in_order, list(QUANTILES.values()), axis=1)
+    values = quantiles(in_order, list(QUANTILES.values()), axis=1)
     return Band(
         channel=channel,
         unit=channel_unit(record.units, channel if measured else "stiffness"),
@@ -185,7 +185,7 @@ def _predictive(fit: Fit, channel: str, t: Floats, record: int) -> dict[str, Flo
         return _no_measurement(t)
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 1, *f"{r.key} {channel}".encode()]))
     new = new_samples(fit.curves(record), channel, t, rng)
-    values = np.quantile(new, list(PREDICTIVE.values()), axis=0)
+    values = quantiles(new, list(PREDICTIVE.values()), axis=0)
     return dict(zip(PREDICTIVE, values, strict=True))
 
 

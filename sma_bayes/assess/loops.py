@@ -8,6 +8,7 @@ import numpy as np
 
 from sma_bayes.assess.adequacy import led_by_prior
 from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
+from sma_bayes.curves import quantiles
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import channel_unit
@@ -87,7 +88,8 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
             up = curve_draws(heating, channel, t, records[0])
             down = curve_draws(cooling, channel, t, records[1])
             size = min(len(up), len(down))
-            area = np.asarray(np.trapezoid(up[:size] - down[:size], t, axis=1))
+            with np.errstate(invalid="ignore"):  # undefined where both are infinite
+                area = np.asarray(np.trapezoid(up[:size] - down[:size], t, axis=1))
             unit = channel_unit(h.units, channel)
             out.append(_interval(
                 "loop_area", heating, records[0], channel, f"{unit} {t_unit}" if unit != "1" else t_unit, area,
@@ -108,6 +110,6 @@ def _interval(
     branch: str | None = None,
 ) -> Interval:
     r = fit.records[record]
-    q05, median, q95 = (float(v) for v in np.quantile(draws, (0.05, 0.5, 0.95)))
+    q05, median, q95 = (float(v) for v in quantiles(draws, (0.05, 0.5, 0.95)))
     shown = r.branch.value if branch is None else branch
     return Interval(name, r.condition.id, shown, channel, unit, q05, median, q95, meaning)

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import expit
 
-from sma_bayes.curves import CurveDraws
+from sma_bayes.curves import CurveDraws, quantiles
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
@@ -60,7 +60,7 @@ class Nearest:
         found = self.draws[np.isfinite(self.draws)]
         if self.defined < SURE:
             return (float("nan"),) * 3
-        q05, median, q95 = np.quantile(found, (0.05, 0.5, 0.95)).tolist()
+        q05, median, q95 = quantiles(found, (0.05, 0.5, 0.95)).tolist()
         return q05, median, q95
 
 

@@ -23,7 +23,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from sma_bayes.curves import CurveDraws
+from sma_bayes.curves import CurveDraws, quantiles
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.results.fit import Fit
@@ -128,7 +128,7 @@ class Temperature:
         found = self.draws[np.isfinite(self.draws)]
         if not found.size:
             return (float("nan"),) * 3
-        q05, median, q95 = np.quantile(found, (0.05, 0.5, 0.95)).tolist()
+        q05, median, q95 = quantiles(found, (0.05, 0.5, 0.95)).tolist()
         return q05, median, q95
 
 

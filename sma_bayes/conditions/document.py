@@ -16,6 +16,7 @@ from sma_bayes.conditions.leave_out import HIERARCHICAL, HeldOut
 from sma_bayes.conditions.population import Population
 from sma_bayes.conditions.prediction import Prediction, predicted_features
 from sma_bayes.conditions.study import ConditionStudy
+from sma_bayes.curves import quantiles
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Condition, setting_unit
 
@@ -196,9 +197,9 @@ def _held_out(held: HeldOut) -> dict[str, Any]:
 def curve_columns(record: RecordDraws, channel: str) -> dict[str, Any]:
     """Columns of the curve that was fitted to a condition itself."""
     t = record.grid()
-    quantiles = np.quantile(record.curve(channel, t), (0.05, 0.5, 0.95), axis=0)
+    own = quantiles(record.curve(channel, t), (0.05, 0.5, 0.95), axis=0)
     columns: dict[str, Any] = {f"temperature_{record.units['temperature']}": t}
-    return columns | _quantiles("own", quantiles)
+    return columns | _quantiles("own", own)
 
 
 def held_out_columns(held: HeldOut) -> dict[str, Any]:
@@ -207,8 +208,8 @@ def held_out_columns(held: HeldOut) -> dict[str, Any]:
         f"temperature_{held.record.units['temperature']}": held.temperature,
         "own_median": held.own,
     }
-    for name, quantiles in held.bands.items():
-        columns |= _quantiles(name.replace(" ", "_"), quantiles)
+    for name, band in held.bands.items():
+        columns |= _quantiles(name.replace(" ", "_"), band)
     return columns | _quantiles("new_measurement", held.new)
 
 

@@ -14,6 +14,7 @@ from scipy.special import expit
 
 from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
 from sma_bayes.conditions.draws import RecordDraws
+from sma_bayes.curves import quantiles
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats, per
 from sma_bayes.records.types import Branch, Condition
@@ -73,7 +74,7 @@ class Feature:
 def interval(draws: Floats) -> dict[str, float]:
     """Median and equal-tailed 90 % interval of the draws that have a value; NaN where none has."""
     found = draws[~np.isnan(draws)]
-    levels = np.quantile(found, (0.05, 0.5, 0.95)) if found.size else np.full(3, np.nan)
+    levels = quantiles(found, (0.05, 0.5, 0.95)) if found.size else np.full(3, np.nan)
     return dict(zip(("q05", "median", "q95"), levels.tolist(), strict=True))
 
 

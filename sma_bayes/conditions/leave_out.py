@@ -18,6 +18,7 @@ from sma_bayes.conditions.prediction import (
     parameters_by_hand,
     predict,
 )
+from sma_bayes.curves import quantiles
 from sma_bayes.quantities import Floats
 
 HIERARCHICAL, CURVES, PARAMETERS = "hierarchical", "curves by hand", "parameters by hand"
@@ -138,7 +139,7 @@ def _held_out(
     bands = {HIERARCHICAL: np.stack([band.curve[q] for q in ("q05", "q50", "q95")])}
     if between is not None:
         for name, by_hand in ((CURVES, curve_by_hand), (PARAMETERS, parameters_by_hand)):
-            bands[name] = np.quantile(by_hand(records, between, channel, t), BAND, axis=0)
+            bands[name] = quantiles(by_hand(records, between, channel, t), BAND, axis=0)
     new = np.stack([band.predictive[q] for q in ("pred_q05", "pred_q50", "pred_q95")])
     whole = (band.simultaneous["sim90_low"] <= own) & (own <= band.simultaneous["sim90_high"])
     scale = _log if channel == "stiffness" else np.asarray

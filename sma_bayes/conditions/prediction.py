@@ -12,7 +12,7 @@ from sma_bayes.conditions.design import Design
 from sma_bayes.conditions.draws import GRID, RecordDraws, curve_of
 from sma_bayes.conditions.features import CHANNELS, Feature, ratio
 from sma_bayes.conditions.population import Population
-from sma_bayes.curves import CurveDraws
+from sma_bayes.curves import CurveDraws, quantiles
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Condition
@@ -61,12 +61,12 @@ class Prediction:
         noise = (
             _noise(self, channel, temperature, rng) if measured else np.full((1, temperature.size), np.nan)
         )
-        predictive = np.quantile(curve + noise, list(PREDICTIVE.values()), axis=0)
+        predictive = quantiles(curve + noise, list(PREDICTIVE.values()), axis=0)
         return Band(
             channel=channel,
             unit=self.reference.units[channel],
             temperature=temperature,
-            curve=dict(zip(QUANTILES, np.quantile(curve, list(QUANTILES.values()), axis=0), strict=True)),
+            curve=dict(zip(QUANTILES, quantiles(curve, list(QUANTILES.values()), axis=0), strict=True)),
             simultaneous=simultaneous_band(curve),
             predictive=dict(zip(PREDICTIVE, predictive, strict=True)),
             extrapolated=(temperature < low - 1e-12) | (temperature > high + 1e-12),

@@ -15,6 +15,7 @@ from sma_bayes.assess.at import Interval, credible_at, predictive_at
 from sma_bayes.assess.bands import bias_draws
 from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, search_grid
 from sma_bayes.conditions.draws import RecordDraws
+from sma_bayes.curves import quantiles
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.limits import DEGREES
 from sma_bayes.quantities import (
@@ -604,7 +605,7 @@ def _interval(draws: Floats, level: float) -> dict[str, float]:
     """Median and equal-tailed interval of that level."""
     tail = 0.5 * (1.0 - level)
     return dict(
-        zip(("low", "median", "high"), np.quantile(draws, (tail, 0.5, 1.0 - tail)).tolist(), strict=True)
+        zip(("low", "median", "high"), quantiles(draws, (tail, 0.5, 1.0 - tail)).tolist(), strict=True)
     )
 
 

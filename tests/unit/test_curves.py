@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sma_bayes.curves import CurveDraws, Errors, calibrated_parameters
+from sma_bayes.curves import CurveDraws, Errors, calibrated_parameters, quantiles
 from sma_bayes.inference.noise_choice import discrepancy_bases
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
@@ -150,3 +150,26 @@ def test_what_the_curve_misses_is_the_difference_from_the_model(make_record: Cal
     np.testing.assert_allclose(
         mean.weights["force"], np.tile(curves.weights["force"].mean(axis=0), (SIZE, 1)), rtol=1e-12
     )
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_quantiles_of_finite_draws_are_those_of_numpy(axis: int) -> None:
+    draws = np.random.default_rng(0).standard_normal((40, 41))
+    levels = (0.05, 0.3, 0.5, 0.95)
+    np.testing.assert_array_equal(quantiles(draws, levels, axis), np.quantile(draws, levels, axis=axis))
+
+
+def test_quantiles_of_infinite_draws_are_the_limits_of_huge_ones() -> None:
+    """Every pattern of six draws: finite draws in the place of infinite ones, grown without bound, give the same."""
+    levels = np.linspace(0.0, 1.0, 21)
+    for below in range(6):
+        for above in range(6 - below):
+            middle = np.arange(1.0, 7.0 - below - above)
+            draws = np.concatenate([np.full(below, -np.inf), middle, np.full(above, np.inf)])
+            found = quantiles(draws, levels)
+            with_huge = np.quantile(np.clip(draws, -1e200, 1e200), levels)
+            expected = np.where(np.abs(with_huge) > 1e100, np.sign(with_huge) * np.inf, with_huge)
+            np.testing.assert_array_equal(found, expected)
+    between = quantiles(np.array([-np.inf, np.inf]), (0.2, 0.8))
+    assert between.tolist() == [-np.inf, np.inf]
+    assert np.isnan(quantiles(np.array([np.inf, np.nan, 1.0]), (0.5,))).all()
