@@ -5,9 +5,11 @@ from sma_bayes.effects.ambient_draught import AmbientDraught
 from sma_bayes.effects.amplitude_fatigue import AmplitudeFatigue
 from sma_bayes.effects.asymmetric_kinetics import AsymmetricKinetics
 from sma_bayes.effects.bias_spring import BiasSpring
+from sma_bayes.effects.branch_stress_shift import BranchStressShift
 from sma_bayes.effects.clock_skew import ClockSkew
 from sma_bayes.effects.contact_error import ContactError
 from sma_bayes.effects.convective_loss import ConvectiveLoss
+from sma_bayes.effects.cycle_offset import CycleOffset
 from sma_bayes.effects.drive_ripple import DriveRipple
 from sma_bayes.effects.fixture_compliance import FixtureCompliance
 from sma_bayes.effects.guide_friction import GuideFriction
@@ -21,6 +23,7 @@ from sma_bayes.effects.quantisation import Quantisation
 from sma_bayes.effects.r_phase import RPhase
 from sma_bayes.effects.radiative_loss import RadiativeLoss
 from sma_bayes.effects.rate_dependence import RateDependence
+from sma_bayes.effects.run_offset import RunOffset
 from sma_bayes.effects.saturation import Saturation
 from sma_bayes.effects.second_mass import SecondMass
 from sma_bayes.effects.sensor_drift import SensorDrift
@@ -38,6 +41,7 @@ _SHIPPED: tuple[Effect, ...] = (
     ThermocoupleLag(),
     ContactError(),
     StressShift(),
+    BranchStressShift(),
     StressStroke(),
     PathStressShift(),
     RateDependence(),
@@ -65,6 +69,8 @@ _SHIPPED: tuple[Effect, ...] = (
     RadiativeLoss(),
     PhaseResistance(),
     SecondMass(),
+    RunOffset(),
+    CycleOffset(),
 )
 EFFECTS: Catalogue[Effect] = Catalogue(
     "effect", {effect.id: effect for effect in _SHIPPED}, entry_point_group="sma_bayes.effects"

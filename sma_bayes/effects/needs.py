@@ -19,6 +19,9 @@ Test = Callable[[Sequence[History]], str]
 """Why a need is not met; empty where it is."""
 
 LEAST_CYCLES = 3
+LEAST_RUNS = 3
+MOST_MEMBERS = 24
+"""Greatest number of runs, or of cycles of all conditions, that get numbers of their own."""
 VARIES = 0.1
 """Least relative difference by which something counts as varied."""
 LEAST_REVERSALS = 2
@@ -96,6 +99,22 @@ def _curve(histories: Sequence[History]) -> str:
 def _cycles(histories: Sequence[History]) -> str:
     most = max(np.unique(h.inputs["cycle"]).size for h in histories)
     return "" if most >= LEAST_CYCLES else f"{most} cycle(s) a condition; at least {LEAST_CYCLES} are needed"
+
+
+def _members(group: str, what: str, least: int) -> Test:
+    """Enough members to scatter, and not more than can have numbers of their own."""
+
+    def test(histories: Sequence[History]) -> str:
+        count = np.unique(np.concatenate([h.inputs[group] for h in histories])).size
+        if count < least:
+            return f"{count} {what}(s); at least {least} are needed"
+        return (
+            ""
+            if count <= MOST_MEMBERS
+            else f"{count} {what}s; no more than {MOST_MEMBERS} get numbers of their own"
+        )
+
+    return test
 
 
 def _several(name: str, what: str) -> Test:
@@ -248,6 +267,10 @@ NEEDS: Final[Mapping[str, Test]] = {
     "ambient": _input("ambient_temperature", "the ambient temperature"),
     "ambient_varies": _ambient_varies,
     "cycles": _cycles,
+    "several_runs": _members("run", "run", LEAST_RUNS),
+    "several_cycles": lambda histories: (
+        _cycles(histories) or _members("cycle_of_all", "cycle", LEAST_CYCLES)(histories)
+    ),
     "several_loads": _several("load", "the load"),
     "several_rates": _several_rates,
     "several_peaks": _several_peaks,

@@ -23,7 +23,8 @@ class RPhase:
 
     A step near the midpoint of a branch only changes its rate; elsewhere it leaves a wave that no single sigmoid
     follows. That it stands at one temperature while the main steps stand tens of kelvins apart tells it from a
-    temperature gradient; calorimetry settles it.
+    temperature gradient; calorimetry settles it. A curve of one stage that is skewed, has long tails or sloped phases
+    looks much the same, so it has to be worth more than such a shape before it is named.
     """
 
     id = "r_phase"
@@ -34,6 +35,7 @@ class RPhase:
         "Prog. Mater. Sci. 50 (2005) 511-678"
     )
     needs = ("curve", "both_branches")
+    further_stage = True
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         place = Uniform(scales.low["temperature"], scales.high["temperature"])

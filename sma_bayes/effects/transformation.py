@@ -15,6 +15,10 @@ from sma_bayes.quantities import Floats
 
 FAR = 500.0
 """Distance from the measured temperatures at which a transformation is over [K]."""
+SLOPED = "sloped"
+"""Input that is there where the phases of the model have slopes."""
+FARTHEST = 2000.0
+"""Greatest shift that a law or a random effect can make, beyond any that could be measured [K]."""
 STEP = 0.05
 """Step of finite differences in temperature [K]."""
 
@@ -49,9 +53,9 @@ class Curve:
     ----------
     value : ndarray, shape (..., n)
     cold : ndarray, shape (..., n)
-        Far below the transformation.
+        Cold phase, at the same temperatures: the channel far below the transformation, along its line to there.
     span : ndarray, shape (..., n)
-        From there to far above it.
+        From there to the hot phase.
     """
 
     value: Floats
@@ -72,9 +76,18 @@ def curves(response: Response, inputs: Inputs) -> tuple[dict[str, Floats], dict[
     leaves it as it is.
     """
     out = response(inputs)
-    cold, hot = (response(at(inputs, inputs["temperature"] + by)) for by in (-FAR, FAR))
+    cold, hot = (_phase(response, inputs, by) for by in (-FAR, FAR))
     names = [c for c in ("force", "displacement") if c in out]
     return out, {c: Curve(out[c], cold[c], hot[c] - cold[c]) for c in names}
+
+
+def _phase(response: Response, inputs: Inputs, by: float) -> dict[str, Floats]:
+    """Channels of the phase that is alone at a distance in temperature, here; along its line where it has a slope."""
+    there = response(at(inputs, inputs["temperature"] + by))
+    if SLOPED not in inputs:
+        return there
+    beyond = response(at(inputs, inputs["temperature"] + 2.0 * by))
+    return {c: 2.0 * there[c] - beyond[c] for c in there}
 
 
 def stretched(out: Mapping[str, Floats], curve: Curve, fixed: Floats, by: Floats) -> dict[str, Floats]:

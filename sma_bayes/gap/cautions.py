@@ -7,6 +7,7 @@ from typing import Any
 
 from sma_bayes.gap.flexible import SHAPE
 from sma_bayes.gap.words import channel_text, p_text, remainder_text
+from sma_bayes.quantities import unit_text
 
 MOSTLY = 0.5
 """Share of the held-out gap below which what was named leaves most of it open."""
@@ -46,7 +47,52 @@ def cautions(found: Mapping[str, Any]) -> list[str]:
                 f"{e['id']}: the posterior of {', '.join(far)} lies outside the range that the literature gives. A "
                 "form that fits only with improbable numbers may be standing in for something else."
             )
-    return [*out, *_about_noise(found)]
+    return [*out, *_about_sweeps(found), *_about_suspects(found), *_about_noise(found)]
+
+
+OF_CYCLES = ("training", "training_drift", "amplitude_fatigue")
+"""Effects that are laws of the cycle."""
+
+
+def _about_sweeps(found: Mapping[str, Any]) -> list[str]:
+    """What a law of the cycle can't claim."""
+    law = found["sweeps"]["law"]
+    if law is None or not found["sweeps"]["numbers"]:
+        return []
+    named = [e["id"] for e in found["effects"] if e["id"] in OF_CYCLES]
+    if law["untestable"]:
+        return (
+            [
+                f"Whether sweeps differ by a law of the cycle or by chance is {law['untestable']}."
+                if law["untestable"].startswith("not testable")
+                else f"{', '.join(named)}: {law['untestable']}."
+            ]
+            if named or law["untestable"].startswith("not testable")
+            else []
+        )
+    if named and law["p_value"] > found["thresholds"]["p_value"]:
+        return [
+            f"{', '.join(named)}: other orders of the cycles fit a law as well ({p_text(law['p_value'])} by exchanging "
+            "whole cycles), so that the order may be chance."
+        ]
+    return []
+
+
+def _about_suspects(found: Mapping[str, Any]) -> list[str]:
+    """Records that are unlike the others of the same settings."""
+    out = []
+    for condition in dict.fromkeys(s["condition"] for s in found["suspects"]):
+        own = [s for s in found["suspects"] if s["condition"] == condition]
+        told = ", ".join(
+            f"{s['quantity']} {s['value']:.3g} {unit_text(s['unit'])}".rstrip()
+            + f" (others {s['others']:.3g})"
+            for s in own[:3]
+        )
+        out.append(
+            f"{condition} is a suspect record: {told}, {p_text(own[0]['p_value'])}. The recorded input is not what was "
+            "applied, or the specimen changed."
+        )
+    return out
 
 
 def _about_names(found: Mapping[str, Any]) -> list[str]:

@@ -20,9 +20,7 @@ STRONG = 100.0
 SIZES = {True: (0.5, 0.9), False: (0.2, 0.8)}
 """Quantiles of the prior at which sizes begin: those of one sign, those of either."""
 STEPS = 4
-"""Steps of the fit from the best size, after as many in which the curve alone makes room for the effect."""
-FIRST = 1
-"""Steps of both kinds from each size, by which the best is chosen."""
+"""Steps of each fit, after as many in which the curve alone makes room for the effect."""
 
 
 def gained_in_steps(fitted: Fitted, effect: Effect, start: Floats) -> tuple[float, Floats]:
@@ -45,7 +43,6 @@ def gained_in_steps(fitted: Fitted, effect: Effect, start: Floats) -> tuple[floa
         z[:place] = fitted.z
         z[place] = float(prior.transform.to_sampled(prior.quantile(np.array(q))))
         begin.append(z)
-    held = start.size - place
-    found = [climbed(extended, z, fitted.noise, FIRST, held) for z in begin]
-    z, value = climbed(extended, max(found, key=lambda f: f[1])[0], fitted.noise, STEPS, held)
+    found = [climbed(extended, z, fitted.noise, STEPS, start.size - place) for z in begin]
+    z, value = max(found, key=lambda f: f[1])
     return value - fitted.log_likelihood, z

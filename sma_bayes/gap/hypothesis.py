@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.effects.transformation import SLOPED
 from sma_bayes.effects.types import Effect, Scales, with_effects
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.priors_file import PriorSet
@@ -89,6 +90,8 @@ class Hypothesis:
         dict of str to ndarray, shape (..., n)
         """
         applied = self.histories[history].inputs if inputs is None else inputs
+        if self.simulation.sloped:
+            applied = {**applied, SLOPED: np.ones(1)}
         base = theta[..., self.layout[history]]
 
         def response(given: Mapping[str, Floats]) -> dict[str, Floats]:

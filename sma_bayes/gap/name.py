@@ -23,6 +23,9 @@ from sma_bayes.effects.types import Effect
 from sma_bayes.gap.finite import STRONG, gained_in_steps
 from sma_bayes.gap.fitting import Fitted, added_by, fit_hypothesis, stacked
 from sma_bayes.gap.flexible import Gain, Offer, offer, worth_of
+from sma_bayes.gap.hypothesis import Hypothesis
+from sma_bayes.gap.one_stage import claims_a_stage, worth_of_one_stage
+from sma_bayes.gap.scatter import lay_together, members_of
 from sma_bayes.parameters.distributions import Distribution, LogNormal
 from sma_bayes.quantities import Floats
 
@@ -40,6 +43,8 @@ WORTH = 3.0
 """Least ln Bayes factor of an effect that is added, and of one that is kept."""
 MISSHAPEN = 20.0
 """Log Bayes factor from which on a curve surely has another shape than the model's."""
+BELIEVABLE = 0.999
+"""Share of the prior of a parameter within which an effect is what its name says; its size may lie anywhere."""
 REFITTED = 6
 """Greatest number of candidates that are refitted at a step."""
 CONTAINED = 0.5
@@ -65,6 +70,8 @@ class Screened:
         Over the grid, whitened, less what the model absorbs.
     information : ndarray, shape (G,)
         Squared lengths of the signatures.
+    together : Gain or None
+        Of a random effect, whose signatures go together.
     """
 
     effect: Effect
@@ -73,9 +80,12 @@ class Screened:
     ln_bayes_factor: float
     signatures: Floats
     information: Floats
+    together: Gain | None = None
 
     def of(self, residuals: Floats) -> Floats:
         """Log Bayes factor for other whitened residuals (N, S), shape (S,)."""
+        if self.together is not None:
+            return self.together.of(residuals)
         return _averaged(self.signatures.T @ residuals, self.information)
 
 
@@ -154,6 +164,8 @@ class Candidate:
         What it is worth beside flexible terms, if that was looked at.
     untestable : str
         Why the data can't test it; empty where they can.
+    one_stage : float
+        Log Bayes factor of a richer shape of one stage, for an effect that claims a further one.
     """
 
     effect: Effect
@@ -163,6 +175,12 @@ class Candidate:
     guard_covariate: str = ""
     beside: Beside | None = None
     untestable: str = ""
+    one_stage: float = -np.inf
+
+    @property
+    def plausible(self) -> bool:
+        """Whether its numbers, but for its size, are those of the mechanism; see `is_plausible`."""
+        return self.fitted is None or is_plausible(self.fitted.hypothesis, self.fitted.z)
 
     @property
     def weight(self) -> float:
@@ -221,9 +239,9 @@ def candidates(
         screened = _in_steps(fitted, screened)
     out: list[Candidate] = []
     without = offer(fitted, flexible) if refit else None
+    best = _best_law(fitted, screened)
     for place, s in enumerate(screened):
-        near = max(NEAR, FAR_BELOW * screened[0].gain)
-        if not refit or place >= most or s.gain < screened[0].gain - near:
+        if not refit or place >= most or s.gain < best - max(NEAR, FAR_BELOW * best):
             out.append(Candidate(s.effect, None, s.ln_bayes_factor))
             continue
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
@@ -231,11 +249,21 @@ def candidates(
     return sorted(out, key=lambda c: -c.ln_bayes_factor)
 
 
+def _best_law(fitted: Fitted, screened: Sequence[Screened]) -> float:
+    """Greatest gain of an effect that fits with plausible numbers, and is not a random effect, which always gains."""
+    laws = (
+        s.gain
+        for s in screened
+        if not members_of(s.effect) and is_plausible(fitted.hypothesis.extended(s.effect), s.start)
+    )
+    return next(laws, screened[0].gain if screened else 0.0)
+
+
 def _in_steps(fitted: Fitted, screened: Sequence[Screened]) -> list[Screened]:
     """Screened effects with what they gain in a few steps of a fit, but for the least of them; greatest gain first."""
-    out = []
+    out, best = [], _best_law(fitted, screened)
     for s in screened:
-        if s.gain < NEGLIGIBLE * screened[0].gain:
+        if s.gain < NEGLIGIBLE * best:
             out.append(s)
             continue
         gain, start = gained_in_steps(fitted, s.effect, s.start)
@@ -262,11 +290,14 @@ def judged(
     guard, covariate = guard_of(signature_at_mode(fitted, extended), flexible, screened)
     gained = extended.ln_evidence - fitted.ln_evidence
     beside = Beside.of(gained, offer(extended), without) if without and gained >= WORTH else None
-    return Candidate(screened.effect, extended, gained, guard, covariate, beside)
+    shape = worth_of_one_stage(fitted) if claims_a_stage(screened.effect) else -np.inf
+    return Candidate(screened.effect, extended, gained, guard, covariate, beside, one_stage=shape)
 
 
 def screen(fitted: Fitted, effect: Effect) -> Screened:
     """Lay the signature of an effect over the residuals of a fit."""
+    if members_of(effect):
+        return _screened_together(fitted, effect)
     extended = fitted.hypothesis.extended(effect)
     space = extended.space
     priors = [p.prior for p in effect.parameters(extended.scales)]
@@ -296,6 +327,18 @@ def screen(fitted: Fitted, effect: Effect) -> Screened:
     return Screened(effect, float(gain[best]), start, value, left[:, shown], a[shown])
 
 
+def _screened_together(fitted: Fitted, effect: Effect) -> Screened:
+    """A random effect, of which all members are laid over the residuals at once."""
+    found = lay_together(fitted, effect)
+    if found.term is None:
+        nothing = np.empty((fitted.whitened.size, 0))
+        return Screened(effect, -np.inf, found.start, -np.inf, nothing, np.empty(0))
+    term = found.term
+    return Screened(
+        effect, found.gain, found.start, term.ln_bayes_factor, term.directions, term.information, term
+    )
+
+
 def _averaged(b: Floats, information: Floats) -> Floats:
     """Log Bayes factor of a single column with a normal coefficient, averaged over columns and sizes, shape (S,)."""
     if not information.size:
@@ -314,6 +357,22 @@ def _grid(priors: Sequence[Distribution]) -> list[tuple[float, ...]]:
     return list(product(sizes, *[shapes for _ in priors[1:]]))
 
 
+def is_plausible(hypothesis: Hypothesis, z: Floats) -> bool:
+    """Whether the last effect has numbers that its mechanism can have.
+
+    How large an effect is may surprise. But a time constant, a width or a ratio beyond what `BELIEVABLE` of its prior
+    holds, a range from the literature, is that of something else.
+    """
+    effect = hypothesis.effects[-1]
+    theta = hypothesis.space.to_physical(z)[hypothesis.effect_positions[effect.id]]
+    tails = np.array([0.5 - 0.5 * BELIEVABLE, 0.5 + 0.5 * BELIEVABLE])
+    for value, parameter in zip(theta[1:].tolist(), effect.parameters(hypothesis.scales)[1:], strict=True):
+        low, high = parameter.prior.quantile(tails).tolist()
+        if not low <= value <= high:
+            return False
+    return True
+
+
 def signature_at_mode(fitted: Fitted, extended: Fitted) -> Floats:
     """What the last effect adds at its mode, whitened as before and less what the model absorbs, shape (N,)."""
     effect = extended.hypothesis.effects[-1]
@@ -325,7 +384,8 @@ def guard_of(signature: Floats, flexible: Sequence[Gain], screened: Screened) ->
     """Bayes factor of a flexible term that contains most of a signature, and the covariate of the best one.
 
     Which of the terms that do is not known beforehand, so it is averaged over them. A line or a step is no guard
-    against an effect that can have no other form: it is the effect itself, without its name.
+    against an effect that can have no other form: it is the effect itself, without its name. Nor is a level of each
+    member against a random effect.
 
     Parameters
     ----------
@@ -337,6 +397,8 @@ def guard_of(signature: Floats, flexible: Sequence[Gain], screened: Screened) ->
     """
     found = []
     for gain in flexible:
+        if gain.term.covariate in members_of(screened.effect):
+            continue
         if float(_contained(gain, signature[:, None])[0]) < CONTAINED:
             continue
         if gain.information.size > 1 or np.any(_contained(gain, screened.signatures) < THE_SAME):

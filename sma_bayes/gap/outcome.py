@@ -16,7 +16,7 @@ from sma_bayes.effects.needs import of_heating, untestable
 from sma_bayes.gap.close import NOISE_ALONE, ChannelGap, Gap, HeldOutScore, close, held_out_scores
 from sma_bayes.gap.density import sample_hypothesis
 from sma_bayes.gap.experiments import Proposal, next_experiment
-from sma_bayes.gap.fitting import Fitted
+from sma_bayes.gap.fitting import Fitted, nearest
 from sma_bayes.gap.heating import heat_parameters, study_heating
 from sma_bayes.gap.locate import Disagreement
 from sma_bayes.gap.name import MISSHAPEN, WORTH, Beside, Candidate
@@ -34,6 +34,7 @@ from sma_bayes.gap.study import (
     is_worthy,
     study_campaign,
 )
+from sma_bayes.gap.sweeps import NUMBERS, cycle_law, suspects, sweep_numbers
 from sma_bayes.gap.words import covariate_text
 from sma_bayes.inference.ensembles import Draws
 from sma_bayes.parameters.distributions import family_name, numbers
@@ -277,6 +278,8 @@ def outcome_json(outcome: GapOutcome) -> dict[str, Any]:
             "ln_bayes_factor_shape": MISSHAPEN,
             "further_share": FURTHER,
         },
+        "sweeps": _sweeps_json(study),
+        "suspects": [asdict(s) for s in suspects(nearest(study.baseline))],
         "channels": _channels(study.final),
         "units": dict(study.final.hypothesis.histories[0].units),
         "conditions": [_condition_json(h) for h in study.final.hypothesis.histories],
@@ -300,6 +303,23 @@ def _heating_json(outcome: GapOutcome) -> dict[str, Any]:
 def _channel_gap_json(gap: ChannelGap, fitted: Fitted, channel: str) -> dict[str, Any]:
     unit = fitted.hypothesis.histories[0].units[channel]
     return {"unit": unit, **asdict(gap), "way_to_noise": gap.way_to_noise}
+
+
+def _sweeps_json(study: GapStudy) -> dict[str, Any]:
+    """Numbers of each sweep about the common curve, and their law of the cycle where there is something to explain."""
+    found = sweep_numbers(nearest(study.baseline))
+    law = None
+    if study.verdict != "none":
+        law = asdict(cycle_law(found, np.random.default_rng(0)))
+    numbers = [
+        {
+            "condition": s.condition, "branch": s.branch, "channel": s.channel, "cycle": s.cycle,
+            **dict(zip(NUMBERS, s.values, strict=True)),
+            **{f"{name}_sd": sd for name, sd in zip(NUMBERS, s.sds, strict=True)},
+        }
+        for s in found
+    ]  # fmt: skip
+    return {"law": law, "numbers": numbers}
 
 
 def _disagreement_json(d: Disagreement) -> dict[str, Any]:
@@ -477,6 +497,13 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[str, str]:
         return "rejected", "its signature explains far less of the residuals than the best one's"
     if candidate.ln_bayes_factor < WORTH:
         return "rejected", f"ln Bayes factor {candidate.ln_bayes_factor:.1f}, below {WORTH:g}"
+    if not candidate.plausible:
+        return "rejected", "it fits only with numbers that the mechanism cannot have"
+    if candidate.ln_bayes_factor < candidate.one_stage + WORTH:
+        return "rejected", (
+            f"one stage of another shape explains as much (ln Bayes factor {candidate.one_stage:.1f} against "
+            f"{candidate.ln_bayes_factor:.1f}); --model offers richer ones"
+        )
     if not is_worthy(candidate):
         return "rejected", (
             f"a meaningless smooth function of {_called(study, candidate.guard_covariate)} explains more "

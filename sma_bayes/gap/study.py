@@ -25,6 +25,7 @@ from sma_bayes.gap.name import (
     share_of,
 )
 from sma_bayes.gap.periodic import Periodicity
+from sma_bayes.gap.scatter import MOSTLY, holds_beside, members_of
 from sma_bayes.inference.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
@@ -195,13 +196,13 @@ def study_from(
         tell(f"looking for disagreements, round {len(steps) + 1}")
         least = max(WORTH, FURTHER * explained)
         found = [one_round(current, effects, rng, last=len(steps) == MOST, least=least)]
-        if (
-            found[0].chosen is None
-            and len(steps) <= MOST - 2
-            and _lacking(found[0], bare, current, explained)
-        ):
+        one = found[0].chosen
+        alone = one is not None and not members_of(one.effect)
+        if not alone and len(steps) <= MOST - 2 and _lacking(found[0], bare, current, explained):
             tell(f"trying several effects at once, round {len(steps) + 1}")
-            found = several_rounds(found[0], effects, rng, least, most=MOST - len(steps)) or found
+            laws = effects if one is None else {k: e for k, e in effects.items() if not members_of(e)}
+            needed = least if one is None else max(least, MOSTLY * one.ln_bayes_factor)
+            found = several_rounds(found[0], laws, rng, needed, most=MOST - len(steps)) or found
         steps += found
         chosen = steps[-1].chosen
         if chosen is None or chosen.fitted is None:
@@ -250,10 +251,31 @@ def one_round(
     refit = not last and seen.p_value <= SIGNIFICANT
     tried = candidates(current, screened, seen.gains, refit=refit, most=refitted, steps=steps)
     fitted = [c for c in tried if c.fitted is not None]
-    worthy = [c for c in fitted if c.ln_bayes_factor >= least and is_worthy(c)]
+    worthy = _laws_first([c for c in fitted if c.ln_bayes_factor >= least and is_worthy(c)])
     if not worthy:
         return Step(current, seen, (*tried, *untested), None, ())
     return Step(current, seen, (*tried, *untested), worthy[0], _like(worthy[0], fitted))
+
+
+def _laws_first(worthy: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates in the order in which they are preferred: random effects come after laws that hold beside them."""
+    random = [c for c in worthy if members_of(c.effect)]
+    if not random or random[0].fitted is None:
+        return list(worthy)
+    free = random[0]
+    laws = [
+        c
+        for c in worthy
+        if not members_of(c.effect)
+        and (
+            c.ln_bayes_factor >= free.ln_bayes_factor
+            or (
+                c.ln_bayes_factor >= MOSTLY * free.ln_bayes_factor
+                and holds_beside(c.effect, random[0].fitted)
+            )
+        )
+    ]
+    return [*laws, *random]
 
 
 def is_worthy(candidate: Candidate) -> bool:
@@ -261,8 +283,11 @@ def is_worthy(candidate: Candidate) -> bool:
 
     In its place, it must be worth more than the flexible terms that contain its signature (`guard_of`). Beside it, the
     effect with the best flexible term on top must be worth more than such a term alone, by `WORTH`, and the effect
-    must carry `CARRIED_BESIDE` of what the two explain.
+    must carry `CARRIED_BESIDE` of what the two explain. And its numbers must be those of the mechanism.
+    A further stage of the transformation must be worth more than the shapes that one stage can have, by `WORTH`.
     """
+    if not candidate.plausible or candidate.ln_bayes_factor < candidate.one_stage + WORTH:
+        return False
     against = candidate.ln_bayes_factor > candidate.guard
     found = candidate.beside
     beside = found is not None and found.over >= WORTH and found.carried >= CARRIED_BESIDE
@@ -271,7 +296,8 @@ def is_worthy(candidate: Candidate) -> bool:
 
 def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:
     """Names of the effects that the data can't tell from one, itself first."""
-    near = [c for c in fitted if c is not best and c.ln_bayes_factor >= best.ln_bayes_factor - APART]
+    rivals = [c for c in fitted if c is not best and c.plausible and not members_of(c.effect)]
+    near = [c for c in rivals if c.ln_bayes_factor >= best.ln_bayes_factor - APART]
     return (best.effect.id, *(c.effect.id for c in near))
 
 
@@ -289,7 +315,7 @@ def several_rounds(
     in the catalogue, all together have to be worth more than the best flexible term, by `WORTH`, and at least `least`.
     Sets begin with one of the best effects and grow by the best on top of them; three are tried where no two do.
     """
-    promising = _promising(first)
+    promising = [c for c in _promising(first) if c.effect.id in effects]
     best = first.look.best.ln_bayes_factor
     needed = max(least, best + WORTH)
     chains = [
@@ -315,7 +341,7 @@ def _different(chains: Sequence[list[Step]]) -> list[list[Step]]:
 
 def _promising(step: Step) -> list[Candidate]:
     """What was refitted and is worth something, best first."""
-    return [c for c in step.candidates if c.fitted is not None and c.ln_bayes_factor >= WORTH]
+    return [c for c in step.candidates if c.fitted is not None and c.plausible and c.ln_bayes_factor >= WORTH]
 
 
 def _added(step: Step, one: Candidate, promising: Sequence[Candidate]) -> Step:

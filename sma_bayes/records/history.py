@@ -38,8 +38,9 @@ class History:
     condition : Condition
     inputs : mapping of str to ndarray, shape (n,)
         ``temperature`` [degC]; ``branch``: 1 heating, -1 cooling; ``cycle``, from 1, and ``last_cycle``, the greatest
-        of the campaign; ``segment``: samples of one
-        uninterrupted sweep share a number; ``stretch``: samples between which nothing was left out share a number;
+        of the campaign; ``run``: place of the condition in the campaign, from 0; ``cycle_of_all``: cycles of all
+        conditions in a row, from 0; ``segment``: samples of one uninterrupted sweep share a number; ``stretch``:
+        samples between which nothing was left out share a number;
         ``order``: place in the history, from 0. Where they were recorded: ``time`` [s], ``rate``: dT/dt [K/s],
         ``typical_rate``: median of its magnitude over the campaign [K/s], ``current`` [A], ``ambient_temperature``
         [degC], `DELIVERED` [A^2 s], ``resistance`` and ``typical_resistance``, its median over the campaign [ohm];
@@ -138,10 +139,13 @@ def histories(campaign: Campaign) -> tuple[History, ...]:
         shared["typical_resistance"] = float(
             np.median(np.concatenate([h.inputs["resistance"] for h in found]))
         )
-    return tuple(
-        replace(h, inputs={**h.inputs, **{name: np.full(h.n, value) for name, value in shared.items()}})
-        for h in found
-    )
+    out, cycles = [], 0
+    for run, h in enumerate(found):
+        distinct, rank = np.unique(h.inputs["cycle"], return_inverse=True)
+        own = {name: np.full(h.n, value) for name, value in (shared | {"run": float(run)}).items()}
+        out.append(replace(h, inputs={**h.inputs, **own, "cycle_of_all": cycles + rank.astype(float)}))
+        cycles += distinct.size
+    return tuple(out)
 
 
 def _joined(records: Sequence[Record]) -> History:

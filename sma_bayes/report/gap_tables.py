@@ -19,6 +19,8 @@ ADVICE: Final[Mapping[str, str]] = {
     "current": "record the heating current of every sample",
     "temperature_response": "record heating current and time of every sample",
     "load": "declare the load of each condition",
+    "several_runs": "repeat the run: three or more, and 24 at most, and study them pooled",
+    "several_cycles": "measure three cycles or more, and 24 at most in all, without a break",
     "several_loads": "measure at two loads or more and study them pooled",
     "several_rates": "record time, sweep at two rates or more that differ clearly and study them pooled",
     "several_peaks": "turn round at different peak temperatures",

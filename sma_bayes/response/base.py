@@ -107,6 +107,8 @@ class ResponseModel(ABC):
         Parameters that enter their channel linearly, jointly; the least-squares start solves for them.
     stages : int
         Of the transformation, each of which gives a start and a finish; `stage` is the curve of one.
+    sloped : bool
+        Whether phases have slopes, so that the curve is not level far from the transformation.
     family : str
         Models of one family count as one where models are compared; empty for a family of its own.
     contends : tuple of Variant, optional
@@ -122,6 +124,7 @@ class ResponseModel(ABC):
     rung: ClassVar[int] = 0
     linear: ClassVar[tuple[str, ...]] = ()
     stages: ClassVar[int] = 1
+    sloped: ClassVar[bool] = False
     family: ClassVar[str] = ""
     contends: ClassVar[tuple[Variant, ...] | None] = None
 

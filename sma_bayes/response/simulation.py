@@ -51,6 +51,11 @@ class Simulation:
             names += self.thermal.parameter_names
         return tuple(names)
 
+    @property
+    def sloped(self) -> bool:
+        """Whether the phases of the mechanical model have slopes, so that they are not level far away."""
+        return self.mechanical is not None and self.mechanical.model.sloped
+
     def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         """Response of each channel, shape (..., n); see `BothBranches.predict` and `JouleHeating.predict`."""
         theta = np.asarray(theta, dtype=float)

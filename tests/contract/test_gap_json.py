@@ -19,6 +19,11 @@ PERIODIC = {
     "size_sigma": NUMBER, "ln_bayes_factor": NUMBER,
 }  # fmt: skip
 NOISE = {"condition": TEXT, "channel": TEXT, "sd": NUMBER, "lag1": NUMBER, "scatter": NUMBER}
+SWEEP = {
+    "condition": TEXT, "branch": TEXT, "channel": TEXT, "cycle": NUMBER, "offset": NUMBER, "stroke": NUMBER,
+    "shift": NUMBER, "width": NUMBER, "offset_sd": NUMBER, "stroke_sd": NUMBER, "shift_sd": NUMBER, "width_sd": NUMBER,
+}  # fmt: skip
+LAW = {"form": TEXT, "share": NUMBER, "ln_ratio": NUMBER, "untestable": TEXT}
 BAND = {"start": NUMBER, "stop": NUMBER, "unit": TEXT, "ratio": NUMBER, "p_value": NUMBER}
 REMAINDER = {"covariate": TEXT, "channel": TEXT, "ln_bayes_factor": NUMBER, "share": NUMBER}
 GAP = {
@@ -106,6 +111,12 @@ def test_names_and_kinds_are_those_of_the_contract(found: Any) -> None:
         assert d["from"] <= d["to"]
     for line in found["periodic"]:
         holds(line, PERIODIC)
+    for sweep in found["sweeps"]["numbers"]:
+        holds(sweep, SWEEP)
+    assert (found["sweeps"]["law"] is None) == (found["verdict"] == "none")
+    if found["sweeps"]["law"] is not None:
+        holds(found["sweeps"]["law"], LAW)
+    assert found["suspects"] == []
     for n in found["noise"]:
         holds(n, NOISE)
         if n["spectrum"] is not None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.gap.check import comparable
-from sma_bayes.gap.fitting import fit_with_noise
+from sma_bayes.gap.fitting import fit_with_noise, nearest
 from sma_bayes.gap.study import GapStudy, study_campaign
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.campaign import read_campaign
@@ -45,36 +45,54 @@ def test_seven_cycles_are_training(model: str, shared_data: Path) -> None:
     assert 1.5 < theta["training.N0"] < 5.0
 
 
-def test_the_last_two_cycles_are_predicted_from_the_first_five(shared_data: Path) -> None:
-    """To 6 % of the range, where the model without training misses them by 9.4 %."""
-    found = studied("smareact_isobaric_7cycle", shared_data)
+@pytest.mark.parametrize("model", ["modified_sigmoid", "sinh_arcsinh_slopes"])
+def test_the_last_two_cycles_are_predicted_from_the_first_five(model: str, shared_data: Path) -> None:
+    """Within 3 % of the range, where the model without training misses them by far more.
+
+    From least squares: next to noise of a memory of 0.99 an offset costs nothing, and the mode lets levels go.
+    """
+    found = studied("smareact_isobaric_7cycle", shared_data, model=model)
     missed = []
     for fitted in (found.baseline, found.final):
         kept = [h.inputs["cycle"] <= 5.0 for h in fitted.hypothesis.histories]
-        early = fit_with_noise(fitted.hypothesis.on(kept), fitted.z)
+        early = nearest(fit_with_noise(fitted.hypothesis.on(kept), fitted.z))
         (history,) = fitted.hypothesis.histories
         predicted = fitted.hypothesis.predict(early.theta, 0)["displacement"]
         late, seen = ~kept[0], history.observed["displacement"]
         missed.append(np.sqrt(np.mean((seen - predicted)[late] ** 2)) / np.ptp(seen))
     without, with_training = missed
-    assert with_training < 0.065
-    assert without > 1.4 * with_training
+    assert with_training < 0.03
+    assert without > 2.0 * with_training
 
 
-@pytest.mark.parametrize("model", ["modified_sigmoid", "sinh_arcsinh_slopes"])
-def test_four_stresses_are_a_stress_shift_and_nothing_else(model: str, shared_data: Path) -> None:
+def test_four_stresses_are_a_stress_shift_and_nothing_else(shared_data: Path) -> None:
     """Of 5 to 10 MPa/K, as Clausius and Clapeyron have it for NiTi; the shape of the curve gets no name."""
-    found = studied("flexinol_isobaric", shared_data, model=model, pooled=True)
+    found = studied("flexinol_isobaric", shared_data, pooled=True)
     assert found.verdict == "named"
     assert [e.id for e in found.effects] == ["stress_shift"]
-    assert found.classes["stress_shift"] == ("stress_shift",)
+    assert found.classes["stress_shift"] == ("stress_shift", "branch_stress_shift")
     slope = dict(zip(found.final.hypothesis.space.names, found.final.theta, strict=True))["stress_shift.c"]
     assert 5.0 < 1e-6 / slope < 10.0
 
 
+def test_a_richer_curve_tells_the_slopes_of_the_branches_apart(shared_data: Path) -> None:
+    """By least squares with that curve 0.124 K/MPa while heating and 0.136 while cooling.
+
+    The shift, 18 K over the stresses, is as wide as the transformation, so its signature alone doesn't show it.
+    """
+    found = studied("flexinol_isobaric", shared_data, model="sinh_arcsinh_slopes", pooled=True)
+    assert found.verdict == "named"
+    assert [e.id for e in found.effects] == ["branch_stress_shift"]
+    assert found.classes["branch_stress_shift"] == ("branch_stress_shift",)
+    theta = dict(zip(found.final.hypothesis.space.names, found.final.theta, strict=True))
+    heating = 1e6 * theta["branch_stress_shift.c"]
+    assert heating == pytest.approx(0.124, abs=0.003)
+    assert heating * theta["branch_stress_shift.r"] == pytest.approx(0.135, abs=0.004)
+
+
 @pytest.mark.parametrize(
     ("name", "pooled"),
-    [("wire_in_water", False), ("smareact_nitico_isobaric", False)],
+    [("wire_in_water", False), ("smareact_nitico_isobaric", False), ("guarneros_spring_force", True)],
 )
 def test_where_the_cause_is_not_known_there_is_no_name(name: str, pooled: bool, shared_data: Path) -> None:
     assert studied(name, shared_data, pooled=pooled).verdict == "unnamed"

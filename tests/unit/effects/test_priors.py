@@ -87,6 +87,10 @@ LABELS: Mapping[str, In] = {
     "quantisation.F0": lambda s, x: 100.0 * (x - s.on_lattice["force"]) / s.step["force"],
     "drive_ripple.a": times(lambda s: 100.0 / s.span["force"]),
     "clock_skew.d": times(lambda s: 1e3),
+    "run_offset.s": times(lambda s: 100.0 / s.span["displacement"]),
+    "run_offset.w": times(lambda s: 0.02 * s.span["displacement"]),
+    "cycle_offset.s": times(lambda s: 100.0 / s.span["displacement"]),
+    "cycle_offset.w": times(lambda s: 0.02 * s.span["displacement"]),
     "latent_heat.L": times(lambda s: 1e-3),
     "ambient_draught.e": times(half_swing),
 }

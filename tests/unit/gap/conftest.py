@@ -136,6 +136,7 @@ class Straight:
     """A response that is linear in its parameters, so that every Gaussian integral has a closed form."""
 
     channels = ("displacement",)
+    sloped = False
 
     def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         return {"displacement": theta @ design(inputs["temperature"]).T}

@@ -121,6 +121,8 @@ def doubtful(**changes: Any) -> dict[str, Any]:
             "thresholds": {"p_value": 0.02},
             "channels": {"force": {"name": "force"}, "displacement": {"name": "strain"}},
             "noise": [],
+            "sweeps": {"law": None, "numbers": []},
+            "suspects": [],
         }
         | {"gap": gap | changes.pop("gap", {})}
         | changes
