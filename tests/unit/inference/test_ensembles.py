@@ -277,7 +277,7 @@ def test_heavy_tails_in_ten_dimensions(joint: bool) -> None:
         assert draws.evaluations >= 600_000
 
 
-def funnel(width: float) -> Density:
+def funnel_of(width: float) -> Density:
     """Of widths from exp(-width) to exp(width) of that in the middle, in nine directions."""
 
     def log_prob(z: np.ndarray) -> np.ndarray:
@@ -294,7 +294,7 @@ def test_a_funnel_in_ten_dimensions() -> None:
     Which ones is a matter of rounding, which differs between processors: by chance fewer than two of four do so once in
     500 times.
     """
-    runs = [run(funnel(1.0), seed, plan=Plan(evaluations=2_000_000)) for seed in range(4)]
+    runs = [run(funnel_of(1.0), seed, plan=Plan(evaluations=2_000_000)) for seed in range(4)]
     reached = [draws for draws in runs if draws.convergence.converged]
     assert len(reached) >= 2
     for draws in reached:
@@ -303,7 +303,7 @@ def test_a_funnel_in_ten_dimensions() -> None:
 
 @pytest.mark.slow
 def test_a_wide_funnel_is_out_of_reach() -> None:
-    assert not run(funnel(3.0), plan=Plan(evaluations=600_000)).convergence.converged
+    assert not run(funnel_of(3.0), plan=Plan(evaluations=600_000)).convergence.converged
 
 
 @pytest.mark.slow
