@@ -33,6 +33,8 @@ GO_ON: Final = {
 """What to do after an interruption, by verb."""
 
 _received: list[int] = []
+_held: list[int] | None = None
+"""Signals that came while none was to end the process; None where each does."""
 
 
 class Interrupted(BaseException):
@@ -73,8 +75,24 @@ def interrupted() -> bool:
     return bool(_received)
 
 
+@contextmanager
+def held() -> Iterator[None]:
+    """Let what is in a ``with`` block go on to its end: a signal that comes meanwhile ends the process after it."""
+    global _held
+    _held = []
+    try:
+        yield
+    finally:
+        came, _held = _held, None
+    if came:
+        _interrupt(came[0], None)
+
+
 def _interrupt(number: int, frame: FrameType | None) -> None:
     if _received:
+        return
+    if _held is not None:
+        _held.append(number)
         return
     _received.append(number)
     warnings.simplefilter("ignore")

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from multiprocessing import active_children, resource_tracker
 from typing import Final
 
-from sma_bayes.interruption import SIGNALS, kill
+from sma_bayes.interruption import SIGNALS, held, kill
 
 WATCH_S: Final = 0.5
 """How often a worker looks whether its parent still lives [s]."""
@@ -54,7 +54,8 @@ def signals_left_to_parent() -> Iterator[None]:
         for tracker in (resource_tracker, loky_tracker):
             tracker.ensure_running()  # lets SIGINT and SIGTERM in again as it starts
         signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-        yield
+        with held():  # another thread may get them, and a process that is started half tells of it
+            yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
-from sma_bayes.checksum import KEY, netcdf_checksum
+from sma_bayes.checksum import KEY, file_checksum, netcdf_checksum
 from sma_bayes.discrepancy import DiscrepancyBasis
 from sma_bayes.errors import OutputError
 from sma_bayes.quantities import Floats
@@ -78,8 +78,8 @@ class StoredRecord:
 
     Attributes
     ----------
-    key, checksum : str
-        Condition and branch, as `Record.key` has them, and the checksum of the content.
+    key : str
+        Condition and branch, as `Record.key` has them.
     model, noise : str
         Names of the response model and of the noise model.
     observed : mapping of str to ndarray, shape (n,)
@@ -98,7 +98,6 @@ class StoredRecord:
     """
 
     key: str
-    checksum: str
     model: str
     noise: str
     observed: Mapping[str, Floats]
@@ -281,30 +280,27 @@ def posterior_of(folder: Path, key: str, checksum: str | None) -> StoredRecord:
     Raises
     ------
     OutputError
-        As `read_record`; and if it is the posterior of another run.
+        If the file is not, byte by byte, the one that the run wrote; and as `read_record`.
     """
     path = posterior_path(folder, key)
-    stored = read_record(path)
-    if stored.checksum != checksum:
+    if path.is_file() and file_checksum(path) != checksum:
         raise OutputError(
-            "is not the posterior that summary.json tells of",
+            "is not the posterior that summary.json tells of, or was changed since",
             file=path,
             expected="the file that the same run wrote",
             remedy="take both from one run; or fit again into another folder",
         )
-    return stored
+    return read_record(path)
 
 
 def _read_record(path: Path) -> StoredRecord:
     try:
         with h5py.File(path, "r") as file:
-            checksum = netcdf_checksum(file)
-            if checksum != file.attrs[KEY]:
+            if netcdf_checksum(file) != file.attrs[KEY]:
                 raise OSError("its content does not have the checksum that it states")
             constant, prior = file["constant_data"], file["prior_predictive"]
             return StoredRecord(
                 key=f"{file.attrs['condition']}-{file.attrs['branch']}",
-                checksum=checksum,
                 model=str(file.attrs["model"]),
                 noise=str(file.attrs["noise"]),
                 observed=_variables(file["observed_data"], skip={"obs", *constant}),

@@ -51,7 +51,7 @@ def write_workbook(tables: Mapping[str, Table], path: Path) -> None:
             head = sheet.cell(1, number)
             head.font, head.alignment = Font(bold=True), Alignment(wrap_text=True, vertical="top")
             sheet.column_dimensions[get_column_letter(number)].width = min(max(len(name) + 2, 10), 28)
-        sheet.freeze_panes = "A2"
+        sheet.freeze_panes = sheet.cell(2, 1)
     write_file(path, book.save)
 
 

@@ -69,7 +69,7 @@ def axes(**lengths: Any) -> dict[str, Variable]:
     return {name: Variable((name,), np.asarray(values)) for name, values in lengths.items()}
 
 
-def write_groups(path: Path, groups: Mapping[str, Group], packed: Collection[str] = ()) -> str:
+def write_groups(path: Path, groups: Mapping[str, Group], packed: Collection[str] = ()) -> None:
     """Write groups, what stands under ``/`` at the root, and the checksum of all of it.
 
     Parameters
@@ -79,20 +79,13 @@ def write_groups(path: Path, groups: Mapping[str, Group], packed: Collection[str
     groups : mapping of str to Group
     packed : collection of str
         Names of groups whose variables are compressed, such as ``log_likelihood``.
-
-    Returns
-    -------
-    str
-        The checksum, see `sma_bayes.checksum`.
     """
     with h5py.File(path, "w", track_order=True) as file:
         for name, group in groups.items():
             place = file if name == "/" else file.require_group(name)
             _write_attributes(place, group.attributes)
             _write_group(place, group, PACKED if name in packed else {})
-        checksum = netcdf_checksum(file)
-        file.attrs[KEY] = checksum
-    return checksum
+        file.attrs[KEY] = netcdf_checksum(file)
 
 
 def _write_group(place: Any, group: Group, options: dict[str, Any]) -> None:

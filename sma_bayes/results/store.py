@@ -171,7 +171,7 @@ def plain(value: Any) -> Any:
     return value if value is None else str(value)
 
 
-def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, Floats]) -> str:
+def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, Floats]) -> None:
     """Write one record's posterior as NetCDF.
 
     Parameters
@@ -182,21 +182,13 @@ def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, 
         Which of the records that share the posterior.
     replicated : mapping of str to ndarray, shape (G N, n)
         Replicated data, one series for each kept draw.
-
-    Returns
-    -------
-    str
-        Checksum of its content, see `sma_bayes.checksum`.
     """
     groups = _groups(fit, record, replicated)
-    checksum = ""
-
-    def write(place: Path) -> None:
-        nonlocal checksum
-        checksum = write_groups(place, groups, packed=PACKED_GROUPS)
-
-    write_file(path, write, nbytes=sum(group.nbytes for group in groups.values()))
-    return checksum
+    write_file(
+        path,
+        lambda place: write_groups(place, groups, packed=PACKED_GROUPS),
+        nbytes=sum(group.nbytes for group in groups.values()),
+    )
 
 
 def _groups(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> dict[str, Group]:

@@ -15,6 +15,7 @@ from sma_bayes.assess.correlation import correlation_factors
 from sma_bayes.assess.correlation_average import Scored
 from sma_bayes.assess.loops import loop_quantities
 from sma_bayes.assess.summary import record_summary
+from sma_bayes.checksum import file_checksum
 from sma_bayes.errors import OutputError, SmaBayesError
 from sma_bayes.inference.jobs import run
 from sma_bayes.inference.moves import SAMPLERS
@@ -219,7 +220,8 @@ def _assess_record(
             bands |= {} if overall is None else {"overall_stiffness": overall}
     with account.timed("write"):
         path = folder / "posterior" / f"{record.key}.nc"
-        summary["posterior_sha256"] = write_posterior(path, found, i, replicated)
+        write_posterior(path, found, i, replicated)
+        summary["posterior_sha256"] = file_checksum(path)
         for channel, band in bands.items():
             columns = band.columns(record.units["temperature"])
             write_csv(folder / "bands" / f"{record.key}-{channel}.csv", columns)

@@ -32,7 +32,7 @@ SUPPORTING = {
         "base",
         "phase_lines",
     },
-    "sma_bayes.effects": {"types", "needs", "transformation", "memory", "stress"},
+    "sma_bayes.effects": {"types", "needs", "transformation", "memory", "stress", "scatter"},
     "sma_bayes.noise": {"base", "heteroscedastic"},
     "sma_bayes.records.formats": {"layout", "numbers", "table"},
 }

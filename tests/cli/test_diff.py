@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import sma_bayes
+from sma_bayes.results.documents import sealed
 from sma_bayes.workflow import fit_campaign
 
 
@@ -77,7 +78,7 @@ def test_a_record_that_is_in_one_only_is_a_difference(
     summary = json.loads((copy / "summary.json").read_text(encoding="utf-8"))
     del summary["records"][1]
     summary["records"][0]["adequate"] = not summary["records"][0]["adequate"]
-    (copy / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    (copy / "summary.json").write_text(json.dumps(sealed(summary)), encoding="utf-8")
     outcome = run("diff", folders["a"], copy)
     assert outcome.status == 1
     assert "a-cooling: only in a" in outcome.out

@@ -80,7 +80,7 @@ def test_the_reference_names_every_key_of_gap_json(folder: Path) -> None:
     found = json.loads((folder / "gap.json").read_text(encoding="utf-8"))
     assert found["effects"], "a study without effects has fewer keys"
     text = (DOCS / "reference" / "files.md").read_text(encoding="utf-8").partition("## By gap")[2]
-    text += "`kind` `message` `file` `rows` `count` `dropped` `column`"  # findings: as for a fit
+    text += "`content_sha256` `kind` `message` `file` `rows` `count` `dropped` `column` `severity`"  # as for a fit
     assert {k for k in keys(found) if f"`{k}`" not in text} == set()
 
 

@@ -207,7 +207,9 @@ def test_a_signal_ends_a_run_with_its_status_and_one_line(
 ) -> None:
     """Sent to the run alone, and to all of its processes as a terminal does."""
     started = Started(tmp_path, arguments("fit", campaign, tmp_path, tmp_path / "out"))
-    started.send_after(2.0, number, group=group)
+    while started.process.poll() is None and not (tmp_path / "out").exists():
+        time.sleep(0.001)
+    started.send_after(0.05, number, group=group)
     assert started.process.wait(timeout=60) == 128 + number
     started.assert_nothing_lives()
     assert started.text() == "interrupted; the same command with --resume goes on from here\n"

@@ -20,12 +20,13 @@ import pytest
 import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
+from sma_bayes.checksum import file_checksum
 from sma_bayes.conditions.population import SCATTER
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.quantities import convert, number_and_unit
 from sma_bayes.records.campaign import read_campaign
-from sma_bayes.report.outputs import read_columns, read_record
+from sma_bayes.report.outputs import posterior_of, posterior_path, read_columns
 from sma_bayes.results.documents import FIT, read_mark, sealed
 from sma_bayes.results.netcdf import Group, Variable, axes, write_groups
 from sma_bayes.workflow.condition_text import condition_at
@@ -167,9 +168,15 @@ def document(folder: Path, content: bytes) -> None:
     FIT.read(folder)
 
 
+STATED: dict[str, str] = {}
+"""Checksum that the summary of a run states, of the posterior that was read first."""
+
+
 def posterior(folder: Path, content: bytes) -> None:
-    (folder / "c-heating.nc").write_bytes(content)
-    read_record(folder / "c-heating.nc")
+    path = posterior_path(folder, "c-heating")
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(content)
+    posterior_of(folder, "c-heating", STATED.setdefault("c-heating", file_checksum(path)))
 
 
 def columns(folder: Path, content: bytes) -> None:

@@ -32,6 +32,8 @@ def test_canonical_units_are_those_of_the_contract() -> None:
         "strain": "1",
         "modulus": "Pa",
         "current": "A",
+        "voltage": "V",
+        "resistance": "ohm",
         "ambient_temperature": "degC",
         "drive": "1",
         "cycle": "1",

@@ -21,6 +21,8 @@ from sma_bayes.records.types import Finding
 
 SIGNATURE = "LabVIEW Measurement"
 
+DECIMAL_MARKS = (".", ",")
+
 _END = "***End_of_Header***"
 _SPECIAL = ("***Start_Special***", "***End_Special***")
 _COMMENT = "Comment"
@@ -67,6 +69,13 @@ def read(path: Path, reading: Reading) -> Table:
     header = _file_header(lines, path)
     separator = "," if header.get("Separator", ["Tab"])[0].strip().lower() == "comma" else "\t"
     decimal = header.get("Decimal_Separator", ["."])[0].strip()
+    if decimal not in DECIMAL_MARKS:
+        raise MeasurementError(
+            f"the header states the decimal mark {decimal[:20]!r}",
+            file=path,
+            expected="a full stop or a comma",
+            remedy="mend the line Decimal_Separator",
+        )
     segments = [s for s in _segments(lines, separator, path) if s.rows]
     if not segments:
         raise MeasurementError(

@@ -23,6 +23,7 @@ def stored_series(noise: str, e: np.ndarray, sd: float, **shape: float) -> Store
     force = 0.5 + 2.5 / (1.0 + np.exp(-0.35 * (temperature - 52.0))) + sd * e
     draws = THETA | {"force_sd": sd} | {f"force_{k}": v for k, v in shape.items()}
     return StoredRecord(
+        key="c-heating",
         model="modified_sigmoid",
         noise=noise,
         observed={"force": force},
