@@ -67,7 +67,7 @@ def ending_in_order() -> Iterator[None]:
     finally:
         for number in SIGNALS:
             if signal.getsignal(number) is _interrupt:
-                signal.signal(number, _interrupt_the_exit)
+                signal.signal(number, signal.SIG_IGN)  # the work is done; let tidying up go on
 
 
 def interrupted() -> bool:
@@ -101,12 +101,6 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     last_resort.daemon = True
     last_resort.start()
     raise Interrupted
-
-
-def _interrupt_the_exit(number: int, frame: FrameType | None) -> None:
-    if not _received:
-        _received.append(number)
-        _end_now()
 
 
 def _end_now() -> None:
