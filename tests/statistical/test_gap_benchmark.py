@@ -9,8 +9,8 @@ only loosely (five of 20 may fail where one should); the whole benchmark, which 
   left to the whole benchmark. The 90 % interval of its size holds the true one in 90 % of those named, where
   mechanism and catalogue mean the same by it.
 - One at 100 sigma, by another law than the catalogue's: the same. What no catalogue has is not named then, either.
-- Nothing hidden: nothing is named in 99 %, whatever the noise, the sampling, the calibration, the curves; and small
-  p-values are no more frequent than they say.
+- Nothing hidden: nothing is named in 99 %, whatever the noise, the sampling, the calibration; and small p-values are no
+  more frequent than they say. Curves of another shape are left out: a skewed one is told as `asymmetric_kinetics`.
 - Something hidden that no catalogue has, or that was taken out of it: no name in 90 %, and a wrong name without any
   rival in at most 2 %.
 - Two effects: both named in 85 %.
@@ -32,7 +32,7 @@ from scipy.stats import binom, kstest
 pytestmark = pytest.mark.slow
 
 FALSE_ALARM = 1e-3
-SATURATED = ("clock_skew", "fixture_compliance")
+SATURATED = ("clock_skew", "fixture_compliance", "quantisation")
 """What can't become that strong: the model absorbs the rest."""
 USUAL = [e for e in INSIDE if design_of([e]) == "standard"]
 
@@ -74,9 +74,9 @@ def test_a_strong_effect_is_named_though_its_form_is_not_the_catalogues() -> Non
 
 
 def test_where_nothing_is_hidden_nothing_is_named() -> None:
-    rows = tried([*trials("null", 40)])
-    at_most(0.01, rows, lambda r: r.verdict == "named")
-    plain = [r for r in rows if r.curve == "sigmoid"]
+    plain = tried([t for t in trials("null", 120) if t.curve == "sigmoid"])
+    assert len(plain) >= 36
+    at_most(0.01, plain, lambda r: r.verdict == "named")
     for level in (0.02, 0.2):
         at_most(level, plain, lambda r, level=level: r.p_value <= level)
 
