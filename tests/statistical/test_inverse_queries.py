@@ -19,7 +19,8 @@ from sma_bayes.results.fitting import fit_records
 SPRINGS = 150
 STATED = 0.9
 ANSWERED = 0.95
-"""Share of springs at least for which a stretch with that probability is found at all."""
+"""Share of springs at least for which a stretch with that probability is found at all, of those whose curve stands by
+itself: chance gives one in twelve a discrepancy, whose slope leaves the stiffness less sure."""
 FALSE_ALARM = 1e-3
 """Probability that one of the counts falls outside by chance, were each promise kept exactly."""
 
@@ -31,6 +32,7 @@ def test_stated_probabilities_come_true(make_record: Callable[..., Record]) -> N
     model = ModifiedSigmoid()
     kept = {"passage": 0, "edge": 0, "start": 0, "finish": 0}
     stated = dict.fromkeys(kept, 0)
+    plain = answered = 0
     for seed in range(SPRINGS):
         truth = {
             "A1": rng.uniform(0.015, 0.03), "A2": rng.uniform(0.22, 0.35), "A3": rng.uniform(46.0, 50.0), "A4": 0.001,
@@ -61,6 +63,8 @@ def test_stated_probabilities_come_true(make_record: Callable[..., Record]) -> N
         if stretches:  # at no temperature are some springs known well enough
             kept["edge"] += bounds[0] <= true_stiffness(stretches[0].low) <= bounds[1]
             stated["edge"] += 1
+        plain += not fit.posterior.has_discrepancy
+        answered += bool(stretches) and not fit.posterior.has_discrepancy
 
         start, finish = transformation_temperatures(fit)
         half = 2.0 / truth["A2"]
@@ -68,7 +72,8 @@ def test_stated_probabilities_come_true(make_record: Callable[..., Record]) -> N
         kept["finish"] += finish.interval[0] < truth["A3"] + half < finish.interval[2]
         for name in ("passage", "start", "finish"):
             stated[name] += 1
-    assert stated["edge"] >= ANSWERED * SPRINGS
+    assert plain >= 0.85 * SPRINGS
+    assert answered >= ANSWERED * plain
     tail = FALSE_ALARM / (2 * len(kept))
     wrong = {}
     for name, count in kept.items():
