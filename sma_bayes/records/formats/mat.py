@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -58,9 +60,21 @@ def read(path: Path, reading: Reading) -> Table:
     )
 
 
+PROBE = "import sys, scipy.io; scipy.io.loadmat(sys.argv[1], squeeze_me=True, struct_as_record=False)"
+
+
 def _variables(path: Path) -> dict[str, Any]:
+    """Variables of the file, read by another process first: damaged ones can end the process that parses them."""
     import scipy.io
 
+    probe = subprocess.run([sys.executable, "-c", PROBE, str(path)], capture_output=True, check=False)
+    if probe.returncode < 0:
+        raise MeasurementError(
+            "the file is damaged: its parser was ended by the system",
+            file=path,
+            expected="a file that MATLAB loads",
+            remedy="save it again with save(file, '-v7')",
+        )
     try:
         return scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:
