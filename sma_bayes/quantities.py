@@ -173,6 +173,7 @@ _RAISED = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+")
 _POWER = re.compile(r"\s*(?:\*\*|\^)\s*")
 _EXPONENT = re.compile(r"[-+]?\d{1,2}(?:\.\d{1,6})?(?![\w.])")  # up to UNIT_EXPONENT
 _FRACTION = re.compile(r"\(\s*[-+]?\d(?:\.\d{1,6})?\s*(?:/\s*\d\s*)?\)")
+_UNREAD = re.compile(r"[^\w.*/^()+\-\s°%]")  # what a reader of expressions passes over: 2?**2 is 2**2 to it
 _POWER_WORDS = re.compile(r"\b(?:squared?|cubed?|cubic|sq|cu)\b")
 
 
@@ -184,6 +185,7 @@ def _require_unit_text(unit: str, what: str) -> None:
     QuantityError
     """
     shown = unit if len(unit) <= UNIT_CHARACTERS.value else f"{unit[:40]}..."
+    raised = _RAISED.sub(lambda m: "**" + m[0].translate(_SUPERSCRIPTS), unit)
     depth = deepest = 0
     for character in unit:
         depth += (character == "(") - (character == ")")
@@ -192,7 +194,7 @@ def _require_unit_text(unit: str, what: str) -> None:
         found = f"has {len(unit)} characters"
     elif deepest > UNIT_NESTING.value:
         found = f"has {deepest} brackets inside each other"
-    elif not _powers_are_small(_RAISED.sub(lambda m: "**" + m[0].translate(_SUPERSCRIPTS), unit)):
+    elif not all(map(_powers_are_small, (raised, _UNREAD.sub("", raised)))):
         found = "has exponents that no unit has"
     else:
         return
