@@ -51,13 +51,30 @@ def signals_left_to_parent() -> Iterator[None]:
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
-        for tracker in (resource_tracker, loky_tracker):
-            tracker.ensure_running()  # lets SIGINT and SIGTERM in again as it starts
+        with _silent_when_started():
+            for tracker in (resource_tracker, loky_tracker):
+                tracker.ensure_running()  # lets SIGINT and SIGTERM in again as it starts
         signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
         with held():  # another thread may get them, and a process that is started half tells of it
             yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _silent_when_started() -> Iterator[None]:
+    """Let processes that start in a ``with`` block give no warnings.
+
+    What counts the resources of a run takes away what an interrupted one has left, and need not tell of it.
+    """
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = "ignore"
+    try:
+        yield
+    finally:
+        del os.environ["PYTHONWARNINGS"]
+        if before is not None:
+            os.environ["PYTHONWARNINGS"] = before
 
 
 def stop_workers() -> None:
