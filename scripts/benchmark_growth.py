@@ -89,8 +89,8 @@ def fit_house(springs: int, conditions: int, points: int, branches: int) -> Acco
     import h5py  # noqa: F401
     import xarray  # noqa: F401
 
+    from sma_bayes import fit_campaign
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.workflow import fit_campaign
 
     with tempfile.TemporaryDirectory() as place:
         house = Path(place) / "house"
@@ -110,8 +110,8 @@ def study_gap_with(effects: int) -> Account:
     from gap_benchmark.hide import hide_several
 
     from sma_bayes.effects import EFFECTS
-    from sma_bayes.gap.outcome import gap_outcome
     from sma_bayes.parameters.priors_file import read_priors
+    from sma_bayes.studies.gap.outcome import gap_outcome
 
     case = hide_several([HIDDEN], 10.0, "white", "standard", seed=0)
     names = [HIDDEN, *(name for name in EFFECTS if name != HIDDEN)][:effects]

@@ -29,7 +29,7 @@ from benchmark.judgement import TARGET
 from benchmark.kernels import KERNELS
 from benchmark.problems import Case, Problem
 
-from sma_bayes.inference.ensembles import sample
+from sma_bayes.sampling.ensembles import sample
 
 REPEATS = 7
 ROWS = 2048
@@ -105,8 +105,8 @@ def main(out: Path) -> None:
         "sma-bayes --help": fresh(
             "import sys; sys.argv[1:] = ['--help']; from sma_bayes.cli import main; main()"
         ),
-        "imports of fit": fresh("import sma_bayes.workflow.campaign_fit, sma_bayes.results.store"),
-        "imports of figures": fresh("import sma_bayes.workflow.campaign_fit, sma_bayes.report.figures"),
+        "imports of fit": fresh("import sma_bayes.studies.fit.workflow, sma_bayes.runs.store"),
+        "imports of figures": fresh("import sma_bayes.studies.fit.workflow, sma_bayes.report.figures"),
         **{f"demo: {stage}": spent for stage, spent in demo().items()},
         **limits(),
     }

@@ -35,15 +35,15 @@ import emcee
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sma_bayes.inference.bridge import bridge_evidence
-from sma_bayes.inference.convergence import Target, assess
-from sma_bayes.inference.moves import differential_evolution
+from sma_bayes.fitting.fit_records import AUTO, fit_records
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
-from sma_bayes.results.fitting import AUTO, fit_records
+from sma_bayes.sampling.bridge import bridge_evidence
+from sma_bayes.sampling.convergence import Target, assess
+from sma_bayes.sampling.moves import differential_evolution
 
 QUANTILES = (0.025, 0.975)
 OFF, SD_OFF, LN_Z_OFF = 0.2, 0.07, 3.0

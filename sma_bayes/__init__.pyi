@@ -3,13 +3,11 @@
 from .arviz_bridge import open_posterior as open_posterior
 from .assess.bands import credible_band as credible_band
 from .assess.correlation import correlation_factors as correlation_factors
+from .assess.draws import record_draws as record_draws
 from .assess.loops import loop_quantities as loop_quantities
 from .assess.transformation import transformation_temperatures as transformation_temperatures
-from .conditions.draws import record_draws as record_draws
-from .conditions.effects import operating_effects as operating_effects
-from .conditions.features import condition_features as condition_features
 from .errors import SmaBayesError as SmaBayesError
-from .inference.jobs import cluster as cluster
+from .fitting.fit_records import fit_records as fit_records
 from .paper.twin import twin_campaign as twin_campaign
 from .parameters.priors_file import read_priors as read_priors
 from .records.campaign import read_campaign as read_campaign
@@ -18,20 +16,22 @@ from .records.starting_file import start_campaign as start_campaign
 from .records.types import Campaign as Campaign
 from .records.types import Condition as Condition
 from .records.types import Record as Record
-from .report.stored_draws import stored_draws as stored_draws
-from .reproduction.build import reproduce_paper as reproduce_paper
-from .results.fitting import fit_records as fit_records
-from .workflow.campaign_fit import fit as fit
-from .workflow.campaign_fit import fit_campaign as fit_campaign
-from .workflow.comparison import compare as compare
-from .workflow.condition_study import study_conditions as study_conditions
-from .workflow.difference import diff as diff
-from .workflow.fitted import Fits as Fits
-from .workflow.fitted import RecordFit as RecordFit
-from .workflow.gap_study import study_gap as study_gap
-from .workflow.inspection import inspect_campaign as inspect_campaign
-from .workflow.question import ask as ask
-from .workflow.study import run_study as run_study
+from .runs.jobs import cluster as cluster
+from .runs.stored_draws import stored_draws as stored_draws
+from .studies.ask.workflow import ask as ask
+from .studies.compare.workflow import compare as compare
+from .studies.conditions.effects import operating_effects as operating_effects
+from .studies.conditions.features import condition_features as condition_features
+from .studies.conditions.workflow import study_conditions as study_conditions
+from .studies.diff.workflow import diff as diff
+from .studies.fit.fitted import Fits as Fits
+from .studies.fit.fitted import RecordFit as RecordFit
+from .studies.fit.workflow import fit as fit
+from .studies.fit.workflow import fit_campaign as fit_campaign
+from .studies.gap.workflow import study_gap as study_gap
+from .studies.inspect.workflow import inspect_campaign as inspect_campaign
+from .studies.paper.build import reproduce_paper as reproduce_paper
+from .studies.run.workflow import run_study as run_study
 
 __version__: str
 __all__: list[str]

@@ -139,9 +139,9 @@ def demo(
 ) -> None:
     """Run the main job on a twin of the published campaign: 18 records, no other file, no network."""
     from sma_bayes.paper.twin import twin_campaign
-    from sma_bayes.terminal.fit import show_fit
-    from sma_bayes.workflow.campaign_fit import fit_campaign
-    from sma_bayes.workflow.identity import is_run_of
+    from sma_bayes.studies.fit.terminal import show_fit
+    from sma_bayes.studies.fit.workflow import fit_campaign
+    from sma_bayes.studies.identity import is_run_of
 
     read = partial(twin_campaign, seed)
     with _working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
@@ -165,7 +165,7 @@ def init(
 ) -> None:
     """Write a campaign.toml for a folder of data files, with all guesses marked; nothing is overwritten."""
     from sma_bayes.records.starting_file import start_campaign
-    from sma_bayes.terminal.starting_file import show_start
+    from sma_bayes.studies.init.terminal import show_start
 
     found = start_campaign(folder)
     if as_json:
@@ -183,8 +183,8 @@ def inspect(
 ) -> None:
     """Show what was read: channels, units, conditions, cycles, branches, noise, findings."""
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.terminal.inspection import show_inspection
-    from sma_bayes.workflow.inspection import inspect_campaign
+    from sma_bayes.studies.inspect.terminal import show_inspection
+    from sma_bayes.studies.inspect.workflow import inspect_campaign
 
     report = inspect_campaign(read_campaign(path, data_dir=data))
     if as_json:
@@ -238,9 +238,9 @@ def fit(
 ) -> None:
     """Warm start, ensembles, diagnostics, bands, correlation factors, report."""
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.terminal.fit import show_fit
-    from sma_bayes.workflow.campaign_fit import fit_campaign
-    from sma_bayes.workflow.options import bias_spring, pool_named
+    from sma_bayes.studies.fit.terminal import show_fit
+    from sma_bayes.studies.fit.workflow import fit_campaign
+    from sma_bayes.studies.options import bias_spring, pool_named
 
     read = partial(read_campaign, path, data_dir=data)
     with _working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
@@ -285,9 +285,9 @@ def gap(
 ) -> None:
     """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink."""
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.terminal.gap import show_gap
-    from sma_bayes.workflow.gap_study import study_gap
-    from sma_bayes.workflow.options import pool_named
+    from sma_bayes.studies.gap.terminal import show_gap
+    from sma_bayes.studies.gap.workflow import study_gap
+    from sma_bayes.studies.options import pool_named
 
     read = partial(read_campaign, path, data_dir=data)
     with _working_on(read, scheduler, jobs, quiet or as_json, verbose, tasks=False) as (campaign, shared):
@@ -330,10 +330,10 @@ def compare(
 ) -> None:
     """Compare the modified sigmoid with the logistic and polynomial baselines, on what was held out too."""
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.terminal.comparison import comparison_text
-    from sma_bayes.terminal.screen import show_text
-    from sma_bayes.workflow.comparison import compare as compare_campaign
-    from sma_bayes.workflow.options import pool_named
+    from sma_bayes.report.screen import show_text
+    from sma_bayes.studies.compare.terminal import comparison_text
+    from sma_bayes.studies.compare.workflow import compare as compare_campaign
+    from sma_bayes.studies.options import pool_named
 
     read = partial(read_campaign, path, data_dir=data)
     with _working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
@@ -394,8 +394,8 @@ def ask(
     as_json: Json = False,
 ) -> None:
     """Tell what a temperature gives, or which temperatures give a wanted value, and how surely."""
-    from sma_bayes.terminal.answer import answer_text, show_values_at
-    from sma_bayes.workflow.question import ask as ask_folder
+    from sma_bayes.studies.ask.terminal import answer_text, show_values_at
+    from sma_bayes.studies.ask.workflow import ask as ask_folder
 
     found = ask_folder(
         folder,
@@ -428,8 +428,8 @@ def diff(
     as_json: Json = False,
 ) -> None:
     """Compare two fits: what went in differently, how far results are apart; exit status 1 if they differ."""
-    from sma_bayes.terminal.difference import show_diff
-    from sma_bayes.workflow.difference import diff as diff_folders
+    from sma_bayes.studies.diff.terminal import show_diff
+    from sma_bayes.studies.diff.workflow import diff as diff_folders
 
     found = diff_folders(a, b, tolerance=tolerance)
     if as_json:
@@ -479,9 +479,9 @@ def conditions(
     as_json: Json = False,
 ) -> None:
     """Tell what current, load, frequency and duty cycle do, and predict conditions that were not measured."""
-    from sma_bayes.terminal.conditions import conditions_text
-    from sma_bayes.terminal.screen import show_text
-    from sma_bayes.workflow.condition_study import study_conditions
+    from sma_bayes.report.screen import show_text
+    from sma_bayes.studies.conditions.terminal import conditions_text
+    from sma_bayes.studies.conditions.workflow import study_conditions
 
     with _workers(scheduler, jobs), _progress(quiet or as_json, verbose) as progress:
         found = study_conditions(
@@ -517,8 +517,8 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run all that a study file declares: fit, compare, gap, conditions, questions, each in a folder of its own."""
-    from sma_bayes.terminal.study import study_text
-    from sma_bayes.workflow.study import run_study
+    from sma_bayes.studies.run.terminal import study_text
+    from sma_bayes.studies.run.workflow import run_study
 
     with _workers(scheduler, jobs), _progress(quiet or as_json, verbose, tasks=False) as progress:
         found = run_study(study, out=out, jobs=jobs, resume=resume, strict=strict or None, progress=progress)
@@ -543,7 +543,7 @@ def report(
     verbose: Verbose = False,
 ) -> None:
     """Rebuild the HTML report, figures and LaTeX tables from what a folder holds."""
-    from sma_bayes.report.build import build_report
+    from sma_bayes.studies.report.build import build_report
 
     with _workers(scheduler, jobs), _progress(quiet, verbose) as progress:
         build_report(
@@ -598,7 +598,7 @@ def paper(
 
 
 def _reproduce(folder: Path, seed: int, jobs: int | None, quiet: bool, verbose: bool) -> None:
-    from sma_bayes.reproduction.build import NUMBERS, PAGE, reproduce_paper
+    from sma_bayes.studies.paper.build import NUMBERS, PAGE, reproduce_paper
 
     with _progress(quiet, verbose, tasks=False) as progress:
         found = reproduce_paper(folder, seed=seed, jobs=jobs, progress=progress)
@@ -675,7 +675,7 @@ def _workers(scheduler: str | None, jobs: int | None) -> Iterator[None]:
             expected="one of the two: a cluster has as many workers as were started",
             remedy="leave one of them out",
         )
-    from sma_bayes.inference.jobs import cluster
+    from sma_bayes.runs.jobs import cluster
 
     with cluster(scheduler):
         yield
@@ -723,7 +723,7 @@ def _finish(
     It is 1 where it has not converged, and with `strict` where it is not adequate.
     """
     if as_json:
-        from sma_bayes.results.store import plain
+        from sma_bayes.runs.store import plain
 
         typer.echo(json.dumps(plain(summary), indent=1))
     elif not quiet:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from benchmark.progress import Progress
 
-from sma_bayes.inference.convergence import Convergence, Target, ess_bulk, ess_tail, rank_rhat
 from sma_bayes.quantities import Floats
+from sma_bayes.sampling.convergence import Convergence, Target, ess_bulk, ess_tail, rank_rhat
 
 TARGET = Target(rhat=1.01, ess=1000.0)
 LEVELS = np.array([0.05, 0.5, 0.95])
@@ -130,7 +130,7 @@ def share_errors(z: Floats, reference: Reference) -> Floats:
 def diagnose(chains: Floats) -> Convergence:
     """R-hat and effective sample sizes with the walkers of an ensemble joined end to end, in the same way for all.
 
-    `sma_bayes.inference.convergence.assess` adds a second estimate, from the means over walkers, to runs of a hundred
+    `sma_bayes.sampling.convergence.assess` adds a second estimate, from the means over walkers, to runs of a hundred
     steps or more. It is on the safe side by a factor of about two for stretch moves, and would be asked of other
     samplers only, since this package's runs are shorter.
     """

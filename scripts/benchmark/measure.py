@@ -17,7 +17,7 @@ from benchmark.rows import OWN, Row
 from benchmark.samplers import ONE_BY_ONE, SAMPLERS
 from benchmark.workers import Ended, TimeUp, Worker, at_most, processor_s
 
-from sma_bayes.inference.convergence import assess
+from sma_bayes.sampling.convergence import assess
 
 PATIENCE = 1.2
 """Multiple of the limit of time at which a sampler that has not handed over its draws is broken off."""

@@ -15,8 +15,8 @@ from benchmark.problems import Problem
 from benchmark.progress import GROUPS, Progress, Settings
 from scipy.special import logit, ndtri
 
-from sma_bayes.inference.weighted import Weights, resampled
 from sma_bayes.quantities import Floats
+from sma_bayes.sampling.weighted import Weights, resampled
 
 LIVE_POINTS = 150
 """Live points of each run at first; doubled until the target is reached."""

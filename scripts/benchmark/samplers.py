@@ -19,8 +19,8 @@ from benchmark.problems import Problem
 from benchmark.progress import GROUPS, Progress, Settings
 from benchmark.pymc_samplers import Nutpie, PyMC
 
-from sma_bayes.inference.ensembles import Plan
 from sma_bayes.quantities import Floats
+from sma_bayes.sampling.ensembles import Plan
 
 FIRST_BLOCK = 100
 """Steps before the first check."""

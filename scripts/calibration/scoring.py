@@ -12,7 +12,7 @@ from calibration.truths import READINGS, Case
 from sma_bayes.assess.bands import Band, band_channels
 from sma_bayes.assess.nearest import nearest_parameters
 from sma_bayes.assess.transformation import tangents, transformation_channel
-from sma_bayes.results.fit import Fit
+from sma_bayes.fitting.fit import Fit
 
 THIRDS = ("cold", "middle", "hot")
 MOVES = 0.02

@@ -21,10 +21,10 @@ from gap_benchmark.noise import NOISES
 from gap_benchmark.spring import CURVES
 from sma_bayes.effects import EFFECTS
 from sma_bayes.effects.needs import of_heating, of_response
-from sma_bayes.gap.close import close
-from sma_bayes.gap.heating import study_heating
-from sma_bayes.gap.study import GapStudy, study_campaign
 from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.studies.gap.close import close
+from sma_bayes.studies.gap.heating import study_heating
+from sma_bayes.studies.gap.study import GapStudy, study_campaign
 
 SUITES = ("null", "hidden", "left_out", "outside", "pairs", "triples")
 SIGMAS: Mapping[str, tuple[float, ...]] = {

@@ -12,8 +12,8 @@ import numpy as np
 
 from sma_bayes.assess.checks import Check
 from sma_bayes.assess.identifiability import contraction
+from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
-from sma_bayes.results.fit import Fit
 
 MISSED = 0.02
 """Share of the range of a channel that a curve may miss at its worst place and still describe the data."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.curves import CurveDraws, quantiles
+from sma_bayes.fitting.fit import Fit
 from sma_bayes.noise import Steps
 from sma_bayes.quantities import ARBITRARY, Floats, convert
 from sma_bayes.records.types import Ints, Record
 from sma_bayes.response.arrangement import BiasSpring, overall_stiffness
 from sma_bayes.response.modified_sigmoid import channel_unit
-from sma_bayes.results.fit import Fit
 
 QUANTILES = {"q025": 0.025, "q05": 0.05, "q25": 0.25, "q50": 0.5, "q75": 0.75, "q95": 0.95, "q975": 0.975}
 LEVELS = {"50": 0.5, "90": 0.9, "95": 0.95}

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.errors import MeasurementError
+from sma_bayes.fitting.fit import Fit
 from sma_bayes.quantities import Floats
-from sma_bayes.results.fit import Fit
 
 FACTORS: Final = ("r", "r2", "adj_r2", "rmse")
 """Names of the factors, in the order in which they are told."""

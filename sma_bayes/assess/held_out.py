@@ -20,17 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from sma_bayes.assess.contenders import CONDITION
 from sma_bayes.assess.correlation import Agreement, agreement
 from sma_bayes.discrepancy import DiscrepancyBasis
-from sma_bayes.inference.importance import WeightedDraws, importance_draws
-from sma_bayes.inference.pareto import RELIABLE, smoothed_weights
-from sma_bayes.inference.weighted import resampled, weighted_quantiles
 from sma_bayes.posterior import Posterior, Weights
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
+from sma_bayes.sampling.importance import WeightedDraws, importance_draws
+from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
+from sma_bayes.sampling.weighted import resampled, weighted_quantiles
 
 Mask = NDArray[np.bool_]
+CONDITION: Final = "condition"
+"""Input that is added where conditions are joined: their number."""
 FEWEST_CYCLES: Final = 3
 MOST_FOLDS: Final = 10
 """Greatest number of folds; with more cycles every tenth cycle is left out together."""

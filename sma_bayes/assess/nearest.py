@@ -20,10 +20,10 @@ from scipy.optimize import least_squares
 from scipy.special import expit
 
 from sma_bayes.curves import CurveDraws, quantiles
+from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
-from sma_bayes.results.fit import Fit
 
 SAMPLES = 150
 """Temperatures, at most, at which curves are compared: evenly chosen from the samples."""

@@ -18,11 +18,11 @@ from sma_bayes.assess.nearest import nearest_parameters
 from sma_bayes.assess.path import path_remark
 from sma_bayes.assess.sweeps import left_out_sweeps, sweep_checks
 from sma_bayes.assess.transformation import transformation_temperatures
-from sma_bayes.inference.audit import Audit
+from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import channel_unit
-from sma_bayes.results.fit import Fit
+from sma_bayes.sampling.audit import Audit
 
 NOISE = "noise"
 """Role of the parameters of the noise."""

@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.curves import CurveDraws, quantiles
+from sma_bayes.fitting.fit import Fit
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Record
-from sma_bayes.results.fit import Fit
 
 Curve = Callable[[Floats], Floats]
 """Curves of N draws: temperatures of shape (m,) or (N, m) to values of shape (N, m)."""

@@ -8,12 +8,12 @@ from functools import cached_property
 from typing import Final
 
 from sma_bayes.assess.adequacy import Missed, Reason
-from sma_bayes.inference.convergence import Target
 from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.notation import compact
 from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.sampling.convergence import Target
 
 LEVEL: Final = "90 %"
 INTERVAL: Final = f"equal-tailed {LEVEL} credible interval"

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Protocol
 
 from sma_bayes.account import Account
-from sma_bayes.inference.jobs import run
 from sma_bayes.progress import Progress
 from sma_bayes.report.figures.sheet import Drawing, FigureFiles, save
+from sma_bayes.runs.jobs import run
 
 
 class FigureTask(Protocol):

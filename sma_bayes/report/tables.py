@@ -36,7 +36,7 @@ from sma_bayes.report.notation import (
     write,
     write_interval,
 )
-from sma_bayes.results.store import write_csv, write_text
+from sma_bayes.runs.store import write_csv, write_text
 
 OF_ROW: Final = "unit"
 """Unit of a column whose rows have units of their own, named in the column ``unit``."""

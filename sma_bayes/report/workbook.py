@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from sma_bayes.report.tables import Table, csv_columns
-from sma_bayes.results.store import write_file
+from sma_bayes.runs.store import write_file
 
 LONGEST: Final = 31
 """Letters that Excel allows in the name of a sheet."""

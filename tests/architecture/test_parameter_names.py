@@ -13,12 +13,13 @@ import sma_bayes
 PACKAGE = Path(sma_bayes.__file__).parent
 OWN = {"response/modified_sigmoid.py", "response/tied_sigmoid.py", "response/phase_lines.py"}
 """Files that may spell out A1 to B4: the models that have them."""
-OWN_ROOMS = ("paper", "reproduction")
+OWN_ROOMS = ("paper", "studies/paper")
 PUBLISHED = re.compile(r"[AB][1-4]")
 FILES = [
     p
     for p in sorted(PACKAGE.rglob("*.py"))
-    if p.relative_to(PACKAGE).parts[0] not in OWN_ROOMS and p.relative_to(PACKAGE).as_posix() not in OWN
+    if not p.relative_to(PACKAGE).as_posix().startswith(tuple(f"{room}/" for room in OWN_ROOMS))
+    and p.relative_to(PACKAGE).as_posix() not in OWN
 ]
 NAMES = {"name", "n", "parameter", "parameter_name"}
 

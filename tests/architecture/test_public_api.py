@@ -84,7 +84,7 @@ def test_a_users_script_is_understood(tmp_path: Path) -> None:
     assert "error:" not in found.stdout, found.stdout
     revealed = [line.partition("Revealed type is ")[2].strip('"') for line in found.stdout.splitlines()]
     told = [kind.removeprefix("builtins.") for kind in revealed if kind]
-    assert told == ["str", "sma_bayes.workflow.fitted.RecordFit", "bool", "str"]
+    assert told == ["str", "sma_bayes.studies.fit.fitted.RecordFit", "bool", "str"]
 
 
 def test_nonsense_is_refused(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
+from sma_bayes import fit_campaign
 from sma_bayes.paper.twin import twin_campaign
-from sma_bayes.workflow import fit_campaign
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")

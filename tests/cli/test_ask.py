@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import sma_bayes
-from sma_bayes.results.documents import sealed
-from sma_bayes.workflow import fit_campaign
+from sma_bayes import fit_campaign
+from sma_bayes.runs.documents import sealed
 
 
 @pytest.fixture(scope="module")

@@ -54,7 +54,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def results(bench: Path) -> Path:
-    from sma_bayes.workflow import run_study
+    from sma_bayes import run_study
 
     assert run_study(bench / "study.toml")["exit_status"] == 0
     return bench / "results"

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sma_bayes import fit_campaign
 from sma_bayes.records.types import Campaign, Condition, Record
-from sma_bayes.workflow import fit_campaign
 
 
 @pytest.fixture(scope="module")

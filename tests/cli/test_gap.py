@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sma_bayes import study_gap
 from sma_bayes.arviz_bridge import open_posterior
 from sma_bayes.records.campaign import read_campaign
-from sma_bayes.workflow import study_gap
 
 Run = Callable[..., Any]
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from sma_bayes.report.html import with_policy
-from sma_bayes.report.outputs import read_cells
-from sma_bayes.results.store import FORMULA, guarded_text, unguarded_text, write_csv
+from sma_bayes.runs.outputs import read_cells
+from sma_bayes.runs.store import FORMULA, guarded_text, unguarded_text, write_csv
 
 Run = Callable[..., object]
 

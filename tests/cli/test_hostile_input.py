@@ -17,9 +17,9 @@ import openpyxl
 import pytest
 
 import sma_bayes
+from sma_bayes import fit_campaign
 from sma_bayes.limits import LIMITS
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.workflow import fit_campaign
 
 Run = Callable[..., object]
 ROOT = Path(__file__).resolve().parents[2]

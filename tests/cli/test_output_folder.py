@@ -20,8 +20,8 @@ Run = Callable[..., Any]
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory, make_sweep: Callable[..., list[str]]) -> Path:
     """A data file and its finished run, in `out`."""
+    from sma_bayes import fit_campaign
     from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.workflow import fit_campaign
 
     folder = tmp_path_factory.mktemp("done")
     (folder / "run.csv").write_text("\n".join(make_sweep()) + "\n", encoding="utf-8")

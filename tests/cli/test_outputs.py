@@ -14,9 +14,10 @@ from typing import Any
 import pytest
 
 from sma_bayes import cli
-from sma_bayes.inference.convergence import Target
-from sma_bayes.inference.ensembles import Plan
-from sma_bayes.workflow import campaign_fit, fit_tasks
+from sma_bayes.sampling.convergence import Target
+from sma_bayes.sampling.ensembles import Plan
+from sma_bayes.studies.fit import tasks as fit_tasks
+from sma_bayes.studies.fit import workflow as campaign_fit
 
 Run = Callable[..., Any]
 
@@ -144,9 +145,17 @@ def test_priors_go_through_a_pipe_and_back(measured: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("verb", "work", "advice"),
     [
-        ("fit", "sma_bayes.workflow.fit_tasks.fit_records", "with --resume goes on from here"),
-        ("gap", "sma_bayes.workflow.gap_study.gap_outcome", "with --resume begins the study anew, or draws"),
-        ("compare", "sma_bayes.workflow.comparison.compare_record", "with --resume begins anew, or draws"),
+        ("fit", "sma_bayes.studies.fit.tasks.fit_records", "with --resume goes on from here"),
+        (
+            "gap",
+            "sma_bayes.studies.gap.workflow.gap_outcome",
+            "with --resume begins the study anew, or draws",
+        ),
+        (
+            "compare",
+            "sma_bayes.studies.compare.workflow.compare_record",
+            "with --resume begins anew, or draws",
+        ),
     ],
 )
 def test_an_interruption_ends_with_130_and_says_how_to_go_on(

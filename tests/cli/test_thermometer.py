@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sma_bayes.report.stored_draws import stored_draws
+from sma_bayes.runs.stored_draws import stored_draws
 
 OFFSET_SD = 1.5
 CAMPAIGN = """

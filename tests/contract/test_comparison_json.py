@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import sma_bayes
-from sma_bayes.assess.contenders import contenders
 from sma_bayes.records.types import Branch, Campaign, Record
-from sma_bayes.report.build import build_report
+from sma_bayes.studies.compare.contenders import contenders
+from sma_bayes.studies.report.build import build_report
 
 NUMBERS = (
     "elpd", "elpd_se", "p_eff", "ln_evidence", "ln_evidence_sd", "weight", "rmse_held_out", "r_held_out",

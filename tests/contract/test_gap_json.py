@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sma_bayes import study_gap
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
-from sma_bayes.workflow import study_gap
 
 NUMBER, TEXT = (int, float), str
 PERIODIC = {

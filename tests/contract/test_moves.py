@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import sma_bayes
-from sma_bayes.inference.convergence import ess_bulk
-from sma_bayes.inference.moves import IndependenceMove, MultipleProposalMove, differential_evolution
-from sma_bayes.inference.proposals import MixedProposal, PlainCoordinates, Proposal, StudentMixture
-from sma_bayes.inference.weighted import Weighed
+from sma_bayes.sampling.convergence import ess_bulk
+from sma_bayes.sampling.moves import IndependenceMove, MultipleProposalMove, differential_evolution
+from sma_bayes.sampling.proposals import MixedProposal, PlainCoordinates, Proposal, StudentMixture
+from sma_bayes.sampling.weighted import Weighed
 
 WALKERS = 64
 ENSEMBLES = 20

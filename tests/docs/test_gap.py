@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sma_bayes import study_gap
 from sma_bayes.effects import EFFECTS
-from sma_bayes.gap import study
 from sma_bayes.records.campaign import read_campaign
-from sma_bayes.workflow import study_gap
+from sma_bayes.studies.gap import study
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 THRESHOLDS = {

@@ -14,7 +14,7 @@ from sma_bayes.cli import app
 from sma_bayes.parameters.priors_file import parse_priors, shipped_priors
 from sma_bayes.records.declaration import read_declaration
 from sma_bayes.records.split import SplitSettings
-from sma_bayes.workflow.study_file import read_study
+from sma_bayes.studies.run.study_file import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])

@@ -13,14 +13,14 @@ import pytest
 from sma_bayes.paper.correlation import implied_average
 from sma_bayes.paper.errata import PRINTED_TABLES
 from sma_bayes.paper.extremes import EXTREME_TABLES
-from sma_bayes.reproduction.build import NUMBERS, PAGE
-from sma_bayes.reproduction.claims import claims
-from sma_bayes.reproduction.distance import distances
-from sma_bayes.reproduction.document import SCHEMA
-from sma_bayes.reproduction.page import PICTURES, page
-from sma_bayes.reproduction.printed import printed_effects
-from sma_bayes.reproduction.study import study_twin
-from sma_bayes.reproduction.tables import table_rows
+from sma_bayes.studies.paper.build import NUMBERS, PAGE
+from sma_bayes.studies.paper.claims import claims
+from sma_bayes.studies.paper.distance import distances
+from sma_bayes.studies.paper.document import SCHEMA
+from sma_bayes.studies.paper.page import PICTURES, page
+from sma_bayes.studies.paper.printed import printed_effects
+from sma_bayes.studies.paper.study import study_twin
+from sma_bayes.studies.paper.tables import table_rows
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 AGAIN = "write it anew: sma-bayes paper --page docs"

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sma_bayes import fit_campaign
 from sma_bayes.records.campaign import read_campaign
-from sma_bayes.workflow import fit_campaign
 
 Same = Callable[[Path, Path], None]
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "nitihf_sparse_isobaric.toml"

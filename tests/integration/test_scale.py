@@ -14,9 +14,10 @@ from typing import Any
 import pytest
 
 import sma_bayes
+from sma_bayes import fit_campaign
 from sma_bayes.errors import WorkerError
 from sma_bayes.records.campaign import read_campaign
-from sma_bayes.workflow import fit_campaign, fit_tasks
+from sma_bayes.studies.fit import tasks as fit_tasks
 
 Same = Callable[[Path, Path], None]
 CONDITIONS = 8
@@ -158,7 +159,7 @@ def test_a_client_of_ones_own_stays_open_and_tasks_have_one_thread_each(
 ) -> None:
     from distributed import Client
 
-    from sma_bayes.inference.jobs import run
+    from sma_bayes.runs.jobs import run
 
     address, workers = scheduler
     with Client(address, set_as_default=False) as client:
@@ -181,7 +182,7 @@ def threads_and_process(_: int) -> tuple[int, set[int]]:
 def test_a_task_that_ends_every_worker_is_given_up(
     scheduler: tuple[str, list[subprocess.Popen[bytes]]],
 ) -> None:
-    from sma_bayes.inference.jobs import run
+    from sma_bayes.runs.jobs import run
 
     with (
         sma_bayes.cluster(scheduler[0]),
@@ -206,6 +207,6 @@ def test_without_the_extra_the_message_says_what_to_install(monkeypatch: pytest.
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "nonsense://here"])
 def test_a_scheduler_that_is_not_there_is_told_of(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="the extra cluster is not installed")
-    monkeypatch.setattr("sma_bayes.inference.jobs.CONNECT_S", 0.5)
+    monkeypatch.setattr("sma_bayes.runs.jobs.CONNECT_S", 0.5)
     with pytest.raises(WorkerError, match=r"can't be reached"), sma_bayes.cluster(address):
         pass

@@ -21,16 +21,16 @@ import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
 from sma_bayes.checksum import file_checksum
-from sma_bayes.conditions.population import SCATTER
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.quantities import convert, number_and_unit
 from sma_bayes.records.campaign import read_campaign
-from sma_bayes.report.outputs import posterior_of, posterior_path, read_columns
-from sma_bayes.results.documents import FIT, read_mark, sealed
-from sma_bayes.results.netcdf import Group, Variable, axes, write_groups
-from sma_bayes.workflow.condition_text import condition_at
-from sma_bayes.workflow.study_file import read_study
+from sma_bayes.runs.documents import FIT, read_mark, sealed
+from sma_bayes.runs.netcdf import Group, Variable, axes, write_groups
+from sma_bayes.runs.outputs import posterior_of, posterior_path, read_columns
+from sma_bayes.studies.condition_text import condition_at
+from sma_bayes.studies.conditions.population import SCATTER
+from sma_bayes.studies.run.study_file import read_study
 
 SECONDS = float(os.environ.get("SMA_BAYES_FUZZ_S", "3"))
 CORPUS = Path(__file__).parent / "corpus"

@@ -35,10 +35,9 @@ import pytest
 from scipy.stats import binom, kstest
 
 from sma_bayes.assess.identifiability import IDENTIFIED, contraction
-from sma_bayes.inference.convergence import Target
-from sma_bayes.inference.ensembles import Plan, sample
-from sma_bayes.inference.noise_choice import discrepancy_bases, noise_start
-from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.noise_choice import discrepancy_bases, noise_start
+from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.noise.heteroscedastic import WRAPPERS
 from sma_bayes.parameters.priors_file import parse_priors
@@ -47,7 +46,8 @@ from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response import RESPONSE_MODELS, ModifiedSigmoid, ResponseModel
-from sma_bayes.results.fit import Fit
+from sma_bayes.sampling.convergence import Target
+from sma_bayes.sampling.ensembles import Plan, sample
 
 pytestmark = pytest.mark.slow
 

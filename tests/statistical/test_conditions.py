@@ -14,13 +14,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest, multivariate_normal
 
-from sma_bayes.conditions.coordinates import Coordinates
-from sma_bayes.conditions.design import Design, designs
-from sma_bayes.conditions.draws import RecordDraws
-from sma_bayes.conditions.population import Population, population_of
-from sma_bayes.conditions.prediction import predict
-from sma_bayes.conditions.scatter import COMMON, OWN
-from sma_bayes.inference.importance import importance_draws
+from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter, ParameterSpace
@@ -28,6 +22,12 @@ from sma_bayes.posterior import Place, Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid, sigmoid
+from sma_bayes.sampling.importance import importance_draws
+from sma_bayes.studies.conditions.coordinates import Coordinates
+from sma_bayes.studies.conditions.design import Design, designs
+from sma_bayes.studies.conditions.population import Population, population_of
+from sma_bayes.studies.conditions.prediction import predict
+from sma_bayes.studies.conditions.scatter import COMMON, OWN
 
 CENTRE = np.array([np.log(0.02), np.log(0.30), 50.0, 0.001])
 WIDTH = np.array([0.3, 0.3, 4.0, 0.004])
@@ -87,7 +87,7 @@ def yardsticks() -> Floats:
 def _known_yardsticks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take the yardsticks, the end for the level and thereby all priors from the law, not from the records."""
     monkeypatch.setattr(Coordinates, "yardsticks", lambda self, records: yardsticks())
-    monkeypatch.setattr("sma_bayes.conditions.coordinates._spread", lambda records, *names: 0.0)
+    monkeypatch.setattr("sma_bayes.studies.conditions.coordinates._spread", lambda records, *names: 0.0)
 
 
 def of(population: Population) -> Floats:

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from sma_bayes import fit
 from sma_bayes.assess.correlation import agreement, correlation_factors
 from sma_bayes.assess.correlation_average import average_draws
+from sma_bayes.fitting.fit import Fit
 from sma_bayes.paper.twin import recipes, twin_campaign
-from sma_bayes.results.fit import Fit
-from sma_bayes.workflow import fit
 
 pytestmark = pytest.mark.slow
 

@@ -19,15 +19,15 @@ import pytest
 from benchmark.problems import Case, Problem
 from scipy.special import logsumexp
 
-from sma_bayes.inference.adaptation import adapt, at_a_look, weigh
-from sma_bayes.inference.audit import reaching_further
-from sma_bayes.inference.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
-from sma_bayes.inference.ensembles import sample
-from sma_bayes.inference.laplace import Mode, near
-from sma_bayes.inference.linearised import Linearised
-from sma_bayes.inference.proposals import AnyProposal, PlainCoordinates, Proposal
-from sma_bayes.inference.weighted import weighted_quantiles
 from sma_bayes.posterior import Posterior
+from sma_bayes.sampling.adaptation import adapt, at_a_look, weigh
+from sma_bayes.sampling.audit import reaching_further
+from sma_bayes.sampling.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
+from sma_bayes.sampling.ensembles import sample
+from sma_bayes.sampling.laplace import Mode, near
+from sma_bayes.sampling.linearised import Linearised
+from sma_bayes.sampling.proposals import AnyProposal, PlainCoordinates, Proposal
+from sma_bayes.sampling.weighted import weighted_quantiles
 
 LEVELS = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sma_bayes.gap.check import comparable
-from sma_bayes.gap.fitting import fit_with_noise, nearest
-from sma_bayes.gap.study import GapStudy, study_campaign
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.response import RESPONSE_MODELS
+from sma_bayes.studies.gap.check import comparable
+from sma_bayes.studies.gap.fitting import fit_with_noise, nearest
+from sma_bayes.studies.gap.study import GapStudy, study_campaign
 
 pytestmark = pytest.mark.slow
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from sma_bayes.assess.draws import record_draws
 from sma_bayes.assess.inverse import finer, met, passages, search_grid
 from sma_bayes.assess.transformation import transformation_temperatures
-from sma_bayes.conditions.draws import record_draws
+from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
-from sma_bayes.results.fitting import fit_records
 
 SPRINGS = 150
 STATED = 0.9

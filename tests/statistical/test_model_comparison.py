@@ -23,12 +23,12 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import binom
 
-from sma_bayes.assess.comparison import compare_record
-from sma_bayes.assess.contenders import of_channel
-from sma_bayes.assess.verdict import CANNOT_TELL
 from sma_bayes.paper.twin import Recipe, recipes, twin_campaign
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.studies.compare.comparison import compare_record
+from sma_bayes.studies.compare.contenders import of_channel
+from sma_bayes.studies.compare.verdict import CANNOT_TELL
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sma_bayes.cli import app
-from sma_bayes.inference.warm_start import warm_start
+from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.posterior import build_posterior

@@ -9,7 +9,7 @@ import pytest
 
 from sma_bayes.arviz_bridge import arviz, open_posterior
 from sma_bayes.errors import OutputError
-from sma_bayes.results.netcdf import Group, Variable, axes, write_groups
+from sma_bayes.runs.netcdf import Group, Variable, axes, write_groups
 
 DRAWS = np.random.default_rng(0).normal(50.0, 1.0, (4, 25))
 

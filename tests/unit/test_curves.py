@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.curves import CurveDraws, Errors, calibrated_parameters, quantiles
-from sma_bayes.inference.noise_choice import discrepancy_bases
+from sma_bayes.fitting.noise_choice import discrepancy_bases
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.posterior import Posterior, build_posterior

@@ -38,7 +38,7 @@ def test_a_fit_imports_only_what_it_uses(
     measured: Path, tmp_path: Path, figures: str, without: tuple[str, ...]
 ) -> None:
     code = (
-        "import sys; from sma_bayes.records.campaign import read_campaign; from sma_bayes.workflow import fit_campaign;"
+        "import sys; from sma_bayes.records.campaign import read_campaign; from sma_bayes import fit_campaign;"
         "fit_campaign(read_campaign(sys.argv[1]), sys.argv[2], figures=sys.argv[3])"
     )
     found = imported(code, str(measured), str(tmp_path / "out"), figures)

@@ -25,8 +25,8 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.figures.typeface import families
 from sma_bayes.report.notation import power_text, unit_label
-from sma_bayes.report.outputs import StoredBand, StoredRecord
-from sma_bayes.results.store import write_csv, write_file
+from sma_bayes.runs.outputs import StoredBand, StoredRecord
+from sma_bayes.runs.store import write_csv, write_file
 
 COLOURS: Final = {"heating": "#c8501e", "cooling": "#1f6fb2"}
 """Vermilion and blue: apart for colour-blind eyes, and in grey."""

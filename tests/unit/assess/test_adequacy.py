@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sma_bayes import fit
 from sma_bayes.assess import adequacy
 from sma_bayes.assess.adequacy import LED, MISSED, Missed, contradicted, led_by_prior, missed, reasons
 from sma_bayes.assess.checks import CHANCE, Check, predictive_checks
 from sma_bayes.assess.loops import branch_quantities
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.parameters.roles import Role
 from sma_bayes.records.types import Campaign, Record
-from sma_bayes.results.fit import Fit
-from sma_bayes.results.fitting import fit_records
-from sma_bayes.workflow import fit
 
 
 def fitted(record: Record, noise: str = "independent") -> Fit:

@@ -21,13 +21,13 @@ from sma_bayes.assess.correlation import agreement, correlation_factors
 from sma_bayes.assess.identifiability import contraction, free_directions
 from sma_bayes.assess.loops import branch_quantities, loop_quantities
 from sma_bayes.assess.path import path_remark
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.paper.twin import truth, twin_campaign
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
 from sma_bayes.response.arrangement import Arrangement, BiasSpring
 from sma_bayes.response.modified_sigmoid import sigmoid
-from sma_bayes.results.fit import Fit
-from sma_bayes.results.fitting import fit_records
 
 PRIORS = read_priors("modified_sigmoid")
 CONDITION = "100g-10mHz"

@@ -14,11 +14,11 @@ from scipy.stats import chi2, kstest
 from sma_bayes.assess.checks import CHANCE
 from sma_bayes.assess.summary import record_summary
 from sma_bayes.assess.sweeps import LeftOutSweep, _distance, left_out_sweeps, sweep_checks
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.noise import NOISE_MODELS, Steps
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
-from sma_bayes.results.fit import Fit
-from sma_bayes.results.fitting import fit_records
 
 PRIORS = read_priors("modified_sigmoid")
 SAMPLES = 40

@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import expit
 
+from sma_bayes import fit
 from sma_bayes.assess.transformation import (
     OUTSTANDING,
     tangents,
@@ -17,14 +18,13 @@ from sma_bayes.assess.transformation import (
 )
 from sma_bayes.effects import EFFECTS
 from sma_bayes.effects.types import Inputs
+from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.response.bounded_logistic import BoundedLogistic
 from sma_bayes.response.modified_sigmoid import sigmoid
 from sma_bayes.response.polynomial import Polynomial
-from sma_bayes.results.fitting import fit_records
-from sma_bayes.workflow import fit
 
 PRIORS = read_priors("modified_sigmoid")
 LOW, HIGH = 20.0, 80.0

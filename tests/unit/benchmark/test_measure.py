@@ -13,7 +13,7 @@ from benchmark.problems import Case
 from benchmark.progress import GROUPS, Progress, Settings
 from benchmark.workers import Ended, Worker
 
-from sma_bayes.inference.laplace import climb
+from sma_bayes.sampling.laplace import climb
 
 REFERENCE = Reference.of(np.random.default_rng(0).standard_normal((20_000, 2)), 20_000.0)
 

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
+from sma_bayes import fit_campaign
 from sma_bayes.paper.twin import twin_campaign
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.figures.sheet import BranchData
-from sma_bayes.report.gather import report_content
-from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
-from sma_bayes.report.residuals import median_curves
-from sma_bayes.results.documents import sealed
-from sma_bayes.workflow import fit_campaign
+from sma_bayes.runs.documents import sealed
+from sma_bayes.runs.outputs import band_path, posterior_path, read_band, read_record, read_run
+from sma_bayes.studies.fit.gather import report_content
+from sma_bayes.studies.fit.residuals import median_curves
 
 CONDITION = "100g-10mHz"
 

@@ -12,17 +12,17 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
+from sma_bayes import fit_campaign
 from sma_bayes.assess.adequacy import Reason
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.report.content import Content
-from sma_bayes.report.figures.discrepancy import discrepancy_figure
 from sma_bayes.report.figures.sheet import STYLE, save
-from sma_bayes.report.fit_page import render
-from sma_bayes.report.gather import report_content
-from sma_bayes.report.outputs import StoredRun, read_run
-from sma_bayes.report.stored_draws import draws_of
 from sma_bayes.report.tables import report_tables
-from sma_bayes.workflow import fit_campaign
+from sma_bayes.runs.outputs import StoredRun, read_run
+from sma_bayes.runs.stored_draws import draws_of
+from sma_bayes.studies.fit.figures.discrepancy import discrepancy_figure
+from sma_bayes.studies.fit.gather import report_content
+from sma_bayes.studies.fit.page import render
 
 MIDDLE, SHARE = 40.0, 0.15
 """Midpoint of the second step [degC] and its share of the span."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sma_bayes.assess.adequacy import Reason
-from sma_bayes.report.answer import answer_tables, belief, next_steps
 from sma_bayes.report.content import Content, Finding
-from sma_bayes.report.findings import finding_groups, severity
+from sma_bayes.studies.fit.answer import answer_tables, belief, next_steps
+from sma_bayes.studies.fit.findings import finding_groups, severity
 
 
 def finding(kind: str, condition: str, dropped: int = 0) -> Finding:

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from sma_bayes.errors import OutputError
-from sma_bayes.report.build import build_report
 from sma_bayes.report.content import Content
+from sma_bayes.studies.report.build import build_report
 
 
 @pytest.fixture(scope="module")

@@ -17,15 +17,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from sma_bayes.report.content import Content, RecordContent
-from sma_bayes.report.figures.campaign import (
-    correlation_figure,
-    diagnostics_figure,
-    parameter_figure,
-    printed_figure,
-)
-from sma_bayes.report.figures.condition import loop_figure, overview_figure
-from sma_bayes.report.figures.marginals import corner_figure
-from sma_bayes.report.figures.record import predictive_figure, residual_figure, trace_figure
 from sma_bayes.report.figures.sheet import (
     STYLE,
     BranchData,
@@ -36,8 +27,17 @@ from sma_bayes.report.figures.sheet import (
     save,
     take_power,
 )
-from sma_bayes.report.outputs import StoredBand
-from sma_bayes.report.residuals import standardised_residuals
+from sma_bayes.runs.outputs import StoredBand
+from sma_bayes.studies.fit.figures.campaign import (
+    correlation_figure,
+    diagnostics_figure,
+    parameter_figure,
+    printed_figure,
+)
+from sma_bayes.studies.fit.figures.condition import loop_figure, overview_figure
+from sma_bayes.studies.fit.figures.marginals import corner_figure
+from sma_bayes.studies.fit.figures.record import predictive_figure, residual_figure, trace_figure
+from sma_bayes.studies.fit.residuals import standardised_residuals
 
 Gather = Callable[[RecordContent], BranchData]
 FIGURES = ("loop", "overview", "corner", "trace", "predictive", "residuals", "correlation", "parameters",
@@ -135,7 +135,7 @@ def test_settings_of_others_are_left_alone(content: Content, branch_of: Gather, 
 
 
 def test_pyplot_is_not_needed() -> None:
-    command = "import sys, sma_bayes.report.build; print('matplotlib.pyplot' in sys.modules)"
+    command = "import sys, sma_bayes.studies.report.build; print('matplotlib.pyplot' in sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", command], capture_output=True, text=True, timeout=120, check=True
     )

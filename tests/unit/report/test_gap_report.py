@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sma_bayes.effects.needs import NEEDS
-from sma_bayes.report.figures.missing import prior_density
-from sma_bayes.report.gap_page import by_single_need, fold_texts, share_text
-from sma_bayes.report.gap_tables import ADVICE, NOT_THERE
 from sma_bayes.report.tables import Column, Table
+from sma_bayes.studies.gap.figures.missing import prior_density
+from sma_bayes.studies.gap.page import by_single_need, fold_texts, share_text
+from sma_bayes.studies.gap.tables import ADVICE, NOT_THERE
 
 
 def test_there_is_advice_for_every_need_that_a_recording_can_meet():

@@ -12,8 +12,8 @@ import pytest
 
 from sma_bayes.paper.twin import truth
 from sma_bayes.report.content import Content, Number, ParameterResult
-from sma_bayes.report.gather import is_twin, report_content
-from sma_bayes.report.outputs import read_run
+from sma_bayes.runs.outputs import read_run
+from sma_bayes.studies.fit.gather import is_twin, report_content
 
 Edit = Callable[[Path, Callable[[dict[str, Any]], None]], Path]
 

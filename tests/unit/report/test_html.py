@@ -10,10 +10,10 @@ from html.parser import HTMLParser
 import pytest
 
 from sma_bayes.report.content import Content, Finding
-from sma_bayes.report.fit_page import noise_groups, parameter_overview, render, without_empty
 from sma_bayes.report.html import Picture, anchor, select
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.tables import Column, Table, report_tables
+from sma_bayes.studies.fit.page import noise_groups, parameter_overview, render, without_empty
 
 Page = Callable[[Content], "Reader"]
 VOID = {"meta", "img", "br", "hr"}

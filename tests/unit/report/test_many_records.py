@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from sma_bayes.report import content as content_module
-from sma_bayes.report.build import build_report
 from sma_bayes.report.choice import figures_for
 from sma_bayes.report.content import Content
-from sma_bayes.report.fit_page import SHOWN, render, render_index
 from sma_bayes.report.tables import report_tables
+from sma_bayes.studies.fit.page import SHOWN, render, render_index
+from sma_bayes.studies.report.build import build_report
 
 LINK = re.compile(r'(?:href|src)="([^"#:]+)"')
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from sma_bayes.errors import OutputError
-from sma_bayes.report.outputs import band_path, posterior_path, read_band, read_record, read_run
-from sma_bayes.results.documents import sealed
+from sma_bayes.runs.documents import sealed
+from sma_bayes.runs.outputs import band_path, posterior_path, read_band, read_record, read_run
 
 KEY = "100g-10mHz-heating"
 Edit = Callable[..., Path]

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from openpyxl import load_workbook
 
-from sma_bayes.report.build import build_report
 from sma_bayes.report.content import Content
-from sma_bayes.report.methods import bibliography, methods_text
 from sma_bayes.report.tables import csv_columns, report_tables
 from sma_bayes.report.workbook import write_workbook
+from sma_bayes.studies.fit.methods import bibliography, methods_text
+from sma_bayes.studies.report.build import build_report
 
 
 def test_the_paragraph_says_what_was_done(content: Content) -> None:

@@ -10,8 +10,8 @@ import pytest
 
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.figures.sheet import BranchData
-from sma_bayes.report.outputs import StoredRecord
-from sma_bayes.report.residuals import median_curves, standardised_residuals
+from sma_bayes.runs.outputs import StoredRecord
+from sma_bayes.studies.fit.residuals import median_curves, standardised_residuals
 
 THETA = {"B1": 2.5, "B2": 0.35, "B3": 52.0, "B4": 0.5}
 

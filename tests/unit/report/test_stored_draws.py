@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sma_bayes.conditions.draws import record_draws
+from sma_bayes import fit, fit_campaign
+from sma_bayes.assess.draws import record_draws
 from sma_bayes.errors import OutputError
 from sma_bayes.records.types import Campaign, Condition, Record
-from sma_bayes.report.stored_draws import stored_draws
-from sma_bayes.workflow import fit, fit_campaign
+from sma_bayes.runs.stored_draws import stored_draws
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,150 @@
+"""What a fit is: the posterior, how it was started, its draws, and what they say in the parameters' own units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from sma_bayes.account import Account
+from sma_bayes.curves import CurveDraws, calibrated_parameters
+from sma_bayes.fitting.model_choice import ModelChoice
+from sma_bayes.fitting.noise_choice import NoiseChoice
+from sma_bayes.fitting.warm_start import WarmStart
+from sma_bayes.posterior import Posterior, Weights
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Calibration, Record
+from sma_bayes.sampling.ensembles import Draws
+
+KEPT = 500
+"""Draws that are kept of each ensemble."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A sampled posterior.
+
+    Attributes
+    ----------
+    posterior : Posterior
+    warm_start : WarmStart
+    start : ndarray, shape (P,)
+        Parameters at the warm start, those of the noise estimated from its residuals.
+    draws : Draws
+    noise_choice : NoiseChoice or None
+        What stands beside the curve and why; None where the noise is no density of the data.
+    seed : int
+    account : Account
+        Time that warm start and sampling took.
+    chosen : bool
+        Whether the noise model was chosen from the data rather than named by the user.
+    model_choice : ModelChoice or None
+        The response model and why, where it was chosen from the ladder.
+    z : ndarray, shape (G, N, D)
+        Kept draws in sampled coordinates, evenly thinned.
+    theta : ndarray, shape (G, N, P)
+        The same as parameters, before the uncertainty of calibrations is added.
+    """
+
+    posterior: Posterior
+    warm_start: WarmStart
+    start: Floats
+    draws: Draws
+    noise_choice: NoiseChoice | None
+    seed: int
+    account: Account = field(default_factory=Account)
+    chosen: bool = True
+    model_choice: ModelChoice | None = None
+    z: Floats = field(init=False, repr=False)
+    theta: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        groups, steps, walkers, d = self.draws.z.shape
+        joined = np.swapaxes(self.draws.z, 1, 2).reshape(groups, walkers * steps, d)
+        keep = np.linspace(0, joined.shape[1] - 1, min(KEPT, joined.shape[1])).round().astype(int)
+        z = joined[:, keep]
+        object.__setattr__(self, "z", z)
+        object.__setattr__(self, "theta", self.posterior.space.to_physical(z))
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """Records that share this posterior."""
+        return self.posterior.records
+
+    @property
+    def converged(self) -> bool:
+        """Whether every parameter reached the target."""
+        return self.draws.convergence.converged
+
+    @property
+    def flat(self) -> Floats:
+        """Kept draws of all parameters, shape (G N, P)."""
+        return self.theta.reshape(-1, self.theta.shape[-1])
+
+    @cached_property
+    def discrepancy(self) -> Weights:
+        """Weights of what the curve misses, one set for each kept draw: for each record, channel to (G N, m)."""
+        if not self.posterior.has_discrepancy:
+            return ()
+        keys = "\n".join(r.key for r in self.records)
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, 6, *keys.encode()]))
+        return self.posterior.draw_discrepancy(rng, self.flat)
+
+    def calibration_draws(self, record: int = 0) -> dict[str, tuple[Floats, Floats]]:
+        """Gain and shift of each channel whose calibration is uncertain, one for each kept draw.
+
+        A true value is ``gain * value + shift``. The errors of scale and offset are the same for all samples of
+        a record, so they are not seen by the fit; they are drawn from what was declared and added to it.
+
+        Returns
+        -------
+        dict
+            Channel to two arrays of shape (G N,).
+        """
+        r = self.records[record]
+        return calibration_errors(calibrations_of(r), self.seed, r.key, len(self.flat))
+
+    def calibrated(self, record: int = 0) -> Floats:
+        """Kept draws (G N, P) with the uncertainty of the calibration carried into the parameters that stand for it."""
+        return calibrated_parameters(self.posterior, self.flat, self.calibration_draws(record), record)
+
+    def curves(self, record: int = 0) -> CurveDraws:
+        """Curves of one record, one for each kept draw: model, discrepancy and calibration together."""
+        weights = self.discrepancy[record] if self.discrepancy else {}
+        calibration = self.calibration_draws(record)
+        return CurveDraws(self.posterior, self.calibrated(record), weights, calibration, record)
+
+
+def calibrations_of(record: Record) -> dict[str, Calibration]:
+    """Calibrations that matter for the curves of a record: of its channels and of the thermometer."""
+    return {c: k for c, k in record.calibration.items() if c in record.channels or c == "temperature"}
+
+
+def calibration_errors(
+    calibration: Mapping[str, Calibration], seed: int, key: str, size: int
+) -> dict[str, tuple[Floats, Floats]]:
+    """Gain and shift of each channel whose calibration is uncertain, `size` of each; see `Fit.calibration_draws`.
+
+    Parameters
+    ----------
+    calibration : mapping of str to Calibration
+        Of the observed channels.
+    seed : int
+    key : str
+        Of the record.
+    size : int
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed, *key.encode()]))
+    return {
+        channel: _calibration_error(c, rng, size)
+        for channel, c in calibration.items()
+        if c.relative_scale_sd > 0 or c.offset_sd > 0
+    }
+
+
+def _calibration_error(c: Calibration, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
+    relative = c.relative_scale_sd * rng.standard_normal(size)
+    offset = c.offset_sd * rng.standard_normal(size)
+    return 1.0 + relative, offset - c.offset * relative

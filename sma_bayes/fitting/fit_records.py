@@ -1,0 +1,152 @@
+"""Fit one posterior: warm start, choice of the noise model, ensembles."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from sma_bayes.account import Account
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.model_choice import Prepared, Support, best_supported, prepare, support_of
+from sma_bayes.fitting.noise_choice import noise_start, posterior_with
+from sma_bayes.fitting.warm_start import WarmStart
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
+from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.sampling.ensembles import Plan, sample
+
+AUTO = "auto"
+"""Name of the choice of the noise model from what the warm start leaves."""
+
+
+def fit_records(
+    records: Sequence[Record],
+    priors: PriorSet,
+    *,
+    model: ResponseModel | None = None,
+    ladder: Sequence[tuple[ResponseModel, PriorSet]] = (),
+    noise: str = AUTO,
+    discrepancy: bool = True,
+    seed: int = 0,
+    plan: Plan | None = None,
+    checkpoint: Path | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Fit:
+    """Sample the posterior of one record, or of several that share the model's parameters.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Of one branch.
+    priors : PriorSet
+    model : ResponseModel, optional
+        By default the modified sigmoid that predicts the observed channels.
+    ladder : sequence of tuple of ResponseModel and PriorSet
+        Models to choose from, simplest first, each with its priors; instead of `model` and `priors`.
+    noise : str
+        Name of a noise model, or ``"auto"``.
+    discrepancy : bool
+        Whether a smooth function of temperature may stand beside the curve, where it earns its place.
+    seed : int
+        Decides every draw, together with the keys of the records; neither the other records of a campaign nor
+        the number of processes matter.
+    plan : Plan, optional
+    checkpoint : Path, optional
+        File for the chains; an interrupted run goes on from it.
+    progress : callable, optional
+        Told in a few words what is going on.
+
+    Raises
+    ------
+    MeasurementError, PriorError, UnknownNameError
+        If the records or the call can't be used.
+    """
+    account = Account()
+    with threadpool_limits(limits=1):  # linear algebra on several threads may round differently
+        with account.timed("warm_start"):
+            start_seed, sample_seed = _seed(records, seed).spawn(2)
+            models = ladder or [(model or ModifiedSigmoid(records[0].channels), priors)]
+            prepared = _prepared(records, models, noise, start_seed, discrepancy=discrepancy)
+            best, model_choice = prepared[0], None
+            if len(prepared) > 1:
+                model_choice = best_supported([support_of(prepared)])
+                best = next(p for p in prepared if p.posterior.model.name == model_choice.name)
+            first, start, choice = best.posterior, best.start, best.noise
+        name = choice.name if choice else noise
+        with account.timed("sample"):
+            posterior = posterior_with(name, first, start, best.priors, choice)
+            z = noise_start(posterior, start, choice)
+            draws = sample(
+                posterior,
+                _starts(z, start),
+                posterior.space.prior_sd(),
+                sample_seed,
+                plan,
+                checkpoint=checkpoint and checkpoint.with_stem(f"{checkpoint.stem}-{name}"),
+                fingerprint=posterior.fingerprint() if checkpoint else "",
+                progress=progress,
+            )
+    return Fit(
+        posterior,
+        start,
+        posterior.space.to_physical(z),
+        draws,
+        choice,
+        seed,
+        account,
+        chosen=noise == AUTO,
+        model_choice=model_choice,
+    )
+
+
+def support_for(
+    records: Sequence[Record], ladder: Sequence[tuple[ResponseModel, PriorSet]], *, noise: str, seed: int
+) -> Support:
+    """What records that share parameters say of each model of a ladder: what `fit_records` would choose by.
+
+    Parameters
+    ----------
+    records, ladder, noise, seed
+        See `fit_records`.
+    """
+    with threadpool_limits(limits=1):
+        start_seed, _ = _seed(records, seed).spawn(2)
+        return support_of(_prepared(records, ladder, noise, start_seed))
+
+
+def _prepared(
+    records: Sequence[Record],
+    ladder: Sequence[tuple[ResponseModel, PriorSet]],
+    noise: str,
+    seed: np.random.SeedSequence,
+    *,
+    discrepancy: bool = True,
+) -> list[Prepared]:
+    """Models with their starts, and with what stands beside them."""
+    only = None if noise == AUTO else noise
+    return [
+        prepare(records, m, p, np.random.default_rng(seed), noise=only, discrepancy=discrepancy)
+        for m, p in ladder
+    ]
+
+
+def _starts(z: Floats, start: WarmStart) -> list[Floats]:
+    """The best start, and the same with the other optima of the least-squares fit in place of the model's part."""
+    starts = [z]
+    for other in start.optima[1:]:
+        again = z.copy()
+        again[: other.size] = other
+        starts.append(again)
+    return starts
+
+
+def _seed(records: Sequence[Record], seed: int) -> np.random.SeedSequence:
+    digest = hashlib.sha256("\n".join(r.key for r in records).encode()).digest()
+    words = np.frombuffer(digest[:16], dtype=np.uint32).tolist()
+    return np.random.SeedSequence([seed, *words])

@@ -1,0 +1,721 @@
+"""Choose what stands beside the curve: the noise model, and where the curve misses the data a discrepancy.
+
+Both are chosen together, since a misfit that is given no place passes for noise with a memory. What the least-squares
+curve leaves is described, channel by channel, by each noise model with and without a discrepancy; what a small change
+of the parameters could describe is integrated out. The evidence of each description is found by Laplace's method over
+the few parameters that it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from sma_bayes.discrepancy import DiscrepancyBasis, Whitened, build_basis, nodes_of, size_fact
+from sma_bayes.fitting.warm_start import WarmStart
+from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
+from sma_bayes.noise.base import lag1
+from sma_bayes.noise.effective_samples import memory_of
+from sma_bayes.noise.heteroscedastic import temperature_sd_fact
+from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.parameters.scales import RecordScales
+from sma_bayes.parameters.space import ParameterSpace
+from sma_bayes.posterior import Posterior, build_posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
+from sma_bayes.sampling.laplace import climb
+
+EVEN = 0.05
+"""Relative spread of the time steps below which samples count as evenly spaced."""
+SIGN = 1.3
+"""Standard errors from which a sign counts: one false sign in five, so that hardly any true one is overlooked."""
+EARNED = 1.5
+"""What each of a memory and heavy tails must gain in ln evidence to be taken."""
+EARNED_BEYOND = 2.0
+"""What growth and an error of the thermometer must gain: they are looked at last, beside the best of the others."""
+REACH = 10.0
+"""Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
+FINE = 2001
+"""Temperatures at which a curve is looked at to lay out the basis of its discrepancy."""
+LONGEST_MEMORY = 0.5
+"""Samples that count as one under a noise model, as a share of a sweep, from which its memory is no noise."""
+SIMPLER = {"growing": EARNED, "temperature_error": 15.0}
+"""What a series other than the simplest must gain beside growth or an error of the thermometer."""
+WIDE = 2.0
+"""Standard deviation of ln sd a priori where descriptions are compared: how much of the residuals is noise is open."""
+SIMPLEST = "independent"
+ROUNDED = "rounded"
+COARSE = 2.0
+"""Step of the readings, in standard deviations of the noise before rounding, from which rounding is described."""
+
+Bases = tuple[Mapping[str, DiscrepancyBasis], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseChoice:
+    """A noise model, where a discrepancy stands beside the curve, and the reason.
+
+    Attributes
+    ----------
+    name : str
+    reason : str
+        One sentence for people.
+    lag1 : mapping of str to float
+        Correlation of neighbouring residuals of the warm start, by channel.
+    ln_evidence : mapping of str to float
+        Of each noise model that was looked at, with discrepancies where they earn their place, less that of the best.
+    discrepancy : mapping of str to float
+        What a discrepancy gains in ln evidence, by channel (the sum over records), under the chosen noise model;
+        one is taken where it gains.
+    bases : tuple of mapping
+        For each record, channel to the basis of its discrepancy, where one is taken.
+    estimate : tuple of mapping
+        For each record, channel to the likeliest parameters of its noise, then the size of its discrepancy.
+    temperature_sd : tuple of float
+        For each record, likeliest standard deviation of an error of the thermometer; zero where none is estimated.
+    """
+
+    name: str
+    reason: str
+    lag1: Mapping[str, float]
+    ln_evidence: Mapping[str, float]
+    discrepancy: Mapping[str, float] = field(default_factory=dict)
+    bases: Bases = ()
+    estimate: tuple[Mapping[str, Floats], ...] = ()
+    temperature_sd: tuple[float, ...] = ()
+
+
+def choose_noise(
+    posterior: Posterior,
+    start: WarmStart,
+    priors: PriorSet,
+    *,
+    noise: str | None = None,
+    discrepancy: bool = True,
+) -> NoiseChoice:
+    """Choose a noise model, and for each channel whether a discrepancy stands beside the curve.
+
+    Noise models that are a density of the data compete; those that need time are left out where time was not recorded
+    or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth
+    with the response and an error of the thermometer are looked at only where what it leaves shows a sign of such a
+    thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; beside growth or an
+    error of the thermometer only what still earns its place stays. A discrepancy is taken where its evidence is greater
+    than that of the curve alone.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        With any noise model; its records count.
+    start : WarmStart
+    priors : PriorSet
+    noise : str, optional
+        The only noise model to consider.
+    discrepancy : bool
+        Whether discrepancies are considered.
+    """
+    residuals = _Residuals(posterior, start, priors, discrepancy)
+    found: dict[str, _Description] = {}
+    coarse: dict[str, float] = {}
+
+    def look(name: str) -> _Description:
+        if name not in found:
+            found[name] = residuals.described(NOISE_MODELS[name])
+        return found[name]
+
+    if noise is not None:
+        best = noise
+        look(noise)
+    else:
+        coarse = residuals.coarse(look(SIMPLEST))
+    if noise is None and coarse:
+        best = ROUNDED
+        look(best)
+        found = {best: found[best]}  # a density that need not be finite where readings repeat is no rival
+    elif noise is None:
+        signs = residuals.signs(look(SIMPLEST))
+        names = [
+            name
+            for name, model in NOISE_MODELS.items()
+            if model.is_density
+            and not model.stands_alone
+            and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
+            and (signs.memory or not model.remembers)
+            and (model.is_gaussian or (signs.tails and not residuals.bent))
+        ]
+        best = max(names, key=lambda n: look(n).ln_evidence - EARNED * _features(NOISE_MODELS[n]))
+        signs = signs.joined(residuals.signs(look(best)))
+        for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
+            if not sign:
+                continue
+            series, *others = best.split("+")
+            simple, extended = ("+".join([s, *others, suffix]) for s in (SIMPLEST, series))
+            # what the slope explains is not to be explained by tails or a memory besides; in the moments that are
+            # looked at here a large error of the thermometer leaves tails of its own
+            if look(simple).ln_evidence > look(extended).ln_evidence - SIMPLER[suffix]:
+                extended = simple
+            if look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
+                best = extended
+        best = _without_what_is_not_needed(best, names, lambda name: look(name).ln_evidence)
+    chosen = found[best]
+    top = max(d.ln_evidence for d in found.values())
+    rivals = {name: d.ln_evidence - top for name, d in found.items() if np.isfinite(d.ln_evidence)} or {
+        best: 0.0
+    }
+    neighbours = neighbour_correlation(posterior, start)
+    return NoiseChoice(
+        best,
+        _reason(best, rivals, neighbours, chosen, coarse),
+        neighbours,
+        rivals,
+        chosen.gain,
+        chosen.bases,
+        chosen.estimate,
+        chosen.temperature_sd,
+    )
+
+
+def _features(noise: NoiseModel) -> int:
+    """How many of memory and heavy tails a noise model has."""
+    return int(noise.remembers) + int(not noise.is_gaussian)
+
+
+def _without_what_is_not_needed(name: str, series: Sequence[str], ln_evidence: Callable[[str], float]) -> str:
+    """An extended noise model, less what it no longer earns: growth and errors of temperature look like heavy tails."""
+    while "+" in name:
+        first, *suffixes = name.split("+")
+        simpler = {"+".join([first, *(x for x in suffixes if x != s)]): EARNED_BEYOND for s in suffixes}
+        for other in series:
+            lighter = NOISE_MODELS[other].is_gaussian and not NOISE_MODELS[first].is_gaussian
+            if other != first and (lighter or other == SIMPLEST):
+                simpler["+".join([other, *suffixes])] = EARNED
+        kept = max(simpler, key=lambda s: ln_evidence(s) + simpler[s])
+        if ln_evidence(kept) + simpler[kept] < ln_evidence(name):
+            break
+        name = kept
+    return name
+
+
+def _reason(
+    name: str,
+    rivals: Mapping[str, float],
+    neighbours: Mapping[str, float],
+    description: _Description,
+    coarse: Mapping[str, float],
+) -> str:
+    title = NOISE_MODELS[name].title
+    parts = []
+    correlations = ", ".join(f"{value:.2f} ({channel})" for channel, value in neighbours.items())
+    parts.append(f"neighbouring residuals of the least-squares fit are correlated by {correlations}")
+    if coarse:
+        steps = ", ".join(f"{value:.2g} ({channel})" for channel, value in coarse.items())
+        parts.append(f"readings come in steps that are large for what is left, {steps} times as large")
+    others = sorted(((v, k) for k, v in rivals.items() if k != name), reverse=True)
+    if others:
+        ahead = rivals[name] - others[0][0]
+        less = "less" if ahead >= 0 else "more, which is too little to prefer it"
+        parts.append(f"{NOISE_MODELS[others[0][1]].title} comes second, ln evidence {abs(ahead):.1f} {less}")
+    elif name == SIMPLEST and not coarse:
+        parts.append("what is left shows neither memory, heavy tails, growth nor a trace of the slope")
+    taken = sorted({channel for bases in description.bases for channel in bases})
+    if taken:
+        gains = ", ".join(f"{description.gain[c]:.1f} ({c})" for c in taken)
+        parts.append(f"a smooth discrepancy beside the curve gains {gains} in ln evidence")
+    return f"{title}: {'; '.join(parts)}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Description:
+    """What a noise model, with or without discrepancies, makes of the residuals."""
+
+    ln_evidence: float
+    gain: Mapping[str, float]
+    bases: Bases
+    estimate: tuple[Mapping[str, Floats], ...]
+    temperature_sd: tuple[float, ...]
+    innovations: tuple[Mapping[str, Floats], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Signs:
+    """What series of innovations show."""
+
+    memory: bool = False
+    tails: bool = False
+    growth: bool = False
+    slope: bool = False
+
+    def joined(self, other: _Signs) -> _Signs:
+        """What either shows."""
+        return _Signs(
+            self.memory or other.memory,
+            self.tails or other.tails,
+            self.growth or other.growth,
+            self.slope or other.slope,
+        )
+
+    @staticmethod
+    def of(e: Floats, steps: Steps, response: Floats, slope: Floats, declared: float) -> _Signs:
+        """Signs in one series (n,): neighbours alike, tails, squares that follow the response or the squared slope."""
+        n, square = e.size, float(np.mean(e**2))
+        if not (np.isfinite(square) and square > 0.0 and n > 3):
+            return _Signs()
+        root = np.sqrt(n)
+        kurtosis = (
+            float(np.mean((e - e.mean()) ** 4)) / float(np.var(e)) ** 2 - 3.0 if np.var(e) > 0.0 else 0.0
+        )
+        spread = np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(square)))
+        return _Signs(
+            abs(float(lag1(e, steps))) * root > SIGN,
+            kurtosis > SIGN * float(np.sqrt(24.0 / n)),
+            abs(_correlation(spread, response)) * root > SIGN,
+            declared == 0.0 and _correlation(spread, slope**2) * root > SIGN,
+        )
+
+
+def _correlation(x: Floats, y: Floats) -> float:
+    """Pearson's correlation; zero where one of the two does not vary or is not finite."""
+    a, b = x - x.mean(), y - y.mean()
+    size = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / size if np.isfinite(size) and size > 0.0 else 0.0
+
+
+class _Residuals:
+    """Residuals of the warm start, to be described by noise models and discrepancies."""
+
+    def __init__(self, posterior: Posterior, start: WarmStart, priors: PriorSet, discrepancy: bool) -> None:
+        self.posterior = posterior
+        self.start = start
+        self.priors = priors
+        model, theta = posterior.model, start.theta
+        with np.errstate(all="ignore"):
+            self.slope = [model.slope(theta, r.inputs) for r in posterior.records]
+            self.mean = [model.predict(theta, r.inputs) for r in posterior.records]
+            self.tangents = [model.jacobian(theta, r.inputs) for r in posterior.records]
+        self.bases: Bases = tuple({} for _ in posterior.records)
+        if discrepancy:
+            self.bases = discrepancy_bases(posterior, theta)
+            smooth = self._smooth()
+            if any(smooth):
+                self.bases = discrepancy_bases(posterior, theta, smooth)
+
+    def signs(self, description: _Description) -> _Signs:
+        """What the innovations of a description, and the plain residuals, show."""
+        found = _Signs()
+        for i, record in enumerate(self.posterior.records):
+            steps = self.posterior.steps[i]
+            for channel in record.channels:
+                for e in (description.innovations[i][channel], self.start.residual[i][channel]):
+                    found = found.joined(
+                        _Signs.of(
+                            e, steps, self.response(i, channel), self.slope[i][channel], record.temperature_sd
+                        )
+                    )
+        return found
+
+    def coarse(self, description: _Description) -> dict[str, float]:
+        """Channels with readings in steps of more than `COARSE` standard deviations of the noise before rounding.
+
+        Returns
+        -------
+        dict of str to float
+            The step over the standard deviation of what is left, in which rounding has its share of ``q**2/12``.
+        """
+        found: dict[str, float] = {}
+        if self.bent:
+            return found
+        least = COARSE / np.sqrt(1.0 + COARSE**2 / 12.0)
+        for record, own in zip(self.posterior.records, description.estimate, strict=True):
+            step = RecordScales.of([record]).step
+            for channel in record.channels:
+                ratio = step[channel] / float(own[channel][0])
+                if ratio > max(least, found.get(channel, 0.0)):
+                    found[channel] = ratio
+        return found
+
+    @property
+    def bent(self) -> bool:
+        """Whether the thermometer is known to err: to the moments that are looked at here that seems like tails."""
+        return any(r.temperature_sd > 0.0 for r in self.posterior.records)
+
+    def response(self, i: int, channel: str) -> Floats:
+        """Response of the curve as a share of its observed range, shape (n,)."""
+        low, span = self.posterior.observed_range(i, channel)
+        return np.asarray((self.mean[i][channel] - low) / span)
+
+    def _smooth(self) -> tuple[Mapping[str, Curve], ...]:
+        """What the first bases find the curves to miss: the second lie closer where it changes."""
+        found = []
+        for i, own in enumerate(self.bases):
+            curves: dict[str, Curve] = {}
+            for channel, basis in own.items():
+                look = self._look(NOISE_MODELS[SIMPLEST], i, channel, basis)
+                if look.weights is not None:
+                    curves[channel] = partial(basis.function, look.weights[None])
+            found.append(curves)
+        return tuple(found)
+
+    def described(self, noise: NoiseModel) -> _Description:
+        total, gain = 0.0, dict.fromkeys(self.posterior.records[0].channels, 0.0)
+        found: dict[tuple[int, str], tuple[_Found, _Found | None]] = {}
+        for i, record in enumerate(self.posterior.records):
+            for channel in record.channels:
+                alone = self._look(noise, i, channel, None)
+                usable = noise.is_density and not (noise.stands_alone and self.bent)
+                basis = self.bases[i].get(channel) if usable else None
+                beside = None if basis is None else self._look(noise, i, channel, basis)
+                found[i, channel] = (alone, beside)
+                gain[channel] += -np.inf if beside is None else beside.ln_evidence - alone.ln_evidence
+        bases: list[dict[str, DiscrepancyBasis]] = []
+        estimate: list[dict[str, Floats]] = []
+        innovations: list[dict[str, Floats]] = []
+        spread = []
+        for i, record in enumerate(self.posterior.records):
+            own, values, series, errors = {}, {}, {}, [0.0]
+            for channel in record.channels:
+                alone, beside = found[i, channel]
+                taken = alone
+                if beside is not None and gain[channel] > 0.0:
+                    taken = beside
+                    own[channel] = self.bases[i][channel]
+                total += taken.ln_evidence if self._is_noise(noise, i, taken) else -np.inf
+                values[channel] = taken.theta
+                series[channel] = taken.innovations
+                errors.append(taken.temperature_sd)
+            bases.append(own)
+            estimate.append(values)
+            innovations.append(series)
+            spread.append(max(errors))
+        return _Description(total, gain, tuple(bases), tuple(estimate), tuple(spread), tuple(innovations))
+
+    def _is_noise(self, noise: NoiseModel, i: int, found: _Found) -> bool:
+        """Whether a memory is shorter than half a sweep; one as long as the sweep is misfit, whatever it is called."""
+        if not noise.remembers:
+            return True
+        steps = self.posterior.steps[i]
+        longest = np.diff(np.append(np.flatnonzero(steps.first), steps.first.size)).max()
+        return noise.memory(noise.shape_of(found.theta), steps) < LONGEST_MEMORY * float(longest)
+
+    def _look(self, noise: NoiseModel, i: int, channel: str, basis: DiscrepancyBasis | None) -> _Found:
+        record = self.posterior.records[i]
+        space, slots = _space(self.priors, noise, record, channel, basis, self.start.fit[i][channel].rmse)
+        _, span = self.posterior.observed_range(i, channel)
+        residual = _solid(self.start.residual[i][channel], record.observed[channel])
+        tangents = self.tangents[i][channel][:, self.posterior.sampled_model]
+        density = _ResidualDensity(
+            space, noise, self.posterior.steps[i], residual, _orthonormal(tangents), basis, slots,
+            self.slope[i][channel], record.temperature_sd, self.response(i, channel),
+            REACH * span * np.sqrt(record.n),
+        )  # fmt: skip
+        best: _Found | None = None
+        for z in density.starts():
+            mode = climb(density, z, space.prior_sd())
+            if mode is None:
+                continue
+            volume = float(np.linalg.slogdet(2.0 * np.pi * mode.covariance)[1])
+            value = mode.log_prob + 0.5 * volume
+            if best is None or value > best.ln_evidence:
+                theta = space.to_physical(mode.z)
+                felt_at = slots.temperature_sd
+                own = theta if felt_at is None else np.delete(theta, felt_at)
+                felt = 0.0 if felt_at is None else float(theta[felt_at])
+                best = _Found(value, own, felt, *density.explained(mode.z))
+        if best is None:
+            centre = space.to_physical(space.prior_centre())
+            return _Found(-np.inf, centre, 0.0, None, residual)
+        return best
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    ln_evidence: float
+    theta: Floats
+    temperature_sd: float
+    weights: Floats | None
+    innovations: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class _Slots:
+    """Positions among the parameters of one channel: the size of a discrepancy, the error of the thermometer."""
+
+    size: int | None
+    temperature_sd: int | None
+
+
+def _space(
+    priors: PriorSet,
+    noise: NoiseModel,
+    record: Record,
+    channel: str,
+    basis: DiscrepancyBasis | None,
+    rmse: float,
+) -> tuple[ParameterSpace, _Slots]:
+    """Parameters of the noise of one channel of one record with their priors; that of ``sd`` is wide."""
+    scales = RecordScales.of([record]).with_residual({channel: rmse})
+    facts = list(noise.parameters(channel, record.units[channel], record.units.get("time", "s")))
+    size = felt = None
+    if basis is not None:
+        size = len(facts)
+        facts.append(size_fact(channel, record.units[channel]))
+    if noise.feels_temperature:
+        felt = len(facts)
+        facts.append(temperature_sd_fact(record.units["temperature"]))
+    parameters = [priors.parameter(fact, record.branch, scales, noise=True) for fact in facts]
+    wide = LogNormal(0.5 * scales.residual[channel], WIDE)
+    parameters[0] = replace(parameters[0], prior=wide, fixed=None)
+    return ParameterSpace(tuple(parameters)), _Slots(size, felt)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ResidualDensity:
+    """Density of the noise of one channel of one record, given what the least-squares curve leaves.
+
+    Changes of the curve along its tangents, and the weights of a discrepancy, are integrated out.
+
+    Attributes
+    ----------
+    space : ParameterSpace
+    noise : NoiseModel
+    steps : Steps
+    residual : ndarray, shape (n,)
+        [unit of the channel]
+    tangents : ndarray, shape (p, n)
+        Orthonormal.
+    basis : DiscrepancyBasis or None
+    slots : _Slots
+    slope : ndarray, shape (n,)
+        Of the response with respect to temperature.
+    declared : float
+        Standard deviation of the error of the thermometer that was declared.
+    response : ndarray, shape (n,)
+        Response as a share of its observed range.
+    reach : float
+        Standard deviation of the amount of each tangent [unit of the channel].
+    """
+
+    space: ParameterSpace
+    noise: NoiseModel
+    steps: Steps
+    residual: Floats
+    tangents: Floats
+    basis: DiscrepancyBasis | None
+    slots: _Slots
+    slope: Floats
+    declared: float
+    response: Floats
+    reach: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return tuple(p.name for p in self.space.free)
+
+    def draw_prior(self, rng: np.random.Generator, size: int) -> Floats:
+        """Draws from the prior (size, D)."""
+        return self.space.draw(rng, size)
+
+    def log_prob(self, z: Floats) -> Floats:
+        """Log of the density (W,); never NaN."""
+        theta = self.space.to_physical(np.atleast_2d(z))
+        with np.errstate(all="ignore"):
+            value = self.space.log_prior(z) + self._whitened(theta).marginal_log_density()
+        return np.where(np.isnan(value), -np.inf, value)
+
+    def explained(self, z: Floats) -> tuple[Floats | None, Floats]:
+        """Likeliest weights (m,) of the discrepancy at a point (D,), if there is one, and innovations (n,)."""
+        theta = self.space.to_physical(z[None])
+        with np.errstate(all="ignore"):
+            whitened = self._whitened(theta)
+            found = whitened.likeliest_weights()
+            e = whitened.e - found @ whitened.rows / whitened.scale
+            innovations = np.nan_to_num(self.noise.innovations(e, whitened.shape, self.steps)[0])
+        if self.basis is None or not np.isfinite(found).all():
+            return None, innovations
+        return found[0, : self.basis.count], innovations
+
+    def _whitened(self, theta: Floats) -> Whitened:
+        scale = theta[:, :1]
+        shape = self.noise.shape_of(theta)
+        relative = self.noise.relative_scale(shape, self.response)
+        if relative is not None:
+            scale = scale * relative
+        felt = self.slots.temperature_sd
+        spread = self.declared if felt is None else theta[:, felt, None]
+        if felt is not None or self.declared > 0.0:
+            scale = np.sqrt(scale * scale + (spread * self.slope) ** 2)
+        rows, sizes = self.tangents, np.full((len(theta), len(self.tangents)), self.reach)
+        if self.basis is not None and self.slots.size is not None:
+            rows = np.concatenate([self.basis.rows, rows])
+            size = np.repeat(theta[:, self.slots.size, None], self.basis.count, axis=1)
+            sizes = np.concatenate([size, sizes], axis=1)
+        return Whitened(self.noise, shape, self.steps, self.residual / scale, scale, rows, sizes)
+
+    def starts(self) -> list[Floats]:
+        """Where to climb from: what is left is noise of one kind, or mostly smooth with a little noise."""
+        own = self.noise.estimate(self.residual, self.steps)
+        small = min(max(_scatter(self.residual, self.steps), 1e-3 * float(own[0])), float(own[0]))
+        smooth = max(float(np.mean(self.residual**2)) - small**2, (0.1 * small) ** 2) ** 0.5
+        found = []
+        for sd, size, felt in ((float(own[0]), 0.2 * float(own[0]), 0.1), (small, smooth, 1.0)):
+            theta = self.space.to_physical(self.space.prior_centre())
+            theta[: own.size] = own
+            if size == smooth and self.noise.remembers:  # the memory was that of what is smooth
+                theta[1 : own.size] = _forgetful(self.noise, self.steps, own)
+            theta[0] = sd
+            if self.slots.size is not None:
+                theta[self.slots.size] = size
+            if self.slots.temperature_sd is not None:
+                steepest = float(np.max(np.abs(self.slope))) or 1.0
+                theta[self.slots.temperature_sd] = felt * own[0] / steepest
+            z = self.space.to_sampled(theta)
+            found.append(np.asarray(np.where(np.isfinite(z), z, self.space.prior_centre())))
+        return found
+
+
+def _forgetful(noise: NoiseModel, steps: Steps, own: Floats) -> Floats:
+    """Parameters after ``sd`` of a noise model, estimated from a series without memory of the same scale."""
+    white = own[0] * np.random.default_rng(0).standard_normal(steps.first.size)
+    return noise.estimate(white, steps)[1:]
+
+
+def _scatter(residual: Floats, steps: Steps) -> float:
+    """Scatter from reading to reading: robust standard deviation of second differences within sweeps, over sqrt 6."""
+    inner = ~steps.first
+    usable = inner[1:-1] & inner[2:]
+    second = (residual[2:] - 2.0 * residual[1:-1] + residual[:-2])[usable]
+    if second.size < 4:
+        return float(np.std(residual))
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+
+
+def _orthonormal(tangents: Floats) -> Floats:
+    """Orthonormal rows (r, n) that span the tangents (n, p)."""
+    usable = np.isfinite(tangents).all(axis=0)
+    scaled = tangents[:, usable] / np.maximum(np.abs(tangents[:, usable]).max(axis=0), 1e-300)
+    u, singular, _ = np.linalg.svd(scaled, full_matrices=False)
+    return np.asarray(u[:, singular > 1e-10 * max(float(singular.max(initial=0.0)), 1e-300)].T)
+
+
+Curve = Callable[[Floats], Floats]
+"""Temperatures (g,) to values (1, g)."""
+
+
+def discrepancy_bases(
+    posterior: Posterior, theta: Floats, beside: Sequence[Mapping[str, Curve]] | None = None
+) -> Bases:
+    """Basis of a discrepancy for each channel of each record, kept off the tangents of the curve at parameters (P,).
+
+    Channels with too few samples for one are left out.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    theta : ndarray, shape (P,)
+    beside : sequence of mapping, optional
+        For each record, channel to what is known already of its discrepancy: the basis lies closer where curve and
+        discrepancy together change faster.
+    """
+    model, free = posterior.model, posterior.sampled_model
+    found = []
+    for i, record in enumerate(posterior.records):
+        low, high = float(record.temperature.min()), float(record.temperature.max())
+        own: dict[str, DiscrepancyBasis] = {}
+        if high > low:
+            fine = np.linspace(low, high, FINE)
+            with np.errstate(all="ignore"):
+                curve = model.predict(theta, {**_constant(record), "temperature": fine})
+                tangents = model.jacobian(theta, record.inputs)
+            for channel in record.channels:
+                known = (beside or [{}] * (i + 1))[i].get(channel)
+                whole = curve[channel] if known is None else curve[channel] + known(fine)[0]
+                nodes = nodes_of(low, high, fine, whole)
+                at_nodes = {**_constant(record), "temperature": nodes}
+                with np.errstate(all="ignore"):
+                    basis = build_basis(
+                        record.temperature,
+                        nodes,
+                        np.interp(nodes, fine, whole),
+                        tangents[channel][:, free],
+                        model.jacobian(theta, at_nodes)[channel][:, free],
+                    )
+                if basis is not None:
+                    own[channel] = basis
+        found.append(own)
+    return tuple(found)
+
+
+def _constant(record: Record) -> dict[str, Floats]:
+    """Inputs of a record that are the same for all its samples."""
+    return {name: values[:1] for name, values in record.inputs.items() if np.ptp(values) == 0.0}
+
+
+def posterior_with(
+    name: str, posterior: Posterior, start: WarmStart, priors: PriorSet, choice: NoiseChoice | None = None
+) -> Posterior:
+    """The posterior of the same records with another noise model, its priors scaled to the residuals.
+
+    With a `choice` also with its discrepancies, and with priors scaled to the noise that it found beside them.
+    """
+    left = [{channel: g.rmse for channel, g in fit.items()} for fit in start.fit]
+    if choice is not None and choice.estimate:
+        left = [{c: float(values[0]) for c, values in own.items()} for own in choice.estimate]
+    memory = [
+        {c: memory_of(r[c], s) for c in r} for r, s in zip(start.residual, posterior.steps, strict=True)
+    ]
+    return build_posterior(
+        posterior.records,
+        NOISE_MODELS[name],
+        priors,
+        model=posterior.model,
+        residual=left,
+        memory=memory,
+        discrepancy=choice.bases if choice is not None and any(choice.bases) else None,
+    )
+
+
+def neighbour_correlation(posterior: Posterior, start: WarmStart) -> dict[str, float]:
+    """Correlation of neighbouring residuals of the warm start, by channel; the median over records."""
+    pairs = list(zip(start.residual, posterior.steps, strict=True))
+    return {c: float(np.median([lag1(r[c], s) for r, s in pairs])) for c in posterior.records[0].channels}
+
+
+def noise_start(posterior: Posterior, start: WarmStart, choice: NoiseChoice | None = None) -> Floats:
+    """Sampled coordinates (D,) of the warm start, with what stands beside the curve as estimated from its residuals."""
+    space = posterior.space
+    theta = space.to_physical(space.prior_centre())
+    theta[: start.theta.size] = start.theta
+    for i, (record, place, steps, residual) in enumerate(
+        zip(posterior.records, posterior.layout, posterior.steps, start.residual, strict=True)
+    ):
+        known = choice.estimate[i] if choice is not None and choice.estimate else {}
+        for channel, at in place.noise.items():
+            if channel in known:
+                theta[at] = known[channel][: at.size]
+                if channel in place.size:
+                    theta[place.size[channel]] = known[channel][at.size]
+            else:
+                theta[at] = posterior.noise.estimate(
+                    _solid(residual[channel], record.observed[channel]), steps
+                )
+        if place.temperature_sd is not None and choice is not None and choice.temperature_sd:
+            theta[place.temperature_sd] = choice.temperature_sd[i]
+    z = space.to_sampled(theta)
+    return np.where(np.isfinite(z), z, space.prior_centre())
+
+
+def _solid(residual: Floats, observed: Floats) -> Floats:
+    """Residuals, or where the fit is exact, of a size that rounding would leave."""
+    if float(np.max(np.abs(residual))) > 0.0:
+        return residual
+    return np.full_like(residual, 1e-12 * max(float(np.max(np.abs(observed))), 1e-300))
+
+
+def _uneven(steps: Steps) -> bool:
+    if not steps.timed:
+        return False
+    dt = steps.dt[~steps.first]
+    return dt.size > 2 and float(np.std(dt)) > EVEN * float(np.mean(dt))

@@ -1,1 +1,0 @@
-"""Warm start, ensembles, convergence, evidence."""

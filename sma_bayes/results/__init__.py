@@ -1,1 +1,0 @@
-"""What a fit is, and how it is stored."""

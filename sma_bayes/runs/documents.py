@@ -1,0 +1,150 @@
+"""The JSON documents of an output folder: the mark of its run, and what the run found, by the verb that writes it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from sma_bayes.checksum import KEY, document_checksum
+from sma_bayes.errors import OutputError
+from sma_bayes.limits import DOCUMENT_BYTES
+from sma_bayes.runs.store import plain
+
+MARK: Final = "run.json"
+"""File that tells to which run a folder belongs."""
+AGAIN: Final = "give the command that started it once more, with --resume"
+FINISH: Final = f"finish it: {AGAIN}"
+
+
+def read_mark(folder: Path) -> dict[str, Any] | None:
+    """What the mark of a folder says; None where there is none, or none that says anything."""
+    try:
+        mark = json.loads((folder / MARK).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return mark if isinstance(mark, dict) else None
+
+
+def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Document as it is written: values that JSON knows, and a checksum of all of them."""
+    stated: dict[str, Any] = plain(document)
+    return {**stated, KEY: document_checksum(stated)}
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """What a verb writes of what it found.
+
+    Attributes
+    ----------
+    verb : str
+        ``gap``; the mark of a folder names it as its kind.
+    file : str
+        ``gap.json``. It is written last, so it tells that the run came to its end.
+    schema : str
+    what : str
+        What a folder with it holds: ``a gap study``.
+    keys : tuple of str
+        What it must hold.
+    """
+
+    verb: str
+    file: str
+    schema: str
+    what: str
+    keys: tuple[str, ...] = ()
+
+    def is_in(self, folder: Path) -> bool:
+        """Whether a folder holds such a run, finished or not."""
+        return (folder / self.file).is_file() or (read_mark(folder) or {}).get("kind") == self.verb
+
+    def anew(self, folder: Path) -> str:
+        """What to do where something beside the document can't be used."""
+        return f"remove {folder / self.file} and {AGAIN}"
+
+    def read(self, folder: Path) -> dict[str, Any]:
+        """What a finished run found.
+
+        Raises
+        ------
+        OutputError
+            If the run is not finished, or its document can't be read or is of another version.
+        """
+        path = folder / self.file
+        if not path.is_file():
+            raise OutputError(
+                f"holds {self.what} that is not finished",
+                file=folder,
+                expected=f"a folder with a {self.file}",
+                remedy=FINISH,
+            )
+        try:
+            if path.stat().st_size > DOCUMENT_BYTES.value:
+                raise ValueError(f"it has more than {DOCUMENT_BYTES.value} bytes")
+            found = json.loads(path.read_text(encoding="utf-8"))
+        except RecursionError:
+            raise OutputError(
+                "can't be read: values too deep inside each other",
+                file=path,
+                expected=f"JSON as {self.verb} writes it",
+                remedy=f"remove it and {AGAIN}",
+            ) from None
+        except (OSError, ValueError) as error:
+            raise OutputError(
+                f"can't be read: {error}",
+                file=path,
+                expected=f"JSON as {self.verb} writes it",
+                remedy=f"remove it and {AGAIN}",
+            ) from None
+        schema = found.get("schema") if isinstance(found, dict) else None
+        if schema != self.schema:
+            raise OutputError(
+                f"has the schema {schema!r}",
+                file=path,
+                expected=f"the schema {self.schema!r}",
+                remedy=self._elsewhere,
+            )
+        lacking = [key for key in self.keys if key not in found]
+        if lacking:
+            raise OutputError(
+                f"lacks {' and '.join(map(repr, lacking))}",
+                file=path,
+                expected=f"what this version of sma_bayes writes under the schema {self.schema!r}",
+                remedy=self._elsewhere,
+            )
+        if found.get(KEY) != document_checksum(found):
+            raise OutputError(
+                "is not as it was written: its content does not have the checksum that it states",
+                file=path,
+                expected=f"what {self.verb} wrote, unchanged",
+                remedy=f"take it from a copy; or remove it and {AGAIN}",
+            )
+        return dict(found)
+
+    @property
+    def _elsewhere(self) -> str:
+        return f"{self.verb} again into another folder, with this version of sma_bayes"
+
+
+FIT: Final = Document("fit", "summary.json", "sma-bayes/fit/1", "a fit", ("records",))
+COMPARISON: Final = Document(
+    "compare",
+    "comparison.json",
+    "sma-bayes/comparison/1",
+    "a comparison of models",
+    ("records", "overall"),
+)
+GAP: Final = Document(
+    "gap", "gap.json", "sma-bayes/gap/1", "a gap study", ("effects", "partial", "thresholds", "gap")
+)
+CONDITIONS: Final = Document(
+    "conditions",
+    "conditions.json",
+    "sma-bayes/conditions/1",
+    "a study of conditions",
+    ("groups", "features", "effects", "predictions", "held_out"),
+)
+STUDY: Final = Document("study", "study.json", "sma-bayes/study/1", "the folders of a study")

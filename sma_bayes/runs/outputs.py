@@ -1,0 +1,344 @@
+"""What an output folder of a `fit` run holds, read back: summary, priors, bands, posteriors, measurements."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+
+from sma_bayes.checksum import KEY, file_checksum, netcdf_checksum
+from sma_bayes.discrepancy import DiscrepancyBasis
+from sma_bayes.errors import OutputError
+from sma_bayes.quantities import Floats
+from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FINISH, FIT, GAP, MARK, STUDY
+from sma_bayes.runs.store import FUNCTIONS, NODE, WEIGHTS, unguarded_text
+
+BAND_COLUMNS: Final = ("q05", "q25", "q50", "q75", "q95", "pred_q05", "pred_q95")
+"""Quantiles of a band that figures show."""
+
+
+_DAMAGED: Final = (
+    OSError,
+    KeyError,
+    ValueError,
+    TypeError,
+    RuntimeError,
+    AttributeError,
+    IndexError,
+    MemoryError,
+)
+"""What HDF5 and its readers raise of a damaged file."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredRun:
+    """A finished run.
+
+    Attributes
+    ----------
+    folder : Path
+    summary : mapping
+        What ``summary.json`` holds.
+    priors : str
+        Text of ``priors.toml``; empty where there is none.
+    """
+
+    folder: Path
+    summary: Mapping[str, Any]
+    priors: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredBand:
+    """Bands of one channel of one record.
+
+    Attributes
+    ----------
+    temperature : ndarray, shape (m,)
+        [unit of temperature].
+    quantiles : mapping of str to ndarray, shape (m,)
+        By the names in `BAND_COLUMNS` [unit of the channel]; NaN where there is no such quantile.
+    extrapolated : ndarray of bool, shape (m,)
+        True beyond the observed temperatures.
+    """
+
+    temperature: Floats
+    quantiles: Mapping[str, Floats]
+    extrapolated: np.ndarray[tuple[int], np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredRecord:
+    """One record's measurements and draws.
+
+    Attributes
+    ----------
+    key : str
+        Condition and branch, as `Record.key` has them.
+    model, noise : str
+        Names of the response model and of the noise model.
+    observed : mapping of str to ndarray, shape (n,)
+        Channels [unit of the channel].
+    inputs : mapping of str to ndarray, shape (n,)
+        Temperature, and time, cycle, segment where there are any.
+    row : ndarray of int, shape (n,)
+        Source line of each sample.
+    draws : mapping of str to ndarray, shape (G, N)
+        Parameters; G ensembles of N draws.
+    prior_curves : mapping of str to ndarray, shape (S, m)
+        Curves of draws from the prior.
+    prior_temperature : ndarray, shape (m,)
+    discrepancy : mapping of str to tuple of ndarray
+        Channel to nodes (k,), values of the functions there (k, f), and weights (G N, f) of what the curve misses.
+    """
+
+    key: str
+    model: str
+    noise: str
+    observed: Mapping[str, Floats]
+    inputs: Mapping[str, Floats]
+    row: np.ndarray[tuple[int], np.dtype[np.int64]]
+    draws: Mapping[str, Floats]
+    prior_curves: Mapping[str, Floats]
+    prior_temperature: Floats
+    discrepancy: Mapping[str, tuple[Floats, Floats, Floats]] = field(default_factory=dict)
+
+    def bases(self) -> dict[str, DiscrepancyBasis]:
+        """Basis of what each curve misses, by channel."""
+        at = self.inputs["temperature"]
+        return {
+            c: DiscrepancyBasis.tabulated(nodes, values, at)
+            for c, (nodes, values, _) in self.discrepancy.items()
+        }
+
+
+def posterior_path(folder: Path, key: str) -> Path:
+    """Where the posterior of a record is."""
+    return folder / "posterior" / f"{key}.nc"
+
+
+def band_path(folder: Path, key: str, channel: str) -> Path:
+    """Where the bands of a channel of a record are."""
+    return folder / "bands" / f"{key}-{channel}.csv"
+
+
+def read_run(folder: Path) -> StoredRun:
+    """Read the summary of a run and check that all of its files are there.
+
+    Raises
+    ------
+    OutputError
+        If the folder holds no run, an unfinished one, or one of another version.
+    """
+    if not folder.is_dir():
+        raise OutputError(
+            "is not a folder", file=folder, expected="the output folder of a fit", remedy="check the path"
+        )
+    if not (folder / FIT.file).is_file():
+        other = next((d for d in (GAP, COMPARISON, CONDITIONS, STUDY) if (folder / d.file).is_file()), None)
+        if other:
+            raise OutputError(
+                f"holds {other.what}, no fit",
+                file=folder,
+                expected="a folder with a summary.json",
+                remedy="name the folder that was given to fit as --out; of a study the one called fit",
+            )
+        begun = (folder / MARK).is_file()
+        raise OutputError(
+            "holds a run that is not finished" if begun else "holds no run of sma_bayes",
+            file=folder,
+            expected="a folder with a summary.json",
+            remedy=FINISH if begun else "name the folder that was given to fit as --out",
+        )
+    summary = FIT.read(folder)
+    if not summary.get("records"):
+        raise OutputError(
+            "holds no records",
+            file=folder / FIT.file,
+            expected="at least one record",
+            remedy="name the output folder of a fit, made by this version of sma_bayes",
+        )
+    missing = _missing(folder, summary)
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        raise OutputError(
+            f"lacks {', '.join(missing[:3])}{more}",
+            file=folder,
+            expected="a posterior and bands for each record of summary.json",
+            remedy=FINISH,
+        )
+    priors = folder / "priors.toml"
+    return StoredRun(folder, summary, priors.read_text(encoding="utf-8") if priors.is_file() else "")
+
+
+def read_columns(path: Path, again: str) -> dict[str, Floats]:
+    """Read a CSV of numbers and of true or false, as 1 and 0.
+
+    Parameters
+    ----------
+    path : Path
+    again : str
+        What to do if it can't be read.
+
+    Raises
+    ------
+    OutputError
+        If it can't.
+    """
+    truth = {"true": "1", "false": "0"}
+    try:
+        return {
+            name: floats(tuple(truth.get(cell, cell) for cell in column))
+            for name, column in read_cells(path).items()
+        }
+    except (OSError, ValueError) as error:
+        raise OutputError(
+            f"can't be read: {error}", file=path, expected="columns as they were written", remedy=again
+        ) from None
+
+
+def _missing(folder: Path, summary: Mapping[str, Any]) -> list[str]:
+    wanted = [
+        path
+        for record in summary["records"]
+        for path in (
+            posterior_path(folder, record["key"]),
+            *(band_path(folder, record["key"], channel) for channel in record["quantities"]),
+        )
+    ]
+    return [str(path.relative_to(folder)) for path in wanted if not path.is_file()]
+
+
+def read_band(path: Path) -> StoredBand:
+    """Read a band.
+
+    Raises
+    ------
+    OutputError
+        If the file is not one that `fit` wrote.
+    """
+    try:
+        columns = read_cells(path)
+        temperature = next(values for name, values in columns.items() if name.startswith("temperature_"))
+        return StoredBand(
+            floats(temperature),
+            {name: floats(columns[name]) for name in BAND_COLUMNS},
+            np.array([value == "true" for value in columns["extrapolated"]], dtype=np.bool_),
+        )
+    except (OSError, ValueError, KeyError, StopIteration) as error:
+        raise OutputError(
+            f"can't be read as a band: {error}", file=path, expected="a band as fit writes it", remedy=FINISH
+        ) from None
+
+
+def read_cells(path: Path) -> dict[str, tuple[str, ...]]:
+    """Read a CSV as text, column by column.
+
+    Raises
+    ------
+    OSError, ValueError
+        If it can't be read, or its rows are of different lengths.
+    """
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    columns = [tuple(map(unguarded_text, column)) for column in zip(*rows, strict=True)]
+    return dict(zip(map(unguarded_text, header), columns, strict=True))
+
+
+def floats(cells: tuple[str, ...]) -> Floats:
+    """Numbers of a column; NaN where a cell is empty."""
+    return np.array([float(cell) if cell else np.nan for cell in cells])
+
+
+def read_record(path: Path) -> StoredRecord:
+    """Read a record's measurements and draws from its NetCDF file.
+
+    Raises
+    ------
+    OutputError
+        If the file is not one that `fit` wrote, was changed since, or is that of another record.
+    """
+    stored = _read_record(path)
+    if stored.key != path.stem:
+        raise OutputError(
+            f"holds the posterior of {stored.key!r}",
+            file=path,
+            expected=f"that of {path.stem!r}",
+            remedy="take the file from a copy; or fit again into another folder",
+        )
+    return stored
+
+
+def posterior_of(folder: Path, key: str, checksum: str | None) -> StoredRecord:
+    """Read the posterior that belongs to an entry of ``summary.json``, by its key and checksum.
+
+    Raises
+    ------
+    OutputError
+        If the file is not, byte by byte, the one that the run wrote; and as `read_record`.
+    """
+    path = posterior_path(folder, key)
+    if path.is_file() and file_checksum(path) != checksum:
+        raise OutputError(
+            "is not the posterior that summary.json tells of, or was changed since",
+            file=path,
+            expected="the file that the same run wrote",
+            remedy="take both from one run; or fit again into another folder",
+        )
+    return read_record(path)
+
+
+def _read_record(path: Path) -> StoredRecord:
+    try:
+        with h5py.File(path, "r") as file:
+            if netcdf_checksum(file) != file.attrs[KEY]:
+                raise OSError("its content does not have the checksum that it states")
+            constant, prior = file["constant_data"], file["prior_predictive"]
+            return StoredRecord(
+                key=f"{file.attrs['condition']}-{file.attrs['branch']}",
+                model=str(file.attrs["model"]),
+                noise=str(file.attrs["noise"]),
+                observed=_variables(file["observed_data"], skip={"obs", *constant}),
+                inputs=_variables(
+                    constant, skip={"obs", "row", *(name for name in constant if "_discrepancy_" in name)}
+                ),
+                row=np.asarray(constant["row"][:], dtype=np.int64),
+                draws=_variables(file["posterior"], skip={"chain", "draw"}),
+                prior_curves={
+                    name: curves[0] for name, curves in
+                    _variables(prior, skip={"chain", "draw", "temperature"}).items()
+                },
+                prior_temperature=np.asarray(prior["temperature"][:], dtype=float),
+                discrepancy=_discrepancy(constant, file["sample_stats"]),
+            )  # fmt: skip
+    except _DAMAGED as error:
+        raise OutputError(
+            f"can't be read as a posterior: {error}",
+            file=path,
+            expected="NetCDF as fit wrote it",
+            remedy=FINISH,
+        ) from None
+
+
+def _discrepancy(constant: Any, stats: Any) -> dict[str, tuple[Floats, Floats, Floats]]:
+    """What each curve misses, by channel."""
+    found = {}
+    for name in constant:
+        if name.endswith(FUNCTIONS):
+            channel = name.removesuffix(FUNCTIONS)
+            weights = np.asarray(stats[f"{channel}{WEIGHTS}"][:], dtype=float)
+            found[channel] = (
+                np.asarray(constant[f"{channel}{NODE}"][:], dtype=float),
+                np.asarray(constant[name][:], dtype=float),
+                weights.reshape(-1, weights.shape[-1]),
+            )
+    return found
+
+
+def _variables(group: Any, skip: set[str]) -> dict[str, Floats]:
+    return {name: np.asarray(group[name][:], dtype=float) for name in group if name not in skip}

@@ -1,0 +1,1 @@
+"""Draws from a density: proposals, moves, ensembles, evidence, convergence."""

@@ -1,0 +1,753 @@
+"""Ensembles: independent groups of walkers, run until the draws reach a stated target.
+
+The plan of a run, each stage only where the one before does not suffice:
+
+1. linearise the response at the least-squares optimum for a proposal; where that is not good, climb to the modes from
+   the optima and fit a proposal to each (`adaptation`);
+2. independence moves with that proposal from its own weighted draws, in at least four groups that share nothing
+   but the proposal;
+3. an audit of the proposal, which looks for what it hardly draws (`audit`); what fails is mended by what was met, and
+   run and audited again;
+4. where the proposal does not carry (low efficiency, a single weight too large), does not pass or misses the target,
+   the same with one that is made to reach further;
+5. where that does not do either, explore with differential evolution from dispersed starts and fit again to what was
+   found;
+6. independence moves with that, audited too, or, where it does not carry either, both kinds of move together.
+
+A run stops when every parameter has reached the target on R-hat, effective sample size and the error of its outer
+quantiles, never on a count of steps. If the greatest allowed effort is spent first, the draws are returned and called
+not converged. To cross-check by hand a run can be made with differential evolution or stretch moves alone (`SAMPLERS`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import emcee
+import numpy as np
+from emcee.moves import Move
+from emcee.state import State
+
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.sampling.adaptation import (
+    GREATEST_SHARE,
+    LINEAR,
+    USABLE,
+    Adapted,
+    adapt,
+    at_a_look,
+    with_wide_share,
+)
+from sma_bayes.sampling.audit import Audit, Audited, audited, reaching_further
+from sma_bayes.sampling.bridge import Evidence, bridge_evidence
+from sma_bayes.sampling.checkpoint import Block, Checkpoint
+from sma_bayes.sampling.convergence import PUBLISHED, Convergence, Target, assess
+from sma_bayes.sampling.laplace import Density, Mode, climb, near
+from sma_bayes.sampling.linearised import Linearised
+from sma_bayes.sampling.moves import (
+    SAMPLERS,
+    IndependenceMove,
+    MultipleProposalMove,
+    Sampler,
+    differential_evolution,
+)
+from sma_bayes.sampling.refitting import adapt_to_draws
+from sma_bayes.sampling.weighted import Weighed, Weights
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How ensembles are run.
+
+    Attributes
+    ----------
+    target : Target
+    groups : int
+        Independent ensembles, at least 4.
+    walkers : int
+        Walkers of a group; raised to twice the dimension where that is more.
+    block : int
+        Steps of the first block of independence moves, at least.
+    explore_block : int
+        Steps of a block with differential evolution.
+    evaluations : int
+        Greatest number of evaluations of the density.
+    greatest_weight : float
+        Greatest importance weight, as a multiple of the mean weight, with which independence moves go on.
+    sampler : Sampler
+        One of `SAMPLERS`.
+    """
+
+    target: Target = PUBLISHED
+    groups: int = 4
+    walkers: int = 64
+    block: int = 6
+    explore_block: int = 250
+    evaluations: int = 6_000_000
+    greatest_weight: float = GREATEST_SHARE
+    sampler: Sampler = SAMPLERS["independence"]
+
+    def __post_init__(self) -> None:
+        if self.groups < 4:
+            raise ValueError(f"{self.groups} groups: at least 4 independent ensembles are needed for R-hat")
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """What ensembles give.
+
+    Attributes
+    ----------
+    z : ndarray, shape (G, S, W, D)
+        Ensembles, steps, walkers, sampled coordinates; burn-in removed.
+    log_prob : ndarray, shape (G, S, W)
+    convergence : Convergence
+    acceptance : float
+        Share of accepted proposals.
+    evaluations : int
+        Evaluations of the density, all stages together.
+    method : str
+        ``independence``, ``independence after an audit`` (with a proposal that an audit found wanting, mended),
+        ``independence after differential evolution``, ``independence and differential evolution``, or, where the plan
+        asks for it, ``differential evolution`` or ``stretch``.
+    modes : tuple of Mode
+    efficiency, greatest_weight : float
+        Of the importance weights of all proposals (see `Weights`).
+        Not numbers where there were no such proposals.
+    ln_evidence, ln_evidence_sd : float
+        Log of the integral of likelihood times prior, and its standard error: by importance sampling with the
+        proposals of the run, and with those of the audit where the run hardly draws; by bridge sampling from the
+        draws where moves of another kind made them.
+    audit : Audit or None
+        Of the proposal; None where differential evolution or stretch moves had a part in the draws, which don't depend
+        on what a proposal draws.
+    """
+
+    z: Floats
+    log_prob: Floats
+    convergence: Convergence
+    acceptance: float
+    evaluations: int
+    method: str
+    modes: tuple[Mode, ...]
+    efficiency: float
+    greatest_weight: float
+    ln_evidence: float
+    ln_evidence_sd: float
+    audit: Audit | None
+
+
+AHEAD = 16
+"""Steps of independence moves whose proposals are drawn and evaluated at once, where other moves are made between."""
+
+TRIES = ("independence", "wider")
+"""Tries with independence moves alone, before walkers are sent out."""
+WIDENINGS, WIDE_ENOUGH = 6, 0.5
+"""How often, at most, a posterior's proposal is made to reach further before the second try, and the efficiency at
+which it reaches far enough."""
+
+MENDINGS = 3
+"""How often a proposal that does not pass its audit is mended."""
+BRIDGED = 8000
+FEWEST = 500
+"""Draws, at most and at least, from which the evidence is bridged."""
+EXPLORED_BLOCKS, TRIED_AT = 4, (1, 2, 4)
+"""Blocks of steps that explore, at most, and after which of them a proposal is fitted to what they have met."""
+EXPLORED_RHAT = 1.05
+EXPLORED_TIMES, SEEN_TIMES = 10.0, 1.0
+MIXED_TIMES = 20.0
+"""Autocorrelation times that each walker must have moved for, to have explored and to have converged.
+
+Walkers that start near a mode and creep along a bent ridge agree with each other long before they have come to its
+ends, and the more walkers there are the sooner they add up to the target: of 20 runs on a narrow banana all had
+reached it, with standard deviations a fifth too small. A posterior need but be seen for a proposal to be fitted: in
+its own coordinates it is hardly bent, an audit looks beyond, and where that is not passed it is explored further."""
+
+LONGEST = 384
+"""Steps of independence moves, at most. Of skewed parameters the outer quantiles take some thirty thousand draws, which
+other moves would take a hundred times as long to make."""
+HEAVIER_FROM = 48
+"""Steps from which the greatest weight that is let pass grows with their number."""
+HOPED = 1.37
+"""Draws that must count for each effective one that is asked for, so that the first block of steps mostly does: each of
+some thirty effective sample sizes is an estimate, and the least of them decides."""
+IN_HAND = 1.15
+"""What is asked for beyond the effective draws that lack, whose number is itself an estimate."""
+MOST_BLOCKS = 3
+"""Blocks at once, at most."""
+LEAST_STEPS = 4
+"""Steps at least of a further block of independence moves: of few proposals a walker has little to choose from."""
+
+LOOK_AGAIN = 1.2
+"""By how much a chain must have grown to be assessed again: assessing then costs in proportion to its length."""
+
+Progress = Callable[[str], None]
+
+
+def sample(
+    density: Density,
+    starts: Sequence[Floats] | Sequence[Mode],
+    width: Floats,
+    seed: np.random.SeedSequence,
+    plan: Plan | None = None,
+    *,
+    checkpoint: Path | None = None,
+    fingerprint: str = "",
+    progress: Progress | None = None,
+) -> Draws:
+    """Sample a density with independent ensembles.
+
+    Parameters
+    ----------
+    density : Density
+    starts : sequence of ndarray, shape (D,), or of Mode
+        Points from which modes are climbed to, or modes where they are known. `dispersed_starts` finds points for a
+        density without a warm start.
+    width : ndarray, shape (D,)
+        Greatest plausible standard deviation of each coordinate: that of the prior.
+    seed : numpy.random.SeedSequence
+        Decides every draw.
+    plan : Plan, optional
+    checkpoint : Path, optional
+        File to which blocks of steps are written and from which an interrupted run goes on. The draws are the
+        same to the bit as those of a run that was not interrupted.
+    fingerprint : str
+        Of the density, for the checkpoint.
+    progress : callable, optional
+        Told in a few words what is going on.
+    """
+    _keep_freed_memory()
+    return _Run(density, width, seed, plan or Plan(), checkpoint, fingerprint, progress).go(starts)
+
+
+@cache
+def _keep_freed_memory() -> None:
+    """Have the C library hand freed memory out again instead of giving it back to the system.
+
+    glibc gives back what is free beyond twice the largest block so far that it had by itself from the system, and
+    arrays of half a megabyte, asked for and freed thousands of times, then cost more than what is done with them.
+    An array of 16 MB that nobody writes to takes no memory. With other C libraries it does nothing.
+    """
+    np.empty(1 << 21)
+
+
+def dispersed_starts(
+    density: Density, rng: np.random.Generator, width: Floats, count: int = 12
+) -> list[Floats]:
+    """Best of many draws from the prior that are at least a fifth of the prior's width from one another."""
+    z = density.draw_prior(rng, 2000)
+    z = z[np.argsort(-density.log_prob(z), kind="stable")]
+    chosen: list[Floats] = []
+    for point in z:
+        if all(np.max(np.abs(point - other) / width) > 0.2 for other in chosen):
+            chosen.append(point)
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+def _steps_hoped(efficiency: float, chains: int, plan: Plan) -> int:
+    """Steps with which a block should reach the target, where so large a share of the proposals count.
+
+    `MOST_BLOCKS` times the least number at most: what is lost with a run that is killed is the block that it is at.
+    """
+    hoped = math.ceil(HOPED * plan.target.draws / (chains * efficiency))
+    return min(MOST_BLOCKS * plan.block, max(plan.block, hoped))
+
+
+def _steps_lacking(convergence: Convergence, length: int, plan: Plan) -> int:
+    """Steps to go on for, after so many: by what lacks in effective draws, as many again at most."""
+    least = float(np.minimum(convergence.ess_bulk, convergence.ess_tail).min())
+    short = max(
+        plan.target.ess / least, float(np.max(convergence.quantile_error / plan.target.quantile_error)) ** 2
+    )
+    if not (least > 0.0 and short > 1.0):  # it is R-hat that lacks, or there is no telling
+        return plan.block
+    lacking = length * (IN_HAND * short - 1.0)
+    return min(length, max(LEAST_STEPS, math.ceil(lacking)))
+
+
+class _Run:
+    """One call of `sample`: the stages, and what they share."""
+
+    def __init__(
+        self,
+        density: Density,
+        width: Floats,
+        seed: np.random.SeedSequence,
+        plan: Plan,
+        checkpoint: Path | None,
+        fingerprint: str,
+        progress: Progress | None,
+    ) -> None:
+        self.density = density
+        self.width = width
+        self.plan = plan
+        self.walkers = max(plan.walkers, 2 * width.size + 2)
+        self.seed = seed
+        self.tell = progress or (lambda _: None)
+        self.evaluations = 0
+        self.checkpoint = None
+        if checkpoint is not None:
+            whole = hashlib.sha256(
+                f"{fingerprint} {seed.entropy} {seed.spawn_key} {plan}".encode()
+            ).hexdigest()
+            self.checkpoint = Checkpoint(checkpoint, whole)
+
+    # what is counted is what the density is asked, whoever asks
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.density.names
+
+    def log_prob(self, z: Floats) -> Floats:
+        self.evaluations += len(z)
+        return self.density.log_prob(z)
+
+    def go(self, starts: Sequence[Floats] | Sequence[Mode]) -> Draws:
+        first, explore_seed, run_first, run_second, groups_seed, second, *_, self.audit_seed = (
+            self.seed.spawn(9)
+        )
+        by_hand = self.plan.sampler
+        if by_hand.moves is not None:
+            modes, adapted = self._at_the_modes(starts, first)
+            moves = by_hand.moves(self.width.size)
+            return self._by_moves(by_hand.title, moves, adapted, modes, groups_seed)
+        modes, adapted = self._near_a_mode(starts, first) or self._at_the_modes(starts, first)
+        if adapted.carries:
+            draws = self._audited_independence("independence", adapted, modes, run_first)
+            if draws is not None:
+                return draws
+        if adapted.carries or isinstance(self.density, Posterior):
+            adapted = self._second_try(adapted, modes, np.random.default_rng(second))
+        if adapted.carries:
+            draws = self._audited_independence("wider", adapted, modes, run_second)
+            if draws is not None:
+                return draws
+        seeds_of_groups = groups_seed.spawn(self.plan.groups)
+        return self._explore(adapted, modes, np.random.default_rng(explore_seed), seeds_of_groups)
+
+    def _near_a_mode(
+        self, starts: Sequence[Floats] | Sequence[Mode], seed: np.random.SeedSequence
+    ) -> tuple[tuple[Mode, ...], Adapted] | None:
+        """A least-squares optimum and the proposal linearised there; None where a look does not find it good.
+
+        Where noise has no memory that optimum is so near the mode that climbing to it makes no better proposal.
+        """
+        density = self.density
+        if len(starts) != 1 or not isinstance(density, Posterior) or not density.near_least_squares:
+            return None
+        (start,) = starts
+        if isinstance(start, Mode):
+            return None
+        linearised = Linearised.at(density, start)
+        mode = near(linearised, self.width)
+        chains = self.plan.groups * self.walkers
+        ahead = chains * _steps_hoped(LINEAR, chains, self.plan)
+        adapted = at_a_look(linearised, mode, np.random.default_rng(seed), ahead)
+        if adapted is None:
+            return None
+        self.evaluations += adapted.evaluations
+        return ((mode,), adapted) if adapted.good else None
+
+    def _at_the_modes(
+        self, starts: Sequence[Floats] | Sequence[Mode], seed: np.random.SeedSequence
+    ) -> tuple[tuple[Mode, ...], Adapted]:
+        """The modes that are climbed to from the starts, and a proposal fitted there."""
+        self.tell("climbing to the modes")
+        modes = self._modes(starts)
+        adapted = adapt(self.density, modes, np.random.default_rng(seed))
+        self.evaluations += adapted.evaluations
+        return modes, adapted
+
+    def _modes(self, starts: Sequence[Floats] | Sequence[Mode]) -> tuple[Mode, ...]:
+        found = []
+        for start in starts:
+            mode = start if isinstance(start, Mode) else climb(self.density, start, self.width)
+            if mode is not None:
+                found.append(mode)
+                self.evaluations += mode.evaluations
+        if not found:
+            raise ValueError("the density is zero at every start")
+
+        def mass(mode: Mode) -> float:
+            return mode.log_prob + 0.5 * float(np.linalg.slogdet(mode.covariance)[1])
+
+        found.sort(key=mass, reverse=True)
+        kept: list[Mode] = []
+        for mode in found:
+            if mass(mode) < mass(found[0]) - 20.0:
+                continue
+            apart = (np.linalg.solve(m.covariance, mode.z - m.z) @ (mode.z - m.z) for m in kept)
+            if all(distance > 1.0 for distance in apart):
+                kept.append(mode)
+        return tuple(kept)
+
+    def _second_try(self, adapted: Adapted, modes: tuple[Mode, ...], rng: np.random.Generator) -> Adapted:
+        """A proposal after one that did not carry a run, or seemed to.
+
+        Of a posterior the same one, made to reach further until it is good or has been tried often enough. Another
+        density has no coordinates of its own to do so in: it is fitted once more, to other draws, with a wide share.
+        """
+        if not isinstance(self.density, Posterior):
+            again = adapt(self.density, modes, rng)
+            self.evaluations += again.evaluations
+            return with_wide_share(again)
+        best = None
+        for _ in range(WIDENINGS):
+            self.tell("widening a proposal that does not carry a run")
+            adapted = reaching_further(self.density, adapted, self.width, rng)
+            self.evaluations += adapted.evaluations
+            if best is None or adapted.weights.efficiency > best.weights.efficiency:
+                best = adapted
+            if adapted.weights.efficiency >= WIDE_ENOUGH:
+                break
+        return best or adapted
+
+    def _audited_independence(
+        self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seed: np.random.SeedSequence
+    ) -> Draws | None:
+        """Independence moves that pass their audit, if need be with the proposal mended; None if they don't suffice."""
+        method = "independence" if name in TRIES else "independence after differential evolution"
+        draws = self._independence(name, adapted, modes, seed, method)
+        if not isinstance(draws, Audited):
+            return draws
+        for again, (mend_seed, run_seed) in enumerate((s.spawn(2) for s in seed.spawn(MENDINGS)), start=1):
+            self.tell("mending a proposal that did not pass its audit")
+            adapted = draws.mended(self.density, adapted.proposal, np.random.default_rng(mend_seed))
+            self.evaluations += adapted.evaluations
+            if not adapted.carries:
+                return None
+            method = method if name not in TRIES else "independence after an audit"
+            draws = self._independence(f"{name}-mended-{again}", adapted, modes, run_seed, method)
+            if not isinstance(draws, Audited):
+                return draws
+        return None
+
+    def _independence(
+        self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seed: np.random.SeedSequence, method: str
+    ) -> Draws | Audited | None:
+        """Independence moves alone; their audit if they don't pass it, None if they don't get so far.
+
+        No walker's move looks at another walker, so that any of them are independent of the rest: all groups are
+        run as one ensemble and told apart afterwards, which spares the work of a step for each of them.
+        """
+        plan = self.plan
+        more = _steps_hoped(adapted.weights.efficiency, plan.groups * self.walkers, plan)
+        group = _Group(self, name, adapted, seed, None, more, copies=plan.groups)
+        let_pass = 0.0
+        while (
+            group.length < LONGEST
+        ):  # a great weight calls for an audit at once; after one that is passed they go on
+            self.tell(f"independence moves, from step {group.length + 1}")
+            group.advance(more)
+            weights = Weights(group.log_weight)
+            most = max(plan.greatest_weight * max(1.0, group.length / HEAVIER_FROM), let_pass)
+            if weights.efficiency < USABLE:
+                return None
+            convergence = assess(group.chains, plan.target)
+            if convergence.converged or weights.greatest > most:
+                z = group.chain.reshape(-1, self.width.size)
+                rng = np.random.default_rng(self.audit_seed)
+                found = audited(self.density, adapted.proposal, group.log_weight, z, self.width, rng)
+                self.evaluations += found.evaluations
+                if not found.audit.passed:
+                    return found
+                let_pass = 2.0 * weights.greatest
+                if convergence.converged:
+                    return self._draws([group], 0, convergence, modes, method, found.evidence, found.audit)
+            more = _steps_lacking(convergence, group.length, plan)
+        return None
+
+    def _by_moves(
+        self,
+        method: str,
+        moves: list[tuple[Move, float]],
+        adapted: Adapted,
+        modes: tuple[Mode, ...],
+        seed: np.random.SeedSequence,
+    ) -> Draws:
+        """Moves that look at other walkers alone, from starts dispersed about the modes."""
+        plan = self.plan
+        *seeds, evidence_seed = seed.spawn(plan.groups + 1)
+        groups = [
+            _Group(self, f"{plan.sampler.name}-{g}", adapted, s, moves, plan.explore_block, modes=modes)
+            for g, s in enumerate(seeds)
+        ]
+        return self._until_mixed(groups, modes, method, np.random.default_rng(evidence_seed))
+
+    def _explore(
+        self,
+        adapted: Adapted,
+        modes: tuple[Mode, ...],
+        rng: np.random.Generator,
+        seeds: Sequence[np.random.SeedSequence],
+    ) -> Draws:
+        """Differential evolution from dispersed starts, then both kinds of move with a proposal fitted to it."""
+        plan = self.plan
+        explore_seeds = [s.spawn(3) for s in seeds]
+        evolution = differential_evolution(self.width.size)
+        groups = [
+            _Group(self, f"explore-{g}", adapted, s[0], evolution, plan.explore_block, modes=modes)
+            for g, s in enumerate(explore_seeds)
+        ]
+        times = SEEN_TIMES if isinstance(self.density, Posterior) else EXPLORED_TIMES
+        enough = Target(EXPLORED_RHAT, times * plan.groups * self.walkers)
+        tries = explore_seeds[0][2].spawn(EXPLORED_BLOCKS)
+        for block in range(1, EXPLORED_BLOCKS + 1):
+            self.tell(f"exploring with differential evolution, block {block}")
+            for group in groups:
+                group.advance()
+            half = groups[0].length // 2
+            explored = assess(np.concatenate([g.chains[:, half:] for g in groups]), enough).converged
+            if not (explored and block in TRIED_AT) and block < EXPLORED_BLOCKS:
+                continue
+            z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
+            fitted = adapt_to_draws(self.density, z, modes, rng)
+            self.evaluations += fitted.evaluations
+            if isinstance(self.density, Posterior) and not fitted.carries:
+                fitted = reaching_further(self.density, fitted, self.width, rng)
+                self.evaluations += fitted.evaluations
+            if explored and fitted.carries:
+                draws = self._audited_independence(f"refitted-{block}", fitted, modes, tries[block - 1])
+                if draws is not None:
+                    return draws
+            if explored and times == EXPLORED_TIMES:
+                break
+        thin = math.ceil(len(z) / 4000)
+        log_prob = np.concatenate([g.log_probs[0, half:].ravel() for g in groups])
+        adapted = max(fitted, adapted.judged(z[::thin], log_prob[::thin]), key=lambda a: a.acceptance)
+        share = 0.5 if adapted.acceptance > 0.1 else 0.1
+        adapted = with_wide_share(adapted)  # a walker far out in a tail is to come back
+        groups = [
+            _Group(
+                self, f"mixed-{g}", adapted, s[1], evolution, plan.explore_block,
+                independence=share, start=groups[g].chain[-1],
+            )
+            for g, s in enumerate(explore_seeds)
+        ]  # fmt: skip
+        return self._until_mixed(groups, modes, "independence and differential evolution", rng)
+
+    def _until_mixed(
+        self, groups: Sequence[_Group], modes: tuple[Mode, ...], method: str, rng: np.random.Generator
+    ) -> Draws:
+        """Blocks of steps until each walker has moved for many autocorrelation times, or the effort is spent."""
+        plan = self.plan
+        block, look = 0, 1
+        while True:
+            block += 1
+            self.tell(f"{method}, block {block}")
+            for group in groups:
+                group.advance()
+            if block < look and self.evaluations < plan.evaluations:
+                continue
+            look = math.ceil(LOOK_AGAIN * block)
+            burn = groups[0].length // 4
+            ess = max(plan.target.ess, MIXED_TIMES * plan.groups * self.walkers)
+            target = replace(plan.target, ess=ess)
+            convergence = assess(np.concatenate([g.chains[:, burn:] for g in groups]), target)
+            if convergence.converged or self.evaluations >= plan.evaluations:
+                z = np.concatenate([g.chains[:, burn:] for g in groups]).reshape(-1, self.width.size)
+                # of draws that hang together so many count as the least effective sample size says
+                count = int(np.clip(np.nan_to_num(convergence.ess_bulk.min()), min(len(z), FEWEST), BRIDGED))
+                few = z[np.linspace(0, len(z) - 1, min(len(z), count)).astype(int)]
+                evidence = bridge_evidence(self.density, few, np.zeros(len(few)), rng)
+                return self._draws(groups, burn, convergence, modes, method, evidence)
+
+    def _draws(
+        self,
+        groups: Sequence[_Group],
+        burn: int,
+        convergence: Convergence,
+        modes: tuple[Mode, ...],
+        method: str,
+        evidence: Evidence,
+        audit: Audit | None = None,
+    ) -> Draws:
+        log_weight = np.concatenate([g.log_weight for g in groups])
+        weights = Weights(log_weight) if log_weight.size else None
+        return Draws(
+            z=np.concatenate([g.chains[:, burn:] for g in groups]),
+            log_prob=np.concatenate([g.log_probs[:, burn:] for g in groups]),
+            convergence=convergence,
+            acceptance=float(np.mean([g.acceptance for g in groups])),
+            evaluations=self.evaluations,
+            method=method,
+            modes=modes,
+            efficiency=math.nan if weights is None else weights.efficiency,
+            greatest_weight=math.nan if weights is None else weights.greatest,
+            ln_evidence=evidence.value,
+            ln_evidence_sd=evidence.sd,
+            audit=audit,
+        )
+
+
+class _Sampler(emcee.EnsembleSampler):  # type: ignore[misc]
+    """emcee's sampler without a copy of the state of its random numbers in the state of every step.
+
+    Copying it took as long as a move does; it is read once a block instead.
+    """
+
+    _stream = emcee.EnsembleSampler.random_state
+    random_state = property(lambda _: None, _stream.fset)
+
+    def seed_stream(self, seed: np.random.SeedSequence) -> None:
+        """Begin its random numbers anew."""
+        self._random.seed(seed.generate_state(8))
+
+    def stream_state(self) -> tuple[Any, ...]:
+        """State of the random numbers, as `numpy.random.RandomState.get_state` gives it."""
+        state: tuple[Any, ...] = self._stream
+        return state
+
+
+class _Group:
+    """One ensemble, run a block at a time; blocks that a checkpoint holds are read instead of run.
+
+    With `copies`, as many ensembles side by side, for moves that never look at another walker.
+    """
+
+    def __init__(
+        self,
+        run: _Run,
+        name: str,
+        adapted: Adapted,
+        seed: np.random.SeedSequence,
+        moves: list[tuple[Move, float]] | None,
+        steps: int,
+        *,
+        copies: int = 1,
+        independence: float = 0.0,
+        start: Floats | None = None,
+        modes: Sequence[Mode] = (),
+    ) -> None:
+        self.run = run
+        self.copies = copies
+        self.walkers = copies * run.walkers
+        self.name = name
+        self.steps = steps
+        self.move: MultipleProposalMove | IndependenceMove
+        if moves is None:
+            self.move = MultipleProposalMove(adapted.proposal, steps)
+            chosen: list[tuple[Move, float]] = [(self.move, 1.0)]
+        else:
+            self.move = IndependenceMove(adapted.proposal, AHEAD)
+            chosen = [(move, share * (1.0 - independence)) for move, share in moves]
+            if independence > 0.0:
+                chosen.append((self.move, independence))
+        self.sampler = _Sampler(self.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True)
+        self._ready: Weighed | None = None  # proposals of the first block, if they have been made
+        self._log_q: Floats | None = None  # log density of the proposal at the starts, if it is known
+        start_seed, chain_seed = seed.spawn(2)
+        self.sampler.seed_stream(chain_seed)
+        if modes:
+            coords, log_prob = self._dispersed(adapted, np.random.default_rng(start_seed), modes)
+        elif start is None:
+            last, ready = adapted.last.split(len(adapted.last.z) - adapted.spare)
+            self._ready = ready if adapted.spare else None
+            chosen_starts = last.chosen(copies, run.walkers, np.random.default_rng(start_seed))
+            coords, log_prob, log_q = (np.concatenate(each) for each in chosen_starts)
+            self._log_q = log_q if adapted.own else None
+        else:
+            coords, log_prob = start, run.log_prob(start)
+        # without a state of random numbers those of the sampler go on
+        self.state = State(coords, log_prob=log_prob)
+        self._blocks: list[Block] = []
+        self._stored = iter(()) if run.checkpoint is None else run.checkpoint.blocks(name)
+
+    def _dispersed(
+        self, adapted: Adapted, rng: np.random.Generator, modes: Sequence[Mode]
+    ) -> tuple[Floats, Floats]:
+        """Starts of positive density about modes and from the proposal, and its log."""
+        run = self.run
+        centre = np.stack([m.z for m in modes])
+        root = np.stack([np.linalg.cholesky(m.covariance) for m in modes])
+        found: list[Floats] = []
+        values: list[Floats] = []
+        count = 0
+        while count < self.walkers:
+            z = adapted.proposal.draw(rng, self.walkers + self.walkers // 8)[0]
+            which = rng.integers(len(modes), size=len(z))
+            near = centre[which] + 2.0 * np.einsum("wij,wj->wi", root[which], rng.standard_normal(z.shape))
+            z = np.where(rng.random(len(z))[:, None] < 0.5, z, near)
+            z = z[np.isfinite(z).all(axis=1)]
+            if not len(z):
+                continue
+            log_prob = run.log_prob(z)
+            usable = np.isfinite(log_prob)
+            found.append(z[usable])
+            values.append(log_prob[usable])
+            count += int(usable.sum())
+        return np.concatenate(found)[: self.walkers], np.concatenate(values)[: self.walkers]
+
+    def advance(self, steps: int | None = None) -> None:
+        """Run one more block, or read it; with moves of independence alone, `steps` share one set of proposals."""
+        block = next(self._stored, None)
+        if block is None:
+            if steps is not None:
+                self.move.steps = self.steps = steps
+            block = self._sample(self.steps)
+            if self.run.checkpoint is not None:
+                self.run.checkpoint.append(self.name, block)
+        else:  # the budget must not depend on whether the run was interrupted
+            self.run.evaluations += block.evaluations
+        self._blocks.append(block)
+        self.state = State(block.chain[-1], log_prob=block.log_prob[-1], random_state=block.random_state)
+
+    def _sample(self, steps: int) -> Block:
+        known = (None, None) if self._blocks else (self._log_q, self._ready)
+        self.move.start_block(self.state.coords, *known)
+        self.move.log_weights.clear()
+        self.sampler.reset()
+        before = self.run.evaluations
+        for _ in self.sampler.sample(self.state, iterations=steps, skip_initial_state_check=True):
+            pass
+        weights = self.move.log_weights
+        return Block(
+            np.asarray(self.sampler.get_chain(), dtype=float),
+            np.asarray(self.sampler.get_log_prob(), dtype=float),
+            np.asarray(self.sampler.backend.accepted, dtype=float),
+            np.concatenate(weights) if weights else np.empty(0),
+            self.sampler.stream_state(),
+            self.run.evaluations - before,
+        )
+
+    @property
+    def length(self) -> int:
+        """Steps so far."""
+        return sum(len(b.chain) for b in self._blocks)
+
+    @property
+    def chain(self) -> Floats:
+        """Steps so far, shape (S, W, D)."""
+        return np.concatenate([b.chain for b in self._blocks])
+
+    @property
+    def chains(self) -> Floats:
+        """Steps so far, the ensembles apart, shape (copies, S, W, D)."""
+        return self._apart(self.chain)
+
+    @property
+    def log_probs(self) -> Floats:
+        """Log-probability of the steps so far, shape (copies, S, W)."""
+        return self._apart(np.concatenate([b.log_prob for b in self._blocks]))
+
+    def _apart(self, values: Floats) -> Floats:
+        steps, walkers, *rest = values.shape
+        return np.moveaxis(values.reshape(steps, self.copies, walkers // self.copies, *rest), 1, 0)
+
+    @property
+    def log_weight(self) -> Floats:
+        """Importance weights of all independence proposals so far."""
+        return np.concatenate([b.log_weight for b in self._blocks])
+
+    @property
+    def acceptance(self) -> float:
+        """Share of accepted proposals."""
+        return float(np.mean(sum(b.accepted for b in self._blocks)) / self.length)

@@ -1,0 +1,247 @@
+"""Draws of a posterior by importance sampling alone.
+
+For a comparison many similar posteriors are fitted, also of models that describe the data badly. Importance draws
+from a fitted proposal cost a small part of what ensembles do, give the evidence on the way, and tell by the Pareto
+exponent of their weights when they can't be relied on. Then a mixture is fitted to them, joined with the prior of the
+curve, and drawn from again, a few times (population Monte Carlo).
+
+References
+----------
+O. Cappé, R. Douc, A. Guillin, J.-M. Marin, C. P. Robert, "Adaptive importance sampling in general mixture classes",
+Statistics and Computing 18 (2008) 447.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+import numpy as np
+from scipy.special import logsumexp
+
+from sma_bayes.parameters.space import ParameterSpace
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Ints
+from sma_bayes.sampling.adaptation import adapt
+from sma_bayes.sampling.bridge import Evidence, fitted_proposal
+from sma_bayes.sampling.laplace import Density, Mode, climb
+from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
+from sma_bayes.sampling.proposals import StudentMixture
+from sma_bayes.sampling.weighted import Weighed, Weights, tempered
+
+DRAWS: Final = 4000
+ENOUGH: Final = 200.0
+"""Effective draws that a posterior needs."""
+COMPONENTS, ROUNDS, POPULATION, RESAMPLED = 12, 5, 8000, 2000
+"""Of the mixtures that are fitted to draws: components, how often they are fitted, draws each time, and how many of
+them they are fitted to."""
+MOST_MODES: Final = 3
+LOWER: Final = 12.0
+"""A mode whose mass is lower than that of the best one by this power of e is left out."""
+
+
+class Source(Protocol):
+    """What importance draws come from, such as a `Proposal`."""
+
+    def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
+        """Points (size, D) and their log density (size,); minus infinity where no point could be built."""
+        ...
+
+    def log_density(self, z: Floats) -> Floats:
+        """Log density at any points, shape (W,)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeightedDraws:
+    """Draws with weights.
+
+    Attributes
+    ----------
+    z : ndarray, shape (S, D)
+        Sampled coordinates.
+    log_weight : ndarray, shape (S,)
+        Logarithms of weights that sum to one.
+    evidence : Evidence
+    k : float
+        Pareto exponent of the weights.
+    method : str
+        ``importance`` or ``population Monte Carlo``.
+    converged : bool
+    proposal : Source
+        From which they were drawn.
+    modes : tuple of Mode
+    """
+
+    z: Floats
+    log_weight: Floats
+    evidence: Evidence
+    k: float
+    method: str
+    converged: bool
+    proposal: Source
+    modes: tuple[Mode, ...]
+
+    @property
+    def effective(self) -> float:
+        """Effective number of draws."""
+        return float(np.exp(-logsumexp(2.0 * self.log_weight)))
+
+
+def importance_draws(
+    density: Density,
+    starts: Sequence[Floats],
+    width: Floats,
+    seed: np.random.SeedSequence,
+    *,
+    others: Sequence[Source] = (),
+) -> WeightedDraws:
+    """Sample a density.
+
+    Parameters
+    ----------
+    density : Density
+    starts : sequence of ndarray, shape (D,)
+        Points from which modes are climbed to.
+    width : ndarray, shape (D,)
+        Greatest plausible standard deviation of each coordinate: that of the prior.
+    seed : numpy.random.SeedSequence
+    others : sequence of Source
+        Those of similar densities, to be tried before one is fitted.
+    """
+    adapt_seed, draw_seed = seed.spawn(2)
+    rng = np.random.default_rng(draw_seed)
+    modes: tuple[Mode, ...] = ()
+    for source in others:
+        found = drawn(density, source, modes, rng, DRAWS)
+        if found.converged:
+            return found
+    modes = distinct_modes([m for m in (climb(density, s, width) for s in starts) if m is not None])
+    own = adapt(density, modes, np.random.default_rng(adapt_seed)).proposal
+    found = drawn(density, own, modes, rng, DRAWS)
+    return found if found.converged else _population(density, own, modes, rng, found)
+
+
+def _population(
+    density: Density, own: Source, modes: tuple[Mode, ...], rng: np.random.Generator, first: WeightedDraws
+) -> WeightedDraws:
+    """Fit mixtures to draws until they are good; the best of all rounds where they never are."""
+    prior = PriorOfCurve.of(density, modes[0]) if isinstance(density, Posterior) else None
+    wide: Source = own if prior is None else prior
+    best, found = first, drawn(density, HalfAndHalf(own, wide), modes, rng, POPULATION)
+    for _ in range(ROUNDS):
+        if found.effective > best.effective:
+            best = found
+        if found.converged:
+            break
+        weight = tempered(Weights(found.log_weight))
+        if np.sum(weight > 0.0) < COMPONENTS:
+            break
+        chosen = found.z[rng.choice(len(found.z), RESAMPLED, p=weight / weight.sum())]
+        fitted = fitted_proposal(chosen, np.full(RESAMPLED, 1.0 / RESAMPLED), COMPONENTS, rng)
+        found = drawn(density, HalfAndHalf(fitted, wide), modes, rng, POPULATION)
+    best = found if found.converged or found.effective > best.effective else best
+    return replace(best, method="population Monte Carlo")
+
+
+def drawn(
+    density: Density, proposal: Source, modes: Sequence[Mode], rng: np.random.Generator, size: int
+) -> WeightedDraws:
+    """Importance draws from a proposal."""
+    found = Weighed.of(density.log_prob, *proposal.draw(rng, size))
+    z, weights, log_weight = found.z, found.weights, found.weights.log_weight
+    evidence = Evidence(*weights.log_evidence())
+    kept = np.isfinite(log_weight)
+    if not kept.any():
+        return WeightedDraws(
+            z[:1], np.zeros(1), evidence, np.inf, "importance", False, proposal, tuple(modes)
+        )
+    smooth, k = smoothed_weights(log_weight[kept, None])
+    reliable = bool(k[0] <= RELIABLE and weights.efficiency * size >= ENOUGH)
+    return WeightedDraws(
+        z[kept], smooth[:, 0], evidence, float(k[0]), "importance", reliable, proposal, tuple(modes)
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PriorOfCurve:
+    """The prior for the parameters of the curve, and a Student t for those of the noise.
+
+    Where the data hardly tell a curve, its posterior is nearly its prior, whatever the coordinates, while the noise is
+    known well.
+
+    Attributes
+    ----------
+    space : ParameterSpace
+    at : ndarray of int
+        Coordinates of the noise.
+    noise : StudentMixture
+    """
+
+    space: ParameterSpace
+    at: Ints
+    noise: StudentMixture
+
+    @staticmethod
+    def of(posterior: Posterior, mode: Mode) -> PriorOfCurve:
+        """With the noise as it is at a mode, a little wider."""
+        at = np.arange(posterior.sampled_model.size, posterior.space.dimension)
+        covariance = 2.0 * mode.covariance[np.ix_(at, at)]
+        mixture = StudentMixture.from_covariances(np.ones(1), mode.z[None, at], covariance[None], 5.0)
+        return PriorOfCurve(posterior.space, at, mixture)
+
+    def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
+        """Points (size, D) and their log density (size,)."""
+        z = self.space.draw(rng, size)
+        z[:, self.at] = self.noise.draw(rng, size)
+        return z, self.log_density(z)
+
+    def log_density(self, z: Floats) -> Floats:
+        """Log density at any points, shape (W,)."""
+        value = self.space.log_prior(z) + self.noise.log_density(z[:, self.at])
+        for i in self.at:
+            prior = self.space.free[i].prior
+            x = prior.transform.to_physical(z[:, i])
+            value = value - prior.log_density(x) - prior.transform.log_jacobian(z[:, i])
+        return np.asarray(value)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HalfAndHalf:
+    """Two sources in equal parts.
+
+    Attributes
+    ----------
+    one, other : Source
+    """
+
+    one: Source
+    other: Source
+
+    def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
+        """Points (size, D) and their log density (size,); see `Source.draw`."""
+        z = np.concatenate([self.one.draw(rng, size // 2)[0], self.other.draw(rng, size - size // 2)[0]])
+        found = np.isfinite(z).all(axis=1)
+        log_q = np.full(size, -np.inf)
+        log_q[found] = self.log_density(z[found])
+        return z, log_q
+
+    def log_density(self, z: Floats) -> Floats:
+        """Log density at any points, shape (W,)."""
+        return np.asarray(np.logaddexp(self.one.log_density(z), self.other.log_density(z)) - np.log(2.0))
+
+
+def distinct_modes(modes: Sequence[Mode]) -> tuple[Mode, ...]:
+    """Modes that are apart and not without mass, best first."""
+
+    def mass(mode: Mode) -> float:
+        return mode.log_prob + 0.5 * float(np.linalg.slogdet(mode.covariance)[1])
+
+    kept: list[Mode] = []
+    for mode in sorted(modes, key=mass, reverse=True):
+        apart = (np.linalg.solve(m.covariance, mode.z - m.z) @ (mode.z - m.z) for m in kept)
+        if not kept or (mass(mode) > mass(kept[0]) - LOWER and all(d > 1.0 for d in apart)):
+            kept.append(mode)
+    return tuple(kept[:MOST_MODES])

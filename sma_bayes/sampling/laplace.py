@@ -1,0 +1,175 @@
+"""Modes of a density and their Laplace approximation, by Newton steps on batched finite differences.
+
+One iteration evaluates the density at ``2 D + D (D - 1)`` points in one batch, which gives gradient and
+Hessian for any density without derivatives of its parts. A density that has them says how wide it is where the climb
+begins, so that the first differences are of the right length: from a good start one step is then enough.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Ints
+from sma_bayes.sampling.linearised import Linearised
+
+NEAR = 0.1
+"""Steps of differences, in standard deviations along the axes of the covariance found so far."""
+LEAST, MOST = 1e-5, 3.0
+"""Least and greatest standard deviation along any direction, in widths."""
+LEFT = 5e-3
+"""Of the log density that a climb may leave: what the last step had promised, or what it did not keep."""
+ALIKE, SAME = 0.5, 0.05
+"""Relative change of standard deviations from step to step with which a climb may end, and with which what a step gains
+against its promise tells how much is left. On a bend the two may agree by chance."""
+
+
+class Density(Protocol):
+    """An unnormalised density that ensembles can sample."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        ...
+
+    def log_prob(self, z: Floats) -> Floats:
+        """Log of the density at each row of `z` (W, D); never NaN."""
+        ...
+
+    def draw_prior(self, rng: np.random.Generator, size: int) -> Floats:
+        """Dispersed points (size, D): draws from a distribution wider than the density."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mode:
+    """A local maximum, or a point near one (`near`).
+
+    Attributes
+    ----------
+    z : ndarray, shape (D,)
+    log_prob : float
+        Not a number where it was not asked for.
+    covariance : ndarray, shape (D, D)
+        Inverse of the negative Hessian, or of the information, floored so that no direction is wider than the prior.
+    evaluations : int
+    """
+
+    z: Floats
+    log_prob: float
+    covariance: Floats
+    evaluations: int
+
+
+def near(linearised: Linearised, width: Floats) -> Mode:
+    """Normal approximation at a point near a mode, by the response linearised there; `width` is that of `climb`.
+
+    The density there is not asked for.
+    """
+    return Mode(linearised.z, np.nan, _covariance(linearised, width), 0)
+
+
+def climb(density: Density, start: Floats, width: Floats, *, steps: int = 40) -> Mode | None:
+    """Climb to the mode nearest to a start.
+
+    Parameters
+    ----------
+    density : Density
+    start : ndarray, shape (D,)
+    width : ndarray, shape (D,)
+        Greatest plausible standard deviation in each coordinate, such as that of the prior.
+    steps : int
+        Greatest number of Newton steps.
+
+    Returns
+    -------
+    Mode or None
+        None if the density is zero at the start.
+    """
+    z = start.astype(float).copy()
+    evaluations = 0
+    covariance = np.diag(width**2)
+    if isinstance(density, Posterior):
+        covariance = _covariance(Linearised.at(density, z), width)
+    before, along = _spread(covariance, width)
+    for _ in range(steps):
+        axes = along * np.minimum(before, 1.0)
+        value, gradient, curvature, count = _differences(density, z, NEAR * axes)
+        if not np.isfinite(value):  # at the start: no step goes where the density is zero
+            return None
+        gradient, curvature = gradient / NEAR, curvature / NEAR**2
+        root = axes @ _inverse_root(curvature)
+        spread, along = _spread(root @ root.T, width)
+        root = along * spread
+        covariance = root @ root.T
+        slope = np.linalg.solve(axes, root).T @ gradient
+        lengths = 0.5 ** np.arange(10)
+        trial = density.log_prob(z + lengths[:, None] * (root @ slope))
+        evaluations += count + lengths.size
+        best = int(np.argmax(trial))
+        gain = max(float(trial[best]) - value, 0.0)
+        if gain > 0.0:
+            z = z + lengths[best] * (root @ slope)
+            value = float(trial[best])
+        promised = 0.5 * float(slope @ slope)
+        changed = float(np.max(np.abs(spread / before - 1.0)))
+        left = abs(promised - gain) if changed < SAME else promised
+        if changed < ALIKE and left < LEFT:
+            break
+        before = spread
+    return Mode(z, value, 0.5 * (covariance + covariance.T), evaluations)
+
+
+def _covariance(linearised: Linearised, width: Floats) -> Floats:
+    """What the linearised response leaves uncertain; widths squared where it says nothing."""
+    with np.errstate(all="ignore"):
+        in_widths = linearised.information() * np.outer(width, width)
+    if not np.isfinite(in_widths).all():
+        return np.diag(width**2)
+    # along a ridge it may be singular but for the prior, to within rounding
+    root = width[:, None] * _inverse_root(in_widths)
+    return np.asarray(root @ root.T)
+
+
+def _spread(covariance: Floats, width: Floats) -> tuple[Floats, Floats]:
+    """Standard deviations in widths along the axes of a covariance, within their bounds, and the axes (columns)."""
+    scaled, vector = np.linalg.eigh(covariance / np.outer(width, width))
+    return np.sqrt(np.clip(scaled, LEAST**2, MOST**2)), width[:, None] * vector
+
+
+def _inverse_root(curvature: Floats) -> Floats:
+    """Root ``R`` with ``R R' = |C|**-1`` of a symmetric matrix, its eigenvalues taken as positive."""
+    eigenvalue, vector = np.linalg.eigh(curvature)
+    return np.asarray(vector / np.sqrt(np.maximum(np.abs(eigenvalue), 1e-12)))
+
+
+@cache
+def _pairs(d: int) -> tuple[Ints, Ints]:
+    """Rows and columns above the diagonal."""
+    i, j = np.triu_indices(d, 1)
+    return i, j
+
+
+def _differences(density: Density, z: Floats, axes: Floats) -> tuple[float, Floats, Floats, int]:
+    """Value, gradient and negative Hessian by central differences along axes (columns), and how many points it took.
+
+    The density counts as flat where it is zero, and throughout where it is zero at `z`.
+    """
+    d = z.size
+    i, j = _pairs(d)
+    single = axes.T
+    pair = single[i] + single[j]
+    f = density.log_prob(np.concatenate([z[None], z + single, z - single, z + pair, z - pair]))
+    value = float(f[0])
+    f = np.where(np.isfinite(f), f, value if np.isfinite(value) else 0.0)
+    up, down, both_up, both_down = np.split(f[1:], (d, 2 * d, 2 * d + i.size))
+    hessian = np.diag(up - 2.0 * f[0] + down)
+    mixed = 0.5 * (both_up - up[i] - up[j] + 2.0 * f[0] - down[i] - down[j] + both_down)
+    hessian[i, j] = mixed
+    hessian[j, i] = mixed
+    return value, 0.5 * (up - down), -hessian, f.size

@@ -1,0 +1,345 @@
+"""The normal distribution that a linearised response gives the model's parameters, for many values of the noise.
+
+With the response linear in the coordinates ``w`` of the model, and the parameters of the noise given, ``w - w0`` is
+normal with precision ``H = J' R**-1 J + P`` and mean ``H**-1 b``, ``b = J' R**-1 r + p``, where J is the derivative
+of the response, r the residual at ``w0``, R the covariance of the noise, and P, p the prior's part.
+
+A discrepancy beside the curve is integrated out: what the samples tell of its weights is eliminated from the equations.
+
+For each value of the noise that is a system of its own (`Systems`). Where noise is without memory, the
+information of each channel is one matrix in changing amounts, and where these matrices have their axes in common,
+as when each parameter of the model belongs to one channel, one set of axes serves all values (`CommonAxes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from sma_bayes.discrepancy import safe_cholesky
+from sma_bayes.noise import Steps
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Ints
+from sma_bayes.sampling.proposals import Bools
+
+APART = 1e-6
+"""Greatest correlation, along common axes, that what one channel tells may have left."""
+
+ONE = np.ones((1, 1))
+"""A series of one sample: noise without memory weighs all alike."""
+
+
+class Conditional(Protocol):
+    """Normal distributions of ``w - w0``, one for each of W values of the noise.
+
+    Attributes
+    ----------
+    usable : ndarray of bool, shape (W,)
+        Whether there is one; where not, `whiten` and `colour` leave finite numbers as they may be.
+    log_volume : ndarray, shape (W,)
+        ``ln |H|/2``.
+    pull_squared : ndarray, shape (W,)
+        ``b' H**-1 b``.
+    """
+
+    usable: Bools
+    log_volume: Floats
+    pull_squared: Floats
+
+    def whiten(self, x: Floats) -> Floats:
+        """Standard normal coordinates of points ``w - w0``, shape (W, m)."""
+        ...
+
+    def colour(self, v: Floats) -> Floats:
+        """Points ``w - w0`` at standard normal coordinates, shape (W, m)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """What the linearised response says of the model's parameters, given those of the noise.
+
+    Attributes
+    ----------
+    posterior : Posterior
+    count : int
+        Number m of sampled parameters of the model.
+    rows : tuple of dict
+        For each record, channel to rows of ``J'`` with the residual as the last row, (m + 1, n), each divided
+        by the scale of the whitened residual at the mode relative to the sd of its noise.
+    bases : tuple of dict
+        For each record, channel to the basis of its discrepancy (k, n), divided likewise; channels without one are
+        left out.
+    precision, pull : ndarray, shape (m, m) and (m,)
+        P and p of the prior.
+    """
+
+    posterior: Posterior
+    count: int
+    rows: tuple[Mapping[str, Floats], ...]
+    bases: tuple[Mapping[str, Floats], ...]
+    precision: Floats
+    pull: Floats
+    _axes: _Axes | None = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_axes", _Axes.of(self))
+
+    def solved(self, theta: Floats) -> tuple[Conditional, Floats, Floats]:
+        """Solve for values of the noise.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (W, P)
+            Parameter vectors, of which only those of the noise are looked at.
+
+        Returns
+        -------
+        Conditional
+        squares : ndarray, shape (W,)
+            ``r' R**-1 r``, with the covariance of discrepancies in R.
+        log_volume : ndarray, shape (W,)
+            Half the logarithm of the determinant by which discrepancies increase that of R.
+        """
+        with np.errstate(all="ignore"):
+            if self._axes is not None:
+                return *self._axes.given(theta), np.zeros(len(theta))
+            total, log_volume = self._bordered(theta)
+            return *Systems.of(total), log_volume
+
+    def channels(self) -> Iterator[tuple[Floats, Ints, Steps]]:
+        """Rows, positions of the noise and steps of each channel of each record."""
+        for blocks, place, steps in zip(self.rows, self.posterior.layout, self.posterior.steps, strict=True):
+            for channel, rows in blocks.items():
+                yield rows, place.noise[channel], steps
+
+    def _channels_with_bases(self) -> Iterator[tuple[Floats, Floats | None, Ints, int, Steps]]:
+        """The same with the basis of the discrepancy, if there is one, and the position of its size."""
+        layout, steps = self.posterior.layout, self.posterior.steps
+        for blocks, bases, place, own in zip(self.rows, self.bases, layout, steps, strict=True):
+            for channel, rows in blocks.items():
+                yield rows, bases.get(channel), place.noise[channel], place.size.get(channel, -1), own
+
+    def _bordered(self, theta: Floats) -> tuple[Floats, Floats]:
+        """Precision, pull and sum of squares of each value of the noise, and the volume of discrepancies.
+
+        Returns
+        -------
+        ndarray, shape (m + 1, m + 1, W)
+            Lower triangle of the precision bordered by the pull; the sum of squares in the corner. The rows of
+            `theta` come last, so that what is done to one entry is done to all of them at once.
+        ndarray, shape (W,)
+        """
+        prior = np.block([[self.precision, self.pull[:, None]], [self.pull, np.zeros(1)]])
+        total = np.repeat(prior[..., None], len(theta), axis=2)
+        log_volume = np.zeros(len(theta))
+        for rows, basis, at, size, steps in self._channels_with_bases():
+            per_variance = 1.0 / theta[:, at[0]] ** 2
+            shape = self.posterior.noise.shape_of(theta[:, at])
+            if basis is None:
+                gram = self.posterior.noise.weighted_gram(rows, shape, steps)
+            else:
+                ratio = per_variance * theta[:, size] ** 2
+                gram, volume = self._without_weights(rows, basis, shape, steps, ratio)
+                log_volume += volume
+            gram = np.moveaxis(gram, 0, -1)
+            for i in range(self.count + 1):  # by rows, which stay in the processor's cache
+                total[i, : i + 1] += gram[i, : i + 1] * per_variance
+        return total, log_volume
+
+    def _without_weights(
+        self, rows: Floats, basis: Floats, shape: Floats, steps: Steps, ratio: Floats
+    ) -> tuple[Floats, Floats]:
+        """Inner products (W, m + 1, m + 1) of rows with the weights of a basis integrated out; see `_eliminated`."""
+        noise = self.posterior.noise
+        if noise.remembers:
+            gram = noise.weighted_gram(np.concatenate([rows, basis]), shape, steps)
+            return _eliminated(gram, len(rows), ratio)
+        # without memory one set of axes serves all values of the noise
+        power, axes = np.linalg.eigh(basis @ basis.T)
+        across = axes.T @ (basis @ rows.T)
+        share = noise.location_information(shape)[:, None]
+        held = 1.0 + (share * ratio[:, None]) * np.maximum(power, 0.0)
+        products = np.einsum("ki,kj->kij", across, across).reshape(len(power), -1)
+        taken = (share * ratio[:, None] / held) @ products
+        gram = share[:, :, None] * ((rows @ rows.T) - taken.reshape(-1, len(rows), len(rows)))
+        return np.asarray(gram), np.asarray(0.5 * np.log(held).sum(axis=1))
+
+
+def _eliminated(gram: Floats, kept: int, ratio: Floats) -> tuple[Floats, Floats]:
+    """Inner products of the first rows with the weights of the last ones integrated out.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (W, kept + k, kept + k)
+    kept : int
+    ratio : ndarray, shape (W,)
+        Variance of the weights over that of the noise.
+
+    Returns
+    -------
+    ndarray, shape (W, kept, kept)
+    half_log_determinant : ndarray, shape (W,)
+        Of ``1 + ratio * gram`` of the last rows.
+    """
+    first, across, last = gram[:, :kept, :kept], gram[:, kept:, :kept], gram[:, kept:, kept:]
+    with np.errstate(invalid="ignore"):
+        factor, usable = safe_cholesky(ratio[:, None, None] * last)
+    root = np.sqrt(np.where(usable, ratio, 0.0))[:, None, None]
+    shared = np.linalg.solve(factor, root * across)
+    log_volume = np.log(np.einsum("wkk->wk", factor)).sum(axis=1)
+    return first - np.swapaxes(shared, 1, 2) @ shared, np.where(usable, log_volume, np.nan)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Axes:
+    """Axes in which the prior and what every channel tells are diagonal.
+
+    Attributes
+    ----------
+    equations : NormalEquations
+    vectors : ndarray, shape (m, m)
+        V, with ``V' P V`` the identity.
+    information : ndarray, shape (C, m)
+        Diagonal of ``V' J' J V`` of each channel.
+    pulls : ndarray, shape (C + 1, m)
+        ``V' J' r`` of each channel, then ``V' p``.
+    squares : ndarray, shape (C,)
+        ``r' r`` of each channel.
+    inverse : ndarray, shape (m, m)
+        Of V.
+    log_volume : float
+        ``-ln |V|``.
+    """
+
+    equations: NormalEquations
+    vectors: Floats
+    information: Floats
+    pulls: Floats
+    squares: Floats
+    inverse: Floats
+    log_volume: float
+
+    @staticmethod
+    def of(equations: NormalEquations) -> _Axes | None:
+        """Find them; None where noise remembers, or where there are none."""
+        if equations.posterior.noise.remembers or equations.count == 0 or any(equations.bases):
+            return None
+        m = equations.count
+        grams = np.stack([rows @ rows.T for rows, _, _ in equations.channels()])
+        try:
+            root = np.linalg.cholesky(equations.precision)
+            to_prior = np.linalg.inv(root)
+            matrices = to_prior @ grams[:, :m, :m] @ to_prior.T
+            mix = np.arange(1.0, len(grams) + 1.0) / np.trace(matrices, axis1=1, axis2=2)
+            axes = np.linalg.eigh(np.tensordot(mix, matrices, axes=1))[1]
+        except np.linalg.LinAlgError:
+            return None
+        matrices = axes.T @ matrices @ axes
+        information = np.einsum("cii->ci", matrices).copy()
+        scale = np.sqrt(1.0 + np.abs(information))
+        rest = matrices / (scale[:, :, None] * scale[:, None, :])
+        np.einsum("cii->ci", rest)[:] = 0.0
+        if not np.abs(rest).max() < APART:  # not a number counts as too much
+            return None
+        vectors = to_prior.T @ axes
+        pulls = np.concatenate([grams[:, m, :m], equations.pull[None]]) @ vectors
+        squares, log_volume = grams[:, m, m], float(np.log(np.diag(root)).sum())
+        return _Axes(
+            equations, vectors, np.maximum(information, 0.0), pulls, squares, axes.T @ root.T, log_volume
+        )
+
+    def given(self, theta: Floats) -> tuple[Conditional, Floats]:
+        """Normal distributions and sums of squares; see `NormalEquations.solved`."""
+        equations = self.equations
+        noise = equations.posterior.noise
+        weights = np.empty((len(theta), len(self.squares)))
+        for c, (_, at, steps) in enumerate(equations.channels()):
+            of_one = noise.weighted_gram(ONE, noise.shape_of(theta[:, at]), steps)[:, 0, 0]
+            np.divide(of_one, theta[:, at[0]] ** 2, out=weights[:, c])
+        pull = weights @ self.pulls[:-1] + self.pulls[-1]
+        precision = 1.0 + weights @ self.information
+        return CommonAxes(self, precision, pull), weights @ self.squares
+
+
+class CommonAxes:
+    """Normal distributions along axes that do not change.
+
+    Parameters
+    ----------
+    axes : _Axes
+        V.
+    precision : ndarray, shape (W, m)
+        Diagonal of ``V' H V``.
+    pull : ndarray, shape (W, m)
+        ``V' b``.
+    """
+
+    def __init__(self, axes: _Axes, precision: Floats, pull: Floats) -> None:
+        self.axes = axes
+        self.root = np.sqrt(precision)
+        self.centre = pull / self.root
+        self.log_volume = np.log(self.root).sum(axis=1) + axes.log_volume
+        self.pull_squared = np.einsum("wi,wi->w", self.centre, self.centre)
+        self.usable: Bools = np.isfinite(self.log_volume + self.pull_squared)
+        if not self.usable.all():
+            self.root[~self.usable], self.centre[~self.usable] = 1.0, 0.0
+
+    def whiten(self, x: Floats) -> Floats:
+        return np.asarray((x @ self.axes.inverse.T) * self.root - self.centre)
+
+    def colour(self, v: Floats) -> Floats:
+        return np.asarray(((v + self.centre) / self.root) @ self.axes.vectors.T)
+
+
+# There are thousands of small systems. A loop over their rows, each step for all systems at once, is several times
+# as fast as LAPACK one system after the other.
+class Systems:
+    """Normal distributions with precisions of their own.
+
+    Parameters
+    ----------
+    factor : ndarray, shape (m + 1, m, W)
+        Lower ``L`` with ``H = L L'``, and ``L**-1 b`` as its last row; that of the identity where it is not usable.
+    usable : ndarray of bool, shape (W,)
+    """
+
+    def __init__(self, factor: Floats, usable: Bools) -> None:
+        self.factor = factor
+        self.usable = usable
+        self.log_volume = np.log(np.einsum("iiw->iw", factor[:-1])).sum(axis=0)
+        self.pull_squared = np.einsum("iw,iw->w", factor[-1], factor[-1])
+
+    @staticmethod
+    def of(total: Floats) -> tuple[Systems, Floats]:
+        """Factor bordered systems (m + 1, m + 1, W): lower triangles of H, b as the last row, sums of squares.
+
+        What is not finite, or positive definite by no more than rounding, is not usable.
+        """
+        m = len(total) - 1
+        factor = np.zeros((m + 1, m, total.shape[2]))
+        usable = np.ones(total.shape[2], dtype=bool)
+        for k in range(m):
+            column = total[k:, k] - np.einsum("ijw,jw->iw", factor[k:, :k], factor[k, :k])
+            usable &= column[0] > 1e-12 * total[k, k]
+            np.divide(column, np.sqrt(column[0]), out=factor[k:, k])
+        usable &= np.isfinite(factor[m]).all(axis=0) & np.isfinite(np.einsum("iiw->iw", factor[:m])).all(
+            axis=0
+        )
+        if not usable.all():
+            factor[:, :, ~usable] = np.eye(m + 1, m)[..., None]
+        return Systems(factor, usable), total[-1, -1]
+
+    def whiten(self, x: Floats) -> Floats:
+        return np.asarray(np.einsum("jiw,jw->wi", self.factor[:-1], x.T) - self.factor[-1].T)
+
+    def colour(self, v: Floats) -> Floats:
+        x = v.T + self.factor[-1]
+        for i in reversed(range(len(x))):
+            x[i] /= self.factor[i, i]
+            x[:i] -= self.factor[i, :i] * x[i]
+        return np.asarray(x.T)

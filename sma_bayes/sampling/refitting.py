@@ -1,0 +1,113 @@
+"""Fit a proposal to draws that another move made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.sampling.adaptation import DRAWS, Adapted, weigh
+from sma_bayes.sampling.coordinates import PredictiveCoordinates
+from sma_bayes.sampling.laplace import Density, Mode
+from sma_bayes.sampling.linearised import Linearised
+from sma_bayes.sampling.proposals import Mixture, Proposal, StudentMixture
+from sma_bayes.sampling.shape import DF, Shape, shape_of
+from sma_bayes.sampling.weighted import Weights, tempered
+
+LED_BACK = 0.99
+"""Least share of draws to which predictive coordinates must lead back."""
+REACHES = 3
+"""Rounds in which a proposal is fitted to its own draws and those of another move together."""
+
+
+def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.random.Generator) -> Adapted:
+    """Fit a proposal to draws that another move made, with as many components as they support.
+
+    Parameters
+    ----------
+    density : Density
+    z : ndarray, shape (N, D)
+        Draws, roughly from the density.
+    modes : sequence of Mode
+        What the density knows of its shape is asked at the first.
+    rng : numpy.random.Generator
+    """
+    chosen = z[rng.choice(len(z), size=min(len(z), 8000), replace=False)]
+    covariance = np.cov(chosen.T).reshape(z.shape[1], z.shape[1])
+    wide = StudentMixture.from_covariances(np.ones(1), chosen.mean(axis=0)[None], 4.0 * covariance[None], 4.0)
+    fit, rest = np.array_split(chosen, 2)
+    log_prob = density.log_prob(rest)
+
+    def mixtures(shape: Shape) -> Iterator[Adapted]:
+        u, _, back = shape.coordinates.forward(fit)
+        for components in (1, 4, 12, 32):
+            proposal = Proposal(shape.coordinates, _fitted_mixture(shape, u[back], components, rng), wide)
+            yield Adapted(proposal, weigh(density, proposal, rng, 4 * DRAWS), 4 * DRAWS).judged(
+                rest, log_prob
+            )
+
+    found = list(mixtures(shape_of(density, modes[0])))
+    shape = None if any(f.carries for f in found) else _predictive_shape(density, fit)
+    if shape is not None:
+        more = list(mixtures(shape))
+        best = max(more, key=lambda f: f.acceptance)
+        found += [*more, _reaching_out(density, best, fit, rng).judged(rest, log_prob)]
+    best = max(found, key=lambda f: (f.carries, f.acceptance))
+    return replace(best, evaluations=len(rest) + sum(f.evaluations for f in found))
+
+
+def _predictive_shape(density: Density, z: Floats) -> Shape | None:
+    """What the model predicts as coordinates, in as many samples as lead back to nearly all draws (N, D).
+
+    Where a transition fell between two samples, the curve at the mode may bend at one of them, which then seems to tell
+    as much as any, while over the draws little but the two levels is told.
+    """
+    if not isinstance(density, Posterior):
+        return None
+    centre = Linearised.at(density, np.median(z, axis=0))
+    most = z.shape[1]
+    while most > 0:
+        coordinates = PredictiveCoordinates.at(centre, most)
+        if coordinates is None:
+            return None
+        u, _, back = coordinates.forward(z)
+        if back.mean() > LED_BACK:
+            return Shape(coordinates, np.cov(u[back].T), z.shape[1])
+        most = coordinates.scale.size - 1
+    return None
+
+
+def _reaching_out(density: Density, first: Adapted, z: Floats, rng: np.random.Generator) -> Adapted:
+    """Fit a proposal again, to draws (N, D) of another move and to weighted draws of its own.
+
+    Walkers come to the end of a long tail too rarely for their draws to tell how far it goes. Draws of the proposal do,
+    but lack what it has missed; each kind counts half.
+    """
+    if not isinstance(first.proposal, Proposal):
+        return first
+    proposal = first.proposal
+    for _ in range(REACHES):
+        own = weigh(density, proposal, rng, 32 * DRAWS)
+        usable = np.isfinite(own.weights.log_weight)
+        weight = 0.5 * tempered(Weights(own.weights.log_weight[usable]))
+        u, _, back = proposal.coordinates.forward(np.concatenate([z, own.z[usable]]))
+        both = np.concatenate([np.full(len(z), 0.5 / len(z)), weight])[back]
+        narrow = proposal.narrow.refitted(u[back], both / both.sum(), rounds=6)
+        proposal = replace(proposal, narrow=narrow)
+    last = weigh(density, proposal, rng, 4 * DRAWS)
+    return Adapted(proposal, last, REACHES * 32 * DRAWS + 4 * DRAWS)
+
+
+def _fitted_mixture(shape: Shape, u: Floats, components: int, rng: np.random.Generator) -> Mixture:
+    """Mixture fitted to draws (N, D) in the coordinates of a shape, of several components for what is bent."""
+    bent = shape.blocks()[-1]
+    bend = np.cov(u[:, bent].T).reshape(bent.size, bent.size)
+    means = u[rng.choice(len(u), size=components, replace=False)][:, bent]
+    start = StudentMixture.from_covariances(
+        np.ones(components), means, np.repeat(bend[None] / components, components, axis=0), DF
+    )
+    weight = np.full(len(u), 1.0 / len(u))
+    return shape.mixture(u.mean(axis=0), [start]).refitted(u, weight, rounds=40)

@@ -1,0 +1,70 @@
+"""Where a density is nearly normal and where it may be bent, and a first mixture for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Ints
+from sma_bayes.sampling.laplace import Density, Mode
+from sma_bayes.sampling.proposals import Coordinates, FactorisedMixture, PlainCoordinates, StudentMixture
+
+DF = 10.0
+"""Degrees of freedom of the narrow components."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """Where and how a density is nearly normal.
+
+    Attributes
+    ----------
+    coordinates : Coordinates
+    covariance : ndarray, shape (D, D)
+        In these coordinates, at the mode.
+    bent : int
+        How many coordinates, the last ones, may be far from normal; they are independent of the others.
+    """
+
+    coordinates: Coordinates
+    covariance: Floats
+    bent: int
+
+    def blocks(self) -> tuple[Ints, ...]:
+        """Coordinates that belong together: those that are nearly normal, if any, and the bent ones."""
+        d = len(self.covariance)
+        both = (np.arange(d - self.bent), np.arange(d - self.bent, d))
+        return tuple(block for block in both if block.size)
+
+    def mixture(self, centre: Floats, bends: Sequence[StudentMixture]) -> FactorisedMixture:
+        """One component about a centre (D,) where the density is nearly normal, then what is given for the bends."""
+        blocks = self.blocks()
+        normal = [
+            one_component(centre[b], self.covariance[np.ix_(b, b)]) for b in blocks[: -len(bends) or None]
+        ]
+        return FactorisedMixture(blocks, (*normal, *bends))
+
+
+@runtime_checkable
+class Shaped(Density, Protocol):
+    """A density that knows its shape."""
+
+    def shape(self) -> Shape:
+        """Coordinates for proposals, and what is known of the density in them."""
+        ...
+
+
+def shape_of(density: Density, mode: Mode) -> Shape:
+    """What the density says of its shape; if it says nothing, all of it may be bent."""
+    if isinstance(density, Shaped):
+        return density.shape()
+    return Shape(PlainCoordinates(), mode.covariance, mode.z.size)
+
+
+def one_component(centre: Floats, covariance: Floats) -> StudentMixture:
+    """Student t with a centre (D,) and a covariance (D, D)."""
+    return StudentMixture.from_covariances(np.ones(1), centre[None], covariance[None], DF)

@@ -1,0 +1,1 @@
+"""What a temperature gives, or which temperatures give a wanted value."""

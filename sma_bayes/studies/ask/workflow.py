@@ -1,0 +1,619 @@
+"""Questions to a finished fit: what a temperature gives, and which temperature gives a wanted value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, TypedDict
+
+import numpy as np
+from scipy.special import ndtri
+
+from sma_bayes.assess.at import Interval, credible_at, predictive_at
+from sma_bayes.assess.bands import bias_draws
+from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, search_grid
+from sma_bayes.curves import quantiles
+from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
+from sma_bayes.limits import DEGREES
+from sma_bayes.quantities import (
+    ARBITRARY,
+    SPECIMEN_QUANTITY,
+    Floats,
+    convert,
+    number_and_unit,
+    unit_text,
+)  # fmt: skip
+from sma_bayes.records.types import Branch
+from sma_bayes.response.arrangement import Arrangement, BiasSpring, overall_stiffness
+from sma_bayes.runs.outputs import read_run
+from sma_bayes.runs.store import plain
+from sma_bayes.runs.stored_draws import draws_of
+
+SCHEMA: Final = "sma-bayes/ask/1"
+AT_SCHEMA: Final = "sma-bayes/ask-at/1"
+OVERALL: Final = "overall_stiffness"
+"""Stiffness of the spring together with its bias spring, Eq. (8)."""
+WANTED: Final = ("stiffness", "force", "displacement", OVERALL)
+"""What can be asked for; one at a time. Of a specimen they mean modulus, stress, strain."""
+TOLERANCE: Final = "5 %"
+PROBABILITY: Final = 0.9
+
+Curve = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """What is wanted, as it was put.
+
+    Attributes
+    ----------
+    channel, value, tolerance : str
+    probability : float
+    extrapolate : float
+        How far beyond the measured temperatures to search [unit of temperature].
+    temperature_sd : float
+        Standard deviation of the error of the controller's temperature [unit of temperature].
+    temperature_unit : str or None
+        Unit of temperature of question and answer; None for that of the fit.
+    """
+
+    channel: str
+    value: str
+    tolerance: str
+    probability: float
+    extrapolate: float
+    temperature_sd: float
+    temperature_unit: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A fit that is asked: one in a folder, or one in memory.
+
+    Attributes
+    ----------
+    folder : str or Path
+        Its name, for messages.
+    summary : mapping
+        ``campaign``, ``seed``, ``data_sha256``, ``options`` and ``records`` as in ``summary.json``.
+    draws : callable
+        Draws of the record of an entry of ``records``.
+    """
+
+    folder: str | Path
+    summary: Mapping[str, Any]
+    draws: Callable[[Mapping[str, Any]], RecordDraws]
+
+
+class Question(TypedDict, total=False):
+    """What `ask` takes beside the fit."""
+
+    at: str | Sequence[str] | None
+    unit: str | Sequence[str] | None
+    stiffness: str | None
+    force: str | None
+    displacement: str | None
+    overall_stiffness: str | None
+    tolerance: str
+    probability: float
+    condition: str | None
+    branch: str | None
+    extrapolate: float
+    temperature_sd: float
+    temperature_unit: str | None
+
+
+def ask(
+    folder: str | Path,
+    *,
+    at: str | Sequence[str] | None = None,
+    unit: str | Sequence[str] | None = None,
+    stiffness: str | None = None,
+    force: str | None = None,
+    displacement: str | None = None,
+    overall_stiffness: str | None = None,
+    tolerance: str = TOLERANCE,
+    probability: float = PROBABILITY,
+    condition: str | None = None,
+    branch: str | None = None,
+    extrapolate: float = 0.0,
+    temperature_sd: float = 0.0,
+    temperature_unit: str | None = None,
+) -> dict[str, Any]:
+    """What temperatures give, or which temperatures give a wanted value, from the posteriors of a finished fit.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Output folder of `fit` or `demo`.
+    at : str or sequence of str, optional
+        Temperatures with their unit, ``"60 degC"``, at which all quantities of the records are told.
+    unit : str or sequence of str, optional
+        Units of the answer to `at`, such as ``"N/mm"``, each for the quantities of its kind; else those of the fit.
+    stiffness, force, displacement, overall_stiffness : str, optional
+        The wanted value with its unit, ``"130 N/m"``, in which the answer comes too; exactly one of them. Of a specimen
+        they mean modulus, stress and strain. `overall_stiffness` is that of the spring with the bias spring which the
+        fit was told of.
+    tolerance : str
+        How far off the value may be: a share, ``"5 %"``, or in a unit, ``"4 N/m"``.
+    probability : float
+        With which the value is to be met, and which the intervals hold [1].
+    condition, branch : str, optional
+        Only this condition, only ``heating`` or ``cooling``.
+    extrapolate : float
+        How far beyond the measured temperatures to search [unit of temperature]; what is found there is marked.
+    temperature_sd : float
+        Standard deviation of the difference between the temperature that a controller sets and that of the alloy
+        [unit of temperature]. It makes every set of temperatures narrower; passages are those of the curves.
+    temperature_unit : str, optional
+        Unit of all temperatures and of their differences, asked and answered: ``"degF"``. By default that of the fit.
+
+    Returns
+    -------
+    dict
+        ``sma-bayes/ask/1``, or for `at` ``sma-bayes/ask-at/1``: see docs/reference/files.md.
+
+    Raises
+    ------
+    SmaBayesError
+        If neither temperatures nor exactly one value are asked about, or probability or range make no sense.
+    QuantityError
+        If a value has no unit, or an unknown or wrong one.
+    UnknownNameError
+        If there is no such condition or branch.
+    MeasurementError
+        If none of the records has what is asked for.
+    OutputError
+        If the folder holds no finished fit.
+    """
+    run = read_run(Path(folder))
+    source = Source(folder, run.summary, partial(draws_of, run))
+    return answer(
+        source,
+        at=at,
+        unit=unit,
+        stiffness=stiffness,
+        force=force,
+        displacement=displacement,
+        overall_stiffness=overall_stiffness,
+        tolerance=tolerance,
+        probability=probability,
+        condition=condition,
+        branch=branch,
+        extrapolate=extrapolate,
+        temperature_sd=temperature_sd,
+        temperature_unit=temperature_unit,
+    )
+
+
+def answer(
+    run: Source,
+    *,
+    at: str | Sequence[str] | None = None,
+    unit: str | Sequence[str] | None = None,
+    stiffness: str | None = None,
+    force: str | None = None,
+    displacement: str | None = None,
+    overall_stiffness: str | None = None,
+    tolerance: str = TOLERANCE,
+    probability: float = PROBABILITY,
+    condition: str | None = None,
+    branch: str | None = None,
+    extrapolate: float = 0.0,
+    temperature_sd: float = 0.0,
+    temperature_unit: str | None = None,
+) -> dict[str, Any]:
+    """Answer a question from a fit, wherever it is; see `ask`."""
+    given = dict(zip(WANTED, (stiffness, force, displacement, overall_stiffness), strict=True))
+    wanted = {channel: value for channel, value in given.items() if value is not None}
+    asked = [at] if isinstance(at, str) else list(at or ())
+    if len(wanted) + bool(asked) != 1:
+        raise SmaBayesError(
+            f"{len(wanted)} values{' and temperatures' if asked else ''} are asked for"
+            if wanted or asked
+            else "no value is asked for",
+            expected=f"exactly one of {', '.join(WANTED)}, such as --stiffness '130 N/m', or --at '60 degC'",
+        )
+    if unit and not asked:
+        raise SmaBayesError(
+            f"--unit {unit!r} without --at",
+            expected="--unit with --at; a wanted value is answered in its own unit",
+        )
+    if not 0.0 < probability <= 1.0:
+        raise SmaBayesError(f"probability {probability}", expected="more than 0 and at most 1")
+    for name, number in (("extrapolate", extrapolate), ("temperature-sd", temperature_sd)):
+        if not 0.0 <= number <= DEGREES.value:
+            raise SmaBayesError(
+                f"--{name} {number}",
+                expected=f"a finite number of degrees, at least 0 and at most {DEGREES.value:g}",
+            )
+    records = _selected(run, condition, branch)
+    if asked:
+        units = [unit] if isinstance(unit, str) else list(unit or ())
+        return _ask_at(run, records, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
+    ((channel, value),) = wanted.items()
+    question = _Question(
+        channel, value, tolerance, probability, extrapolate, temperature_sd, temperature_unit
+    )
+    able = [r for r in records if not _lacking(run, r, channel)]
+    if not able:
+        which = records[0]["key"] if len(records) == 1 else f"any of the {len(records)} records"
+        raise MeasurementError(
+            f"no {_named(_name(records[0], channel))} follows from {which}: {_lacking(run, records[0], channel)}",
+            file=run.folder,
+            expected=f"one of {', '.join(_has(run, records))}",
+        )
+    answers = [_answer(run, r, question) for r in able]
+    document: dict[str, Any] = plain({
+        "schema": SCHEMA,
+        "campaign": run.summary["campaign"],
+        "seed": run.summary["seed"],
+        "data_sha256": run.summary["data_sha256"],
+        "quantity": answers[0]["quantity"],
+        "value": value,
+        "tolerance": tolerance,
+        "probability": probability,
+        "extrapolate": extrapolate,
+        "temperature_sd": temperature_sd,
+        "converged": all(a["converged"] for a in answers),
+        "answers": answers,
+        "without": {r["key"]: _lacking(run, r, channel) for r in records if r not in able},
+    })  # fmt: skip
+    return document
+
+
+def _ask_at(
+    run: Source,
+    records: Sequence[Mapping[str, Any]],
+    asked: Sequence[str],
+    units: Sequence[str],
+    probability: float,
+    extrapolate: float,
+    temperature_sd: float,
+    temperature_unit: str | None,
+) -> dict[str, Any]:
+    for text in units:
+        if not any(_converts(q["unit"], text) for r in records for q in r["quantities"].values()):
+            raise QuantityError(
+                f"--unit {text!r} is of no quantity of the fit",
+                expected="a unit that one of these can be turned into: "
+                + ", ".join(dict.fromkeys(q["unit"] for r in records for q in r["quantities"].values())),
+            )
+    answers = [
+        _answer_at(run, r, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
+        for r in records
+    ]
+    document: dict[str, Any] = plain({
+        "schema": AT_SCHEMA,
+        "campaign": run.summary["campaign"],
+        "seed": run.summary["seed"],
+        "data_sha256": run.summary["data_sha256"],
+        "at": list(asked),
+        "probability": probability,
+        "extrapolate": extrapolate,
+        "temperature_sd": temperature_sd,
+        "converged": all(a["converged"] for a in answers),
+        "answers": answers,
+    })  # fmt: skip
+    return document
+
+
+def _converts(unit: str, to: str) -> bool:
+    try:
+        convert(1.0, unit, to)
+    except QuantityError:
+        return False
+    return True
+
+
+def _answer_at(
+    run: Source,
+    summary: Mapping[str, Any],
+    asked: Sequence[str],
+    units: Sequence[str],
+    level: float,
+    extrapolate: float,
+    temperature_sd: float,
+    temperature_unit: str | None,
+) -> dict[str, Any]:
+    """What one record gives at the temperatures: all of them, also those that it can't tell of, in the asked order."""
+    draws = run.draws(summary)
+    stored = summary["temperature"]["unit"]
+    degrees = temperature_unit or number_and_unit(asked[0], what="temperature")[1] or stored
+    given = np.array([_asked_temperature(text, stored, degrees) for text in asked])
+    low, high = (_temperature(t, stored, degrees) for t in (draws.coldest, draws.hottest))
+    known = (given >= low - extrapolate) & (given <= high + extrapolate)
+    beyond = (given < low) | (given > high)
+    error = temperature_sd * _normal_scores(draws.size) if temperature_sd else 0.0
+    step = _temperature(1.0, stored, degrees) - _temperature(0.0, stored, degrees)
+    at = np.array([_converted(t, degrees, stored, "temperature") for t in given])
+    quantities = {}
+    for channel in (*draws.quantities, *((OVERALL,) if not _lacking(run, summary, OVERALL) else ())):
+        own = summary["quantities"]["stiffness" if channel == OVERALL else channel]["unit"]
+        unit = next((u for u in units if _converts(own, u)), own)
+        curve = credible_at(_curve(run, draws, channel, own), at, level, error / step)
+        new = predictive_at(draws.curves, channel, at, level, int(run.summary["seed"]), error / step)
+        quantities[channel] = {
+            "name": _name(summary, channel),
+            "unit": unit,
+            **_told(curve, own, unit, known, ""),
+            **_told(new, own, unit, known, "pred_"),
+        }
+    path = summary["path"]
+    return {
+        "key": summary["key"],
+        "condition": summary["condition"],
+        "branch": summary["branch"],
+        "converged": summary["converged"],
+        "adequate": summary["adequate"],
+        "temperature_unit": degrees,
+        "temperature": given,
+        "measured": [low, high],
+        "extrapolated": beyond,
+        "quantities": quantities,
+        "caution": path["message"] if "stiffness" in quantities and path["kind"] != "path_slope" else None,
+    }
+
+
+def _asked_temperature(text: str, stored: str, degrees: str) -> float:
+    number, unit = number_and_unit(text, what="temperature")
+    if not unit and stored != ARBITRARY:
+        raise QuantityError(
+            f"temperature {text!r} has no unit",
+            expected=f"a number with its unit, such as '{number:g} {degrees}'",
+        )
+    return _converted(_temperature_back(number, unit or stored, stored), stored, degrees, "temperature")
+
+
+def _temperature_back(number: float, unit: str, stored: str) -> float:
+    """A temperature in the unit of the fit."""
+    _temperature(0.0, stored, unit)  # refuses what is no unit of temperature
+    return _converted(number, unit, stored, "temperature")
+
+
+def _told(
+    found: Interval | None, stored: str, unit: str, known: np.ndarray[Any, np.dtype[np.bool_]], prefix: str
+) -> dict[str, Any]:
+    """Interval in the unit of the answer; None at temperatures of which nothing is known."""
+    out: dict[str, list[float | None]] = {}
+    for name in ("low", "median", "high"):
+        if found is None:
+            out[prefix + name] = [None] * known.size
+        else:
+            values = convert(getattr(found, name), stored, unit)
+            out[prefix + name] = [float(v) if k else None for v, k in zip(values, known, strict=True)]
+    return out
+
+
+def _selected(run: Source, condition: str | None, branch: str | None) -> list[Mapping[str, Any]]:
+    records = list(run.summary["records"])
+    branches = [b.value for b in Branch]
+    if branch is not None and branch not in branches:
+        raise UnknownNameError(f"unknown branch {branch!r}", expected=near_matches(branch, branches))
+    ids = {r["condition"] for r in records}
+    if condition is not None and condition not in ids:
+        raise UnknownNameError(
+            f"unknown condition {condition!r}", file=run.folder, expected=near_matches(condition, ids)
+        )
+    found = [
+        r for r in records
+        if condition in (None, r["condition"]) and branch in (None, r["branch"])
+    ]  # fmt: skip
+    if not found:
+        raise UnknownNameError(
+            f"{condition or 'the campaign'} has no {branch} branch",
+            file=run.folder,
+            expected=", ".join(r["key"] for r in records if condition in (None, r["condition"])),
+        )
+    return found
+
+
+def _name(record: Mapping[str, Any], channel: str) -> str:
+    """What a channel is called: strain for the displacement of a specimen."""
+    specimen = {q["name"] for q in record["quantities"].values()} & set(SPECIMEN_QUANTITY.values())
+    return SPECIMEN_QUANTITY.get(channel, channel) if specimen else channel
+
+
+def _named(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _has(run: Source, records: Sequence[Mapping[str, Any]]) -> list[str]:
+    names = [_name(r, c) for c in WANTED for r in records if not _lacking(run, r, c)]
+    return [f"--{n.replace('_', '-')}" for n in dict.fromkeys(names)]
+
+
+def _lacking(run: Source, record: Mapping[str, Any], channel: str) -> str:
+    """Why a record can't tell of a channel; empty where it can."""
+    known = record["quantities"]
+    if channel != OVERALL:
+        if channel in known:
+            return ""
+        held = record["held"].get(channel)
+        if held:
+            return f"the rig held it at {held['mean']:.4g} {unit_text(held['unit'])}"
+        if channel == "stiffness":
+            return "neither was it measured, nor were the two of which it is the slope"
+        return "it was not measured"
+    if not run.summary["options"].get("bias_spring"):
+        return "the fit was told of no bias spring (--arrangement)"
+    if "stiffness" not in known:
+        return "no stiffness follows from the record"
+    if known["stiffness"]["name"] != "stiffness" or ARBITRARY in known["stiffness"]["unit"]:
+        return "its stiffness can't be compared with that of the bias spring"
+    return ""
+
+
+def _answer(run: Source, summary: Mapping[str, Any], question: _Question) -> dict[str, Any]:
+    draws = run.draws(summary)
+    channel = "stiffness" if question.channel == OVERALL else question.channel
+    stored = (summary["temperature"]["unit"], summary["quantities"][channel]["unit"])
+    unit, target, bounds = _target(question, stored[1], _named(_name(summary, question.channel)))
+    degrees = stored[0] if question.temperature_unit is None else question.temperature_unit
+    low, high = (_temperature(t, stored[0], degrees) for t in (draws.coldest, draws.hottest))
+    ends = (low - question.extrapolate, high + question.extrapolate)
+    curve = _in_units(_curve(run, draws, question.channel, stored[1]), stored, (degrees, unit))
+    t = search_grid(low, high, question.extrapolate)
+    found = passages(curve, t, target)
+    level = question.probability
+    error = question.temperature_sd * _normal_scores(draws.size)
+    grid = finer(t, _temperatures(found, error))
+    values = curve(grid)
+    set_values = curve(grid + error[:, None]) if question.temperature_sd else values
+
+    def stretches(least: float, greatest: float) -> dict[str, Any]:
+        surely = met(grid, set_values, (least, greatest))
+        best, top = surely.best
+        most = {"temperature": best, "probability": top, "extrapolated": not low <= best <= high}
+        return {
+            "intervals": [_stretch(s, low, high) for s in surely.at_least(level)],
+            "best": most if top > 0.0 else None,
+        }
+
+    path = summary["path"]
+    return {
+        "key": summary["key"],
+        "condition": summary["condition"],
+        "branch": summary["branch"],
+        "converged": summary["converged"],
+        "quantity": _name(summary, question.channel),
+        "unit": unit,
+        "temperature_unit": degrees,
+        "measured": [low, high],
+        "searched": list(ends),
+        "target": target,
+        "bounds": list(bounds),
+        **_extremes(values[:, (grid >= low) & (grid <= high)], level),
+        **_reached(curve, found, target, (low, high), ends),
+        "passages": [_passage(p, level, low, high) for p in found],
+        "within": stretches(*bounds),
+        "at_least": stretches(target, np.inf),
+        "at_most": stretches(-np.inf, target),
+        "caution": path["message"] if channel == "stiffness" and path["kind"] != "path_slope" else None,
+    }
+
+
+def _target(question: _Question, stored: str, what: str) -> tuple[str, float, tuple[float, float]]:
+    """Unit of the question, the wanted value, and the bounds within which it will do [that unit].
+
+    Parameters
+    ----------
+    question : _Question
+    stored : str
+        Unit of the fit, in which a number without a unit is understood where that has none itself.
+    what : str
+        Name of the quantity.
+    """
+    value, given = number_and_unit(question.value, what=what)
+    unit = given or stored
+    _in_unit(question.value, stored, stored, what)  # refuses what has no unit, or one of another kind
+    text = question.tolerance.strip()
+    if text.endswith("%"):
+        share, rest = number_and_unit(text[:-1], what="tolerance")
+        margin = abs(value) * share / 100.0
+        if rest:
+            raise QuantityError(f"tolerance {question.tolerance!r}", expected="such as '5 %' or '4 N/m'")
+    else:
+        margin = _in_unit(text, stored, unit, "tolerance")
+    if not margin > 0.0:
+        raise QuantityError(
+            f"tolerance {question.tolerance!r} of {question.value!r}", expected="more than nothing"
+        )
+    return unit, value, (value - margin, value + margin)
+
+
+def _in_unit(text: str, stored: str, unit: str, what: str) -> float:
+    number, given = number_and_unit(text, what=what)
+    if not given and stored not in ("1", ARBITRARY):
+        raise QuantityError(
+            f"{what} {text!r} has no unit", expected=f"a number with its unit, such as '{number:g} {unit}'"
+        )
+    return _converted(number, given or stored, unit, what)
+
+
+def _temperature(value: float, stored: str, unit: str) -> float:
+    try:
+        convert(0.0, unit, stored, what="temperature")
+    except QuantityError as error:
+        known = "that of the fit, which nobody knows" if stored == ARBITRARY else "degC, degF or kelvin"
+        raise QuantityError(error.found, expected=known) from None
+    return _converted(value, stored, unit, "temperature")
+
+
+def _converted(value: float, unit: str, to: str, what: str) -> float:
+    try:
+        return float(convert(value, unit, to, what=what))
+    except QuantityError as error:  # what is proposed there is meant for files
+        raise QuantityError(error.found, expected=error.expected) from None
+
+
+def _in_units(curve: Curve, stored: tuple[str, str], asked: tuple[str, str]) -> Curve:
+    """The same curve in other units of temperature and of its value."""
+    return lambda temperature: convert(curve(convert(temperature, asked[0], stored[0])), stored[1], asked[1])
+
+
+def _curve(run: Source, draws: RecordDraws, channel: str, unit: str) -> Curve:
+    if channel != OVERALL:
+        return lambda temperature: draws.curve(channel, temperature)
+    stated = run.summary["options"]["bias_spring"]
+    bias = BiasSpring(Arrangement(stated["arrangement"]), stated["stiffness"], stated["sd"])
+    k2 = bias_draws(bias, int(run.summary["seed"]), draws.key, draws.size, unit)[:, None]
+    return lambda temperature: overall_stiffness(draws.curve("stiffness", temperature), k2, bias.arrangement)
+
+
+def _normal_scores(size: int) -> Floats:
+    """Quantiles of the standard normal distribution in an order of their own, one for each draw, shape (size,)."""
+    scores = ndtri((np.arange(size) + 0.5) / size)
+    return np.asarray(np.random.default_rng(0).permutation(scores))
+
+
+def _temperatures(found: Sequence[Passage], error: Floats) -> Floats:
+    """Settings of the temperature at which a curve passes the value."""
+    every = np.concatenate([p.draws - error for p in found]) if found else np.empty(0)
+    return np.asarray(every[np.isfinite(every)])
+
+
+def _reached(
+    curve: Curve, found: Sequence[Passage], target: float, measured: tuple[float, float], ends: tuple[float, float]
+) -> dict[str, float]:  # fmt: skip
+    """Shares of the curves that pass the value where it was measured, and that stay below or above it all along."""
+    above = curve(np.array(ends))[:, 0] >= target
+    passing = np.zeros(above.shape, dtype=bool)
+    inside = passing.copy()
+    for p in found:
+        passing |= np.isfinite(p.draws)
+        inside |= (p.draws >= measured[0]) & (p.draws <= measured[1])
+    return {
+        "reachable": float(np.mean(inside)),
+        "stays_below": float(np.mean(~passing & ~above)),
+        "stays_above": float(np.mean(~passing & above)),
+    }
+
+
+def _extremes(values: Floats, level: float) -> dict[str, dict[str, float]]:
+    """Least and greatest value over the measured temperatures: what can be asked for at all."""
+    return {
+        "least": _interval(values.min(axis=1), level),
+        "greatest": _interval(values.max(axis=1), level),
+    }
+
+
+def _interval(draws: Floats, level: float) -> dict[str, float]:
+    """Median and equal-tailed interval of that level."""
+    tail = 0.5 * (1.0 - level)
+    return dict(
+        zip(("low", "median", "high"), quantiles(draws, (tail, 0.5, 1.0 - tail)).tolist(), strict=True)
+    )
+
+
+def _passage(p: Passage, level: float, low: float, high: float) -> dict[str, Any]:
+    place = _interval(p.draws[np.isfinite(p.draws)], level)
+    beyond = place["low"] < low or place["high"] > high
+    return {"direction": p.direction, "probability": p.probability, **place, "extrapolated": beyond}
+
+
+def _stretch(s: Stretch, low: float, high: float) -> dict[str, Any]:
+    return {"low": s.low, "high": s.high, "extrapolated": bool(s.low < low or s.high > high)}

@@ -1,0 +1,1 @@
+"""The contenders on the same record: evidence, held-out data, correlation."""

@@ -1,0 +1,480 @@
+"""Compare the modified sigmoid with the baselines on one record of one channel.
+
+All contenders see the same samples under the same noise. By default evidence chooses it, as for a fit
+(`sma_bayes.fitting.noise_choice`), from what the contender leaves that fits best; its parameters are estimated with
+each curve anew. Where that contender misses the data smoothly a discrepancy stands beside every curve, kept off the
+tangents of its own (`sma_bayes.discrepancy`): else thousands of samples would be taken for so many witnesses against
+whichever curve misses a little more. What a curve needs of it costs evidence, the more the larger it is. Densities of
+what was held out are those of curve and discrepancy, as far as it is known without; predicted values, correlation
+factors and curves are those of the contender alone.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from scipy.special import logsumexp
+from threadpoolctl import threadpool_limits
+
+from sma_bayes.assess.correlation import Agreement, agreement
+from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, density_of, folds_of, missed_by, of_samples
+from sma_bayes.fitting.noise_choice import SIMPLEST, Bases, NoiseChoice, choose_noise, discrepancy_bases
+from sma_bayes.fitting.warm_start import warm_start
+from sma_bayes.noise import NOISE_MODELS, NoiseModel
+from sma_bayes.noise.base import lag1
+from sma_bayes.noise.effective_samples import EffectiveSamples, memory_of
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.posterior import Posterior
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
+from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.response.polynomial import FREQUENCY, least_squares
+from sma_bayes.sampling.bridge import Evidence, bridge_evidence
+from sma_bayes.sampling.importance import MOST_MODES, WeightedDraws, importance_draws
+from sma_bayes.sampling.laplace import Mode, climb
+from sma_bayes.sampling.weighted import resampled, weighted_quantiles
+from sma_bayes.studies.compare.contenders import (
+    PLUGGED_IN,
+    Contender,
+    contenders,
+    copy_of,
+    curve_of,
+    model_of,
+    model_priors,
+    posterior_of,
+    unavailable,
+    with_constants,
+)
+from sma_bayes.studies.compare.verdict import Standing, Verdict, judge, stacking_weights
+
+AUTO: Final = "auto"
+SCREENED: Final = 3000
+"""Draws from the prior among which starting points are looked for."""
+STARTS: Final = 4
+APART: Final = 0.3
+"""Least distance of starting points [sd of the prior]."""
+GRID: Final = 121
+AGREE: Final = 4.0
+"""Standard errors within which both evidences must agree, or 0.05."""
+CURVES: Final = 1000
+"""Draws of the curve that are compared with the data, for the correlation factors."""
+LEVELS_READ: Final = ("K_min", "K_max")
+"""Parameters of the published and corrected logistic that are the extremes of the data."""
+LEVELS: Final = {"q05": 0.05, "q50": 0.50, "q95": 0.95}
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A contender that was fitted and asked about what was held out.
+
+    Attributes
+    ----------
+    contender : Contender
+    posterior : Posterior
+    draws : WeightedDraws
+    loo, folds : HeldOut
+        Leaving out single samples, and whole folds.
+    in_sample : ndarray, shape (n,)
+        Log density of each sample with nothing left out.
+    bridge : Evidence
+        Log evidence by bridge sampling.
+    curve : mapping of str to ndarray, shape (m,)
+        Quantiles of the curve on a grid of temperatures.
+    agreement : Agreement
+        Of draws of the curve with the data to which it was fitted.
+    """
+
+    contender: Contender
+    posterior: Posterior
+    draws: WeightedDraws
+    loo: HeldOut
+    folds: HeldOut
+    in_sample: Floats
+    bridge: Evidence
+    curve: Mapping[str, Floats]
+    agreement: Agreement
+
+    @property
+    def converged(self) -> bool:
+        """Whether the draws reached the target, also those of fits made anew, and both evidences agree."""
+        anew = self.loo.not_converged + self.folds.not_converged
+        return self.draws.converged and self.evidences_agree and not anew
+
+    @property
+    def importance(self) -> Evidence:
+        """Log evidence by importance sampling."""
+        return self.draws.evidence
+
+    @property
+    def evidences_agree(self) -> bool:
+        """Whether the two evidences agree within their errors."""
+        apart = abs(self.importance.value - self.bridge.value)
+        return apart <= max(AGREE * float(np.hypot(self.importance.sd, self.bridge.sd)), 0.05)
+
+    @property
+    def evidence(self) -> Evidence:
+        """The evidence of smaller error."""
+        return min(self.importance, self.bridge, key=lambda e: e.sd)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Contenders on one record of one channel.
+
+    Attributes
+    ----------
+    record : Record
+    noise : NoiseModel
+    noise_choice : NoiseChoice or None
+        Why, where it was chosen.
+    memory : float
+        Samples that count as one, under `EffectiveSamples`; else one.
+    folds : Folds
+    fitted : mapping of str to Fitted
+        Those that were fitted; `copies` have the numbers of another, `unavailable` none.
+    copies, unavailable : mapping of str to str
+        Name of the other; why.
+    weights : mapping of str to float
+        Stacking weights of those fitted.
+    verdict : Verdict
+    temperature : ndarray, shape (m,)
+        Grid of the curves.
+    wall_s : float
+    entrants : tuple of Contender
+        All that were asked for.
+    rank : int
+        Of Eq. (11) on the record.
+    """
+
+    record: Record
+    noise: NoiseModel
+    noise_choice: NoiseChoice | None
+    memory: float
+    folds: Folds
+    fitted: Mapping[str, Fitted]
+    copies: Mapping[str, str]
+    unavailable: Mapping[str, str]
+    weights: Mapping[str, float]
+    verdict: Verdict
+    temperature: Floats
+    wall_s: float
+    entrants: tuple[Contender, ...]
+    rank: int = field(default=2)
+
+    @property
+    def channel(self) -> str:
+        """The channel."""
+        return self.record.channels[0]
+
+    @property
+    def has_discrepancy(self) -> bool:
+        """Whether one stands beside every curve."""
+        return self.noise_choice is not None and any(self.noise_choice.bases)
+
+    @property
+    def converged(self) -> bool:
+        """Whether every contender converged."""
+        return all(f.converged for f in self.fitted.values())
+
+    def fold_density(self, name: str) -> Floats:
+        """Log density of each held-out fold (B,), each sample counted by its share."""
+        density = self.fitted[name].folds.log_density / self.memory
+        return np.asarray(np.bincount(self.folds.number, density, self.folds.count), dtype=float)
+
+    def standings(self) -> tuple[Standing, ...]:
+        """What the verdict rests on."""
+        return tuple(_standing(f, self) for f in self.fitted.values())
+
+
+def compare_record(
+    record: Record,
+    priors: PriorSet,
+    *,
+    noise: str = AUTO,
+    seed: int = 0,
+    only: Sequence[str] = (),
+    model: str = DEFAULT_MODEL,
+) -> Comparison:
+    """Fit all contenders to a record, predict what was held out, and judge.
+
+    Parameters
+    ----------
+    record : Record
+        Of one channel; see `sma_bayes.studies.compare.contenders.of_channel`.
+    priors : PriorSet
+        Of the modified sigmoid and of the noise.
+    noise : str
+        Name of a noise model, the same for all contenders; ``auto``: see the module.
+    seed : int
+    only : sequence of str
+        Names of contenders to compare; all by default.
+    model : str
+        Name of the response model that was asked for; it takes part in any case.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such noise model.
+    PriorError
+        If a prior is missing or wrong.
+    """
+    clock = time.perf_counter()
+    (channel,) = record.channels
+    root = np.random.SeedSequence([seed, 17, *f"{record.key} {channel}".encode()])
+    entrants = tuple(c for c in contenders(model) if not only or c.name in only)
+    missing = {c.name: why for c in entrants if (why := unavailable(c, record))}
+    copies = {c.name: other for c in entrants if c.name not in missing and (other := copy_of(c, record))}
+    running = [c for c in entrants if c.name not in missing and c.name not in copies]
+    with threadpool_limits(limits=1):
+        scatter = NOISE_MODELS[SIMPLEST if noise == AUTO else noise]
+        start_seed, *seeds = root.spawn(len(running) + 1)
+        rng = np.random.default_rng(start_seed)
+        modes = {c.name: _modes(posterior_of(c, record, scatter, priors), rng) for c in running}
+        memory = _memory(record, scatter, running, priors, modes)
+        choice, bases = None, {}
+        if noise == AUTO:
+            choice = _noise_choice(record, running, priors, modes, rng)
+            scatter = NOISE_MODELS[choice.name]
+            bases = {c.name: _bases(c, record, priors, modes[c.name]) for c in running if any(choice.bases)}
+            modes = {
+                c.name: _modes_beside(
+                    posterior_of(c, record, scatter, priors, discrepancy=bases.get(c.name)),
+                    modes[c.name],
+                    choice,
+                )
+                for c in running
+            }
+        folds = folds_of(record)
+        task = _Task(record, scatter, priors, memory, folds, bases)
+        fitted = {c.name: task.fit(c, modes[c.name], own) for c, own in zip(running, seeds, strict=True)}
+    first = Comparison(
+        record, scatter, choice, memory, folds, fitted, copies, missing, {}, _UNDECIDED, task.grid, 0.0, entrants,
+        _rank(record),
+    )  # fmt: skip
+    weights = stacking_weights({name: f.folds.log_density for name, f in fitted.items()})
+    verdict = judge(first.standings())
+    return replace(first, weights=weights, verdict=verdict, wall_s=time.perf_counter() - clock)
+
+
+_UNDECIDED: Final = Verdict("", "", False, 0.0, "", 0.0, (), "")
+
+
+def _standing(f: Fitted, comparison: Comparison) -> Standing:
+    c = f.contender
+    folds = comparison.fold_density(c.name)
+    curve = curve_of(c, comparison.record)
+    return Standing(c.name, c.family, curve, c.extra, f.evidence.value, f.evidence.sd, folds)
+
+
+def _modes(posterior: Posterior, rng: np.random.Generator) -> tuple[Mode, ...]:
+    """Modes of a posterior, best first: from draws of the prior, each with the noise that its residuals ask for."""
+    space, place = posterior.space, posterior.layout[0]
+    record, model = posterior.records[0], posterior.model
+    (channel,) = record.channels
+    sd = int(place.noise[channel][0])
+    width = space.prior_sd()
+
+    def with_noise(theta: Floats) -> Floats:
+        with np.errstate(over="ignore", invalid="ignore"):
+            residual = record.observed[channel] - model.predict(theta[:, place.model], record.inputs)[channel]
+            spread = np.sqrt(np.mean(residual**2, axis=1))
+        theta[:, sd] = np.where(np.isfinite(spread), np.maximum(spread, 1e-300), 1e300)
+        return space.to_sampled(theta)
+
+    z = with_noise(space.to_physical(space.draw(rng, SCREENED)))
+    z = z[np.isfinite(z).all(axis=1)]
+    z = z[np.argsort(-posterior.log_prob(z), kind="stable")]
+    starts: list[Floats] = []
+    if model.linear:  # what is solved for leads to optima that no draw of the prior need come near
+        found = warm_start(posterior, rng)
+        for optimum in found.optima:
+            centre = space.prior_centre()
+            centre[: optimum.size] = optimum
+            starts.append(with_noise(space.to_physical(centre)[None])[0])
+    for point in z[:200]:
+        if len(starts) >= STARTS:
+            break
+        if all(np.max(np.abs(point - other) / width) > APART for other in starts):
+            starts.append(point)
+    modes = [m for m in (climb(posterior, s, width) for s in starts) if m is not None]
+    return tuple(sorted(modes, key=lambda m: -m.log_prob))
+
+
+def _bases(contender: Contender, record: Record, priors: PriorSet, modes: Sequence[Mode]) -> Bases:
+    """Basis of the discrepancy of a contender, kept off the tangents of its curve at its best mode."""
+    if FREQUENCY in record.inputs:  # where conditions were joined, at their mean frequency
+        mean = float(record.inputs[FREQUENCY].mean())
+        record = replace(record, inputs={**record.inputs, FREQUENCY: np.full(record.n, mean)})
+    posterior = posterior_of(contender, record, NOISE_MODELS[SIMPLEST], priors)
+    theta = posterior.space.to_physical(modes[0].z)[posterior.layout[0].model]
+    return discrepancy_bases(posterior, theta)
+
+
+def _modes_beside(posterior: Posterior, alone: Sequence[Mode], choice: NoiseChoice) -> tuple[Mode, ...]:
+    """Modes of a posterior with chosen noise, best first, from those of the same curve in plain noise.
+
+    Either all that the curve misses is noise, or the noise is as chosen and what exceeds it is smooth.
+    """
+    space, place, record = posterior.space, posterior.layout[0], posterior.records[0]
+    (channel,) = record.channels
+    at, known, width = place.noise[channel], choice.estimate[0][channel], space.prior_sd()
+    starts = []
+    for mode in alone[:MOST_MODES]:
+        z = space.prior_centre()
+        z[: posterior.sampled_model.size] = mode.z[: posterior.sampled_model.size]
+        theta = space.to_physical(z)
+        left = record.observed[channel] - posterior.predict(theta, record.inputs)[channel]
+        spread = max(float(np.sqrt(np.mean(left**2))), float(known[0]))
+        theta[at] = known[: at.size]
+        if place.temperature_sd is not None:
+            theta[place.temperature_sd] = choice.temperature_sd[0]
+        for sd, size in ((float(known[0]), spread), (spread, 0.2 * spread)):
+            theta[at[0]] = sd
+            if channel in place.size:
+                theta[place.size[channel]] = size
+            start = space.to_sampled(theta)
+            starts.append(np.where(np.isfinite(start), start, z))
+    modes = [m for m in (climb(posterior, s, width) for s in starts) if m is not None]
+    return tuple(sorted(modes, key=lambda m: -m.log_prob))
+
+
+def _memory(
+    record: Record,
+    noise: NoiseModel,
+    contenders: Sequence[Contender],
+    priors: PriorSet,
+    modes: Mapping[str, Sequence[Mode]],
+) -> float:
+    """Samples that count as one, from the residuals of the contender that fits best."""
+    if noise.name != EffectiveSamples.name:
+        return 1.0
+    best, residual = _best_fitting(record, noise, contenders, priors, modes)
+    steps = posterior_of(best, record, noise, priors).steps[0]
+    if lag1(residual, steps) < 2.0 / np.sqrt(record.n):  # within what independent samples show
+        return 1.0
+    return memory_of(residual, steps)
+
+
+def _best_fitting(
+    record: Record,
+    noise: NoiseModel,
+    contenders: Sequence[Contender],
+    priors: PriorSet,
+    modes: Mapping[str, Sequence[Mode]],
+) -> tuple[Contender, Floats]:
+    """The contender that fits best, and its residuals (n,)."""
+    (channel,) = record.channels
+    found = []
+    for c in contenders:
+        posterior = posterior_of(c, record, noise, priors)
+        theta = posterior.space.to_physical(modes[c.name][0].z)
+        residual = record.observed[channel] - posterior.predict(theta, record.inputs)[channel]
+        # as many parameters as were fitted are paid for, or the richest curve would always be taken
+        spread = float(residual @ residual) / max(record.n - posterior.space.dimension, 1)
+        found.append((spread, c, residual))
+    _, best, left = min(found, key=lambda f: f[0])
+    return best, left
+
+
+def _noise_choice(
+    record: Record,
+    contenders: Sequence[Contender],
+    priors: PriorSet,
+    modes: Mapping[str, Sequence[Mode]],
+    rng: np.random.Generator,
+) -> NoiseChoice:
+    """Noise that the evidence prefers for what the contender leaves that fits best."""
+    noise = NOISE_MODELS[SIMPLEST]
+    best, _ = _best_fitting(record, noise, contenders, priors, modes)
+    posterior = posterior_of(best, record, noise, priors)
+    own = model_priors(model_of(best, record), priors)
+    return choose_noise(posterior, warm_start(posterior, rng), own)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What all contenders share."""
+
+    record: Record
+    noise: NoiseModel
+    priors: PriorSet
+    memory: float
+    folds: Folds
+    bases: Mapping[str, Bases]
+
+    @property
+    def grid(self) -> Floats:
+        t = self.record.temperature
+        return np.linspace(t.min(), t.max(), GRID)
+
+    def fit(self, contender: Contender, modes: Sequence[Mode], seed: np.random.SeedSequence) -> Fitted:
+        sample_seed, bridge_seed, loo_seed, fold_seed, curve_seed, missed_seed = seed.spawn(6)
+        posterior = posterior_of(
+            contender,
+            self.record,
+            self.noise,
+            self.priors,
+            self.memory,
+            discrepancy=self.bases.get(contender.name),
+        )
+        width = posterior.space.prior_sd()
+        draws = importance_draws(posterior, [m.z for m in modes], width, sample_seed)
+        theta = posterior.space.to_physical(draws.z)
+
+        def without(part: Record) -> Posterior:
+            if contender.name not in PLUGGED_IN:
+                return of_samples(posterior, part)
+            fresh = {k: v for k, v in _plugged_in(part).items() if k in posterior.model.parameter_names}
+            return with_constants(of_samples(posterior, part), fresh)
+
+        weights = missed_by(posterior, theta, missed_seed)
+        predictor = Predictor(posterior, draws, weights, without, contender.name in PLUGGED_IN)
+        full, _ = density_of(posterior, theta, weights, self.record)
+        n, folds = self.record.n, self.folds
+        loo = predictor.leave_out(list(np.eye(n, dtype=bool)), loo_seed)
+        blocks = [folds.number == b for b in range(folds.count)]
+        left = predictor.leave_out(blocks, fold_seed, -np.inf, curves=CURVES)
+        pick = resampled(draws.log_weight, CURVES, np.random.default_rng(curve_seed))
+        fitted = predictor.mean_curve(theta[pick], self.record)
+        (data,) = self.record.observed.values()
+        return Fitted(
+            contender,
+            posterior,
+            draws,
+            loo,
+            left,
+            np.asarray(logsumexp(draws.log_weight[:, None] + full, axis=0)),
+            bridge_evidence(posterior, draws.z, draws.log_weight, np.random.default_rng(bridge_seed)),
+            self._curve(posterior, draws),
+            agreement(data, fitted, _estimated(posterior, contender)),
+        )
+
+    def _curve(self, posterior: Posterior, draws: WeightedDraws) -> dict[str, Floats]:
+        """Quantiles of the curve; where conditions were joined, at their mean frequency."""
+        inputs = {"temperature": self.grid}
+        if FREQUENCY in self.record.inputs:
+            inputs[FREQUENCY] = np.full(GRID, self.record.inputs[FREQUENCY].mean())
+        curve = posterior.predict(posterior.space.to_physical(draws.z), inputs)[self.record.channels[0]]
+        values = weighted_quantiles(curve, draws.log_weight, tuple(LEVELS.values()))
+        return dict(zip(LEVELS, values, strict=True))
+
+
+def _estimated(posterior: Posterior, contender: Contender) -> int:
+    """Parameters of the curve that were estimated from the data, levels that were read off them included."""
+    curve = posterior.space.parameters[: len(posterior.model.parameter_names)]
+    return sum(p.fixed is None for p in curve) + (len(LEVELS_READ) if contender.name in PLUGGED_IN else 0)
+
+
+def _plugged_in(record: Record) -> dict[str, float]:
+    (values,) = record.observed.values()
+    return dict(zip(LEVELS_READ, (float(values.min()), float(values.max())), strict=True))
+
+
+def _rank(record: Record) -> int:
+    """Rank of Eq. (11) on a record."""
+    (values,) = record.observed.values()
+    return least_squares(record.temperature, record.inputs.get(FREQUENCY, np.ones(record.n)), values).rank

@@ -1,0 +1,73 @@
+"""The report of a comparison of models in plain words: who wins, by how much, and what that rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from sma_bayes.report.content import PAPER_CORRELATION
+from sma_bayes.report.figures.sheet import FigureFiles
+from sma_bayes.report.html import write_page
+from sma_bayes.report.tables import Table
+from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.studies.compare.outputs import StoredComparison
+from sma_bayes.studies.compare.tables import short
+from sma_bayes.studies.compare.verdict import CANNOT_TELL
+
+TEMPLATE: Final = "comparison.html.j2"
+
+
+def write_comparison_report(
+    stored: StoredComparison, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
+) -> None:
+    """Write ``report.html`` of a comparison.
+
+    Parameters
+    ----------
+    stored : StoredComparison
+    tables : mapping of str to Table
+    figures : mapping of str to FigureFiles
+        By stem; their PNG files are in ``figures/``.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written, or a figure can't be read.
+    """
+    write_page(
+        stored.folder,
+        TEMPLATE,
+        figures,
+        found=stored.found,
+        headlines=[headline(group) for group in stored.found["overall"]],
+        command=command(stored.found),
+        tables=tables,
+        held_out=[s for s in figures if s.startswith("held-out")],
+        paper_correlation=PAPER_CORRELATION,
+    )
+
+
+def headline(group: Mapping[str, Any]) -> str:
+    """The verdict over all records of a channel, as a sentence."""
+    counts = ", ".join(f"{n} {name}" for name, n in group["verdicts"].items())
+    if group["verdict"] == CANNOT_TELL:
+        outcome = f"one can't tell: {group['why']}"
+    else:
+        best = short(group["preferred"])
+        outcome = f"the {group['verdict'].replace('_', ' ')} wins ({best}): {group['why']}"
+    count = len(group["records"])
+    together = f"{count} records together" if count > 1 else "one record"
+    return f"{group['quantity']}, {together}: {outcome}. Record by record: {counts}."
+
+
+def command(found: Mapping[str, Any]) -> str:
+    """The command that gives the same comparison again."""
+    options = found["options"]
+    more = "".join(
+        f" --{name} {options[name]}"
+        for name, usual in (("model", DEFAULT_MODEL), ("noise", "auto"), ("pool", "none"))
+        if options[name] != usual
+    )
+    return (
+        f'sma-bayes compare "{found["source"]}" --out DIR --seed {found["seed"]} --priors priors.toml{more}'
+    )

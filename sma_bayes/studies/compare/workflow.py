@@ -1,0 +1,212 @@
+"""Comparing models on a campaign, from records to files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from sma_bayes.account import Account
+from sma_bayes.errors import MeasurementError
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.posterior import build_posterior
+from sma_bayes.progress import Progress, silent
+from sma_bayes.records.severity import finding_document
+from sma_bayes.records.types import Branch, Campaign, Record
+from sma_bayes.report.choice import REPORT, figures_for
+from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS
+from sma_bayes.runs.documents import COMPARISON
+from sma_bayes.runs.jobs import run
+from sma_bayes.runs.store import plain, write_csv, write_text
+from sma_bayes.studies.compare.comparison import AUTO, Comparison, compare_record
+from sma_bayes.studies.compare.contenders import (
+    contenders,
+    copy_of,
+    joined,
+    observables,
+    of_channel,
+    posterior_of,
+    unavailable,
+)
+from sma_bayes.studies.compare.document import (
+    curve_columns,
+    overall,
+    record_document,
+    sample_columns,
+    stem_of,
+)
+from sma_bayes.studies.identity import all_versions, run_identity
+from sma_bayes.studies.options import FitOptions, Pool, check_model_and_noise, models_of, prior_set
+from sma_bayes.studies.shared_model import with_shared_model
+from sma_bayes.studies.under_way import UnderWay
+
+FEWEST_CONDITIONS = 2
+"""Conditions that can be left out in turn."""
+
+
+def compare(
+    campaign: Campaign,
+    out: str | Path | None = None,
+    *,
+    seed: int = 0,
+    noise: str = AUTO,
+    priors: str | Path | PriorSet | None = None,
+    model: str = DEFAULT_MODEL,
+    pool: Pool = "none",
+    jobs: int | None = None,
+    resume: bool = False,
+    figures: str | bool = REPORT,
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Compare the modified sigmoid with the logistic and polynomial baselines, and with any other response model.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    out : str or Path, optional
+        Folder for `comparison.json`, series, tables, figures and the report; nothing is written without it.
+    seed : int
+        Decides every draw.
+    noise : str
+        Name of a noise model, the same for all models; ``auto``: chosen for each record by evidence, from what the
+        model leaves that fits best.
+    priors : str, Path or PriorSet, optional
+        Of `model` and of the noise; every other model has its own.
+    model : str
+        Name of a response model that takes part beside those that always do; ``auto``: the one of the ladder that all
+        records together support best.
+    pool : {'none', 'campaign'}
+        With ``campaign`` one curve a branch serves all conditions, conditions are left out in turn, and the
+        polynomial may use the frequency of the drive.
+    jobs : int, optional
+        Processes; by default one for each core.
+    resume : bool
+        Where `out` holds this very comparison already, only what is missing of its report is made.
+    figures : str or bool
+        ``report`` (of single records up to 100 of them), ``all`` or ``none`` (no report either), see `figures_for`.
+    progress : callable, optional
+    account : Account, optional
+        Account to go on with, such as one in which the reading was timed.
+
+    Returns
+    -------
+    dict
+        What `comparison.json` holds.
+
+    Raises
+    ------
+    MeasurementError
+        If conditions can't be pooled.
+    PriorError, UnknownNameError
+        If the call can't be used.
+    OutputError, ResumeError
+        If `out` can't be used.
+    """
+    options = FitOptions(prior_set(priors, model), seed, noise, pool, model=model)
+    records = units_of(campaign, pool)
+    check(records, options)
+    drawn = figures_for(figures)
+    work = UnderWay(COMPARISON, jobs, drawn, progress or silent, account or Account())
+    identity = {**run_identity(campaign, options), "kind": COMPARISON.verb}
+    return work.carry_out(
+        out, identity, resume, lambda folder: _compared(campaign, records, folder, options, work)
+    )
+
+
+def units_of(campaign: Campaign, pool: Pool) -> list[Record]:
+    """What is compared: each record and channel, or with ``campaign`` all conditions of a branch joined.
+
+    Raises
+    ------
+    MeasurementError
+        If there are not enough conditions to leave out, or they can't be joined.
+    """
+    if pool == "none":
+        return [of_channel(r, c) for r in campaign.records for c in observables(r)]
+    out = []
+    for branch in Branch:
+        records = [r for r in campaign.records if r.branch is branch]
+        if len(records) < FEWEST_CONDITIONS:
+            continue
+        shared = [c for c in observables(records[0]) if all(c in observables(r) for r in records)]
+        out += [joined(records, c) for c in shared]
+    if not out:
+        raise MeasurementError(
+            f"{campaign.name!r} has no two conditions of one branch that share a channel",
+            expected=f"{FEWEST_CONDITIONS} conditions or more, each of which can be left out",
+            remedy="compare without --pool campaign",
+        )
+    return out
+
+
+def check(records: Sequence[Record], options: FitOptions) -> None:
+    """Refuse, before anything is written or sampled, what no contender could be fitted with."""
+    noise = NOISE_MODELS["independent" if options.noise == AUTO else options.noise]
+    check_model_and_noise(options.model, options.noise)
+    for record in records:
+        chosen = options.model == AUTO_MODEL
+        if chosen or not RESPONSE_MODELS[options.model].refusal(record.channels):
+            for model, priors in models_of([record], options):
+                build_posterior([record], NOISE_MODELS["independent"], priors, model=model)
+        for contender in contenders(DEFAULT_MODEL if chosen else options.model):
+            if not unavailable(contender, record) and not copy_of(contender, record):
+                posterior = posterior_of(contender, record, noise, options.priors)
+                if record.n <= posterior.space.dimension:
+                    raise MeasurementError(
+                        f"{record.n} samples of {record.key} can't tell models apart",
+                        expected=f"more than the {posterior.space.dimension} parameters of {contender.name}",
+                        remedy="record more samples",
+                    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    record: Record
+    options: FitOptions
+
+
+def _compare_task(task: _Task) -> Comparison:
+    o = task.options
+    return compare_record(task.record, o.priors, noise=o.noise, seed=o.seed, model=o.model)
+
+
+def _compared(
+    campaign: Campaign,
+    records: Sequence[Record],
+    folder: Path | None,
+    options: FitOptions,
+    work: UnderWay,
+) -> dict[str, Any]:
+    work.tell(0, len(records), "choosing the model" if options.model == AUTO_MODEL else "comparing")
+    chosen, choice = with_shared_model([(r,) for r in records], options, work.jobs, work.account)
+    comparisons = []
+    tasks = [_Task(r, chosen) for r in records]
+    for found in run(_compare_task, tasks, work.jobs, account=work.account, stage="compare"):
+        comparisons.append(found)
+        work.tell(len(comparisons), len(records), f"compared {stem_of(found)}")
+        if folder is not None:
+            with work.account.timed("write"):
+                write_csv(folder / "curves" / f"{stem_of(found)}.csv", curve_columns(found))
+                write_csv(folder / "samples" / f"{stem_of(found)}.csv", sample_columns(found))
+    document: dict[str, Any] = plain({
+        "schema": COMPARISON.schema,
+        "campaign": campaign.name,
+        "source": campaign.source,
+        "seed": options.seed,
+        "options": {
+            "model": options.model, "noise": options.noise, "pool": options.pool, "priors": options.priors.title
+        },
+        "model_choice": None if choice is None else asdict(choice),
+        "versions": all_versions(),
+        "data_sha256": campaign.sha256,
+        "converged": all(c.converged for c in comparisons),
+        "overall": overall(comparisons),
+        "records": [record_document(c) for c in comparisons],
+        "findings": [finding_document(f) for f in campaign.findings],
+    })  # fmt: skip
+    if folder is not None:
+        write_text(folder / "priors.toml", options.priors.whole_text)
+    return document

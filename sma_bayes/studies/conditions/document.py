@@ -1,0 +1,279 @@
+"""What a study of conditions says in `conditions.json` and in the series beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.curves import quantiles
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Condition, setting_unit
+from sma_bayes.studies.conditions.design import SETTINGS, Design
+from sma_bayes.studies.conditions.effects import Effect
+from sma_bayes.studies.conditions.features import Feature, interval
+from sma_bayes.studies.conditions.leave_out import HIERARCHICAL, HeldOut
+from sma_bayes.studies.conditions.population import Population
+from sma_bayes.studies.conditions.prediction import Prediction, predicted_features
+from sma_bayes.studies.conditions.study import ConditionStudy
+
+
+def study_document(study: ConditionStudy, *, specimen: bool) -> dict[str, Any]:
+    """A study, as `conditions.json` has it.
+
+    Parameters
+    ----------
+    study : ConditionStudy
+    specimen : bool
+        Whether loads are stresses.
+    """
+    return {
+        "converged": study.converged,
+        "groups": [_group(d, specimen) for d in study.designs],
+        "features": [_feature(f) for f in study.features],
+        "effects": [_effect(e, study, specimen) for e in study.effects],
+        "populations": [_population(p) for p in study.populations],
+        "predictions": [_prediction(p) for p in study.predictions],
+        "held_out": [_held_out(h) for h in study.held_out],
+        "remarks": list(study.remarks),
+        "cautions": cautions(study),
+    }
+
+
+def stem(condition: Condition, branch: str, channel: str) -> str:
+    """Name of the files of one channel of one branch."""
+    return f"{condition.id}-{branch}-{channel}"
+
+
+def settings_of(condition: Condition) -> dict[str, float]:
+    """What is stated of a condition, in canonical units."""
+    return {s: float(getattr(condition, s)) for s in SETTINGS if getattr(condition, s) is not None}
+
+
+def _group(design: Design, specimen: bool) -> dict[str, Any]:
+    return {
+        "conditions": list(design.ids),
+        "stated": list(design.stated),
+        "varied": {
+            v: {"unit": setting_unit(v, specimen=specimen), "values": design.values(v)} for v in design.varied
+        },
+        "rank": design.rank,
+        "columns": 1 + len(design.varied),
+        "spare": design.spare,
+        "aliased": {v: list(design.aliased(v)) for v in design.varied if design.aliased(v)},
+    }
+
+
+def _feature(feature: Feature) -> dict[str, Any]:
+    return {
+        "condition": feature.condition.id,
+        "branch": feature.branch,
+        "name": feature.name,
+        "channel": feature.channel,
+        "unit": feature.unit,
+        **feature.quantiles(),
+        "measured": feature.measured,
+        "at_edge": feature.at_edge,
+        "meaning": feature.meaning,
+    }
+
+
+def _effect(effect: Effect, study: ConditionStudy, specimen: bool) -> dict[str, Any]:
+    (design,) = [d for d in study.designs if d.ids == effect.conditions]
+    return {
+        "feature": effect.feature,
+        "branch": effect.branch,
+        "channel": effect.channel,
+        "unit": "1" if effect.factor else effect.unit,
+        "kind": "factor" if effect.factor else "difference",
+        "setting": effect.setting,
+        "setting_unit": setting_unit(effect.setting, specimen=specimen),
+        "from": effect.from_,
+        "to": effect.to,
+        "conditions": list(effect.conditions),
+        "tested": effect.tested,
+        "beyond": effect.beyond,
+        "probability_rises": effect.probability_rises,
+        "scatter": effect.scatter,
+        "spare": design.spare,
+        "aliased_with": list(effect.aliased_with),
+        "confounded_with": [
+            {"name": c.other, "correlation": c.correlation, "strong": c.strong} for c in effect.confounders
+        ],
+    }
+
+
+def _population(population: Population) -> dict[str, Any]:
+    density, sampling = population.density, population.sampling
+    prior = np.exp(density.draw_prior(np.random.default_rng(0), 4000))
+    return {
+        "conditions": list(population.design.ids),
+        "branch": population.records[0].branch.value,
+        "channels": list(population.records[0].channels),
+        "spare": population.design.spare,
+        "prior_led": population.prior_led,
+        "sampling": {
+            "method": sampling.method,
+            "k": sampling.k,
+            "effective": sampling.effective,
+            "converged": sampling.converged,
+        },
+        "correction": asdict(population.correction),
+        "coordinates": [
+            {
+                "name": label,
+                "level": interval(population.coefficients[:, 0, i]),
+                "changes": {
+                    v: interval(population.coefficients[:, k, i])
+                    for k, v in enumerate(population.design.varied, 1)
+                },
+                "scatter": interval(population.scatter[:, i]),
+                "scatter_prior": interval(prior[:, i]),
+            }
+            for i, label in enumerate(population.coordinates.labels)
+        ],
+        "parameters": {
+            r.condition.id: {
+                name: {"own": interval(r.curve_theta[:, i]), "pooled": interval(pooled[:, i])}
+                for i, name in enumerate(r.names)
+            }
+            for r, pooled in zip(
+                population.records, map(population.coordinates.to_parameters, population.phi), strict=True
+            )
+        },
+    }
+
+
+def _prediction(prediction: Prediction) -> dict[str, Any]:
+    low, high = prediction.covered()
+    reference, branch = prediction.reference, prediction.reference.branch.value
+    return {
+        "condition": prediction.condition.id,
+        "settings": settings_of(prediction.condition),
+        "branch": branch,
+        "from": list(prediction.population.design.ids),
+        "extrapolates": list(prediction.population.design.beyond(prediction.condition)),
+        "prior_led": prediction.population.prior_led,
+        "temperature": {"unit": reference.units["temperature"], "covered_from": low, "covered_to": high},
+        "features": [
+            {"name": f.name, "channel": f.channel, "unit": f.unit, **f.quantiles(), "meaning": f.meaning}
+            for f in predicted_features(prediction)
+        ],
+        "channels": {
+            c: {
+                "quantity": q,
+                "unit": reference.units[c],
+                "band": f"bands/{stem(prediction.condition, branch, c)}.csv",
+            }
+            for c, q in reference.quantities.items()
+        },
+    }
+
+
+def _held_out(held: HeldOut) -> dict[str, Any]:
+    record = held.record
+    return {
+        "condition": record.condition.id,
+        "settings": settings_of(record.condition),
+        "branch": record.branch.value,
+        "channel": held.channel,
+        "quantity": record.quantities[held.channel],
+        "unit": record.units[held.channel],
+        "temperature_unit": record.units["temperature"],
+        "span": float(np.ptp(held.own)),
+        "from": list(held.population.design.ids),
+        "extrapolates": list(held.beyond),
+        "prior_led": held.population.prior_led,
+        "correction_applied": held.population.correction.applied,
+        "on_log": held.channel == "stiffness",
+        "ways": {name: asdict(score) for name, score in held.scores.items()},
+        "file": f"held_out/{stem(record.condition, record.branch.value, held.channel)}.csv",
+    }
+
+
+def curve_columns(record: RecordDraws, channel: str) -> dict[str, Any]:
+    """Columns of the curve that was fitted to a condition itself."""
+    t = record.grid()
+    own = quantiles(record.curve(channel, t), (0.05, 0.5, 0.95), axis=0)
+    columns: dict[str, Any] = {f"temperature_{record.units['temperature']}": t}
+    return columns | _quantiles("own", own)
+
+
+def held_out_columns(held: HeldOut) -> dict[str, Any]:
+    """Columns of the series of a condition that was left out."""
+    columns: dict[str, Any] = {
+        f"temperature_{held.record.units['temperature']}": held.temperature,
+        "own_median": held.own,
+    }
+    for name, band in held.bands.items():
+        columns |= _quantiles(name.replace(" ", "_"), band)
+    return columns | _quantiles("new_measurement", held.new)
+
+
+def _quantiles(name: str, values: Floats) -> dict[str, Floats]:
+    return {f"{name}_{q}": v for q, v in zip(("q05", "q50", "q95"), values, strict=True)}
+
+
+def sample_columns(held: HeldOut) -> Mapping[str, Any]:
+    """Measured samples of a condition that was left out; none of a channel that was derived."""
+    record = held.record.record
+    if held.channel not in record.observed:
+        return {}
+    return {
+        "row": record.row,
+        f"temperature_{record.units['temperature']}": record.temperature,
+        "measured": record.observed[held.channel],
+    }
+
+
+def cautions(study: ConditionStudy) -> list[str]:
+    """What speaks against relying on the numbers; what holds for both branches is said once."""
+    branches: dict[tuple[str, str], list[str]] = {}
+    for p in study.populations:
+        for text in _population_cautions(p):
+            branches.setdefault((", ".join(p.design.ids), text), []).append(p.records[0].branch.value)
+    for prediction in study.predictions:
+        beyond = prediction.population.design.beyond(prediction.condition)
+        if beyond:
+            text = f"an extrapolation ({_beyond_text(beyond)}); the band assumes that straight lines go on"
+            branches.setdefault((prediction.condition.id, text), []).append(prediction.reference.branch.value)
+    for h in study.held_out:
+        if h.scores[HIERARCHICAL].holds_whole is False and h.channel in h.record.channels:
+            text = (
+                f"when it was left out, its {h.record.quantities[h.channel]} left the simultaneous 90 % band"
+            )
+            branches.setdefault((h.record.condition.id, text), []).append(h.record.branch.value)
+    return [f"{ids}, {' and '.join(names)}: {text}" for (ids, text), names in branches.items()]
+
+
+def _population_cautions(p: Population) -> Iterator[str]:
+    if p.prior_led:
+        count = {0: "no condition is", 1: "one condition is"}.get(
+            p.design.spare, f"{p.design.spare} conditions are"
+        )
+        yield (
+            f"{count} left to tell the scatter once level and effects are known: the prior of the scatter decides how "
+            "wide the bands are"
+        )
+    if not p.correction.applied:
+        yield f"the Gaussian form of the posteriors was not corrected: {p.correction.why_not}"
+    for setting in p.design.varied:
+        if p.design.aliased(setting):
+            yield f"{setting} varied only together with {', '.join(p.design.aliased(setting))}"
+    if "stiffness" in p.records[0].quantities:
+        yield (
+            "stiffness is the slope along the actuation path, on which temperature changes; it is not that of the "
+            "spring at constant temperature"
+        )
+    straight = [r.condition.id for r in p.records if r.path == "straight_path"]
+    if straight:
+        yield f"of {', '.join(straight)} the path is a straight line, as a bias spring imposes"
+
+
+def _beyond_text(beyond: tuple[str, ...]) -> str:
+    if beyond == ("combination",):
+        return "each setting is in its range, but this combination lies outside of those that were measured"
+    return f"{', '.join(beyond)} beyond the measured range"

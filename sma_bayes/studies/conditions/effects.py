@@ -1,0 +1,230 @@
+"""Effects of what was set on what came out: the posterior of each change, with and without scatter between conditions.
+
+Each feature y of condition c is regressed on the settings that vary, a positive one through its logarithm:
+
+    y_c = x_c beta + tau e_c,    e_c ~ N(0, 1),    y_c known up to its posterior, N(m_c, s_c**2)
+
+beta has a flat prior, tau a half Student t with 4 degrees of freedom whose scale is the spread of the feature over the
+conditions. Two answers are given: how the tested conditions differ (least squares on each posterior draw, no scatter),
+and what the setting does beyond them (with the scatter, of which few conditions tell little).
+
+References
+----------
+A. Gelman, "Prior distributions for variance parameters in hierarchical models", Bayesian Analysis 1 (2006) 515,
+doi 10.1214/06-BA117A: half Student t for the scatter between few groups.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from sma_bayes.quantities import Floats
+from sma_bayes.studies.conditions.design import Confounder, Design, confounders, designs
+from sma_bayes.studies.conditions.features import BOTH, Feature, interval
+
+FREEDOM = 4.0
+"""Degrees of freedom of the prior of the scatter."""
+SCATTERS = np.geomspace(1e-3, 1e2, 301)
+"""Scatters at which its posterior is worked out, in units of the scale of its prior."""
+DRAWS = 4000
+CAME_ABOUT = ("least_temperature", "peak_temperature")
+"""Features that were measured rather than set, and vary along with the settings."""
+
+MATERIAL = 0.02
+"""Share of a temperature sweep by which an end of it must differ between conditions to matter."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Effect:
+    """What a setting does to a feature.
+
+    Attributes
+    ----------
+    feature, branch, channel, unit : str
+        See `Feature`.
+    setting : str
+    from_, to : float
+        Least and greatest value of the setting [canonical unit].
+    conditions : tuple of str
+    factor : bool
+        Whether the change is a factor [1] rather than a difference [`unit`].
+    tested : mapping of str to float or None
+        ``q05``, ``median``, ``q95`` of the change from `from_` to `to` in the tested conditions; None where the setting
+        varied only together with others.
+    beyond : mapping of str to float or None
+        The same with scatter between conditions: of the setting itself. None as above, and where no condition is left
+        to tell the scatter.
+    probability_rises : float or None
+        That the feature rises with the setting, scatter allowed for [1].
+    scatter : mapping of str to float or None
+        Scatter between conditions: standard deviation of the feature [`unit`], or of its logarithm [1].
+    aliased_with : tuple of str
+        Settings that varied together with this one.
+    confounders : tuple of Confounder
+        What else varied along with it.
+    """
+
+    feature: str
+    branch: str
+    channel: str
+    unit: str
+    setting: str
+    from_: float
+    to: float
+    conditions: tuple[str, ...]
+    factor: bool
+    tested: Mapping[str, float] | None
+    beyond: Mapping[str, float] | None
+    probability_rises: float | None
+    scatter: Mapping[str, float] | None
+    aliased_with: tuple[str, ...]
+    confounders: tuple[Confounder, ...]
+
+
+def operating_effects(features: Sequence[Feature], *, seed: int = 0) -> tuple[Effect, ...]:
+    """Effects of all settings on all features.
+
+    Parameters
+    ----------
+    features : sequence of Feature
+        As `condition_features` gives them.
+    seed : int
+        Decides the draws.
+
+    Returns
+    -------
+    tuple of Effect
+        By group of conditions that state the same settings, feature, and setting that varies among them.
+    """
+    conditions = tuple(dict.fromkeys(f.condition for f in features))
+    out: list[Effect] = []
+    for design in designs(conditions):
+        if not design.varied:
+            continue
+        came_about = _came_about(design, features)
+        along = confounders(design, came_about)
+        for name, branch, channel in dict.fromkeys((f.name, f.branch, f.channel) for f in features):
+            if name in CAME_ABOUT and name not in came_about:
+                continue
+            members = {
+                f.condition: f for f in features if (f.name, f.branch, f.channel) == (name, branch, channel)
+            }
+            if all(c in members for c in design.conditions):
+                words = f"{name} {branch} {channel} {' '.join(design.ids)}"
+                rng = np.random.default_rng(np.random.SeedSequence([seed, 11, *words.encode()]))
+                out += _effects(design, [members[c] for c in design.conditions], along, rng)
+    return tuple(out)
+
+
+def _came_about(design: Design, features: Sequence[Feature]) -> dict[str, Floats]:
+    found = {(f.name, f.condition): float(f.draws[0]) for f in features if f.branch == BOTH and f.measured}
+    by_name = {name: np.array([found[name, c] for c in design.conditions]) for name in CAME_ABOUT}
+    least, peak = (by_name[name] for name in CAME_ABOUT)
+    sweep = float(np.median(peak - least))
+    return {name: values for name, values in by_name.items() if np.ptp(values) > MATERIAL * sweep}
+
+
+def _effects(
+    design: Design, members: Sequence[Feature], along: Sequence[Confounder], rng: np.random.Generator
+) -> list[Effect]:
+    first = members[0]
+    size = min(f.draws.size for f in members)
+    y = np.stack([f.draws[:size] for f in members])
+    usable = bool(np.all(np.isfinite(y))) and (not first.on_log or bool(np.all(y > 0.0)))
+    y = np.log(y) if first.on_log and usable else y
+    tested = np.linalg.pinv(design.matrix) @ y if usable else None
+    general = regression(design.matrix, y, rng) if usable and design.spare > 0 else None
+    out = []
+    for place, setting in enumerate(design.varied, 1):
+        aliased = design.aliased(setting)
+        told = not aliased
+        slope = general.slopes[:, place] if general is not None and told else None
+        out.append(Effect(
+            feature=first.name, branch=first.branch, channel=first.channel, unit=first.unit,
+            setting=setting, from_=float(design.low[place - 1]),
+            to=float(design.low[place - 1] + design.range[place - 1]),
+            conditions=design.ids, factor=first.on_log,
+            tested=_change(tested[place], first.on_log) if tested is not None and told else None,
+            beyond=None if slope is None else _change(slope, first.on_log),
+            probability_rises=None if slope is None else float(np.mean(slope > 0.0)),
+            scatter=None if general is None else interval(general.scatter),
+            aliased_with=aliased,
+            confounders=tuple(c for c in along if c.setting == setting and c.other != first.name),
+        ))  # fmt: skip
+    return out
+
+
+def _change(slope: Floats, factor: bool) -> dict[str, float]:
+    """Change over the range of the setting; regressors run over 1 from least to greatest."""
+    return interval(np.exp(slope) if factor else slope)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Regression:
+    """Posterior of a regression over conditions.
+
+    Attributes
+    ----------
+    slopes : ndarray, shape (S, 1 + V)
+        Draws of beta, level first.
+    scatter : ndarray, shape (S,)
+        Draws of tau.
+    """
+
+    slopes: Floats
+    scatter: Floats
+
+
+def regression(matrix: Floats, y: Floats, rng: np.random.Generator, size: int = DRAWS) -> Regression:
+    """Draw level, slopes and scatter: the scatter from its marginal posterior on a grid, the rest given it.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (C, Q)
+        Regressors, of rank below C.
+    y : ndarray, shape (C, S)
+        Posterior draws of the feature in each condition.
+    rng : Generator
+    size : int
+        Draws.
+    """
+    mean, variance = y.mean(axis=1), y.var(axis=1)
+    scale = max(
+        float(np.std(mean, ddof=1)), float(np.sqrt(variance.max())), 1e-12 * float(np.abs(mean).max())
+    )
+    if not scale > 0.0:
+        return Regression(np.zeros((size, matrix.shape[1])), np.zeros(size))
+    grid = scale * SCATTERS
+    basis, _, turn = _full_rank(matrix)
+    fits = [_given_scatter(basis, mean, variance + tau**2) for tau in grid]
+    log_mass = np.array([f[2] for f in fits]) - 0.5 * (FREEDOM + 1.0) * np.log1p(SCATTERS**2 / FREEDOM)
+    log_mass += np.log(grid)  # equal steps of the logarithm
+    place = rng.choice(grid.size, size, p=np.exp(log_mass - logsumexp(log_mass)))
+    coefficient = np.stack([f[0] for f in fits])[place]
+    root = np.stack([f[1] for f in fits])[place]
+    coefficient = coefficient + np.einsum("sij,sj->si", root, rng.standard_normal(coefficient.shape))
+    return Regression(coefficient @ turn.T, grid[place])
+
+
+def _full_rank(matrix: Floats) -> tuple[Floats, int, Floats]:
+    """Orthonormal columns (C, R) that span the regressors, R, and what turns their coefficients into slopes (Q, R)."""
+    u, s, vt = np.linalg.svd(matrix, full_matrices=False)
+    rank = int(np.sum(s > 1e-9 * s[0]))
+    return u[:, :rank], rank, vt[:rank].T / s[:rank]
+
+
+def _given_scatter(basis: Floats, mean: Floats, variance: Floats) -> tuple[Floats, Floats, float]:
+    """Coefficients, a root of their covariance, and the log marginal likelihood under a flat prior."""
+    weight = 1.0 / variance
+    precision = (basis * weight[:, None]).T @ basis
+    covariance = np.linalg.inv(precision)
+    coefficient = covariance @ (basis.T @ (weight * mean))
+    left = mean - basis @ coefficient
+    log_likelihood = -0.5 * (
+        np.sum(np.log(variance)) + np.linalg.slogdet(precision)[1] + np.sum(weight * left**2)
+    )
+    return coefficient, np.linalg.cholesky(covariance), float(log_likelihood)

@@ -1,0 +1,225 @@
+"""Numbers that sum up a condition, drawn from its posteriors: Tables 9 to 12 of the paper and what else they call for.
+
+Stiffness is taken over the temperatures that were measured, not beyond: Eq. (7) goes to zero or grows without bound
+there. It is the slope dF/dX along the actuation path, whatever the rig makes of that; see `sma_bayes.assess.path`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit
+
+from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
+from sma_bayes.curves import quantiles
+from sma_bayes.parameters.roles import Role
+from sma_bayes.quantities import Floats, per
+from sma_bayes.records.types import Branch, Condition
+
+BOTH = "both"
+"""Branch of what heating and cooling make together."""
+CHANNELS = ("force", "displacement")
+"""Channels whose parameters are compared between conditions, in the order in which they are listed."""
+AT_EDGE = 0.02
+"""Share of the measured range next to its ends in which an extreme counts as lying at the end."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Feature:
+    """A number of one condition, with its posterior.
+
+    Attributes
+    ----------
+    name : str
+        ``least_stiffness`` and so on.
+    condition : Condition
+    branch : str
+        ``heating``, ``cooling`` or ``both``.
+    channel : str
+        ``force``, ``displacement``, ``stiffness``, or empty.
+    unit : str
+    draws : ndarray, shape (S,)
+        From the posterior; equal numbers where it was measured directly.
+    meaning : str
+    on_log : bool
+        Whether it is positive and effects multiply it.
+    at_edge : float or None
+        Of an extreme: probability that it lies at an end of the measured temperatures, so that it tells how far the
+        temperature went.
+    """
+
+    name: str
+    condition: Condition
+    branch: str
+    channel: str
+    unit: str
+    draws: Floats
+    meaning: str
+    on_log: bool = False
+    at_edge: float | None = None
+
+    @property
+    def measured(self) -> bool:
+        """Whether it is a measured number rather than one with a posterior."""
+        return bool(np.ptp(self.draws) == 0.0)
+
+    def quantiles(self) -> dict[str, float]:
+        """``q05``, ``median`` and ``q95``."""
+        return interval(self.draws)
+
+
+def interval(draws: Floats) -> dict[str, float]:
+    """Median and equal-tailed 90 % interval of the draws that have a value; NaN where none has."""
+    found = draws[~np.isnan(draws)]
+    levels = quantiles(found, (0.05, 0.5, 0.95)) if found.size else np.full(3, np.nan)
+    return dict(zip(("q05", "median", "q95"), levels.tolist(), strict=True))
+
+
+def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:
+    """All features of each condition, in the order of the records.
+
+    Parameters
+    ----------
+    records : sequence of RecordDraws
+        Heating, cooling or both of each condition. Posteriors of different records are independent, so their draws are
+        paired as they come.
+    """
+    conditions = dict.fromkeys(r.condition for r in records)
+    out: list[Feature] = []
+    for condition in conditions:
+        branches = {r.branch: r for r in records if r.condition == condition}
+        for record in branches.values():
+            out += _of_branch(record)
+        out += _of_loop(condition, branches)
+    return tuple(out)
+
+
+def _of_branch(record: RecordDraws) -> Iterator[Feature]:
+    branch, condition, units = record.branch.value, record.condition, record.units
+    degrees = units["temperature"]
+    model = record.posterior.model
+    for channel in CHANNELS:
+        midpoint, rate = (record.with_role(role, channel) for role in (Role.MIDPOINT, Role.RATE))
+        what = record.quantities.get(channel, channel)
+        if midpoint is not None:
+            yield Feature(
+                "midpoint", condition, branch, channel, degrees, midpoint,
+                f"temperature of the midpoint of {what}, {model.with_role(Role.MIDPOINT, channel)}",
+            )  # fmt: skip
+        if midpoint is not None and rate is not None:
+            yield Feature(
+                "share_left", condition, branch, channel, "1",
+                expit(np.abs(rate) * (midpoint - record.hottest)),
+                f"share of the transformation of {what} that is left at the highest measured temperature", on_log=True,
+            )  # fmt: skip
+        if channel in record.channels:
+            slope, words = model.greatest_slope(record.curve_theta, channel, record.grid())
+            yield Feature(
+                "greatest_slope", condition, branch, channel, slope_unit(units[channel], degrees), slope,
+                f"slope of {record.quantities[channel]} {words}", on_log=True,
+            )  # fmt: skip
+    yield from _transformation(record)
+    yield from _stiffness(record)
+
+
+def _transformation(record: RecordDraws) -> Iterator[Feature]:
+    """As and Af, or Mf and Ms, by the tangent rule."""
+    channel = transformation_channel(record.record)
+    if channel is None:
+        return
+    found = temperatures_of_draws(record.curves, channel)
+    for t in found:
+        doubt = "" if t.within_data else "; beyond what was measured, so the model's word alone"
+        yield Feature(
+            t.name, record.condition, record.branch.value, channel, t.unit, t.draws,
+            f"{t.meaning} temperature by the tangent rule, from {record.quantities[channel]}{doubt}",
+        )  # fmt: skip
+
+
+def _stiffness(record: RecordDraws) -> Iterator[Feature]:
+    if "stiffness" not in record.units:
+        return
+    grid = record.grid()
+    curve = np.abs(record.curve("stiffness", grid))
+    branch, condition = record.branch.value, record.condition
+    unit, degrees = record.units["stiffness"], record.units["temperature"]
+    what = record.quantities["stiffness"]
+    where = "over the measured temperatures"
+    low, high = curve.min(axis=1), curve.max(axis=1)
+    slope = np.abs(np.gradient(curve, grid, axis=1)).max(axis=1)
+    yield Feature("least_stiffness", condition, branch, "stiffness", unit, low, f"least {what} {where}", True,
+                  _at_edge(curve.argmin(axis=1), grid.size))  # fmt: skip
+    yield Feature("greatest_stiffness", condition, branch, "stiffness", unit, high, f"greatest {what} {where}",
+                  True, _at_edge(curve.argmax(axis=1), grid.size))  # fmt: skip
+    yield Feature("stiffness_ratio", condition, branch, "stiffness", "1", ratio(high, low),
+                  f"greatest over least {what} {where}", True)  # fmt: skip
+    yield Feature("steepest_stiffness", condition, branch, "stiffness", slope_unit(unit, degrees), slope,
+                  f"greatest magnitude of the slope of {what} against temperature {where}", True)  # fmt: skip
+
+
+def slope_unit(unit: str, degrees: str) -> str:
+    """Unit of a slope against temperature.
+
+    Examples
+    --------
+    >>> slope_unit("N", "degC"), slope_unit("1", "degC")
+    ('N 1/degC', '1/degC')
+    """
+    return per(degrees) if unit == "1" else f"{unit} {per(degrees)}"
+
+
+def _at_edge(place: np.ndarray[tuple[int], np.dtype[np.intp]], size: int) -> float:
+    margin = AT_EDGE * (size - 1)
+    return float(np.mean((place <= margin) | (place >= size - 1 - margin)))
+
+
+def ratio(high: Floats, low: Floats) -> Floats:
+    """Greatest over least [1]; infinite where the least is nothing, or next to it."""
+    with np.errstate(divide="ignore", over="ignore"):
+        return np.asarray(high / low)
+
+
+def _of_loop(condition: Condition, branches: Mapping[Branch, RecordDraws]) -> Iterator[Feature]:
+    first = next(iter(branches.values()))
+    degrees = first.units["temperature"]
+    coldest, hottest = min(r.coldest for r in branches.values()), max(r.hottest for r in branches.values())
+    for name, value, word in (
+        ("least_temperature", coldest, "lowest"),
+        ("peak_temperature", hottest, "highest"),
+    ):
+        yield Feature(
+            name, condition, BOTH, "", degrees, np.full(first.size, value), f"{word} measured temperature"
+        )  # fmt: skip
+    if len(branches) < len(Branch):
+        return
+    heating, cooling = branches[Branch.HEATING], branches[Branch.COOLING]
+    size = min(heating.size, cooling.size)
+    for channel in CHANNELS:
+        up, down = (r.with_role(Role.MIDPOINT, channel) for r in (heating, cooling))
+        if up is not None and down is not None:
+            yield Feature(
+                "hysteresis_width", condition, BOTH, channel, degrees, up[:size] - down[:size],
+                f"temperature of the midpoint of {heating.quantities.get(channel, channel)}, heating less cooling",
+            )  # fmt: skip
+    if all("stiffness" in r.units for r in branches.values()):
+        yield from _stiffness_of_loop(condition, heating, cooling, size)
+
+
+def _stiffness_of_loop(
+    condition: Condition, heating: RecordDraws, cooling: RecordDraws, size: int
+) -> Iterator[Feature]:
+    """Extremes over both branches: what Tables 9 to 12 print."""
+    curves = [np.abs(r.curve("stiffness", r.grid())[:size]) for r in (heating, cooling)]
+    both = np.concatenate(curves, axis=1)
+    low, high = both.min(axis=1), both.max(axis=1)
+    unit, what = heating.units["stiffness"], heating.quantities["stiffness"]
+    where = "over the measured temperatures of both branches"
+    yield Feature("least_stiffness", condition, BOTH, "stiffness", unit, low, f"least {what} {where}", True)
+    yield Feature(
+        "greatest_stiffness", condition, BOTH, "stiffness", unit, high, f"greatest {what} {where}", True
+    )
+    yield Feature("stiffness_ratio", condition, BOTH, "stiffness", "1", ratio(high, low),
+                  f"greatest over least {what} {where}", True)  # fmt: skip

@@ -1,0 +1,394 @@
+"""Tables of a study of conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from sma_bayes.quantities import SPECIMEN_QUANTITY
+from sma_bayes.report.content import Estimate, Number
+from sma_bayes.report.notation import compact, unit_label
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.studies.conditions.outputs import StoredConditions
+
+NAMES: Final[Mapping[str, str]] = {
+    "midpoint": "midpoint",
+    "greatest_slope": "greatest slope",
+    "share_left": "share left at the hottest",
+    "least_stiffness": "least stiffness",
+    "greatest_stiffness": "greatest stiffness",
+    "stiffness_ratio": "stiffness ratio",
+    "steepest_stiffness": "steepest slope of stiffness",
+    "hysteresis_width": "hysteresis width",
+    "least_temperature": "least temperature",
+    "peak_temperature": "peak temperature",
+    "mean_power": "mean power",
+    "duty_cycle": "duty cycle",
+}
+"""Features and settings, for people."""
+HOPELESS: Final = 100.0
+"""Spans of a curve from which a width or an error says no more than that nothing is known."""
+HELD: Final = 0.8
+"""Share of left-out curves that a 90 % band has to hold for its way of predicting to be advised."""
+EDGE: Final = 0.5
+"""Probability from which an extreme is said to lie at an end of the measured temperatures."""
+
+
+def conditions_tables(stored: StoredConditions) -> dict[str, Table]:
+    """All tables of a study of conditions, by name."""
+    tables = (
+        design_table(stored),
+        extremes_table(stored),
+        feature_table(stored),
+        effect_table(stored),
+        scatter_table(stored),
+        prediction_table(stored),
+        held_out_table(stored),
+        pooled_table(stored),
+    )
+    return {table.name: table for table in tables if table.rows}
+
+
+def named(feature: str) -> str:
+    """Name of a feature or setting, for people."""
+    return NAMES.get(feature, feature)
+
+
+def quantity(channel: str, specimen: bool) -> str:
+    """Name of the quantity behind a channel."""
+    return SPECIMEN_QUANTITY.get(channel, channel) if specimen else channel
+
+
+def setting_name(setting: str, specimen: bool) -> str:
+    """Name of a setting; the load of a specimen is a stress."""
+    return "stress" if setting == "load" and specimen else named(setting)
+
+
+def estimate(found: Mapping[str, Any] | None, unit: str) -> Estimate | None:
+    """Median and interval, where there are any."""
+    return None if found is None else Estimate(found["median"], found["q05"], found["q95"], unit)
+
+
+def setting_text(name: str, value: float, unit: str) -> str:
+    """A setting with its unit: ``150 MPa`` rather than ``1.5e8 Pa``."""
+    if unit == "Pa":
+        return f"{value * 1e-6:g} MPa"
+    if unit == "Hz" and value < 1.0:
+        return f"{value * 1e3:g} mHz"
+    return f"{value:.4g} {unit_label(unit)}".strip()
+
+
+def share_text(share: float) -> str:
+    """A width or an error as a share of the span; words where it is so large that it says nothing.
+
+    Examples
+    --------
+    >>> share_text(0.1234), share_text(3.2e22)
+    ('0.12', 'no limit')
+    """
+    return f"{share:.2g}" if share < HOPELESS else "no limit"
+
+
+def preferred_way(found: Mapping[str, Any]) -> str:
+    """Which way of predicting to use where they disagree, by what was left out; empty where nothing was.
+
+    It is the narrowest of those whose 90 % band held at least `HELD` of the curves; extrapolations and stiffness, whose
+    width is one of logarithms, do not count.
+    """
+    rows: dict[str, list[tuple[float, float]]] = {}
+    for h in found["held_out"]:
+        if not h["on_log"] and not h["extrapolates"]:
+            for name, score in h["ways"].items():
+                rows.setdefault(name, []).append((score["covers_curve"], score["width"] / h["span"]))
+    if not rows:
+        return ""
+    means = {
+        name: tuple(sum(v) / len(parts) for v in zip(*parts, strict=True)) for name, parts in rows.items()
+    }
+    good = {name: m for name, m in means.items() if m[0] >= HELD}
+    best = min(good, key=lambda n: good[n][1]) if good else max(means, key=lambda n: means[n][0])
+    held, width = means[best]
+    told = (
+        f"its 90 % band held {held:.0%} of the curves that were left out ({len(rows[best])}), {share_text(width)} of "
+        "the span wide"
+    )
+    if good:
+        return f"where predictions disagree use {best}: {told}"
+    return f"no way of predicting holds what was left out; the best is {best}: {told}"
+
+
+def design_table(stored: StoredConditions) -> Table:
+    """What was set in each condition."""
+    specimen = stored.found["specimen"]
+    return Table(
+        "design",
+        "Conditions",
+        "What is stated of each condition. Only conditions that state the same settings can be compared.",
+        (Column("group", "group"), Column("condition", "condition"), Column("settings", "settings")),
+        tuple(_design_rows(stored.found["groups"], specimen)),
+    )
+
+
+def _design_rows(groups: list[Mapping[str, Any]], specimen: bool) -> Iterator[tuple[Cell, ...]]:
+    for number, group in enumerate(groups, 1):
+        for place, condition in enumerate(group["conditions"]):
+            settings = ", ".join(
+                f"{setting_name(n, specimen)} {setting_text(n, v['values'][place], v['unit'])}"
+                for n, v in group["varied"].items()
+            )
+            yield (number, condition, settings or "nothing that differs")
+
+
+def extremes_table(stored: StoredConditions) -> Table:
+    """Temperatures and stiffness of each condition: the form of Tables 9 to 12 of the paper."""
+    found: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for f in stored.found["features"]:
+        if f["branch"] == "both" and f["name"] != "hysteresis_width":
+            found.setdefault(f["condition"], {})[f["name"]] = f
+    rows = [
+        (
+            condition,
+            *(Number(f[n]["median"], f[n]["unit"]) for n in ("least_temperature", "peak_temperature")),
+            unit_label(f["peak_temperature"]["unit"]),
+            *(estimate(f[n], f[n]["unit"]) for n in ("least_stiffness", "greatest_stiffness")),
+            unit_label(f["least_stiffness"]["unit"]),
+            estimate(f["stiffness_ratio"], "1"),
+        )
+        for condition, f in found.items()
+        if "least_stiffness" in f
+    ]
+    return Table(
+        "extremes",
+        "Least and greatest stiffness",
+        "Over the measured temperatures of both branches, as Tables 9 to 12 of the paper have them; 90 % intervals.",
+        (
+            Column("condition", "condition"),
+            Column("least temperature", "least_temperature", OF_ROW),
+            Column("peak temperature", "peak_temperature", OF_ROW),
+            Column("unit", "temperature_unit"),
+            Column("least stiffness", "least_stiffness", OF_ROW),
+            Column("greatest stiffness", "greatest_stiffness", OF_ROW),
+            Column("unit", "stiffness_unit"),
+            Column("ratio", "stiffness_ratio", "1"),
+        ),
+        tuple(rows),
+    )
+
+
+def feature_table(stored: StoredConditions) -> Table:
+    """Every feature of every condition."""
+    rows, specimen = [], stored.found["specimen"]
+    for f in stored.found["features"]:
+        value = (
+            Number(f["median"], f["unit"]) if f["measured"] or f["median"] is None else estimate(f, f["unit"])
+        )
+        edge = f["at_edge"] is not None and f["at_edge"] > EDGE
+        rows.append(
+            (f["condition"], f["branch"], named(f["name"]), quantity(f["channel"], specimen), value,
+             unit_label(f["unit"]) or "1", "at an end of the sweep" if edge else "")
+        )  # fmt: skip
+    return Table(
+        "features",
+        "What sums up each condition",
+        "Median and 90 % interval; conditions.json says what each means. An extreme at an end of the sweep tells how "
+        "far the temperature went.",
+        (
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("feature", "feature"),
+            Column("of", "channel"),
+            Column("value", "value", OF_ROW),
+            Column("unit", "unit"),
+            Column("remark", "remark"),
+        ),
+        tuple(rows),
+        grouped=2,
+    )
+
+
+def effect_table(stored: StoredConditions) -> Table:
+    """Effect of every setting on every feature."""
+    return Table(
+        "effects",
+        "Effects",
+        "Change of a feature from the least to the greatest value of a setting, the other settings being equal: a "
+        "factor (×) or a difference. Tested: how the tested conditions differ, without scatter. With scatter: what "
+        "the setting does, conditions scattering about a straight line. Of many effects that are not there, one in "
+        "ten has an interval without 1 (×) or 0 all the same.",
+        (
+            Column("group", "group"),
+            Column("setting", "setting"),
+            Column("from", "from"),
+            Column("to", "to"),
+            Column("feature", "feature"),
+            Column("branch", "branch"),
+            Column("of", "channel"),
+            Column("kind", "kind"),
+            Column("tested", "tested", OF_ROW),
+            Column("with scatter", "with_scatter", OF_ROW),
+            Column("unit", "unit"),
+            Column("P(rises)", "probability_rises", "1"),
+            Column("scatter of a condition", "scatter", OF_ROW, brief=False),
+            Column("can't be told from", "confounded_with", brief=False),
+        ),
+        tuple(_effect_rows(stored.found)),
+        grouped=4,
+    )
+
+
+def _effect_rows(found: Mapping[str, Any]) -> Iterator[tuple[Cell, ...]]:
+    groups = [g["conditions"] for g in found["groups"]]
+    for e in sorted(found["effects"], key=lambda e: (groups.index(e["conditions"]), e["setting"])):
+        specimen = found["specimen"]
+        along = [c["name"] for c in e["confounded_with"] if c["strong"]]
+        yield (
+            f"group {groups.index(e['conditions']) + 1}", setting_name(e["setting"], specimen),
+            *(setting_text(e["setting"], e[end], e["setting_unit"]) for end in ("from", "to")),
+            named(e["feature"]), e["branch"], quantity(e["channel"], specimen),
+            "×" if e["kind"] == "factor" else "difference",
+            estimate(e["tested"], e["unit"]), estimate(e["beyond"], e["unit"]), unit_label(e["unit"]) or "1",
+            Number(e["probability_rises"], "1", 0.01), estimate(e["scatter"], e["unit"]),
+            ", ".join(setting_name(n, specimen) for n in [*e["aliased_with"], *along]),
+        )  # fmt: skip
+
+
+def scatter_table(stored: StoredConditions) -> Table:
+    """Scatter between conditions, before and after the data."""
+    rows = [
+        (
+            ", ".join(p["conditions"]), p["branch"], c["name"],
+            estimate(c["scatter_prior"], "1"), estimate(c["scatter"], "1"),
+            "; ".join(f"{setting_name(n, stored.found['specimen'])} {_brief(v)}" for n, v in c["changes"].items()),
+        )
+        for p in stored.found["populations"]
+        for c in p["coordinates"]
+    ]  # fmt: skip
+    return Table(
+        "scatter",
+        "What conditions have in common",
+        "Standard deviation of the scatter of conditions about level and straight lines, in each coordinate and its "
+        "unit, before and after the data; and the change over the tested range of each setting.",
+        (
+            Column("conditions", "conditions"),
+            Column("branch", "branch"),
+            Column("coordinate", "coordinate"),
+            Column("scatter before", "scatter_prior", OF_ROW),
+            Column("scatter", "scatter", OF_ROW),
+            Column("change with", "change"),
+        ),
+        tuple(rows),
+        grouped=2,
+    )
+
+
+def _brief(found: Mapping[str, Any]) -> str:
+    return f"{compact(found['median'])} [{compact(found['q05'])}, {compact(found['q95'])}]"
+
+
+def prediction_table(stored: StoredConditions) -> Table:
+    """Features of the conditions that were asked for."""
+    specimen = stored.found["specimen"]
+    rows = [
+        (
+            p["condition"], p["branch"], named(f["name"]),
+            quantity(f["channel"], specimen), estimate(f, f["unit"]),
+            unit_label(f["unit"]) or "1", _warning(p, specimen), f["meaning"],
+        )
+        for p in stored.found["predictions"]
+        for f in p["features"]
+    ]  # fmt: skip
+    return Table(
+        "predictions",
+        "Conditions that were not measured",
+        "Median and 90 % interval of what a run under these conditions would give.",
+        (
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("feature", "feature"),
+            Column("of", "channel"),
+            Column("value", "value", OF_ROW),
+            Column("unit", "unit"),
+            Column("warning", "warning"),
+            Column("meaning", "meaning", brief=False),
+        ),
+        tuple(rows),
+        grouped=2,
+    )
+
+
+def _warning(p: Mapping[str, Any], specimen: bool) -> str:
+    said = []
+    if p["extrapolates"]:
+        said.append("extrapolates: " + ", ".join(setting_name(s, specimen) for s in p["extrapolates"]))
+    if p["prior_led"]:
+        said.append("width led by the prior")
+    return "; ".join(said)
+
+
+def held_out_table(stored: StoredConditions) -> Table:
+    """How well left-out conditions were predicted, each way."""
+    return Table(
+        "held_out",
+        "Conditions that were left out",
+        "Each was predicted from the others. Covered: share of its temperatures at which the 90 % band holds the "
+        "curve fitted to the condition itself, and share of its samples within the 90 % band of a new measurement. "
+        "Whole: whether the simultaneous band holds the curve everywhere. Width of the band and error of its median "
+        "over the span of the curve; of stiffness, of its natural logarithm. Temperatures of one curve go together: "
+        "one condition is about one trial.",
+        (
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("quantity", "quantity"),
+            Column("way", "way"),
+            Column("curve covered", "covers_curve", "1"),
+            Column("samples covered", "covers_samples", "1"),
+            Column("whole", "holds_whole"),
+            Column("width", "width", "1"),
+            Column("error", "error", "1"),
+            Column("remark", "remark"),
+        ),
+        tuple(_held_out_rows(stored.found)),
+        grouped=3,
+    )
+
+
+def _held_out_rows(found: Mapping[str, Any]) -> Iterator[tuple[Cell, ...]]:
+    specimen = found["specimen"]
+    for h in found["held_out"]:
+        size = 1.0 if h["on_log"] else h["span"]
+        for name, score in h["ways"].items():
+            yield (
+                h["condition"], h["branch"], h["quantity"], name,
+                *(Number(score[n], "1", 0.01) for n in ("covers_curve", "covers_samples")), score["holds_whole"],
+                *(_share(score[n] / size) for n in ("width", "error")),
+                _warning(h, specimen) if name == "hierarchical" else "",
+            )  # fmt: skip
+
+
+def _share(share: float) -> Cell:
+    return Number(share, "1", 0.01) if share < HOPELESS else share_text(share)
+
+
+def pooled_table(stored: StoredConditions) -> Table:
+    """A and B of each condition by itself, and with what the others say about it."""
+    rows = [
+        (condition, p["branch"], name, estimate(v["own"], "1"), estimate(v["pooled"], "1"))
+        for p in stored.found["populations"]
+        for condition, parameters in p["parameters"].items()
+        for name, v in parameters.items()
+    ]
+    return Table(
+        "pooled",
+        "Parameters, alone and partially pooled",
+        "In the units of the fit's own table of parameters. Where a condition tells its parameters well, pooling "
+        "changes nothing.",
+        (
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("parameter", "parameter"),
+            Column("alone", "alone", OF_ROW),
+            Column("partially pooled", "pooled", OF_ROW),
+        ),
+        tuple(rows),
+        grouped=2,
+    )

@@ -1,0 +1,235 @@
+"""Studying the conditions of a finished fit, from its folder to files."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from sma_bayes.account import Account
+from sma_bayes.assess.draws import RecordDraws, record_draws
+from sma_bayes.errors import OutputError, SmaBayesError
+from sma_bayes.fitting.model_choice import ModelChoice
+from sma_bayes.limits import SCATTER as SCATTER_LIMIT
+from sma_bayes.parameters.priors_file import parse_priors
+from sma_bayes.progress import Progress, silent
+from sma_bayes.records.types import Condition
+from sma_bayes.report.choice import REPORT, figures_for
+from sma_bayes.response import AUTO_MODEL
+from sma_bayes.runs.documents import CONDITIONS
+from sma_bayes.runs.jobs import run as run_tasks
+from sma_bayes.runs.outputs import StoredRun, read_run
+from sma_bayes.runs.store import plain, write_csv
+from sma_bayes.runs.stored_draws import stored_draws
+from sma_bayes.studies.condition_text import condition_at, text_of
+from sma_bayes.studies.conditions.document import (
+    curve_columns,
+    held_out_columns,
+    sample_columns,
+    stem,
+    study_document,
+)
+from sma_bayes.studies.conditions.population import SCATTER
+from sma_bayes.studies.conditions.study import ConditionStudy, bands_of, study
+from sma_bayes.studies.fit.tasks import FitTask, sample_task
+from sma_bayes.studies.identity import all_versions
+from sma_bayes.studies.options import FitOptions, check_model_and_noise, model_named
+from sma_bayes.studies.shared_model import with_shared_model
+from sma_bayes.studies.under_way import UnderWay
+
+
+def study_conditions(
+    folder: str | Path,
+    out: str | Path | None = None,
+    *,
+    at: Sequence[Condition | str] = (),
+    leave_out: Sequence[str] = (),
+    seed: int = 0,
+    scatter: float = SCATTER,
+    model: str | None = None,
+    jobs: int | None = None,
+    resume: bool = False,
+    figures: str | bool = REPORT,
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Tell what operating conditions do, and predict conditions that were not measured.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Output folder of a finished `fit`.
+    out : str or Path, optional
+        Folder for `conditions.json`, bands, series, tables, figures and the report; nothing is written without it.
+    at : sequence of Condition or str
+        Conditions to predict; as text ``current_A=2.2,load_g=150``, with the names of campaign.toml.
+    leave_out : sequence of str
+        Conditions to leave out in turn and to predict from the others; ``each`` for all.
+    seed : int
+        Decides every draw.
+    scatter : float
+        Median of the prior of the scatter between conditions, as a share of what a curve has by itself: see
+        `sma_bayes.studies.conditions.population`.
+    model : str, optional
+        Name of the response model that the fit must have been made with; by default whichever it was, and what is
+        learnt over conditions joins those of the same. With ``auto`` all have the one of the ladder that they support
+        best together; those that were fitted with another are fitted again.
+    jobs : int, optional
+        Processes; by default one for each core.
+    resume : bool
+        Where `out` holds this very study already, only what is missing of its report is made.
+    figures : str or bool
+        ``report``, ``all`` or ``none`` (no report either), see `figures_for`.
+    progress : callable, optional
+    account : Account, optional
+        Account to go on with, such as one in which the reading was timed.
+
+    Returns
+    -------
+    dict
+        What `conditions.json` holds.
+
+    Raises
+    ------
+    OutputError, ResumeError
+        If `folder` holds no finished fit of separate conditions, or `out` can't be used.
+    MeasurementError
+        If no two conditions can be compared, or they say nothing about one that was asked.
+    UnknownNameError, SmaBayesError
+        If a setting or condition is not known.
+    """
+    if not 0.0 < scatter <= SCATTER_LIMIT.value:
+        raise SmaBayesError(
+            f"--scatter {scatter:g}",
+            expected=f"a positive number, a share of the curve, at most {SCATTER_LIMIT.value:g}",
+        )
+    source, spent = Path(folder), account or Account()
+    wanted = None if model is None else model_named(model)
+    with spent.timed("read"):
+        run, records = read_run(source), stored_draws(source)
+    found = sorted({r.posterior.model.name for r in records})
+    if wanted == AUTO_MODEL:
+        check_model_and_noise(AUTO_MODEL, run.summary["options"]["noise"])
+    elif wanted is not None and found != [wanted]:
+        raise OutputError(
+            f"holds a fit of {' and '.join(repr(name) for name in found)}",
+            file=source,
+            expected=f"a fit of the model {wanted!r}",
+            remedy=f"leave --model out, fit anew with --model {wanted}, or give --model {AUTO_MODEL}",
+        )
+    specimen = records[0].record.specimen
+    asked = tuple(condition_at(a, specimen=specimen) if isinstance(a, str) else a for a in at)
+    question = _Question(run, records, asked, tuple(leave_out), seed, scatter, wanted == AUTO_MODEL)
+    drawn = figures_for(figures)
+    work = UnderWay(CONDITIONS, jobs, drawn, progress or silent, spent)
+    return work.carry_out(out, question.identity(), resume, lambda place: _studied(question, place, work))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Question:
+    """What is asked of which fit."""
+
+    run: StoredRun
+    records: tuple[RecordDraws, ...]
+    asked: tuple[Condition, ...]
+    left_out: tuple[str, ...]
+    seed: int
+    scatter: float
+    chooses: bool
+    """Whether one model is to be chosen for all records."""
+
+    def identity(self) -> dict[str, Any]:
+        """What decides the numbers: what `run.json` holds, and what must agree for a study to be resumed."""
+        digest = hashlib.sha256()
+        for record in self.records:
+            digest.update(f"{record.condition!r} {record.branch}".encode())
+            digest.update(record.theta.tobytes())
+        return {
+            "schema": "sma-bayes/run/1",
+            "kind": CONDITIONS.verb,
+            "data": self.run.summary["data_sha256"],
+            "fit": digest.hexdigest(),
+            "at": [repr(c) for c in self.asked],
+            "leave_out": list(self.left_out),
+            "seed": self.seed,
+            "scatter": self.scatter,
+            "models": [AUTO_MODEL]
+            if self.chooses
+            else sorted({r.posterior.model.name for r in self.records}),
+            "versions": all_versions(),
+        }
+
+
+def _studied(question: _Question, folder: Path | None, work: UnderWay) -> dict[str, Any]:
+    q = question
+    specimen = q.records[0].record.specimen
+    records, choice, refitted = _of_one_model(q, work) if q.chooses else (q.records, None, [])
+    found = study(
+        records, q.asked, q.left_out, seed=q.seed, scatter=q.scatter, jobs=work.jobs, tell=work.tell,
+        account=work.account,
+    )  # fmt: skip
+    if folder is not None:
+        with work.account.timed("write"):
+            _write(folder, found, q.seed)
+    document: dict[str, Any] = plain({
+        "schema": CONDITIONS.schema,
+        "campaign": q.run.summary["campaign"],
+        "source": str(q.run.folder),
+        "seed": q.seed,
+        "options": {
+            "scatter": q.scatter,
+            "at": [text_of(c, specimen=specimen) for c in q.asked],
+            "leave_out": q.left_out,
+            "model": AUTO_MODEL if q.chooses else None,
+        },
+        "model_choice": None if choice is None else asdict(choice),
+        "refitted": refitted,
+        "versions": all_versions(),
+        "data_sha256": q.run.summary["data_sha256"],
+        "specimen": specimen,
+        **study_document(found, specimen=specimen),
+    })  # fmt: skip
+    return document
+
+
+def _of_one_model(
+    question: _Question, work: UnderWay
+) -> tuple[tuple[RecordDraws, ...], ModelChoice, list[str]]:
+    """Draws under the model that all records together support best, why, and the keys of those fitted again."""
+    q, summary = question, question.run.summary
+    work.tell(0, len(q.records), "choosing the model")
+    priors = parse_priors(q.run.priors, str(q.run.folder / "priors.toml"))
+    options = FitOptions(priors, int(summary["seed"]), summary["options"]["noise"], model=AUTO_MODEL)
+    groups = [(r.record,) for r in q.records]
+    options, choice = with_shared_model(groups, options, work.jobs, work.account)
+    assert choice is not None  # the model was to be chosen
+    others = [r for r in q.records if r.posterior.model.name != choice.name]
+    tasks = [FitTask((r.record,), options, None) for r in others]
+    again: dict[str, RecordDraws] = {}
+    for fit in run_tasks(sample_task, tasks, work.jobs, account=work.account, stage="sample"):
+        again[fit.records[0].key] = record_draws(fit)
+        work.tell(len(again), len(others), f"fitted {fit.records[0].key} again")
+    return tuple(again.get(r.key, r) for r in q.records), choice, list(again)
+
+
+def _write(folder: Path, found: ConditionStudy, seed: int) -> None:
+    """Write curves, bands and series."""
+    for population in found.populations:
+        for record in population.records:
+            for channel in record.quantities:
+                name = stem(record.condition, record.branch.value, channel)
+                write_csv(folder / "curves" / f"{name}.csv", curve_columns(record, channel))
+    for prediction in found.predictions:
+        branch = prediction.reference.branch.value
+        for channel, band in bands_of(prediction, seed).items():
+            name = stem(prediction.condition, branch, channel)
+            columns = band.columns(prediction.reference.record.units["temperature"])
+            write_csv(folder / "bands" / f"{name}.csv", columns)
+    for held in found.held_out:
+        name = stem(held.record.condition, held.record.branch.value, held.channel)
+        write_csv(folder / "held_out" / f"{name}.csv", held_out_columns(held))
+        samples = sample_columns(held)
+        if samples:
+            write_csv(folder / "held_out" / f"{name}-samples.csv", samples)

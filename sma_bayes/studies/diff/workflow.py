@@ -1,0 +1,198 @@
+"""Two finished fits side by side: what went in differently, and what came out differently."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sma_bayes.errors import SmaBayesError
+from sma_bayes.runs.outputs import StoredBand, StoredRun, band_path, read_band, read_run
+from sma_bayes.runs.store import plain
+
+SCHEMA: Final = "sma-bayes/diff/1"
+TOLERANCE: Final = 0.25
+"""Standard deviations of the posterior up to which two results are the same: draws of two seeds differ by less, as
+converged medians are known to some 0.05 of them."""
+NORMAL_90: Final = 3.28971
+"""Width of the interval that holds 90 % of a normal distribution, in standard deviations."""
+GRID: Final = 161
+"""Temperatures at which bands are compared."""
+
+
+def diff(a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE) -> dict[str, Any]:
+    """Compare two finished fits.
+
+    Parameters
+    ----------
+    a, b : str or Path
+        Output folders of `fit` or `demo`.
+    tolerance : float
+        Up to how many standard deviations of the wider posterior medians may differ and still be the same [1].
+
+    Returns
+    -------
+    dict
+        ``sma-bayes/diff/1``: see docs/reference/files.md. ``same`` says whether all results agree: the same records,
+        each converged and adequate or not as in the other, with medians of parameters and bands within the tolerance.
+
+    Raises
+    ------
+    OutputError
+        If a folder holds no finished fit.
+    SmaBayesError
+        If the tolerance is no positive number.
+    """
+    if not (np.isfinite(tolerance) and tolerance > 0.0):
+        raise SmaBayesError(f"--tolerance {tolerance}", expected="a positive number of standard deviations")
+    runs = (read_run(Path(a)), read_run(Path(b)))
+    records = [{r["key"]: r for r in run.summary["records"]} for run in runs]
+    keys = list(dict.fromkeys([*records[0], *records[1]]))
+    compared = [_record(runs, key, records[0].get(key), records[1].get(key), tolerance) for key in keys]
+    document: dict[str, Any] = plain({
+        "schema": SCHEMA,
+        "a": str(a),
+        "b": str(b),
+        "tolerance": tolerance,
+        "same": all(r["same"] for r in compared),
+        "inputs": _inputs(runs),
+        "converged": [bool(run.summary["converged"]) for run in runs],
+        "adequate": [bool(run.summary["adequate"]) for run in runs],
+        "records": compared,
+    })  # fmt: skip
+    return document
+
+
+def _inputs(runs: Sequence[StoredRun]) -> dict[str, Any]:
+    """What went in differently: of each key that differs what either run had."""
+    first, second = (_stated(run) for run in runs)
+    return {
+        key: [first.get(key), second.get(key)]
+        for key in {**first, **second}
+        if first.get(key) != second.get(key)
+    }
+
+
+def _stated(run: StoredRun) -> dict[str, Any]:
+    s = run.summary
+    versions = {f"version of {name}": v for name, v in s["versions"].items()}
+    return {
+        "campaign": s["campaign"],
+        "data_sha256": s["data_sha256"],
+        "seed": s["seed"],
+        **s["options"],
+        **versions,
+    }
+
+
+def _record(
+    runs: Sequence[StoredRun],
+    key: str,
+    a: Mapping[str, Any] | None,
+    b: Mapping[str, Any] | None,
+    tolerance: float,
+) -> dict[str, Any]:
+    if a is None or b is None:
+        return {"key": key, "in": "b" if a is None else "a", "same": False}
+    names = list(dict.fromkeys([*a["parameters"], *b["parameters"]]))
+    parameters = {n: _parameter(a["parameters"].get(n), b["parameters"].get(n)) for n in names}
+    bands = {c: _band(runs, key, c) for c in a["quantities"] if c in b["quantities"]}
+    shifts = [p["shift"] for p in parameters.values() if p["shift"] is not None]
+    shifts += [band["shift"] for band in bands.values() if band is not None]
+    changed = {
+        name: [a[name], b[name]]
+        for name in (
+            "converged",
+            "adequate",
+            "model",
+            "n",
+            "rows_averaged",
+            "settings",
+            "temperature",
+            "channels",
+        )
+        if a[name] != b[name]
+    }
+    if a["noise"]["name"] != b["noise"]["name"]:
+        changed["noise"] = [a["noise"]["name"], b["noise"]["name"]]
+    priors = [
+        n for n in names
+        if n in a["parameters"] and n in b["parameters"]
+        and a["parameters"][n]["prior"] != b["parameters"][n]["prior"]
+    ]  # fmt: skip
+    alike = not {"converged", "adequate", "model", "channels"} & set(changed)
+    return {
+        "key": key,
+        "in": "both",
+        "same": alike and max(map(abs, shifts), default=0.0) <= tolerance,
+        "converged": [a["converged"], b["converged"]],
+        "adequate": [a["adequate"], b["adequate"]],
+        "why": [[reason["message"] for reason in r["why"]] for r in (a, b)],
+        "changed": changed,
+        "priors": priors,
+        "parameters": parameters,
+        "bands": bands,
+    }
+
+
+_SHOWN: Final = ("median", "q05", "q95", "sd")
+
+
+def _parameter(a: Mapping[str, Any] | None, b: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Medians with intervals of either run, and how far b is from a in standard deviations of the wider posterior."""
+    stated = {name: None if p is None else {k: p[k] for k in _SHOWN} for name, p in (("a", a), ("b", b))}
+    known = a or b or {}
+    shift = None
+    if a is not None and b is not None and a["unit"] == b["unit"]:
+        shift = _shift(b["median"] - a["median"], max(a["sd"] or 0.0, b["sd"] or 0.0))
+    return {"unit": known["unit"], **stated, "shift": shift}
+
+
+def _shift(difference: float, sd: float) -> float:
+    return (
+        difference / sd if sd > 0.0 else 0.0 if difference == 0.0 else float(np.copysign(np.inf, difference))
+    )
+
+
+def _band(runs: Sequence[StoredRun], key: str, channel: str) -> dict[str, Any] | None:
+    """Where the medians of two bands are furthest apart, in standard deviations of the wider band, and in their unit.
+
+    None where they share no temperature.
+    """
+    a, b = (read_band(band_path(run.folder, key, channel)) for run in runs)
+    low = max(float(a.temperature.min()), float(b.temperature.min()))
+    high = min(float(a.temperature.max()), float(b.temperature.max()))
+    if not low < high:
+        return None
+    at = np.linspace(low, high, GRID)
+    difference = _at(b, "q50", at) - _at(a, "q50", at)
+    sd = np.maximum(_width(a, at), _width(b, at)) / NORMAL_90
+    known = np.isfinite(difference) & np.isfinite(sd)
+    if not known.any():
+        return None
+    at, difference, sd = at[known], difference[known], sd[known]
+    shift = np.array([_shift(float(d), float(s)) for d, s in zip(difference, sd, strict=True)])
+    worst = int(np.argmax(np.abs(shift)))
+    units = runs[0].summary["records"]
+    quantity = next(r for r in units if r["key"] == key)["quantities"][channel]
+    return {
+        "name": quantity["name"],
+        "unit": quantity["unit"],
+        "shift": float(shift[worst]),
+        "at": float(at[worst]),
+        "difference": float(difference[worst]),
+        "width_ratio": float(
+            np.nanmedian(_width(b, at) / np.where(_width(a, at) > 0.0, _width(a, at), np.nan))
+        ),
+        "compared": [low, high],
+    }
+
+
+def _at(band: StoredBand, name: str, temperature: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
+    return np.interp(temperature, band.temperature, band.quantiles[name])
+
+
+def _width(band: StoredBand, temperature: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
+    return _at(band, "q95", temperature) - _at(band, "q05", temperature)

@@ -1,0 +1,1 @@
+"""Fit every record of a campaign: posterior, bands, correlation, report."""

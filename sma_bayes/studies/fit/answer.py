@@ -1,0 +1,165 @@
+"""The answer, before anything else: how stiff, how sure, may it be believed, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from sma_bayes.assess.adequacy import REMEDIES
+from sma_bayes.quantities import SPECIMEN_QUANTITY
+from sma_bayes.report.content import INTERVAL, Content, Estimate, RecordContent
+from sma_bayes.report.tables import Cell, Column, Table
+from sma_bayes.response import AUTO_MODEL
+from sma_bayes.studies.fit.findings import finding_groups
+
+LEAST, GREATEST = "least", "greatest"
+"""How the names of least and greatest stiffness, or modulus, begin."""
+HYSTERESIS: Final = "hysteresis width"
+TRIVIAL: Final = ("straight_path", "constant_load", "constant_displacement")
+"""Paths whose slope tells of the rig and not of the alloy."""
+
+
+def answer_tables(content: Content) -> tuple[Table, ...]:
+    """Stiffness, transformation and hysteresis of every record, a table for each set of units.
+
+    Parameters
+    ----------
+    content : Content
+    """
+    return tuple(_answer_table(part, number) for number, part in enumerate(content.by_units(), 1))
+
+
+def _answer_table(part: Content, number: int) -> Table:
+    some = part.records[0]
+    channel = next((c for r in part.records for c in [r.channel("stiffness")] if c is not None), None)
+    temperature = some.temperature_unit
+    stiffness = () if channel is None else (
+        Column(f"least {channel.name}", "least_stiffness", channel.unit),
+        Column(f"greatest {channel.name}", "greatest_stiffness", channel.unit),
+    )  # fmt: skip
+    transformed = any(r.transformation for r in part.records)
+    temperatures = () if not transformed else (
+        Column("start", "start", temperature),
+        Column("finish", "finish", temperature),
+    )  # fmt: skip
+    rows = []
+    for condition in part.conditions:
+        for place, r in enumerate(part.branches(condition)):
+            rows.append(_answer_row(part, r, bool(stiffness), transformed, first=place == 0))
+    return Table(
+        "answer" if number == 1 else f"answer-{number}",
+        "Stiffness and transformation",
+        f"Median and {INTERVAL}. Least and greatest stiffness over the temperatures that were measured; start and "
+        "finish of the transformation by the tangent rule (As, Af on heating; Ms, Mf on cooling); hysteresis: midpoint "
+        "on heating less midpoint on cooling.",
+        (
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            *stiffness,
+            *temperatures,
+            Column("hysteresis", "hysteresis", temperature),
+            Column("may it be believed?", "believed"),
+        ),
+        tuple(rows),
+    )
+
+
+def _answer_row(
+    part: Content, r: RecordContent, stiffness: bool, transformed: bool, *, first: bool
+) -> tuple[Cell, ...]:
+    found = {q.name.partition(" ")[0]: q.estimate for q in r.quantities}
+    given = r.converged and not r.stiffness_withheld
+    width = next((q.estimate for q in part.loops_of(r.condition) if q.name == HYSTERESIS), None)
+    low, high = _ends(r)
+    return (
+        r.condition,
+        r.branch,
+        *((found.get(LEAST) if given else None, found.get(GREATEST) if given else None) if stiffness else ()),
+        *((low, high) if transformed else ()),
+        width if first else None,
+        belief(r),
+    )
+
+
+def _ends(r: RecordContent) -> tuple[Estimate | None, Estimate | None]:
+    """Temperatures of start and finish, in the order in which the branch meets them."""
+    if not r.converged or not r.transformation:
+        return None, None
+    by_name = {t.name: t.estimate for t in r.transformation}
+    names = ("As", "Af") if r.branch == "heating" else ("Ms", "Mf")
+    return by_name.get(names[0]), by_name.get(names[1])
+
+
+def belief(r: RecordContent) -> str:
+    """Whether the numbers of a record may be relied on, in a few words."""
+    if not r.converged:
+        return "no: not converged"
+    if not r.adequate:
+        return f"with care: {r.reasons[0].message}" if r.reasons else "with care"
+    if r.path_kind in TRIVIAL:
+        return "yes, but the slope is that of the rig"
+    beyond = [t.name for t in r.transformation if not t.within_data]
+    return f"yes; {' and '.join(beyond)} extrapolated" if beyond else "yes"
+
+
+def next_steps(content: Content) -> tuple[str, ...]:
+    """What to do next, what matters most first; each a sentence, commands in backquotes.
+
+    Parameters
+    ----------
+    content : Content
+    """
+    return tuple(_next_steps(content))
+
+
+def _next_steps(content: Content) -> Iterator[str]:
+    if content.unconverged:
+        yield f"Don't use {_names(content.unconverged)}: not converged. Section 3.1 says which parameter"
+    tried = content.provenance.options.get("model") == AUTO_MODEL
+    kinds: dict[str, list[RecordContent]] = {}
+    for r in content.inadequate:
+        if r.reasons:
+            kinds.setdefault(r.reasons[0].kind, []).append(r)
+    for kind, records in kinds.items():
+        remedy = REMEDIES[kind]
+        if tried:
+            remedy = remedy.replace("`--model auto` or ", "").replace("`--model auto`, ", "")
+        yield f"{_names(records)}: {records[0].reasons[0].message}; {remedy}"
+    extrapolated = [r for r in content.converged if any(not t.within_data for t in r.transformation)]
+    if extrapolated:
+        yield (
+            f"{_names(extrapolated)}: start or finish of the transformation is extrapolated; measure on to where the "
+            "curve is flat"
+        )
+    for message, records in _by_message(content):
+        several = "the slope is that of the rig, not of the alloy (section 2.6); " if len(records) > 1 else ""
+        yield f"{_names(records)}: {several}{message}"
+    for group in finding_groups(content.findings):
+        if group.severity == "serious":
+            where = f" ({', '.join(group.conditions[:3])})" if group.conditions else ""
+            yield f"Check the measurements{where}: {group.message}"
+    told = [r for r in content.converged if r.path_kind not in TRIVIAL and not r.stiffness_withheld]
+    some = next((r for r in told if r.channel("stiffness") is not None), None)
+    if some is not None:
+        channel = some.channel("stiffness")
+        assert channel is not None
+        name = "modulus" if channel.name == SPECIMEN_QUANTITY["stiffness"] else "stiffness"
+        value = next((q.estimate.median for q in some.quantities if q.name.startswith(GREATEST)), None)
+        if value is not None:
+            yield f'Which temperature gives a {name}? `sma-bayes ask DIR --{name} "{value:.3g} {channel.unit}"`'
+    if len(content.conditions) > 1:
+        yield "What do current, load and frequency do? `sma-bayes conditions DIR --out NEW`"
+
+
+def _by_message(content: Content) -> list[tuple[str, list[RecordContent]]]:
+    """Records whose slope is that of the rig, by what is said of it."""
+    found: dict[str, list[RecordContent]] = {}
+    for r in content.converged:
+        if r.path_kind in TRIVIAL:
+            found.setdefault(r.path_kind, []).append(r)
+    return [(records[0].path_message, records) for records in found.values()]
+
+
+def _names(records: list[RecordContent] | tuple[RecordContent, ...], most: int = 3) -> str:
+    shown = ", ".join(r.key for r in records[:most])
+    return f"{shown} and {len(records) - most} more" if len(records) > most else shown

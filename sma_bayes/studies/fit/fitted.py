@@ -1,0 +1,295 @@
+"""Fits in memory as people use them: tables, bands, plots, answers and InferenceData of one record."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+import numpy.typing as npt
+
+from sma_bayes.arviz_bridge import open_posterior
+from sma_bayes.assess.at import credible_at, predictive_at
+from sma_bayes.assess.bands import band_channels, credible_band
+from sma_bayes.assess.correlation import correlation_factors
+from sma_bayes.assess.draws import record_draws
+from sma_bayes.assess.summary import record_summary
+from sma_bayes.errors import MeasurementError, SmaBayesError
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.progress import Progress, silent
+from sma_bayes.quantities import Floats
+from sma_bayes.records.types import Record
+from sma_bayes.runs.store import plain, write_posterior
+from sma_bayes.studies.ask.workflow import PROBABILITY, Question, Source, answer
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from sma_bayes.report.figures.on_axes import Axes
+
+SHOWN = (
+    "unit",
+    "median",
+    "mean",
+    "sd",
+    "q05",
+    "q95",
+    "rhat",
+    "ess_bulk",
+    "ess_tail",
+    "identified",
+    "fixed",
+    "meaning",
+)
+"""Columns of the table of parameters."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordFit(Fit):
+    """The fit of one record: a `Fit`, and what files hold of it.
+
+    Attributes
+    ----------
+    index : int
+        Which of the records that share the posterior.
+    """
+
+    index: int = 0
+
+    @classmethod
+    def of(cls, fit: Fit, index: int) -> RecordFit:
+        """The fit of one of the records that share a posterior."""
+        return cls(**{f.name: getattr(fit, f.name) for f in fields(Fit) if f.init}, index=index)
+
+    @property
+    def record(self) -> Record:
+        """What was set and measured."""
+        return self.records[self.index]
+
+    @property
+    def adequate(self) -> bool:
+        """Whether curve and noise describe the data; ``document["why"]`` says why not."""
+        return bool(self.document["adequate"])
+
+    @cached_property
+    def _replicated(self) -> dict[str, Floats]:
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, 4, *self.record.key.encode()]))
+        return dict(self.posterior.replicate(rng, self.flat, record=self.index, weights=self.discrepancy))
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """What ``summary.json`` says of the record."""
+        measured, again = correlation_factors(self, self._replicated, self.index)
+        found: dict[str, Any] = plain(record_summary(self, self.index, measured, again))
+        return found
+
+    def summary(self) -> pd.DataFrame:
+        """Parameters with their units, medians, intervals and diagnostics, one a row."""
+        import pandas as pd
+
+        parameters = self.document["parameters"]
+        rows = [[p[name] for name in SHOWN] for p in parameters.values()]
+        return pd.DataFrame(rows, index=pd.Index(list(parameters), name="parameter"), columns=list(SHOWN))
+
+    def to_inference_data(self) -> Any:
+        """The posterior as arviz has it, with the groups of ``posterior/*.nc``.
+
+        Returns
+        -------
+        arviz.InferenceData or xarray.DataTree
+            With arviz 0.23 and 1.x.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "posterior.nc"
+            write_posterior(path, self, self.index, self._replicated)
+            return open_posterior(path).load()
+
+    def band(self, channel: str = "stiffness", *, extrapolate: float = 0.0) -> pd.DataFrame:
+        """Bands of a channel against temperature, with the columns of ``bands/*.csv``.
+
+        Parameters
+        ----------
+        channel : str
+        extrapolate : float
+            How far to go beyond the observed temperatures [unit of temperature].
+
+        Raises
+        ------
+        MeasurementError
+            If the record does not tell of the channel.
+        """
+        import pandas as pd
+
+        self._require(channel)
+        found = credible_band(self, channel, self.index, extrapolate)
+        return pd.DataFrame(found.columns(self.record.units["temperature"]))
+
+    def values(
+        self, channel: str, temperature: npt.ArrayLike, *, probability: float = PROBABILITY
+    ) -> pd.DataFrame:
+        """A channel at given temperatures: interval of the curve, and of a new reading.
+
+        Parameters
+        ----------
+        channel : str
+        temperature : float or array_like, shape (m,)
+            [unit of temperature of the record]; beyond what was observed the curve is extrapolated, and marked.
+        probability : float
+            That the intervals hold [1].
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each temperature: ``low``, ``median``, ``high``, ``pred_low``, ``pred_median``, ``pred_high`` (NaN
+            where the channel was not measured itself) [unit of the channel, ``attrs["unit"]``] and ``extrapolated``.
+
+        Raises
+        ------
+        MeasurementError
+            If the record does not tell of the channel.
+        SmaBayesError
+            If a temperature is not finite, or the probability not between 0 and 1.
+        """
+        import pandas as pd
+
+        self._require(channel)
+        at = np.atleast_1d(np.asarray(temperature, dtype=float))
+        if at.ndim != 1 or not np.isfinite(at).all():
+            raise SmaBayesError(f"temperature {temperature!r}", expected="finite temperatures, shape (m,)")
+        if not 0.0 < probability <= 1.0:
+            raise SmaBayesError(f"probability {probability}", expected="more than 0 and at most 1")
+        curves = self.curves(self.index)
+        curve = credible_at(lambda t: curves.curve(channel, t), at, probability)
+        new = predictive_at(curves, channel, at, probability, self.seed)
+        observed = self.record.temperature
+        columns = {"low": curve.low, "median": curve.median, "high": curve.high}
+        for name in ("low", "median", "high"):
+            columns[f"pred_{name}"] = np.full(at.size, np.nan) if new is None else getattr(new, name)
+        beyond = (at < observed.min()) | (at > observed.max())
+        frame = pd.DataFrame(columns, index=pd.Index(at, name="temperature")).assign(extrapolated=beyond)
+        frame.attrs["unit"] = self.document["quantities"][channel]["unit"]
+        return frame
+
+    def stiffness(self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY) -> pd.DataFrame:
+        """Stiffness, or the modulus of a specimen, at given temperatures; see `values`."""
+        return self.values("stiffness", temperature, probability=probability)
+
+    def force(self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY) -> pd.DataFrame:
+        """Force, or the stress of a specimen, at given temperatures; see `values`."""
+        return self.values("force", temperature, probability=probability)
+
+    def displacement(self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY) -> pd.DataFrame:
+        """Displacement, or the strain of a specimen, at given temperatures; see `values`."""
+        return self.values("displacement", temperature, probability=probability)
+
+    def ask(self, **question: Unpack[Question]) -> dict[str, Any]:
+        """Answer what `sma_bayes.ask` answers of a folder, with the same arguments."""
+        return Fits({self.record.key: self}).ask(**question)
+
+    def plot(self, channel: str | None = None, *, ax: Axes | None = None) -> Axes:
+        """Draw measurements and credible bands of a channel against temperature.
+
+        Parameters
+        ----------
+        channel : str, optional
+            The first observed one by default.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; the current axes of pyplot by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        MeasurementError
+            If the record does not tell of the channel.
+        """
+        from sma_bayes.report.figures.on_axes import draw_band
+
+        channel = self.record.channels[0] if channel is None else channel
+        self._require(channel)
+        return draw_band(self.record, credible_band(self, channel, self.index), ax)
+
+    def _require(self, channel: str) -> None:
+        known = band_channels(self.record)
+        if channel not in known:
+            raise MeasurementError(
+                f"{self.record.key} does not tell of {channel!r}", expected=", ".join(known)
+            )
+
+    def __repr__(self) -> str:
+        state = "converged" if self.converged else "NOT CONVERGED"
+        channels = ", ".join(self.record.quantity(c) for c in self.record.channels)
+        model, noise = self.posterior.model.name, self.posterior.noise.name
+        return (
+            f"<RecordFit {self.record.key}: {channels}, {self.record.n} samples, {model}, {noise}, {state}>"
+        )
+
+    def _repr_html_(self) -> str:
+        table = self.summary()[["unit", "median", "q05", "q95", "identified"]].to_html(
+            float_format="{:.5g}".format
+        )
+        state = "converged" if self.converged else "<strong>not converged</strong>"
+        described = "adequate" if self.adequate else "<strong>not adequate</strong>"
+        return f"<p>{self.record.key}: {self.record.n} samples, {state}, {described}</p>{table}"
+
+
+class Fits(dict[str, RecordFit]):
+    """Fits of a campaign by the keys of their records, ``<condition>-<branch>``."""
+
+    def summary(self) -> pd.DataFrame:
+        """Parameters of all records, by record and parameter."""
+        import pandas as pd
+
+        return pd.concat({key: fit.summary() for key, fit in self.items()}, names=["record", "parameter"])
+
+    def ask(self, **question: Unpack[Question]) -> dict[str, Any]:
+        """Answer what `sma_bayes.ask` answers of a folder, with the same arguments."""
+        first = next(iter(self.values()))
+        summary = {
+            "campaign": "",
+            "data_sha256": None,
+            "seed": first.seed,
+            "options": {"bias_spring": None},
+            "records": [fit.document for fit in self.values()],
+        }
+
+        def draws(entry: Mapping[str, Any]) -> Any:
+            fit = self[entry["key"]]
+            return record_draws(fit, fit.index)
+
+        return answer(Source("the fit", summary, draws), **question)
+
+    def __repr__(self) -> str:
+        return "\n".join(map(repr, self.values())) or "<no fits>"
+
+    def _repr_html_(self) -> str:
+        return "".join(fit._repr_html_() for fit in self.values())
+
+
+@contextmanager
+def shown_progress(progress: bool | Progress, total: int) -> Iterator[Progress]:
+    """What is told of the progress: nothing, a bar that notebooks and terminals show, or a function of the caller."""
+    if callable(progress):
+        yield progress
+    elif not progress:
+        yield silent
+    else:
+        from rich.progress import Progress as Bar
+
+        with Bar() as bar:
+            task = bar.add_task("fit", total=total)
+            yield lambda done, total, message: bar.update(
+                task, completed=done, total=total, description=message
+            )
+
+
+def by_record(fits: Sequence[Fit]) -> Fits:
+    """Fits of records by their keys; records that share a posterior each have their own view of it."""
+    return Fits({r.key: RecordFit.of(fit, i) for fit in fits for i, r in enumerate(fit.records)})

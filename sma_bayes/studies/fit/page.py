@@ -1,0 +1,256 @@
+"""The report of a fit: one page, or for very many records one of the campaign and one for each record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from sma_bayes.quantities import ARBITRARY
+from sma_bayes.report.content import (
+    CHECK_TAIL,
+    INTERVAL,
+    LEVEL,
+    PAPER_CORRELATION,
+    SHAPES,
+    Content,
+    Estimate,
+    RecordContent,
+    parameters_by_channel,
+)
+from sma_bayes.report.figures.sheet import FigureFiles, numbered
+from sma_bayes.report.html import Picture, embedded, estimate_text, rendered
+from sma_bayes.report.notation import MISSING, write
+from sma_bayes.report.tables import Cell, Column, Table, cell_text, report_tables
+from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
+from sma_bayes.runs.store import write_text
+from sma_bayes.studies.fit.answer import answer_tables, next_steps
+from sma_bayes.studies.fit.findings import finding_groups
+from sma_bayes.studies.fit.methods import methods_text
+
+TEMPLATE: Final = "report.html.j2"
+SHOWN: Final = 20
+"""Entries of a list or a table that the report of a campaign of many records shows."""
+
+
+def write_report(
+    folder: Path, content: Content, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
+) -> None:
+    """Write ``report.html``.
+
+    Parameters
+    ----------
+    folder : Path
+        Output folder; the PNG files are in its ``figures/``.
+    content : Content
+    tables : mapping of str to Table
+    figures : mapping of str to FigureFiles
+        By stem.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written, or a figure can't be read.
+    """
+    shown = {stem: f for stem, f in figures.items() if not content.paged or stem in of_campaign(content)}
+    write_text(folder / "report.html", render(content, tables, embedded(folder, shown)))
+    if content.paged:
+        write_text(folder / "records" / "index.html", render_index(content))
+
+
+def of_campaign(content: Content) -> set[str]:
+    """Stems of the figures of the campaign itself."""
+    numbers = range(1, len(content.by_units()) + 1)
+    return {
+        "diagnostics", "correlation", "correlation-average", "printed", *(numbered("parameters", n) for n in numbers)
+    }  # fmt: skip
+
+
+def write_record_page(
+    folder: Path, content: Content, record: RecordContent, figures: Mapping[str, FigureFiles]
+) -> None:
+    """Write ``records/KEY.html``, with its figures as links to their files.
+
+    Parameters
+    ----------
+    folder : Path
+    content : Content
+        Of one record, see `Content.only`.
+    record : RecordContent
+    figures : mapping of str to FigureFiles
+        By stem.
+    """
+    pictures = {
+        stem: replace(picture, source=f"../figures/{stem}.png")
+        for stem, picture in embedded(folder, figures).items()
+    }
+    page = rendered(
+        "record.html.j2",
+        r=record,
+        own_page=True,
+        content=content,
+        tables=report_tables(content),
+        pictures=pictures,
+    )
+    write_text(folder / "records" / f"{record.key}.html", page)
+
+
+def render_index(content: Content) -> str:
+    """The list of all records, each with a link to its page."""
+    return rendered(
+        "records.html.j2",
+        content=content,
+        channels=[c for c in content.channels if any(_agreement(r, c.channel) for r in content.records)],
+        agreement=_agreement,
+    )
+
+
+def _agreement(record: RecordContent, channel: str) -> float | None:
+    found = record.channel(channel)
+    return found.measured["r"].median if found is not None and "r" in found.measured else None
+
+
+def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str, Picture]) -> str:
+    """The report as text.
+
+    Parameters
+    ----------
+    content : Content
+    tables : mapping of str to Table
+    pictures : mapping of str to Picture
+        By stem; a picture that is missing is left out.
+    """
+    return rendered(
+        TEMPLATE,
+        most=SHOWN if content.paged else None,
+        content=content,
+        tables=tables,
+        pictures=pictures,
+        level=LEVEL,
+        check_tail=CHECK_TAIL,
+        default_model=DEFAULT_MODEL,
+        auto_model=AUTO_MODEL,
+        paper_correlation=PAPER_CORRELATION,
+        shapes=SHAPES,
+        without_empty=without_empty,
+        overview=parameter_overview,
+        noise_groups=noise_groups(content),
+        parts=content.by_units(),
+        answers=answer_tables(content),
+        steps=next_steps(content),
+        methods=methods_text(content),
+        groups=finding_groups(content.findings),
+        arbitrary=any(_has_arbitrary_unit(r) for r in content.records),
+        numbered=numbered,
+    )
+
+
+def _has_arbitrary_unit(record: RecordContent) -> bool:
+    return any(ARBITRARY in unit for unit in (record.temperature_unit, *(c.unit for c in record.channels)))
+
+
+def parameter_overview(content: Content) -> tuple[Table, ...]:
+    """Median and interval of the response's parameters of the converged records, a table for each channel."""
+    out = []
+    for channel, names in parameters_by_channel(content.converged).items():
+        name = next((c.name for c in content.channels if c.channel == channel), channel)
+        title = f"Parameters of {name}" if name else "Parameters of the response"
+        out.append(_overview(content.converged, list(names), title))
+    return tuple(out)
+
+
+def _overview(records: tuple[RecordContent, ...], names: list[str], title: str) -> Table:
+    units = {n: [p.unit for r in records for p in r.parameters if p.name == n] for n in names}
+    same = {n: len(set(u)) == 1 for n, u in units.items()}
+    columns = (
+        Column("condition", "condition"),
+        Column("branch", "branch"),
+        *(Column(n, n, units[n][0] if same[n] else "") for n in names),
+    )
+    rows = []
+    for r in records:
+        found = {p.name: p for p in r.parameters}
+        cells: list[Cell] = []
+        for n in names:
+            p = found.get(n)
+            if p is None:
+                cells.append(None)
+            elif p.fixed:
+                cells.append(f"{write([p.mean]).plain[0]}, fixed")
+            else:
+                mark = "" if p.identified else " (not identified)"
+                text = (
+                    estimate_text(p.estimate)
+                    if not same[n]
+                    else estimate_text(Estimate(p.estimate.median, p.estimate.q05, p.estimate.q95))
+                )
+                cells.append(text + mark)
+        rows.append((r.condition, r.branch, *cells))
+    note = f"Median and {INTERVAL}; “(not identified)” marks what the data leave to the prior."
+    return Table("parameters", title, note, columns, tuple(rows))
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseGroup:
+    """Records with the same noise model, chosen by the same.
+
+    Attributes
+    ----------
+    title, chosen_by : str
+    records : tuple of RecordContent
+    lag1, margin : tuple of float or None
+        Least and greatest correlation of neighbouring residuals, and ln evidence less that of the best other model
+        [1]; None where it was not compared.
+    """
+
+    title: str
+    chosen_by: str
+    records: tuple[RecordContent, ...]
+    lag1: tuple[float, float] | None
+    margin: tuple[float, float] | None
+
+
+def noise_groups(content: Content) -> tuple[NoiseGroup, ...]:
+    """Records by noise model and by who chose it."""
+    groups: dict[tuple[str, str], list[RecordContent]] = {}
+    for r in content.records:
+        groups.setdefault((r.noise.title or r.noise.name, r.noise.chosen_by), []).append(r)
+    return tuple(
+        NoiseGroup(
+            title,
+            by,
+            tuple(records),
+            _ends([v for r in records for v in r.noise.lag1.values()]),
+            _ends([lead for r in records if (lead := _lead(r)) is not None]),
+        )
+        for (title, by), records in groups.items()
+    )
+
+
+def _lead(record: RecordContent) -> float | None:
+    """Ln evidence of the noise model less that of the best other one; None where none was compared."""
+    found = dict(record.noise.ln_evidence)
+    own = found.pop(record.noise.name, None)
+    return None if own is None or not found else own - max(found.values())
+
+
+def _ends(values: list[float]) -> tuple[float, float] | None:
+    return (min(values), max(values)) if values else None
+
+
+def without_empty(table: Table) -> Table:
+    """A table without the columns that say nothing in any row."""
+    full = [
+        i
+        for i in range(len(table.columns))
+        if i < table.grouped or any(cell_text(row[i]) != MISSING for row in table.rows)
+    ]
+    return Table(
+        table.name,
+        table.title,
+        table.note,
+        tuple(table.columns[i] for i in full),
+        tuple(tuple(row[i] for i in full) for row in table.rows),
+        table.grouped,
+    )

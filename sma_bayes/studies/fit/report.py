@@ -1,0 +1,206 @@
+"""The report of a fit: which figures it has, and all that is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from sma_bayes.account import Account
+from sma_bayes.progress import Progress
+from sma_bayes.report.choice import FEW, Drawn, Wanted
+from sma_bayes.report.content import Content, RecordContent
+from sma_bayes.report.drawn import FigureTask, draw_all
+from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles
+from sma_bayes.report.tables import report_tables, write_tables
+from sma_bayes.report.took import account_table
+from sma_bayes.report.workbook import write_workbook
+from sma_bayes.runs.jobs import run
+from sma_bayes.runs.outputs import band_path, posterior_of, read_band, read_run
+from sma_bayes.runs.store import write_text
+from sma_bayes.runs.stored_draws import draws_of
+from sma_bayes.studies.compare.figures.averages import average_figure
+from sma_bayes.studies.fit.answer import answer_tables
+from sma_bayes.studies.fit.figures.campaign import (
+    correlation_figure,
+    diagnostics_figure,
+    parameter_figure,
+    printed_figure,
+)
+from sma_bayes.studies.fit.figures.condition import loop_figure, overview_figure
+from sma_bayes.studies.fit.figures.crowd import correlation_of_many, diagnostics_of_many, parameters_of_many
+from sma_bayes.studies.fit.figures.discrepancy import discrepancy_figure
+from sma_bayes.studies.fit.figures.marginals import corner_figure
+from sma_bayes.studies.fit.figures.record import predictive_figure, residual_figure, trace_figure
+from sma_bayes.studies.fit.gather import report_content
+from sma_bayes.studies.fit.methods import bibliography, methods_text
+from sma_bayes.studies.fit.page import write_record_page, write_report
+from sma_bayes.studies.fit.residuals import median_curves, standardised_residuals
+
+
+def build_fit_report(
+    folder: Path, wanted: Wanted, jobs: int | None, tell: Progress, spent: Account, *, known: bool
+) -> None:
+    """Write the report of a fit.
+
+    Parameters
+    ----------
+    folder, jobs
+        See `build_report`.
+    wanted : Wanted
+    tell : callable
+    spent : Account
+        Told what figures and report took.
+    known : bool
+        Whether it holds what the run took until now; else that is read from its summary.
+    """
+    with spent.timed("report"):
+        stored = read_run(folder)
+        content = report_content(stored)
+    tasks = _tasks(folder, content, wanted.drawn)
+    pictures = draw_all(tasks, wanted.formats, jobs, tell, spent)
+    with spent.timed("report"):
+        took = account_table(stored.summary, spent if known else Account())
+        tables = report_tables(content) | {t.name: t for t in answer_tables(content)} | {"account": took}
+        write_tables(tables, folder / "tables")
+        if wanted.workbook:
+            write_workbook(tables, folder / "tables" / "results.xlsx")
+        write_text(folder / "methods.md", methods_text(content))
+        write_text(folder / "references.bib", bibliography(content))
+        write_report(folder, content, tables, pictures)
+    if content.paged:
+        pages = _page_tasks(folder, content, pictures)
+        for done, _ in enumerate(run(_write_page, pages, jobs, account=spent, stage="report", light=True), 1):
+            tell(done, len(pages), "writing pages of records")
+    tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
+
+
+@dataclass(frozen=True, slots=True)
+class _PageTask:
+    """The page of a record, in a report of many."""
+
+    folder: Path
+    content: Content
+    record: RecordContent
+    figures: Mapping[str, FigureFiles]
+
+
+def _write_page(task: _PageTask) -> None:
+    write_record_page(task.folder, task.content, task.record, task.figures)
+
+
+def _page_tasks(folder: Path, content: Content, figures: Mapping[str, FigureFiles]) -> list[_PageTask]:
+    def of(r: RecordContent) -> dict[str, FigureFiles]:
+        kinds = ("corner", "trace", "predictive", "residuals", "discrepancy")
+        stems = (f"loop-{r.condition}", *(f"{kind}-{r.key}" for kind in kinds))
+        return {stem: figures[stem] for stem in stems if stem in figures}
+
+    return [_PageTask(folder, content.only(r), r, of(r)) for r in content.records]
+
+
+@dataclass(frozen=True, slots=True)
+class _RecordTask:
+    """Figures of one record."""
+
+    folder: Path
+    record: RecordContent
+
+    @property
+    def title(self) -> str:
+        return self.record.key
+
+    def drawings(self) -> Iterator[Callable[[], Drawing]]:
+        branch = _branch_data(self.folder, self.record)
+        yield partial(corner_figure, branch)
+        yield partial(trace_figure, branch)
+        yield partial(predictive_figure, branch)
+        residuals = standardised_residuals(self.record, branch.stored, branch.curve)
+        yield partial(residual_figure, branch, residuals)
+
+
+@dataclass(frozen=True, slots=True)
+class _DiscrepancyTask:
+    """Figure of what the curve of one record misses."""
+
+    folder: Path
+    record: RecordContent
+
+    @property
+    def title(self) -> str:
+        return self.record.key
+
+    def drawings(self) -> Iterator[Callable[[], Drawing]]:
+        stored = read_run(self.folder)
+        summary = next(r for r in stored.summary["records"] if r["key"] == self.record.key)
+        yield partial(discrepancy_figure, self.record, draws_of(stored, summary))
+
+
+@dataclass(frozen=True, slots=True)
+class _ConditionTask:
+    """Figure of the loop of one condition."""
+
+    folder: Path
+    condition: str
+    records: tuple[RecordContent, ...]
+
+    @property
+    def title(self) -> str:
+        return self.condition
+
+    def drawings(self) -> Iterator[Callable[[], Drawing]]:
+        yield partial(loop_figure, self.condition, [_branch_data(self.folder, r) for r in self.records])
+
+
+@dataclass(frozen=True, slots=True)
+class _CampaignTask:
+    """Figures of the whole campaign, without `diagnostics` those of the report."""
+
+    folder: Path
+    content: Content
+    diagnostics: bool
+    title: str = "the campaign"
+
+    def drawings(self) -> Iterator[Callable[[], Drawing]]:
+        many = self.content.paged
+        if many or self.diagnostics:
+            yield partial(diagnostics_of_many if many else diagnostics_figure, self.content)
+            yield partial(correlation_of_many if many else correlation_figure, self.content)
+        several = many or self.diagnostics or len(self.content.conditions) > 1
+        if self.content.averages and several:
+            yield partial(average_figure, self.content)
+        if self.content.printed:
+            yield partial(printed_figure, self.content)
+        for number, part in enumerate(self.content.by_units(), 1):
+            if several:
+                yield partial(parameters_of_many if many else parameter_figure, part, number)
+            if many:
+                continue
+            branches = {c: [_branch_data(self.folder, r) for r in part.branches(c)] for c in part.conditions}
+            for channel in part.channels:
+                if not several and channel.channel != "stiffness":
+                    continue  # the loop of the only condition shows it
+                yield partial(overview_figure, channel.channel, branches, number)
+
+
+def _tasks(folder: Path, content: Content, drawn: Drawn) -> list[FigureTask]:
+    if drawn == "none":
+        return []
+    everything = drawn == "all"
+    tasks: list[FigureTask] = [_CampaignTask(folder, content, everything)]
+    if everything or (not content.paged and len(content.conditions) <= FEW):
+        tasks += [_ConditionTask(folder, c, content.branches(c)) for c in content.conditions]
+    missed = [r for r in content.records if r.missed]
+    if not everything:
+        worst = sorted(missed, key=lambda r: max(m.share for m in r.missed), reverse=True)
+        missed = [] if content.paged else worst[:FEW]
+    tasks += [_DiscrepancyTask(folder, r) for r in missed]
+    if everything:
+        tasks += [_RecordTask(folder, r) for r in content.records]
+    return tasks
+
+
+def _branch_data(folder: Path, record: RecordContent) -> BranchData:
+    stored = posterior_of(folder, record.key, record.checksum)
+    bands = {c.channel: read_band(band_path(folder, record.key, c.channel)) for c in record.channels}
+    return BranchData(record, stored, bands, median_curves(stored))

@@ -1,0 +1,254 @@
+"""What is done for the records of a fit: sample, assess, write. Each task stands for itself, wherever it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sma_bayes.account import Account
+from sma_bayes.assess.bands import band_channels, credible_band, overall_band
+from sma_bayes.assess.correlation import correlation_factors
+from sma_bayes.assess.correlation_average import Scored
+from sma_bayes.assess.loops import loop_quantities
+from sma_bayes.assess.summary import record_summary
+from sma_bayes.checksum import file_checksum
+from sma_bayes.errors import OutputError, SmaBayesError
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit_records import fit_records
+from sma_bayes.progress import lines_about
+from sma_bayes.records.types import Branch, Record
+from sma_bayes.response import AUTO_MODEL
+from sma_bayes.runs.documents import MARK
+from sma_bayes.runs.jobs import run
+from sma_bayes.runs.store import plain, write_csv, write_posterior
+from sma_bayes.sampling.moves import SAMPLERS
+from sma_bayes.studies.fit.parts import Part, part_path, read_part, write_part
+from sma_bayes.studies.options import DEFAULT_SAMPLER, FitOptions, models_of, plan_for
+
+WHOLE_CONDITIONS = 20
+"""Number of conditions from which on a task is a condition with its branches. With fewer, a branch is a task: that
+keeps more processes busy, but sends all draws to the process that joins the branches."""
+
+LIGHT = 1000
+"""Samples up to which a fit hardly takes longer than to start a process for it."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitTask:
+    """Records that share a posterior, and where to write; without a folder nothing is written.
+
+    Where `lines` is a number of seconds, a record that takes longer tells of its steps by log lines that often.
+    """
+
+    records: tuple[Record, ...]
+    options: FitOptions
+    folder: Path | None
+    lines: float | None = None
+
+    @property
+    def light(self) -> bool:
+        """Whether it hardly takes longer than to start a process for it."""
+        o = self.options
+        plain = o.plan.sampler == SAMPLERS[DEFAULT_SAMPLER] and o.model != AUTO_MODEL
+        return plain and sum(r.n for r in self.records) <= LIGHT
+
+
+@dataclass(frozen=True, eq=False)
+class _Assessed:
+    fit: Fit
+    summaries: list[dict[str, Any]]
+    scored: list[Scored]
+    account: Account
+
+
+def sample_task(task: FitTask) -> Fit:
+    """Sample one posterior."""
+    o = task.options
+    checkpoint = None
+    name = task.records[0].key if len(task.records) == 1 else f"all-{task.records[0].branch.value}"
+    if task.folder is not None:
+        checkpoint = task.folder / "checkpoints" / f"{name}.h5"
+    return fit_records(
+        task.records,
+        o.priors,
+        ladder=models_of(task.records, o),
+        noise=o.noise,
+        seed=o.seed,
+        plan=plan_for(o, task.records),
+        checkpoint=checkpoint,
+        progress=None if task.lines is None else lines_about(name, task.lines),
+    )
+
+
+def fitted(
+    groups: Sequence[tuple[Record, ...]],
+    options: FitOptions,
+    folder: Path,
+    jobs: int | None,
+    account: Account,
+    lines: float | None = None,
+) -> Iterator[Part]:
+    """Fit groups of records that share a posterior each, and write what was found.
+
+    Parameters
+    ----------
+    groups : sequence of tuple of Record
+    options : FitOptions
+    folder : Path
+        That holds the mark of the run, `MARK`.
+    jobs : int, optional
+        See `run`.
+    account : Account
+        Told of workers that were lost; the stages come with the parts.
+    lines : float, optional
+        See `FitTask`.
+
+    Yields
+    ------
+    Part
+        In the order of the groups where each group is one record, else all at once.
+    """
+    tasks = [FitTask(group, options, folder, lines) for group in groups]
+    conditions = _by_condition(tasks)
+    if options.pool == "none" and len(conditions) >= WHOLE_CONDITIONS:
+        yield from _by_whole_conditions(conditions, folder, jobs, account)
+        return
+    assessed = []
+    for found in run(_assess_task, tasks, jobs, account=account, light=all(t.light for t in tasks)):
+        assessed.append(found.fit)
+        yield Part(found.summaries, [], found.scored, found.account)
+    yield Part([], plain(_loops(assessed)), [])
+
+
+def _by_condition(tasks: Iterable[FitTask]) -> dict[str, tuple[FitTask, ...]]:
+    found: dict[str, tuple[FitTask, ...]] = {}
+    for task in tasks:
+        name = task.records[0].condition.id
+        found[name] = (*found.get(name, ()), task)
+    return found
+
+
+def _by_whole_conditions(
+    conditions: dict[str, tuple[FitTask, ...]], folder: Path, jobs: int | None, account: Account
+) -> Iterator[Part]:
+    """Conditions one by one; those that an earlier call has finished are read, not done again."""
+    finished = {name for name, tasks in conditions.items() if _is_finished(folder, name, tasks)}
+    light = all(t.light for tasks in conditions.values() for t in tasks)
+    todo = run(
+        _condition_task,
+        [c for n, c in conditions.items() if n not in finished],
+        jobs,
+        account=account,
+        light=light,
+    )
+    for name in conditions:
+        part = read_part(folder, name) if name in finished else None
+        yield part or next(todo)
+
+
+def _condition_task(tasks: tuple[FitTask, ...]) -> Part:
+    """All branches of one condition."""
+    assessed = [_assess_task(task) for task in tasks]
+    account = Account()
+    for a in assessed:
+        account.take(a.account.document())
+    with account.timed("diagnose"):
+        loops = _loops([a.fit for a in assessed])
+    part = Part(
+        [s for a in assessed for s in a.summaries],
+        plain(loops),
+        [s for a in assessed for s in a.scored],
+        account,
+    )
+    if tasks[0].folder is not None:
+        write_part(tasks[0].folder, tasks[0].records[0].condition.id, part)
+    return part
+
+
+def _is_finished(folder: Path, condition: str, tasks: Iterable[FitTask]) -> bool:
+    records = [record for task in tasks for record in task.records]
+    files = [folder / "posterior" / f"{r.key}.nc" for r in records]
+    files += [folder / "bands" / f"{r.key}-{c}.csv" for r in records for c in band_channels(r)]
+    return all(path.is_file() for path in (part_path(folder, condition), *files))
+
+
+def _assess_task(task: FitTask) -> _Assessed:
+    """Sample, assess and write one posterior."""
+    if task.folder is None:
+        raise SmaBayesError("no folder to write to")
+    if not (task.folder / MARK).is_file():
+        raise OutputError(
+            "is not the folder of the run, as seen by a worker",
+            file=task.folder,
+            expected="a folder that all workers see under the same path",
+            remedy="name a folder on a shared disk as --out",
+        )
+    found = sample_task(task)
+    account = Account()
+    account.take(found.account.document())
+    summaries: list[dict[str, Any]] = []
+    scored: list[Scored] = []
+    for i, record in enumerate(found.records):
+        own = Account()
+        summary, agreements = _assess_record(found, i, record, task, task.folder, own)
+        account.take(own.document())
+        for key, stages in own.document().items():
+            summary[key] |= stages
+        summary["wall_s"] += sum(own.wall.values())
+        summaries.append(plain(summary))
+        scored += agreements
+    return _Assessed(found, summaries, scored, account)
+
+
+def _assess_record(
+    found: Fit, i: int, record: Record, task: FitTask, folder: Path, account: Account
+) -> tuple[dict[str, Any], list[Scored]]:
+    options = task.options
+    with account.timed("diagnose"):
+        rng = np.random.default_rng(np.random.SeedSequence([options.seed, 4, *record.key.encode()]))
+        replicated = found.posterior.replicate(rng, found.flat, record=i, weights=found.discrepancy)
+        measured, again = correlation_factors(found, replicated, i)
+        summary = record_summary(found, i, measured, again)
+    with account.timed("bands"):
+        bands = {c: credible_band(found, c, i, options.extrapolate) for c in band_channels(record)}
+        if options.bias is not None:
+            overall = overall_band(found, options.bias, i, options.extrapolate)
+            bands |= {} if overall is None else {"overall_stiffness": overall}
+    with account.timed("write"):
+        path = folder / "posterior" / f"{record.key}.nc"
+        write_posterior(path, found, i, replicated)
+        summary["posterior_sha256"] = file_checksum(path)
+        for channel, band in bands.items():
+            columns = band.columns(record.units["temperature"])
+            write_csv(folder / "bands" / f"{record.key}-{channel}.csv", columns)
+    return summary, [
+        Scored(
+            record.key,
+            record.branch.value,
+            channel,
+            record.quantity(channel),
+            record.units[channel],
+            found.records[0].key,
+            found.converged,
+            agreement,
+            data,
+        )
+        for data, agreements in (("measured", measured), ("replicated", again))
+        for channel, agreement in agreements.items()
+    ]
+
+
+def _loops(fits: Sequence[Fit]) -> list[dict[str, Any]]:
+    place = {r.key: (f, i) for f in fits for i, r in enumerate(f.records)}
+    out = []
+    for key, (heating, i) in place.items():
+        record = heating.records[i]
+        other = f"{record.condition.id}-{Branch.COOLING.value}"
+        if record.branch is Branch.HEATING and other in place and key != other:
+            cooling, j = place[other]
+            out += [asdict(q) for q in loop_quantities(heating, cooling, (i, j))]
+    return out

@@ -1,0 +1,177 @@
+"""A fit on the screen: a row a record, and what not to rely on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.box import HEAVY_HEAD, SIMPLE_HEAD
+from rich.table import Table
+
+from sma_bayes.assess.adequacy import REMEDIES
+from sma_bayes.errors import many
+from sma_bayes.quantities import unit_text
+from sma_bayes.records.plausibility import DOUBTS
+from sma_bayes.report.choice import MANY
+from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.response import AUTO_MODEL
+
+COLUMNS = (
+    "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
+)  # fmt: skip
+UNBROKEN = ("record", "converged", "adequate")
+WIDE, LEFT_OUT = 110, ("n", "r")
+"""Width from which a screen shows all columns [characters], and what a narrower one leaves to the report."""
+LAST_LEFT_OUT = ("not identified", "noise", "least ESS", "worst R-hat")
+"""What is left to the report, one after the other, where names of records are long: they are never shortened."""
+OTHERS = 10
+"""Room that any other column takes [characters]."""
+
+
+def show_fit(summary: dict[str, Any], out: Path) -> None:
+    """Tell what `summary.json` says."""
+    console = screen()
+    narrow = console.width < WIDE
+    table = Table(
+        title=f"{summary['campaign']}, seed {summary['seed']}",
+        title_justify="left",
+        box=SIMPLE_HEAD if narrow else HEAVY_HEAD,
+        padding=(0, 1 if not narrow else 0),
+    )
+    records = _worth_a_row(summary["records"])
+    names = _columns_beside([r["key"] for r in records], console.width)
+    for name in names:
+        words = name in ("record", "noise", "not identified", "r")
+        table.add_column(
+            name.replace(" ", "\n") if narrow else name,
+            justify="left" if words else "right",
+            overflow="fold",
+            no_wrap=name in UNBROKEN,
+        )
+    for r in records:
+        sampled = [p for p in r["parameters"].values() if p["rhat"] is not None]
+        prior_driven = [n for n, p in r["parameters"].items() if not p["identified"] and not p["fixed"]]
+        factors = ", ".join(
+            f"{r['quantities'][c]['name']} {f['r']['median']:.4f}" for c, f in r["correlation"].items()
+        )
+        cells = (
+            r["key"],
+            str(r["n"]),
+            r["noise"]["name"],
+            "yes" if r["converged"] else "NO",
+            "yes" if r["adequate"] else "NO",
+            f"{max((p['rhat'] for p in sampled), default=float('nan')):.4f}",
+            f"{min((min(p['ess_bulk'], p['ess_tail']) for p in sampled), default=float('nan')):.0f}",
+            factors,
+            ", ".join(prior_driven) or "-",
+        )
+        table.add_row(*(cell for name, cell in zip(COLUMNS, cells, strict=True) if name in names))
+    console.print(table)
+    if len(summary["records"]) > table.row_count:
+        converged = sum(r["converged"] for r in summary["records"])
+        console.print(
+            f"{len(summary['records'])} records, {converged} converged; above are the worst by R-hat"
+        )
+    alone = [f for f in summary["findings"] if f["kind"] == "one-branch"]
+    for finding in alone[:SHOWN]:
+        console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
+    doubtful = [f for f in summary["findings"] if f["kind"] in DOUBTS]
+    for finding in doubtful[:SHOWN]:
+        console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
+    dropped = sum(f["dropped"] for f in summary["findings"])
+    if summary["findings"]:
+        findings, rows = many(len(summary["findings"]), "finding"), many(dropped, "row")
+        console.print(f"{findings} about the data, {rows} kept out: see the report or `sma-bayes inspect`")
+    if not summary["converged"]:
+        names = [r["key"] for r in summary["records"] if not r["converged"]]
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        console.print(
+            f"NOT CONVERGED: {', '.join(names[:SHOWN])}{more}. Their numbers must not be relied on."
+        )
+    for sentence in thermometer_sentences(summary["records"]):
+        console.print(sentence, soft_wrap=True)
+    for sentence in adequacy_sentences(summary["records"], summary["options"]["model"]):
+        console.print(sentence, soft_wrap=True)
+    show_end(console, summary, out)
+
+
+def _columns_beside(keys: Sequence[str], width: int) -> list[str]:
+    """Columns that have room beside the names of the records."""
+    if width >= WIDE:
+        return list(COLUMNS)
+    names = [name for name in COLUMNS if name not in LEFT_OUT]
+    room = width - max(map(len, keys), default=0)
+    for name in LAST_LEFT_OUT:
+        if OTHERS * (len(names) - 1) > room:
+            names.remove(name)
+    return names
+
+
+SUBJECTS = {
+    "curve": "The curve does not describe {records}",
+    "check": "Curve and noise do not give data like those of {records}",
+    "noise": "The noise has swallowed the response in {records}",
+    "tempered": "The fit does not describe the data of {records}",
+    "prior": "The data do not determine the curve of {records}",
+    "conflict": "The priors exclude what the data say of {records}",
+}
+"""How a sentence on fits that are not adequate begins, by the kind of their first reason."""
+NAMED = 3
+"""Records that such a sentence names."""
+
+
+def adequacy_sentences(records: Sequence[Mapping[str, Any]], model: str) -> list[str]:
+    """What to say where fits are not adequate: one sentence for each kind of first reason, empty where all are.
+
+    Parameters
+    ----------
+    records : sequence of mapping
+        Of `summary.json`.
+    model : str
+        Name of the response model that was asked for; what was tried already is not advised.
+    """
+    kinds: dict[str, list[Mapping[str, Any]]] = {}
+    for r in records:
+        if r["why"]:
+            kinds.setdefault(r["why"][0]["kind"], []).append(r)
+    return [_adequacy_sentence(kind, found, model) for kind, found in kinds.items()]
+
+
+def thermometer_sentences(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What to say where the scatter follows the slope of the curve, as an error of the thermometer makes it."""
+    seen = [r for r in records if r["noise"]["name"].endswith("+temperature_error")]
+    if not seen:
+        return []
+    sizes = [float(r["parameters"]["temperature_sd"]["median"]) for r in seen]
+    unit = unit_text(seen[0]["parameters"]["temperature_sd"]["unit"])
+    size = f"{min(sizes):.2g}" if len(sizes) == 1 else f"{min(sizes):.2g} to {max(sizes):.2g}"
+    named = ", ".join(r["key"] for r in seen[:NAMED])
+    more = f" and {len(seen) - NAMED} more" if len(seen) > NAMED else ""
+    return [
+        f"The scatter of {named}{more} follows the slope of the curve, as an error of the thermometer of {size} {unit} "
+        "from reading to reading makes it; intervals count it. Where its size is known, declare it: sd = ... with the "
+        "column of temperature."
+    ]
+
+
+def _adequacy_sentence(kind: str, records: Sequence[Mapping[str, Any]], model: str) -> str:
+    named = ", ".join(r["key"] for r in records[:NAMED])
+    more = f" and {len(records) - NAMED} more" if len(records) > NAMED else ""
+    remedy = REMEDIES[kind]
+    if model == AUTO_MODEL:
+        remedy = remedy.replace("`--model auto` or ", "").replace("`--model auto`, ", "")
+    which = f"{records[0]['key']}: " if len(records) > 1 else ""
+    message = unit_text(records[0]["why"][0]["message"])
+    return f"{SUBJECTS[kind].format(records=named + more)}: {which}{message}; {remedy}."
+
+
+def _worth_a_row(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """All records, or of very many those that converged worst."""
+
+    def worst_rhat(r: dict[str, Any]) -> float:
+        return max((p["rhat"] or 0.0 for p in r["parameters"].values()), default=0.0)
+
+    if len(records) <= MANY:
+        return records
+    return sorted(records, key=lambda r: (r["converged"], -worst_rhat(r)))[:SHOWN]

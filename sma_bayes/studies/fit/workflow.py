@@ -1,0 +1,241 @@
+"""Fitting a campaign, in memory or into a folder."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from sma_bayes.account import Account
+from sma_bayes.assess.correlation_average import Averages
+from sma_bayes.errors import SmaBayesError
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit_records import AUTO
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.progress import Progress, lines_inside, silent
+from sma_bayes.records.severity import finding_document
+from sma_bayes.records.types import Campaign, Record
+from sma_bayes.report.choice import REPORT, figures_for
+from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.response.arrangement import BiasSpring
+from sma_bayes.runs.documents import FIT
+from sma_bayes.runs.jobs import run
+from sma_bayes.runs.output_folder import claimed_folder
+from sma_bayes.runs.store import write_text
+from sma_bayes.studies.fit.fitted import Fits, by_record, shown_progress
+from sma_bayes.studies.fit.parts import remove_parts
+from sma_bayes.studies.fit.tasks import FitTask, fitted, sample_task
+from sma_bayes.studies.identity import all_versions, run_identity
+from sma_bayes.studies.options import (
+    DEFAULT_SAMPLER,
+    FitOptions,
+    Pool,
+    check_call,
+    groups_of,
+    plan_with,
+    prior_set,
+)
+from sma_bayes.studies.under_way import UnderWay
+
+if TYPE_CHECKING:
+    from sma_bayes.records.memory import Measurements
+
+LOG: Final = logging.getLogger("sma_bayes")
+
+
+def fit(
+    data: Campaign | Measurements,
+    *,
+    seed: int = 0,
+    noise: str = AUTO,
+    priors: str | Path | PriorSet | None = None,
+    model: str = DEFAULT_MODEL,
+    pool: Pool = "none",
+    sampler: str = DEFAULT_SAMPLER,
+    jobs: int | None = None,
+    columns: Mapping[str, Mapping[str, Any]] | None = None,
+    conditions: Mapping[str, Mapping[str, float]] | None = None,
+    progress: bool | Progress = False,
+) -> Fits:
+    """Fit every record of a campaign, a data frame or arrays, in memory.
+
+    Parameters
+    ----------
+    data : Campaign, frame, or mapping of str to frame
+        As `read_campaign` gives it; or a data frame or a mapping of column names to arrays, or several by the ids of
+        their conditions, see `campaign_of`.
+    seed : int
+        Decides every draw.
+    noise : str
+        Name of a noise model, or ``auto``: chosen from the residuals of the warm start.
+    priors : str, Path or PriorSet, optional
+        Name of a shipped set or of a model, or path of a priors file; those of the model by default.
+    model : str
+        Name of a response model.
+    pool : {'none', 'campaign'}
+        With ``campaign`` one set of A and B a branch serves all conditions.
+    sampler : str
+        ``independence``, or to cross-check it ``de`` (differential evolution) or ``stretch``, which take hundreds of
+        times as long.
+    jobs : int, optional
+        Processes; by default one for each core.
+    columns, conditions : mapping, optional
+        Of data in memory: what ``[columns]`` and ``[[condition]]`` of a campaign file say, see `campaign_of`.
+    progress : bool or callable
+        True for a bar in a notebook or terminal; or what is called with the number of posteriors that are done, of all,
+        and a message, ``progress(done, total, message)``. The logger ``sma_bayes`` is told the same.
+
+    Returns
+    -------
+    Fits
+        A dictionary of `RecordFit` by the key of the record, ``<condition>-<branch>``. Pooled records share draws.
+    """
+    if isinstance(data, Campaign):
+        if columns is not None or conditions is not None:
+            raise SmaBayesError(
+                "columns or conditions beside a campaign",
+                expected="them with data in memory only; a campaign has its own",
+            )
+        campaign = data
+    else:
+        from sma_bayes.records.memory import campaign_of
+
+        campaign = campaign_of(data, columns=columns, conditions=conditions)
+    options = FitOptions(prior_set(priors, model), seed, noise, pool, plan=plan_with(sampler), model=model)
+    groups = groups_of(campaign, pool)
+    check_call(groups, options)
+    tasks = [FitTask(g, options, None) for g in groups]
+    fits: list[Fit] = []
+    with shown_progress(progress, len(tasks)) as tell:
+        for found in run(sample_task, tasks, jobs):
+            fits.append(found)
+            state = "" if found.converged else " (NOT CONVERGED)"
+            message = f"sampled {', '.join(r.key for r in found.records)}{state}"
+            tell(len(fits), len(tasks), message)
+            LOG.info("%d of %d: %s", len(fits), len(tasks), message)
+    return by_record(fits)
+
+
+def fit_campaign(
+    campaign: Campaign,
+    out: str | Path,
+    *,
+    seed: int = 0,
+    noise: str = AUTO,
+    priors: str | Path | PriorSet | None = None,
+    model: str = DEFAULT_MODEL,
+    pool: Pool = "none",
+    sampler: str = DEFAULT_SAMPLER,
+    jobs: int | None = None,
+    extrapolate: float = 0.0,
+    bias: BiasSpring | None = None,
+    resume: bool = False,
+    figures: str | bool = REPORT,
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Fit every record of a campaign and write posteriors, bands, tables, figures and the report.
+
+    Parameters
+    ----------
+    campaign, seed, noise, priors, model, pool, sampler, jobs
+        See `fit`.
+    out : str or Path
+        Folder for the results. It must be new or empty, unless `resume` is set and it holds the same run.
+    extrapolate : float
+        How far bands go beyond the observed temperatures [unit of temperature]; what lies there is marked.
+    bias : BiasSpring, optional
+        Bias spring; the stiffness of both springs together gets bands of its own, Eq. (8).
+    resume : bool
+        Go on with a run that was interrupted. The result is the same to the bit.
+    figures : str or bool
+        ``report`` (those that the report shows), ``all`` or ``none`` (no report either), see `figures_for`.
+    progress : callable, optional
+    account : Account, optional
+        Account to go on with, such as one in which the reading was timed.
+
+    Returns
+    -------
+    dict
+        What `summary.json` holds.
+
+    Raises
+    ------
+    OutputError
+        If `out` can't be written or holds something else.
+    ResumeError
+        If `out` holds a run with other data, priors, options or versions.
+    """
+    folder = Path(out).absolute()  # workers of a cluster stand elsewhere
+    options = FitOptions(
+        prior_set(priors, model),
+        seed,
+        noise,
+        pool,
+        extrapolate,
+        plan=plan_with(sampler),
+        bias=bias,
+        model=model,
+    )
+    drawn = figures_for(figures)
+    work = UnderWay(FIT, jobs, drawn, progress or silent, account or Account())
+    groups = groups_of(campaign, pool)
+    check_call(groups, options)
+    with claimed_folder(folder, run_identity(campaign, options), resume):
+        records, averages, loops = _fitted(groups, options, folder, work)
+    with work.account.timed("write"):
+        write_text(folder / "priors.toml", options.priors.whole_text)
+    summary = {
+        "schema": FIT.schema,
+        "campaign": campaign.name,
+        "source": campaign.source,
+        **({"data_dir": campaign.data_dir} if campaign.data_dir else {}),
+        "seed": seed,
+        "options": {
+            "model": model,
+            "noise": noise,
+            "pool": pool,
+            "sampler": sampler,
+            "extrapolate": extrapolate,
+            "priors": options.priors.title,
+            "bias_spring": None if bias is None else asdict(bias),
+        },
+        "versions": all_versions(),
+        "data_sha256": campaign.sha256,
+        "converged": all(r["converged"] for r in records),
+        "adequate": all(r["adequate"] for r in records),
+        "records": records,
+        "correlation_average": averages,
+        "loops": loops,
+        "findings": [finding_document(f) for f in campaign.findings],
+    }
+    summary = work.end(folder, summary)
+    remove_parts(folder)
+    return summary
+
+
+def _fitted(
+    groups: Sequence[tuple[Record, ...]],
+    options: FitOptions,
+    folder: Path,
+    work: UnderWay,
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
+    """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
+    total = sum(len(group) for group in groups)
+    work.tell(0, total, "sampling")
+    records: list[dict[str, Any]] = []
+    loops: list[dict[str, Any]] = []
+    averages = {"measured": Averages(), "replicated": Averages()}
+    for part in fitted(groups, options, folder, work.jobs, work.account, lines_inside(work.tell)):
+        records += part.records
+        loops += part.loops
+        for scored in part.scored:
+            averages[scored.data].add(scored)
+        work.account.take(part.account.document())
+        if not part.records:
+            continue
+        lost = f" ({len(work.account.lost)} workers lost)" if work.account.lost else ""
+        work.tell(len(records), total, f"sampled {', '.join(s['key'] for s in part.records)}{lost}")
+    return records, [{"data": d, **e} for d, found in averages.items() for e in found.entries()], loops

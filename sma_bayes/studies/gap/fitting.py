@@ -1,0 +1,324 @@
+"""Fit a hypothesis under given noise: mode, evidence, and the residuals as the noise would have them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from sma_bayes.batches import batches
+from sma_bayes.effects.types import Effect
+from sma_bayes.quantities import Floats
+from sma_bayes.studies.gap.hypothesis import Hypothesis
+from sma_bayes.studies.gap.noise import Block, BlockNoise, Noise, blocks_of, noise_of, whiten
+
+HALF_LN_2PI = 0.9189385332046727
+SETTLED = 5e-3
+"""Gain of the log posterior in a step below which the mode is found; evidence is not known better than that."""
+STEP = 1e-4
+"""Step of finite differences, in standard deviations of the prior."""
+LONG_MEMORY = 0.95
+"""Correlation of neighbouring samples from which on noise is mostly misfit."""
+ROUNDS = 8
+"""Greatest number of times that noise and parameters are fitted in turn; once or twice is the rule."""
+MOST_STEPS = 60
+"""Greatest number of steps to a mode."""
+CHUNK = 1 << 17
+"""Samples times parameter vectors that are evaluated at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A hypothesis at its mode.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+    z : ndarray, shape (D,)
+        Mode, in sampled coordinates.
+    noise : tuple of BlockNoise
+    residual : ndarray, shape (N,)
+        Measured minus predicted, all blocks stacked [unit of each channel].
+    whitened : ndarray, shape (N,)
+        The same as innovations of unit variance.
+    jacobian : ndarray, shape (N, D)
+        Derivative of the whitened prediction.
+    precision : ndarray, shape (D, D)
+        Of the posterior at the mode: Gauss-Newton with the curvature of the prior.
+    log_likelihood, ln_evidence : float
+        At the mode, and by Laplace's approximation.
+    """
+
+    hypothesis: Hypothesis
+    blocks: tuple[Block, ...]
+    z: Floats
+    noise: Noise
+    residual: Floats
+    whitened: Floats
+    jacobian: Floats
+    precision: Floats
+    log_likelihood: float
+    ln_evidence: float
+
+    @property
+    def theta(self) -> Floats:
+        """Parameters at the mode, shape (P,)."""
+        return self.hypothesis.space.to_physical(self.z)
+
+    @property
+    def covariance(self) -> Floats:
+        """Of the sampled coordinates, shape (D, D)."""
+        return np.asarray(cho_solve(cho_factor(self.precision), np.eye(self.z.size)))
+
+    @cached_property
+    def observed(self) -> Floats:
+        """What was measured (N,)."""
+        return measured(self.hypothesis, self.blocks)
+
+    @cached_property
+    def left(self) -> Floats:
+        """Whitened residuals (N,) less what the parameters could still absorb, were it not for their priors.
+
+        So a term gets no credit for taking over what a prior holds the parameters back from.
+        """
+        return self.unabsorbed(self.whitened[:, None])[:, 0]
+
+    def unabsorbed(self, columns: Floats) -> Floats:
+        """What is left of whitened series (N, k) once the parameters have adapted to them."""
+        return np.asarray(
+            columns - self.jacobian @ np.linalg.solve(self.precision, self.jacobian.T @ columns)
+        )
+
+    def residual_at(self, z: Floats) -> Floats:
+        """Measured minus predicted (W, N) at other sampled coordinates (W, D)."""
+        return self.observed - stacked(self.hypothesis, self.blocks, self.hypothesis.space.to_physical(z))
+
+    def batches(self, rows: int) -> Iterator[slice]:
+        """Parts of a batch of parameter vectors of which all samples are predicted at a time."""
+        return batches(rows, self.whitened.size, CHUNK)
+
+    def whiten(self, series: Floats) -> Floats:
+        """Stacked series (..., N) as innovations of unit variance."""
+        return whiten(self.blocks, self.noise, series)
+
+
+def stacked(hypothesis: Hypothesis, blocks: Sequence[Block], theta: Floats) -> Floats:
+    """Predictions of all blocks (..., N) for parameters (..., P)."""
+    mu = [hypothesis.predict(theta, i) for i in range(len(hypothesis.histories))]
+    return np.concatenate([mu[b.history][b.channel] for b in blocks], axis=-1)
+
+
+def measured(hypothesis: Hypothesis, blocks: Sequence[Block]) -> Floats:
+    """What was observed of all blocks (N,)."""
+    return np.concatenate([hypothesis.histories[b.history].observed[b.channel] for b in blocks])
+
+
+def added_by(effect: Effect, hypothesis: Hypothesis, blocks: Sequence[Block], theta: Floats) -> Floats:
+    """What one of the effects adds to all blocks (..., N): predictions with it less those without, all else equal.
+
+    Parameters
+    ----------
+    effect : Effect
+    hypothesis : Hypothesis
+        With the effect.
+    blocks : sequence of Block
+    theta : ndarray, shape (..., P)
+    """
+    without = hypothesis.with_effects([e for e in hypothesis.effects if e.id != effect.id])
+    rest = theta[..., [hypothesis.space.index(p.name) for p in without.space.parameters]]
+    return stacked(hypothesis, blocks, theta) - stacked(without, blocks, rest)
+
+
+def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise) -> Fitted:
+    """Find the mode nearest to a start.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    start : ndarray, shape (D,)
+        Sampled coordinates.
+    noise : tuple of BlockNoise
+    """
+    problem = _Problem(hypothesis)
+    return problem.fitted(problem.climb(np.asarray(start, dtype=float), noise), noise)
+
+
+def climbed(
+    hypothesis: Hypothesis, start: Floats, noise: Noise, steps: int, held: int
+) -> tuple[Floats, float]:
+    """Where a few steps from a start lead, and the log likelihood there.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    start : ndarray, shape (D,)
+        Sampled coordinates.
+    noise : tuple of BlockNoise
+    steps : int
+        As many again come first in which the last coordinates stay.
+    held : int
+        How many of them.
+    """
+    problem = _Problem(hypothesis)
+    z = np.asarray(start, dtype=float)
+    for free in (z.size - held, z.size):
+        z = problem.climb(z, noise, steps, free)
+    return z, problem.log_likelihood(z, noise)
+
+
+def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> Fitted:
+    """Find mode and noise in turn."""
+    problem = _Problem(hypothesis)
+    z = np.asarray(start, dtype=float)
+    noise = problem.noise(z)
+    for _ in range(ROUNDS):
+        z = problem.climb(z, noise)
+        before, noise = noise, problem.noise(z)
+        if all(
+            abs(a.log_scale - b.log_scale) < 0.01 * a.memory.size for a, b in zip(before, noise, strict=True)
+        ):
+            break
+    return problem.fitted(z, noise)
+
+
+def nearest(fitted: Fitted) -> Fitted:
+    """The same hypothesis where it is nearest to what was measured, in the mean square.
+
+    Noise that hardly changes from sample to sample is mostly misfit, and next to it an offset costs nothing: the mode
+    follows steps and lets levels go. Levels are what predictions of another cycle or condition are about, so they are
+    made from the parameters of least squares, under the same priors [1]_. Where no noise has such a memory the mode is
+    that, near enough.
+
+    References
+    ----------
+    .. [1] R. Tuo and C. F. J. Wu, Efficient calibration for imperfect computer models, Ann. Stat. 43 (2015) 2331.
+    """
+    noise = []
+    for block, own in zip(fitted.blocks, fitted.noise, strict=True):
+        long = np.median(own.memory) >= LONG_MEMORY
+        rms = float(np.sqrt(np.mean(fitted.residual[block.at] ** 2)))
+        noise.append(BlockNoise(rms, np.zeros_like(own.memory)) if long else own)
+    if tuple(noise) == fitted.noise:
+        return fitted
+    return fit_hypothesis(fitted.hypothesis, fitted.z, tuple(noise))
+
+
+def held_at(hypothesis: Hypothesis, z: Floats, noise: Noise) -> Fitted:
+    """A hypothesis at given parameters and noise, as it would be had they been found as its mode."""
+    return _Problem(hypothesis).fitted(z, noise)
+
+
+class _Problem:
+    """Residuals, their derivatives, and the objective that is climbed."""
+
+    def __init__(self, hypothesis: Hypothesis) -> None:
+        self.hypothesis = hypothesis
+        self.space = hypothesis.space
+        self.blocks = blocks_of(hypothesis)
+        self.y = measured(hypothesis, self.blocks)
+        self.width = self.space.prior_sd()
+        position = np.full(len(self.space.parameters), -1)
+        position[self.space.free_index] = np.arange(self.space.dimension)
+        self.columns = [
+            position[p][position[p] >= 0] for p in map(hypothesis.positions, range(len(hypothesis.histories)))
+        ]
+
+    def residual(self, z: Floats) -> Floats:
+        """Measured minus predicted (N,); what overflows counts as very far off."""
+        mu = stacked(self.hypothesis, self.blocks, self.space.to_physical(z))
+        return np.nan_to_num(self.y - mu, nan=1e30, posinf=1e30, neginf=-1e30)
+
+    def noise(self, z: Floats) -> Noise:
+        """Noise beside what is left at these parameters."""
+        return noise_of(self.hypothesis, self.blocks, self.residual(z), self.space.to_physical(z))
+
+    def derivative(self, z: Floats) -> Floats:
+        """Derivative of the prediction by each coordinate, shape (N, D), by central differences."""
+        out = np.zeros((self.y.size, z.size))
+        for i, columns in enumerate(self.columns):
+            h = STEP * self.width[columns]
+            shifted = np.tile(z, (2 * columns.size, 1))
+            rows = np.arange(columns.size)
+            shifted[rows, columns] += h
+            shifted[rows + columns.size, columns] -= h
+            mu = self.hypothesis.predict(self.space.to_physical(shifted), i)
+            for block in self.blocks:
+                if block.history == i:
+                    up, down = np.split(mu[block.channel], 2)
+                    slope = (up - down) / (2.0 * h[:, None])
+                    out[block.at, columns] = np.nan_to_num(slope, nan=0.0, posinf=0.0, neginf=0.0).T
+        return out
+
+    def prior(self, z: Floats) -> tuple[float, Floats, Floats]:
+        """Log prior with its gradient and the diagonal of its (never positive) curvature."""
+        h = 1e-3 * self.width
+        steps = np.concatenate([np.zeros((1, z.size)), np.diag(h), -np.diag(h)])
+        value = self.space.log_prior(z + steps)
+        up, down = np.split(value[1:], 2)
+        curvature = (up + down - 2.0 * value[0]) / h**2
+        return float(value[0]), (up - down) / (2.0 * h), np.minimum(curvature, -1e-3 / self.width**2)
+
+    def log_likelihood(self, z: Floats, noise: Noise) -> float:
+        w = whiten(self.blocks, noise, self.residual(z))
+        return float(-0.5 * w @ w - sum(n.log_scale for n in noise) - HALF_LN_2PI * w.size)
+
+    def climb(self, z: Floats, noise: Noise, steps: int = MOST_STEPS, free: int | None = None) -> Floats:
+        """Levenberg-Marquardt on the log posterior at fixed noise, in so many coordinates from the first on."""
+        damping = 1e-3
+        w = whiten(self.blocks, noise, self.residual(z))
+        prior, gradient, curvature = self.prior(z)
+        value = 0.5 * float(w @ w) - prior
+        for _ in range(steps):
+            jacobian = self._jacobian(z, noise)
+            slope = jacobian.T @ w + gradient
+            precision = jacobian.T @ jacobian - np.diag(curvature)
+            accepted = False
+            while damping < 1e8:
+                damped = precision + damping * np.diag(np.diag(precision))
+                step = np.zeros(z.size)
+                step[:free] = np.linalg.solve(damped[:free, :free], slope[:free])
+                step = np.clip(step, -3.0 * self.width, 3.0 * self.width)
+                trial = z + step
+                w_trial = whiten(self.blocks, noise, self.residual(trial))
+                trial_prior = float(self.space.log_prior(trial))
+                trial_value = 0.5 * float(w_trial @ w_trial) - trial_prior
+                if np.isfinite(trial_value) and trial_value <= value:
+                    accepted = True
+                    break
+                damping *= 8.0
+            if not accepted:
+                return z
+            gain = value - trial_value
+            z, w, value = trial, w_trial, trial_value
+            damping = max(damping / 10.0, 1e-9)
+            if gain < SETTLED:
+                return z
+            _, gradient, curvature = self.prior(z)
+        return z
+
+    def _jacobian(self, z: Floats, noise: Noise) -> Floats:
+        return whiten(self.blocks, noise, self.derivative(z).T).T
+
+    def fitted(self, z: Floats, noise: Noise) -> Fitted:
+        residual = self.residual(z)
+        w = whiten(self.blocks, noise, residual)
+        jacobian = self._jacobian(z, noise)
+        prior, _, curvature = self.prior(z)
+        precision = jacobian.T @ jacobian - np.diag(curvature)
+        likelihood = self.log_likelihood(z, noise)
+        volume = 0.5 * float(np.linalg.slogdet(precision)[1])
+        return Fitted(
+            hypothesis=self.hypothesis,
+            blocks=self.blocks,
+            z=z,
+            noise=noise,
+            residual=residual,
+            whitened=w,
+            jacobian=jacobian,
+            precision=precision,
+            log_likelihood=likelihood,
+            ln_evidence=likelihood + prior + z.size * HALF_LN_2PI - volume,
+        )

@@ -1,0 +1,414 @@
+"""Which effect explains a disagreement.
+
+Every effect of the catalogue that the data can test is first screened: its signature over a grid of its parameters,
+less what the model's parameters absorb, is laid over the residuals. Those that come near the best are refitted in
+full, with all parameters and the noise anew, and judged by the evidence.
+
+Two guards stand against false names. An effect must be worth more than flexible terms that contain most of its
+signature, or, with a flexible term on top of it, more than flexible terms are without it (`Beside`). And the noise
+keeps its memory throughout, so slow residuals do not count as often as they were sampled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.special import logsumexp
+
+from sma_bayes.effects.needs import untestable
+from sma_bayes.effects.types import Effect
+from sma_bayes.parameters.distributions import Distribution, LogNormal
+from sma_bayes.quantities import Floats
+from sma_bayes.studies.gap.finite import STRONG, gained_in_steps
+from sma_bayes.studies.gap.fitting import Fitted, added_by, fit_hypothesis, stacked
+from sma_bayes.studies.gap.flexible import Gain, Offer, offer, worth_of
+from sma_bayes.studies.gap.hypothesis import Hypothesis
+from sma_bayes.studies.gap.one_stage import claims_a_stage, worth_of_one_stage
+from sma_bayes.studies.gap.scatter import lay_together, members_of
+
+SIZES = {True: (0.001, 0.1, 0.5, 0.9), False: (0.25, 0.75)}
+"""Quantiles of the prior at which sizes are screened: those that are positive, those of either sign."""
+SHAPES = {0: 0, 1: 16, 2: 8, 3: 5}
+"""Into how many equal slices of probability each other parameter is cut, by their number; their middles are tried."""
+SCALES = (0.1, 0.3, 1.0, 3.0)
+"""Sizes over those of the grid that are averaged over when an effect is screened."""
+NEAR, FAR_BELOW = 12.0, 0.5
+"""Screened gain below the best up to which candidates are refitted: so much, or such a share of it if that is more."""
+NEGLIGIBLE = 0.02
+"""Share of the best screened gain below which an effect is not worth the steps of a fit."""
+WORTH = 3.0
+"""Least ln Bayes factor of an effect that is added, and of one that is kept."""
+MISSHAPEN = 20.0
+"""Log Bayes factor from which on a curve surely has another shape than the model's."""
+BELIEVABLE = 0.999
+"""Share of the prior of a parameter within which an effect is what its name says; its size may lie anywhere."""
+REFITTED = 6
+"""Greatest number of candidates that are refitted at a step."""
+CONTAINED = 0.5
+"""Share of a signature from which on a flexible term stands for it."""
+THE_SAME = 0.99
+"""Share of every signature of an effect from which on a flexible term of a single column is that effect."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Screened:
+    """An effect laid over the residuals.
+
+    Attributes
+    ----------
+    effect : Effect
+    gain : float
+        By how much the log likelihood would rise at the best point of the grid.
+    start : ndarray, shape (D,)
+        Where to begin the full fit, in the coordinates of the extended hypothesis.
+    ln_bayes_factor : float
+        For the effect, by the same reckoning as for flexible terms: normal sizes, averaged over the grid.
+    signatures : ndarray, shape (N, G)
+        Over the grid, whitened, less what the model absorbs.
+    information : ndarray, shape (G,)
+        Squared lengths of the signatures.
+    together : Gain or None
+        Of a random effect, whose signatures go together.
+    """
+
+    effect: Effect
+    gain: float
+    start: Floats
+    ln_bayes_factor: float
+    signatures: Floats
+    information: Floats
+    together: Gain | None = None
+
+    def of(self, residuals: Floats) -> Floats:
+        """Log Bayes factor for other whitened residuals (N, S), shape (S,)."""
+        if self.together is not None:
+            return self.together.of(residuals)
+        return _averaged(self.signatures.T @ residuals, self.information)
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """What an effect is worth beside flexible terms.
+
+    A mechanism is never exactly the formula of the catalogue. Where it is strong, the remainder of form is far beyond
+    the noise, and a function that bends at will explains the whole better than the formula does. So what counts is
+    whether formula and function together explain it better than the function does by itself.
+
+    Attributes
+    ----------
+    over : float
+        Log Bayes factor of the effect with the best flexible term on top of it, over the best flexible term alone.
+    carried : float
+        Share that the effect has in what the two explain together.
+    remainder : Gain or None
+        That term on top of the effect.
+    on_top : float
+        Log Bayes factor of the best term on top of it, the shape of the curve included; 0 where none pays for itself.
+    shape_apart : bool
+        Whether all this is beside a curve that is free to have any shape, the same in every cycle and condition.
+    """
+
+    over: float
+    carried: float
+    remainder: Gain | None
+    on_top: float
+    shape_apart: bool
+
+    @staticmethod
+    def of(gained: float, with_it: Offer, without: Offer) -> Beside:
+        """Weigh an effect.
+
+        Parameters
+        ----------
+        gained : float
+            Log Bayes factor of the effect.
+        with_it, without : Offer
+            What flexible terms bring to the model with it and without.
+        """
+        on_top = worth_of(with_it.best)
+        plain = Beside(
+            gained + on_top - worth_of(without.best), share_of(gained, on_top), with_it.best, on_top, False
+        )
+        own, rest = gained + with_it.shape - without.shape, worth_of(with_it.beyond)
+        apart = Beside(
+            own + rest - worth_of(without.beyond), share_of(own, rest), with_it.beyond, on_top, True
+        )
+        better = with_it.shape >= MISSHAPEN and apart.over >= WORTH and apart.carried > plain.carried
+        return apart if better else plain
+
+
+def share_of(explained: float, rest: float) -> float:
+    """Share of what effects explain in that and the rest, both logarithms of Bayes factors."""
+    return explained / (explained + max(rest, 0.0)) if explained > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """What was found about an effect at a step.
+
+    Attributes
+    ----------
+    effect : Effect
+    fitted : Fitted or None
+        None where it was not refitted.
+    ln_bayes_factor : float
+        For the effect, over the model as it was: from the full fit, or as screened where there was none.
+    guard : float
+        Greatest Bayes factor of a flexible term that contains most of its signature.
+    guard_covariate : str
+        Of that term; empty where there is none.
+    beside : Beside or None
+        What it is worth beside flexible terms, if that was looked at.
+    untestable : str
+        Why the data can't test it; empty where they can.
+    one_stage : float
+        Log Bayes factor of a richer shape of one stage, for an effect that claims a further one.
+    """
+
+    effect: Effect
+    fitted: Fitted | None
+    ln_bayes_factor: float
+    guard: float = -np.inf
+    guard_covariate: str = ""
+    beside: Beside | None = None
+    untestable: str = ""
+    one_stage: float = -np.inf
+
+    @property
+    def plausible(self) -> bool:
+        """Whether its numbers, but for its size, are those of the mechanism; see `is_plausible`."""
+        return self.fitted is None or is_plausible(self.fitted.hypothesis, self.fitted.z)
+
+    @property
+    def weight(self) -> float:
+        """Log Bayes factor of the effect, half of its prior probability with a flexible term on top of it."""
+        on_top = 0.0 if self.beside is None else self.beside.on_top
+        return self.ln_bayes_factor + float(np.logaddexp(0.0, on_top) - np.log(2.0))
+
+
+def screen_all(fitted: Fitted, effects: Iterable[Effect]) -> tuple[list[Screened], list[Candidate]]:
+    """Screen every effect that the model does not have yet; what can't be tested comes as a judged candidate."""
+    present = {e.id for e in fitted.hypothesis.effects}
+    screened, untested = [], []
+    for effect in effects:
+        if effect.id in present:
+            continue
+        why = untestable(effect.needs, fitted.hypothesis.histories)
+        if why:
+            untested.append(Candidate(effect, None, -np.inf, untestable=why))
+        else:
+            screened.append(screen(fitted, effect))
+    return sorted(screened, key=lambda s: -s.gain), untested
+
+
+def candidates(
+    fitted: Fitted,
+    screened: Sequence[Screened],
+    flexible: Sequence[Gain],
+    *,
+    refit: bool,
+    most: int = REFITTED,
+    steps: bool = True,
+) -> list[Candidate]:
+    """Judge effects, and refit those that come near the best.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        The model as it is.
+    screened : sequence of Screened
+        Greatest gain first.
+    flexible : sequence of Gain
+        What flexible terms would bring to the same model.
+    refit : bool
+        Without it they are judged by the screening alone, which is enough where there is nothing to explain.
+    most : int
+        How many are refitted, at most.
+    steps : bool
+        Whether strong effects are screened by steps of a fit, too.
+
+    Returns
+    -------
+    list of Candidate
+        Best first.
+    """
+    if refit and steps and flexible and flexible[0].ln_bayes_factor >= STRONG:
+        screened = _in_steps(fitted, screened)
+    out: list[Candidate] = []
+    without = offer(fitted, flexible) if refit else None
+    best = _best_law(fitted, screened)
+    for place, s in enumerate(screened):
+        if not refit or place >= most or s.gain < best - max(NEAR, FAR_BELOW * best):
+            out.append(Candidate(s.effect, None, s.ln_bayes_factor))
+            continue
+        found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
+        out.append(judged(fitted, found, s, flexible, without))
+    return sorted(out, key=lambda c: -c.ln_bayes_factor)
+
+
+def _best_law(fitted: Fitted, screened: Sequence[Screened]) -> float:
+    """Greatest gain of an effect that fits with plausible numbers, and is not a random effect, which always gains."""
+    laws = (
+        s.gain
+        for s in screened
+        if not members_of(s.effect) and is_plausible(fitted.hypothesis.extended(s.effect), s.start)
+    )
+    return next(laws, screened[0].gain if screened else 0.0)
+
+
+def _in_steps(fitted: Fitted, screened: Sequence[Screened]) -> list[Screened]:
+    """Screened effects with what they gain in a few steps of a fit, but for the least of them; greatest gain first."""
+    out, best = [], _best_law(fitted, screened)
+    for s in screened:
+        if s.gain < NEGLIGIBLE * best:
+            out.append(s)
+            continue
+        gain, start = gained_in_steps(fitted, s.effect, s.start)
+        out.append(replace(s, gain=gain, start=start))
+    return sorted(out, key=lambda s: -s.gain)
+
+
+def judged(
+    fitted: Fitted, extended: Fitted, screened: Screened, flexible: Sequence[Gain], without: Offer | None
+) -> Candidate:
+    """Weigh an effect against flexible terms, and beside them.
+
+    Parameters
+    ----------
+    fitted, extended : Fitted
+        The model, and the same with the effect around it.
+    screened : Screened
+        The effect over the grid of its parameters.
+    flexible : sequence of Gain
+        What flexible terms bring to the model.
+    without : Offer or None
+        The best of that; None where the effect is not to be weighed beside them.
+    """
+    guard, covariate = guard_of(signature_at_mode(fitted, extended), flexible, screened)
+    gained = extended.ln_evidence - fitted.ln_evidence
+    beside = Beside.of(gained, offer(extended), without) if without and gained >= WORTH else None
+    shape = worth_of_one_stage(fitted) if claims_a_stage(screened.effect) else -np.inf
+    return Candidate(screened.effect, extended, gained, guard, covariate, beside, one_stage=shape)
+
+
+def screen(fitted: Fitted, effect: Effect) -> Screened:
+    """Lay the signature of an effect over the residuals of a fit."""
+    if members_of(effect):
+        return _screened_together(fitted, effect)
+    extended = fitted.hypothesis.extended(effect)
+    space = extended.space
+    priors = [p.prior for p in effect.parameters(extended.scales)]
+    grid = np.array(
+        [[p.quantile(np.array(q)) for p, q in zip(priors, point, strict=True)] for point in _grid(priors)]
+    )
+    theta = np.concatenate([np.tile(fitted.theta, (len(grid), 1)), grid], axis=1)
+    change = stacked(extended, fitted.blocks, theta) - stacked(fitted.hypothesis, fitted.blocks, fitted.theta)
+    signature = fitted.whiten(np.nan_to_num(change)).T
+    left = fitted.unabsorbed(signature)
+    a = np.einsum("ij,ij->j", signature, left)
+    b = signature.T @ fitted.left
+    ends = priors[0].quantile(np.array([1e-3, 1.0 - 1e-3]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        size = np.clip(np.where(a > 0.0, grid[:, 0] * b / a, grid[:, 0]), *ends)
+        factor = size / grid[:, 0]
+    gain = np.where(a > 0.0, factor * b - 0.5 * factor**2 * a, -np.inf)
+    best = int(np.argmax(gain))
+    point = grid[best].copy()
+    point[0] = size[best]
+    start = space.to_sampled(np.concatenate([fitted.theta, point]))
+    # the model's own parameters make room for what the effect takes over
+    pull = fitted.jacobian.T @ (fitted.whitened - factor[best] * signature[:, best])
+    start[: fitted.z.size] += np.linalg.solve(fitted.precision, pull)
+    shown = a > 1e-12
+    value = float(_averaged(b[shown, None], a[shown])[0]) if shown.any() else -np.inf
+    return Screened(effect, float(gain[best]), start, value, left[:, shown], a[shown])
+
+
+def _screened_together(fitted: Fitted, effect: Effect) -> Screened:
+    """A random effect, of which all members are laid over the residuals at once."""
+    found = lay_together(fitted, effect)
+    if found.term is None:
+        nothing = np.empty((fitted.whitened.size, 0))
+        return Screened(effect, -np.inf, found.start, -np.inf, nothing, np.empty(0))
+    term = found.term
+    return Screened(
+        effect, found.gain, found.start, term.ln_bayes_factor, term.directions, term.information, term
+    )
+
+
+def _averaged(b: Floats, information: Floats) -> Floats:
+    """Log Bayes factor of a single column with a normal coefficient, averaged over columns and sizes, shape (S,)."""
+    if not information.size:
+        return np.full(b.shape[1], -np.inf)
+    each = []
+    for scale in SCALES:
+        each.append(0.5 * b**2 / (information + scale**-2.0)[:, None])
+        each[-1] -= 0.5 * np.log1p(scale**2 * information)[:, None]
+    return np.asarray(logsumexp(each, axis=(0, 1)) - np.log(len(SCALES) * information.size))
+
+
+def _grid(priors: Sequence[Distribution]) -> list[tuple[float, ...]]:
+    sizes = SIZES[isinstance(priors[0], LogNormal)]
+    count = SHAPES.get(len(priors) - 1, 3)
+    shapes = [(i + 0.5) / count for i in range(count)]
+    return list(product(sizes, *[shapes for _ in priors[1:]]))
+
+
+def is_plausible(hypothesis: Hypothesis, z: Floats) -> bool:
+    """Whether the last effect has numbers that its mechanism can have.
+
+    How large an effect is may surprise. But a time constant, a width or a ratio beyond what `BELIEVABLE` of its prior
+    holds, a range from the literature, is that of something else.
+    """
+    effect = hypothesis.effects[-1]
+    theta = hypothesis.space.to_physical(z)[hypothesis.effect_positions[effect.id]]
+    tails = np.array([0.5 - 0.5 * BELIEVABLE, 0.5 + 0.5 * BELIEVABLE])
+    for value, parameter in zip(theta[1:].tolist(), effect.parameters(hypothesis.scales)[1:], strict=True):
+        low, high = parameter.prior.quantile(tails).tolist()
+        if not low <= value <= high:
+            return False
+    return True
+
+
+def signature_at_mode(fitted: Fitted, extended: Fitted) -> Floats:
+    """What the last effect adds at its mode, whitened as before and less what the model absorbs, shape (N,)."""
+    effect = extended.hypothesis.effects[-1]
+    change = added_by(effect, extended.hypothesis, fitted.blocks, extended.theta)
+    return fitted.unabsorbed(fitted.whiten(change)[:, None])[:, 0]
+
+
+def guard_of(signature: Floats, flexible: Sequence[Gain], screened: Screened) -> tuple[float, str]:
+    """Bayes factor of a flexible term that contains most of a signature, and the covariate of the best one.
+
+    Which of the terms that do is not known beforehand, so it is averaged over them. A line or a step is no guard
+    against an effect that can have no other form: it is the effect itself, without its name. Nor is a level of each
+    member against a random effect.
+
+    Parameters
+    ----------
+    signature : ndarray, shape (N,)
+        Of the effect at its mode, as of `signature_at_mode`.
+    flexible : sequence of Gain
+    screened : Screened
+        The effect over the grid of its parameters.
+    """
+    found = []
+    for gain in flexible:
+        if gain.term.covariate in members_of(screened.effect):
+            continue
+        if float(_contained(gain, signature[:, None])[0]) < CONTAINED:
+            continue
+        if gain.information.size > 1 or np.any(_contained(gain, screened.signatures) < THE_SAME):
+            found.append((gain.ln_bayes_factor, gain.term.covariate))
+    if not found:
+        return -np.inf, ""
+    return float(logsumexp([f[0] for f in found]) - np.log(len(found))), max(found)[1]
+
+
+def _contained(gain: Gain, signatures: Floats) -> Floats:
+    """Share of each signature (N, G) that a flexible term contains."""
+    parts = (gain.directions.T @ signatures) ** 2 / gain.information[:, None]
+    return np.asarray(parts.sum(axis=0) / np.maximum(np.einsum("ij,ij->j", signatures, signatures), 1e-300))

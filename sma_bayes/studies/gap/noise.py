@@ -1,0 +1,371 @@
+"""The noise that hypotheses are judged by.
+
+Noise of each history and channel is an AR(1) series, in sample index or in time. What a model misses looks like memory
+too: estimated from its residuals, the memory would swallow the very disagreement that is looked for. So it is
+estimated from what is left after smooth functions of temperature on each branch, and a level of each cycle, have been
+taken out, by restricted likelihood, which counts the freedom that they use up; and smooth functions of time and of
+whatever else was recorded as well, where these describe more than noise does. Noise without any misfit is then
+estimated without bias, and a misfit that repeats from cycle to cycle, or follows something recorded, does not pass for
+noise. All hypotheses of a round share the estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from sma_bayes.quantities import Floats
+from sma_bayes.records.history import History, starts
+from sma_bayes.studies.gap.hypothesis import Hypothesis
+from sma_bayes.studies.gap.splines import bumps, grouped, one_of_each, times
+from sma_bayes.studies.gap.switching import Scatter, likeliest_size
+
+MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
+"""Correlations of neighbouring samples that are tried."""
+PROBABLE = 1e-3
+"""A memory that is less likely than the likeliest one by more than this factor is left out of account."""
+MEDIAN_OF_NORMAL = 0.6744897501960817
+"""Median of the magnitude of a standard normal variable."""
+DEGREES = (2.0, 3.0, 5.0, 9.0)
+"""Degrees of freedom of Student's t that are tried where tails are heavier than normal."""
+HEAVY = 10.0
+"""Gain of log likelihood from which on tails count as heavy."""
+NARROWEST = 0.1
+"""Least width of a t distribution over the standard deviation; narrower ones are those of readings that repeat."""
+SET_ASIDE = 3
+"""Greatest innovations of a record that don't make its tails heavy."""
+REWEIGHTED = 4
+"""How often scales of innovations and the noise are found in turn."""
+TURNS = 20
+"""How often weight and width of a t distribution are found in turn."""
+SMOOTH = 8
+"""Splines of temperature on each branch that are taken out; fewer where samples are few."""
+RECORDED = {"time": 6, "order": 6, "ambient_temperature": 6, "rate": 6, "current": 5, "load": 5}
+"""Splines of what else was recorded that are tried; of `order` only where time was not."""
+BEYOND_NOISE = 1e-3
+"""Probability that noise puts as much into these, up to which they are taken out."""
+EACH = 40
+"""Samples for each of these splines, at least."""
+INDEPENDENT = 1e-6
+"""Least singular value, over the greatest, of columns that count as different."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """One channel of one history: where it is in the stacked vectors, and how its samples follow each other.
+
+    Attributes
+    ----------
+    history : int
+    channel : str
+    at : slice
+        Place in vectors over all samples of all blocks.
+    first : ndarray of bool, shape (n,)
+        Samples that remember nothing.
+    dt : ndarray, shape (n,)
+        Time since the sample before, in medians; 1 where time was not recorded.
+    """
+
+    history: int
+    channel: str
+    at: slice
+    first: NDArray[np.bool_]
+    dt: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockNoise:
+    """Noise of a block.
+
+    Attributes
+    ----------
+    sd : float
+        Of the series [unit of the channel].
+    memory : ndarray, shape (n,)
+        Correlation with the sample before; 0 where nothing precedes.
+    scale : ndarray, shape (n,), or float
+        Of each innovation, over the usual one: above 1 where tails are heavy and the sample is far out.
+    others : tuple of (float, BlockNoise)
+        What else it may be, with probabilities from the restricted likelihood that add up to 1; itself included.
+    switching : Scatter or None
+        Scatter of the instants at which a current was switched, on top of it.
+    """
+
+    sd: float
+    memory: Floats
+    scale: Floats | float = 1.0
+    others: tuple[tuple[float, BlockNoise], ...] = ()
+    switching: Scatter | None = None
+
+    def whiten(self, x: Floats) -> Floats:
+        """Series (..., n) as innovations of unit variance."""
+        e = x / self.sd
+        out = e.copy()
+        out[..., 1:] -= self.memory[1:] * e[..., :-1]
+        out = out / (np.sqrt(1.0 - self.memory**2) * self.scale)
+        return np.asarray(out if self.switching is None else self.switching.whiten(out))
+
+    def as_likely(self, innovations: Floats, rng: np.random.Generator) -> Floats:
+        """Series (n, count) from innovations of unit variance, each with one of `others` drawn for it."""
+        others = self.others or ((1.0, self),)
+        which = rng.choice(len(others), size=innovations.shape[1], p=[p for p, _ in others])
+        memory = np.stack([o.memory for _, o in others], axis=1)[:, which]
+        sd = np.array([o.sd for _, o in others])[which]
+        out = innovations * np.sqrt(1.0 - memory**2) * np.reshape(self.scale, (-1, 1))
+        for i in np.flatnonzero(np.any(memory != 0.0, axis=1)).tolist():
+            out[i] += memory[i] * out[i - 1]
+        out = out * sd
+        return np.asarray(out if self.switching is None else out + self.switching.drawn(rng, out.shape[1]))
+
+    def scale_on(self, kept: NDArray[np.bool_]) -> Floats | float:
+        """Scales of the samples for which a mask is true."""
+        return self.scale if np.ndim(self.scale) == 0 else np.asarray(self.scale)[kept]
+
+    @property
+    def log_scale(self) -> float:
+        """Sum over samples of the logarithm of the scale of an innovation."""
+        widths = np.log(np.broadcast_to(self.scale, self.memory.shape))
+        own = self.memory.size * np.log(self.sd) + 0.5 * np.log1p(-(self.memory**2)).sum() + widths.sum()
+        return float(own) + (0.0 if self.switching is None else self.switching.log_scale)
+
+    def on(self, kept: NDArray[np.bool_]) -> BlockNoise:
+        """The same noise of samples for which a mask is true; without memory where the one before is not kept."""
+        together = np.concatenate([[False], kept[:-1]])[kept]
+        some = BlockNoise(self.sd, np.where(together, self.memory[kept], 0.0), self.scale_on(kept))
+        if self.switching is None:
+            return some
+        courses = self.switching.courses[kept]
+        return replace(some, switching=Scatter.of(self.switching.size, courses, some.whiten))
+
+
+Noise = tuple[BlockNoise, ...]
+
+
+def blocks_of(hypothesis: Hypothesis) -> tuple[Block, ...]:
+    """Every channel of every history, stacked."""
+    out, at = [], 0
+    for i, history in enumerate(hypothesis.histories):
+        first = starts(history.inputs)
+        dt = np.ones(history.n)
+        if "time" in history.inputs:
+            dt[1:] = np.maximum(np.diff(history.inputs["time"]), 0.0)
+            usual = float(np.median(dt[~first])) if (~first).any() else 1.0
+            dt = dt / max(usual, 1e-300)
+        for channel in hypothesis.channels:
+            out.append(Block(i, channel, slice(at, at + history.n), first, dt))
+            at += history.n
+    return tuple(out)
+
+
+def whiten(blocks: Sequence[Block], noise: Noise, series: Floats) -> Floats:
+    """Stacked series (..., N) as innovations of unit variance."""
+    out = np.empty_like(series)
+    for block, own in zip(blocks, noise, strict=True):
+        out[..., block.at] = own.whiten(series[..., block.at])
+    return out
+
+
+def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats, theta: Floats) -> Noise:
+    """Noise of every block, from stacked residuals (N,) at some parameters (P,)."""
+    out, beside = [], []
+    for block in blocks:
+        history, own = hypothesis.histories[block.history], residual[block.at]
+        inputs = history.inputs
+        if (
+            block.channel == "temperature"
+        ):  # as simulated: what was measured carries the very noise that is estimated
+            inputs = {k: v for k, v in inputs.items() if k != "rate"}
+            inputs = {**inputs, "temperature": history.observed["temperature"] - own}
+        lattice = hypothesis.scales.step.get(block.channel, 0.0)
+        smooth = smooth_columns(history, inputs["temperature"])
+        courses = (
+            hypothesis.switchings(theta, block.history) if block.channel == "temperature" else smooth[:, :0]
+        )
+        misfit = np.concatenate([smooth, courses / np.maximum(np.abs(courses).max(axis=0), 1e-300)], axis=1)
+        out.append(block_noise(own, block, misfit, lattice, recorded_columns(inputs, misfit)))
+        beside.append((smooth, courses))
+    return _with_scattered_switching(blocks, out, residual, beside)
+
+
+def _with_scattered_switching(
+    blocks: Sequence[Block],
+    noise: Sequence[BlockNoise],
+    residual: Floats,
+    beside: Sequence[tuple[Floats, Floats]],
+) -> Noise:
+    """The noise with the scatter of instants of switching on top: one size for the campaign, where there is any."""
+    parts = [
+        (own.whiten(residual[block.at]), own.whiten(smooth.T).T, own.whiten(courses.T).T)
+        for block, own, (smooth, courses) in zip(blocks, noise, beside, strict=True)
+        if courses.size
+    ]
+    size = likeliest_size(parts)
+    return tuple(
+        replace(own, switching=Scatter.of(size, size * courses, own.whiten)) if size and courses.size else own
+        for own, (_, courses) in zip(noise, beside, strict=True)
+    )
+
+
+def smooth_columns(history: History, temperature: Floats, most: int = SMOOTH) -> Floats:
+    """What a model may miss without it being noise, shape (n, k); at most so many splines on each branch."""
+    v = history.inputs
+    branch = one_of_each(v["branch"])
+    count = int(np.clip(history.n // (12 * branch.shape[1]), 4, most))
+    cycle = one_of_each(grouped(v["cycle"]))
+    parts = [times(branch, bumps(temperature, count))]
+    if cycle.shape[1] > 1:
+        parts.append(cycle[:, 1:])
+    return np.concatenate(parts, axis=1)
+
+
+def recorded_columns(inputs: Mapping[str, Floats], smooth: Floats) -> Floats:
+    """Smooth functions of what else was recorded, orthonormal and free of the columns `smooth` (n, k), shape (n, j).
+
+    Parameters
+    ----------
+    inputs : mapping of str to ndarray, shape (n,)
+        Of a history.
+    smooth : ndarray, shape (n, k)
+    """
+    n, parts = len(smooth), []
+    for name, few in RECORDED.items():
+        x = inputs.get(name)
+        if x is None or (name == "order" and "time" in inputs) or np.ptp(x) <= 1e-9 * np.max(np.abs(x)):
+            continue
+        count = min(few, n // EACH, np.unique(x).size)
+        if count > 1:
+            parts.append(bumps(x, count))
+    if not parts:
+        return np.empty((n, 0))
+    columns = np.concatenate(parts, axis=1)
+    axes, size, _ = np.linalg.svd(smooth, full_matrices=False)
+    axes = axes[:, size > INDEPENDENT * size[0]]
+    basis, own, _ = np.linalg.svd(columns - axes @ (axes.T @ columns), full_matrices=False)
+    return np.asarray(basis[:, own > INDEPENDENT * np.linalg.norm(columns, axis=0).max()])
+
+
+def block_noise(
+    residual: Floats, block: Block, smooth: Floats, lattice: float = 0.0, recorded: Floats | None = None
+) -> BlockNoise:
+    """Standard deviation and memory of greatest restricted likelihood.
+
+    The memory is either one number a sample or falls exponentially in time, whichever is likelier.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    block : Block
+    smooth : ndarray, shape (n, k)
+        Columns that are taken out of the residuals.
+    lattice : float
+        Distance of neighbouring readings. Where it is wider than the innovations, these are 0 or a step, which no
+        distribution with heavy tails describes.
+    recorded : ndarray, shape (n, j), optional
+        More such columns (see `recorded_columns`), taken out where they describe more than noise does. A long memory is
+        known by what is slow; with all that is slow taken out of every record it would be known far less well.
+    """
+    noise, innovations = _likeliest(residual, block, smooth, 1.0)
+    if recorded is not None and recorded.shape[1]:
+        both = np.concatenate([smooth, recorded], axis=1)
+        beside = _likeliest(residual, block, both, 1.0)
+        described = _squares(residual, beside[0], smooth) - _squares(residual, beside[0], both)
+        if stats.chi2.sf(described, recorded.shape[1]) < BEYOND_NOISE:
+            smooth, (noise, innovations) = both, beside
+    narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
+    for _ in range(REWEIGHTED if lattice < narrowest else 0):
+        scale = tail_scale(innovations)
+        if scale is None:
+            break
+        noise, innovations = _likeliest(residual, block, smooth, scale)
+    return noise
+
+
+def tail_scale(innovations: Floats) -> Floats | None:
+    """Scale of each innovation under Student's t; None where the normal distribution describes them.
+
+    Heavy tails are those of many: the `SET_ASIDE` greatest innovations have no say, as a jump of the specimen or the
+    rig makes one, and is no noise.
+
+    Parameters
+    ----------
+    innovations : ndarray, shape (n,)
+        Of a common scale.
+    """
+    usual = innovations[np.argsort(np.abs(innovations))[: max(innovations.size - SET_ASIDE, 1)]]
+    width = float(np.sqrt(np.mean(usual**2))) or 1.0
+    best, scale = stats.norm.logpdf(usual, scale=width).sum() + HEAVY, None
+    for degrees in DEGREES:
+        own = width
+        for _ in range(TURNS):
+            weight = (degrees + 1.0) / (degrees + (usual / own) ** 2)
+            own = float(np.sqrt(np.mean(weight * usual**2))) or 1.0
+        value = stats.t.logpdf(usual, degrees, scale=own).sum()
+        if value > best and own > NARROWEST * width:
+            best, scale = value, np.sqrt((degrees + (innovations / own) ** 2) / (degrees + 1.0))
+    return scale
+
+
+def _likeliest(
+    residual: Floats, block: Block, smooth: Floats, scale: Floats | float
+) -> tuple[BlockNoise, Floats]:
+    """Noise of greatest restricted likelihood for given scales, and the innovations without their scales."""
+    follows = ~block.first
+    forms = [np.where(follows, 1.0, 0.0)]
+    dt = block.dt[follows]
+    if dt.size > 2 and np.std(dt) > 0.05 * np.mean(dt):
+        forms.append(np.where(follows, np.maximum(block.dt, 1e-3), 0.0))
+    found = []
+    for i, form in enumerate(forms):
+        for phi in MEMORIES if i == 0 else MEMORIES[MEMORIES > 0.0]:
+            memory = np.where(follows, np.sign(phi) * np.abs(phi) ** form, 0.0)
+            found.append(_restricted(residual, memory, smooth, scale))
+    value = np.array([f[0] for f in found])
+    probability = np.exp(value - value.max())
+    probability = np.where(probability < PROBABLE, 0.0, probability)
+    probability = probability / probability.sum()
+    others = tuple((float(p), f[1]) for p, f in zip(probability, found, strict=True) if p > 0.0)
+    best = replace(found[int(np.argmax(value))][1], others=others)
+    w, columns = best.whiten(residual), best.whiten(smooth.T).T
+    left = w - columns @ np.linalg.lstsq(columns, w, rcond=1e-9)[0]
+    return best, np.asarray(left * scale)
+
+
+def scatter(residual: Floats, block: Block) -> float:
+    """Standard deviation from reading to reading: of differences of neighbours over the square root of 2.
+
+    By the median, so that jumps and outliers don't count. For white noise it is the standard deviation; what changes
+    slowly isn't in it.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    block : Block
+    """
+    steps = np.diff(residual)[~block.first[1:]]
+    return float(np.median(np.abs(steps)) / (MEDIAN_OF_NORMAL * np.sqrt(2.0))) if steps.size else 0.0
+
+
+def _squares(residual: Floats, noise: BlockNoise, columns: Floats) -> float:
+    """Sum of squared innovations that columns leave."""
+    w, basis = noise.whiten(residual), np.linalg.qr(noise.whiten(columns.T).T)[0]
+    return float(w @ w - np.sum((basis.T @ w) ** 2))
+
+
+def _restricted(
+    residual: Floats, memory: Floats, smooth: Floats, scale: Floats | float
+) -> tuple[float, BlockNoise]:
+    """Restricted log likelihood of a memory, up to a constant, with the standard deviation that goes with it."""
+    unit = BlockNoise(1.0, memory, scale)
+    w, columns = unit.whiten(residual), unit.whiten(smooth.T).T
+    gram = columns.T @ columns
+    gram[np.diag_indices_from(gram)] += 1e-9 * np.trace(gram) / len(gram)
+    pull = columns.T @ w
+    free = max(residual.size - len(gram), 1)
+    squares = max(float(w @ w - pull @ np.linalg.solve(gram, pull)), 1e-300)
+    sd = np.sqrt(squares / free)
+    value = -free * np.log(sd) - 0.5 * np.log1p(-(memory**2)).sum() - 0.5 * float(np.linalg.slogdet(gram)[1])
+    return value, BlockNoise(float(sd), memory, scale)

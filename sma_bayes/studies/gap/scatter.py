@@ -1,0 +1,104 @@
+"""Random effects among the candidates: how they are screened, and when a law is preferred to them.
+
+Runs or cycles that each have numbers of their own explain whatever differs between them, so a random effect says least
+and is named last. A law of the load, of the cycle, of time, is preferred where it explains at least half as much and
+makes the measurements more likely beside the random effect: then what members have of their own scatters less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from sma_bayes.effects.scatter import MEMBER
+from sma_bayes.effects.types import Effect
+from sma_bayes.quantities import Floats
+from sma_bayes.studies.gap.fitting import Fitted, fit_hypothesis, stacked
+from sma_bayes.studies.gap.flexible import SIZES, Gain, Term, gains
+
+MOSTLY: Final = 0.5
+"""Share of the log Bayes factor of a random effect that a law must have to be preferred to it."""
+
+
+def members_of(effect: Effect) -> tuple[str, ...]:
+    """Covariates that number the members of a random effect; empty for any other effect."""
+    return tuple(getattr(effect, "members", ()))
+
+
+@dataclass(frozen=True, slots=True)
+class Together:
+    """A random effect laid over the residuals: columns of all its members at once.
+
+    Attributes
+    ----------
+    gain : float
+        By how much the log likelihood would rise with members of the likeliest scatter.
+    start : ndarray, shape (D,)
+        Where to begin the full fit.
+    term : Gain or None
+        What the columns would bring as a term; None where the parameters absorb them all.
+    """
+
+    gain: float
+    start: Floats
+    term: Gain | None
+
+
+def lay_together(fitted: Fitted, effect: Effect) -> Together:
+    """Screen a random effect: all of its members together, as they are linear where they scatter little.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        The model without it.
+    effect : Effect
+    """
+    extended = fitted.hypothesis.extended(effect)
+    priors = [p.prior for p in effect.parameters(extended.scales)]
+    middle = np.array([float(p.quantile(np.array(0.5))) for p in priors])
+    own = np.flatnonzero([p == MEMBER for p in priors])
+    theta = np.tile(np.concatenate([fitted.theta, middle]), (own.size, 1))
+    theta[np.arange(own.size), fitted.theta.size + own] = 1.0
+    change = stacked(extended, fitted.blocks, theta) - stacked(fitted.hypothesis, fitted.blocks, fitted.theta)
+    columns = np.nan_to_num(change).T
+    found = gains(fitted, [Term(effect.id, "", columns)])
+    start = extended.space.to_sampled(np.concatenate([fitted.theta, middle]))
+    if not found:
+        return Together(-np.inf, start, None)
+    whitened = fitted.whiten(columns.T).T
+    a, b = whitened.T @ fitted.unabsorbed(whitened), whitened.T @ fitted.left
+    best = max((_members(a, b, size) for size in SIZES), key=lambda m: m[0])
+    _, size, weight = best
+    place = fitted.z.size
+    start[place] += np.log(size)
+    start[place + own] = weight / size
+    start[:place] += np.linalg.solve(
+        fitted.precision, fitted.jacobian.T @ (fitted.whitened - whitened @ weight)
+    )
+    return Together(float(weight @ b - 0.5 * weight @ a @ weight), start, found[0])
+
+
+def _members(a: Floats, b: Floats, size: float) -> tuple[float, float, Floats]:
+    """Evidence of members that scatter by a size, the size, and the members."""
+    precision = a + np.eye(b.size) / size**2
+    weight = np.asarray(np.linalg.solve(precision, b), dtype=float)
+    value = 0.5 * float(b @ weight) - 0.5 * float(np.linalg.slogdet(np.eye(b.size) + size**2 * a)[1])
+    return value, float(size), weight
+
+
+def holds_beside(law: Effect, beside: Fitted) -> bool:
+    """Whether a law makes the measurements more likely where a random effect is in the model already.
+
+    Parameters
+    ----------
+    law : Effect
+    beside : Fitted
+        The model with the random effect.
+    """
+    extended = beside.hypothesis.extended(law)
+    prior = [p.prior for p in law.parameters(extended.scales)]
+    middle = [float(p.transform.to_sampled(p.quantile(np.array(0.6)))) for p in prior]
+    both = fit_hypothesis(extended, np.concatenate([beside.z, middle]), beside.noise)
+    return both.ln_evidence > beside.ln_evidence

@@ -1,0 +1,497 @@
+"""The loop: locate, name, add, look again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sma_bayes.effects import EFFECTS, Effect
+from sma_bayes.effects.needs import of_response
+from sma_bayes.fitting.warm_start import warm_start
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.posterior import build_posterior
+from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.records.history import History, histories
+from sma_bayes.records.types import Branch, Campaign
+from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.studies.gap.fitting import Fitted, fit_hypothesis, fit_with_noise
+from sma_bayes.studies.gap.flexible import gains, offer, terms_of, worth_of
+from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
+from sma_bayes.studies.gap.locate import SHUFFLES, Disagreement, Look, disagreements, look
+from sma_bayes.studies.gap.name import (
+    MISSHAPEN,
+    REFITTED,
+    WORTH,
+    Candidate,
+    candidates,
+    judged,
+    screen,
+    screen_all,
+    share_of,
+)
+from sma_bayes.studies.gap.periodic import Periodicity
+from sma_bayes.studies.gap.scatter import MOSTLY, holds_beside, members_of
+
+SIGNIFICANT = 0.02
+"""Global p-value up to which a disagreement counts as more than chance."""
+APART = 3.0
+"""Least difference of ln Bayes factors by which data tell two effects apart."""
+CARRIED = 0.85
+"""Share that all effects together must carry of what they and flexible terms on top of them explain, shape apart."""
+CARRIED_BESIDE = 0.9
+"""The same share of a single effect that gets in beside a flexible term, since it explains less than that by itself."""
+FURTHER = 0.2
+"""Share of what the effects before it explain that a further one must bring: less may be the form of these."""
+FIRST_OF_SEVERAL = 3
+"""How many effects, best first, are tried as the first of several where no single one is added."""
+AT_ONCE = 3
+"""How many effects are added at once, at most."""
+HALF_WAY = 0.5
+"""What two effects must explain of what the best flexible term does, for a third to be tried beside them."""
+FEW = 100
+"""Shuffles of the looks between several effects that are added at once."""
+MOST = 4
+"""Greatest number of effects that are added."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One round of the loop.
+
+    Attributes
+    ----------
+    before : Fitted
+        The model at the start of the round.
+    look : Look
+        Where it disagreed.
+    candidates : tuple of Candidate
+        Best first.
+    chosen : Candidate or None
+        What was added, if anything.
+    class_ : tuple of str
+        Effects that the data cannot tell from the chosen one, itself first.
+    """
+
+    before: Fitted
+    look: Look
+    candidates: tuple[Candidate, ...]
+    chosen: Candidate | None
+    class_: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GapStudy:
+    """What a study found.
+
+    Attributes
+    ----------
+    verdict : str
+        ``none``, ``named`` or ``unnamed``.
+    baseline, final : Fitted
+        Without any effect, and with all that were added and kept.
+    steps : tuple of Step
+    disagreements : tuple of Disagreement
+        Of the baseline.
+    explained : float
+        Log Bayes factor of all effects over the baseline, with the noise of the final model.
+    carried : float
+        Share that the effects carry of what they and the best flexible term on top of them explain; beside a curve that
+        is free to have any shape, the same in every cycle and condition, where that share is greater.
+    """
+
+    verdict: str
+    baseline: Fitted
+    final: Fitted
+    steps: tuple[Step, ...]
+    disagreements: tuple[Disagreement, ...]
+    explained: float
+    carried: float
+
+    @property
+    def p_value(self) -> float:
+        """Global p-value of the disagreement of the baseline."""
+        return self.steps[0].look.p_value
+
+    @property
+    def left(self) -> Look:
+        """Where the final model still disagrees."""
+        return self.steps[-1].look
+
+    @property
+    def periodic(self) -> tuple[Periodicity, ...]:
+        """Lines of spectra that the final model leaves."""
+        return self.left.periodic if self.left.p_value <= SIGNIFICANT else ()
+
+    @property
+    def remainder(self) -> float:
+        """Share of what can be explained that is left to the best flexible term, be it the shape of the curve."""
+        rest = self.left.best.ln_bayes_factor if self.left.p_value <= SIGNIFICANT else 0.0
+        return 1.0 - share_of(self.explained, rest)
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Effects that were added and kept, in that order."""
+        return self.final.hypothesis.effects
+
+    @property
+    def classes(self) -> dict[str, tuple[str, ...]]:
+        """For each of these effects, those that the data cannot tell from it."""
+        found = {s.chosen.effect.id: s.class_ for s in self.steps if s.chosen is not None}
+        return {e.id: found[e.id] for e in self.effects}
+
+
+Progress = Callable[[str], None]
+
+
+def study_campaign(
+    campaign: Campaign,
+    priors: PriorSet,
+    *,
+    model: type[ResponseModel] = ModifiedSigmoid,
+    pooled: bool = False,
+    effects: Mapping[str, Effect] = EFFECTS,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> GapStudy:
+    """Find where force, displacement and stiffness of a campaign disagree with the model and what is missing.
+
+    The temperature that a current makes is studied apart, see `study_heating`.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    priors : PriorSet
+    model : type of ResponseModel
+        Of the response of either branch.
+    pooled : bool
+        Whether one set of A and B a branch serves all conditions.
+    effects : mapping of str to Effect
+        Catalogue to choose from.
+    seed : int
+    progress : callable, optional
+        Told in a few words what is going on.
+    """
+    tell = progress or (lambda _: None)
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 7]))
+    tell("fitting the model without effects")
+    whole = histories(campaign)
+    heated = all("temperature" in h.observed for h in whole)
+    own = [h.of(CHANNELS) for h in whole]
+    hypothesis = baseline(campaign, own, priors, model=model, pooled=pooled)
+    first = fit_with_noise(hypothesis, baseline_start(hypothesis, campaign, priors, pooled=pooled, rng=rng))
+    return study_from(first, of_response(effects) if heated else effects, rng, tell)
+
+
+def study_from(
+    first: Fitted, effects: Mapping[str, Effect], rng: np.random.Generator, tell: Progress
+) -> GapStudy:
+    """The loop from a fitted baseline; see `study_campaign`."""
+    current, bare, explained = first, first, 0.0
+    steps: list[Step] = []
+    while True:
+        tell(f"looking for disagreements, round {len(steps) + 1}")
+        least = max(WORTH, FURTHER * explained)
+        found = [one_round(current, effects, rng, last=len(steps) == MOST, least=least)]
+        one = found[0].chosen
+        alone = one is not None and not members_of(one.effect)
+        if not alone and len(steps) <= MOST - 2 and _lacking(found[0], bare, current, explained):
+            tell(f"trying several effects at once, round {len(steps) + 1}")
+            laws = effects if one is None else {k: e for k, e in effects.items() if not members_of(e)}
+            needed = least if one is None else max(least, MOSTLY * one.ln_bayes_factor)
+            found = several_rounds(found[0], laws, rng, needed, most=MOST - len(steps)) or found
+        steps += found
+        chosen = steps[-1].chosen
+        if chosen is None or chosen.fitted is None:
+            break
+        kept = without_needless(chosen.fitted)
+        current = fit_with_noise(kept.hypothesis, kept.z)
+        bare = without_effects(first, current)
+        explained = current.ln_evidence - bare.ln_evidence
+    where = disagreements(first, _covariates(first))
+    carried = _carried(steps[-1].look, bare, current, explained)
+    verdict = "none" if steps[0].look.p_value > SIGNIFICANT else "named" if carried >= CARRIED else "unnamed"
+    return GapStudy(verdict, first, current, tuple(steps), tuple(where), explained, carried)
+
+
+def one_round(
+    current: Fitted,
+    effects: Mapping[str, Effect],
+    rng: np.random.Generator,
+    *,
+    last: bool = False,
+    least: float = WORTH,
+    refitted: int = REFITTED,
+    steps: bool = True,
+    shuffles: int = SHUFFLES,
+) -> Step:
+    """Look, try the effects that the model does not have, and choose the one to add, if any deserves it.
+
+    Parameters
+    ----------
+    current : Fitted
+    effects : mapping of str to Effect
+    rng : numpy.random.Generator
+    last : bool
+        Whether to look only.
+    least : float
+        Log Bayes factor that an effect has to bring.
+    refitted : int
+        How many effects are refitted, at most.
+    steps : bool
+        Whether strong effects are screened by steps of a fit, too.
+    shuffles : int
+        By which chance is told.
+    """
+    screened, untested = screen_all(current, effects.values())
+    seen = look(current, screened, rng, shuffles)
+    refit = not last and seen.p_value <= SIGNIFICANT
+    tried = candidates(current, screened, seen.gains, refit=refit, most=refitted, steps=steps)
+    fitted = [c for c in tried if c.fitted is not None]
+    worthy = _laws_first([c for c in fitted if c.ln_bayes_factor >= least and is_worthy(c)])
+    if not worthy:
+        return Step(current, seen, (*tried, *untested), None, ())
+    return Step(current, seen, (*tried, *untested), worthy[0], _like(worthy[0], fitted))
+
+
+def _laws_first(worthy: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates in the order in which they are preferred: random effects come after laws that hold beside them."""
+    random = [c for c in worthy if members_of(c.effect)]
+    if not random or random[0].fitted is None:
+        return list(worthy)
+    free = random[0]
+    laws = [
+        c
+        for c in worthy
+        if not members_of(c.effect)
+        and (
+            c.ln_bayes_factor >= free.ln_bayes_factor
+            or (
+                c.ln_bayes_factor >= MOSTLY * free.ln_bayes_factor
+                and holds_beside(c.effect, random[0].fitted)
+            )
+        )
+    ]
+    return [*laws, *random]
+
+
+def is_worthy(candidate: Candidate) -> bool:
+    """Whether an effect explains more than functions without meaning do: in its place, or beside it.
+
+    In its place, it must be worth more than the flexible terms that contain its signature (`guard_of`). Beside it, the
+    effect with the best flexible term on top must be worth more than such a term alone, by `WORTH`, and the effect
+    must carry `CARRIED_BESIDE` of what the two explain. And its numbers must be those of the mechanism.
+    A further stage of the transformation must be worth more than the shapes that one stage can have, by `WORTH`.
+    """
+    if not candidate.plausible or candidate.ln_bayes_factor < candidate.one_stage + WORTH:
+        return False
+    against = candidate.ln_bayes_factor > candidate.guard
+    found = candidate.beside
+    beside = found is not None and found.over >= WORTH and found.carried >= CARRIED_BESIDE
+    return candidate.ln_bayes_factor >= WORTH and (against or beside)
+
+
+def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:
+    """Names of the effects that the data can't tell from one, itself first."""
+    rivals = [c for c in fitted if c is not best and c.plausible and not members_of(c.effect)]
+    near = [c for c in rivals if c.ln_bayes_factor >= best.ln_bayes_factor - APART]
+    return (best.effect.id, *(c.effect.id for c in near))
+
+
+def several_rounds(
+    first: Step,
+    effects: Mapping[str, Effect],
+    rng: np.random.Generator,
+    least: float = WORTH,
+    most: int = AT_ONCE,
+) -> list[Step]:
+    """Two effects at once, or three, where no single one deserves to be added; empty where these don't either.
+
+    With others still missing, a flexible term that takes part of all can beat each of them. So each is judged anew
+    beside the others, by the same rules; and since there are many such sets, some of which mimic an effect that is not
+    in the catalogue, all together have to be worth more than the best flexible term, by `WORTH`, and at least `least`.
+    Sets begin with one of the best effects and grow by the best on top of them; three are tried where no two do.
+    """
+    promising = [c for c in _promising(first) if c.effect.id in effects]
+    best = first.look.best.ln_bayes_factor
+    needed = max(least, best + WORTH)
+    chains = [
+        [_added(first, one, promising)]
+        for one in promising[:FIRST_OF_SEVERAL]
+        if one.ln_bayes_factor >= FURTHER * best
+    ]
+    for _ in range(1, min(AT_ONCE, most)):
+        grown = _different([longer for chain in chains if (longer := _grown(chain, effects, rng))])
+        for chain in grown:
+            if _together(chain) >= needed and _hold_together(chain):
+                return chain
+        chains = [c for c in grown if _together(c) >= HALF_WAY * best][:1]
+    return []
+
+
+def _different(chains: Sequence[list[Step]]) -> list[list[Step]]:
+    """One chain for each set of effects, best first."""
+    ordered = sorted(chains, key=_together, reverse=True)
+    sets = {frozenset(s.chosen.effect.id for s in c if s.chosen is not None): c for c in reversed(ordered)}
+    return sorted(sets.values(), key=_together, reverse=True)
+
+
+def _promising(step: Step) -> list[Candidate]:
+    """What was refitted and is worth something, best first."""
+    return [c for c in step.candidates if c.fitted is not None and c.plausible and c.ln_bayes_factor >= WORTH]
+
+
+def _added(step: Step, one: Candidate, promising: Sequence[Candidate]) -> Step:
+    return replace(step, chosen=one, class_=_like(one, promising))
+
+
+def _grown(chain: Sequence[Step], effects: Mapping[str, Effect], rng: np.random.Generator) -> list[Step]:
+    """A chain of effects with the best one on top of it, one that is worthy if there is any; empty without one."""
+    last = chain[-1].chosen
+    if last is None or last.fitted is None:
+        return []
+    step = one_round(
+        fit_with_noise(last.fitted.hypothesis, last.fitted.z),
+        effects,
+        rng,
+        refitted=FIRST_OF_SEVERAL,
+        steps=False,
+        shuffles=FEW,
+    )
+    promising = _promising(step)
+    chosen = step.chosen or next(iter(promising), None)
+    return [*chain, _added(step, chosen, promising)] if chosen else []
+
+
+def _together(chain: Sequence[Step]) -> float:
+    return sum(s.chosen.ln_bayes_factor for s in chain if s.chosen is not None)
+
+
+def _hold_together(chain: Sequence[Step]) -> bool:
+    """Whether each of several effects would be added to a model that has the others already."""
+    last = chain[-1].chosen
+    if last is None or last.fitted is None or not is_worthy(last):
+        return False
+    return all(is_worthy(_beside_the_others(last.fitted, e)) for e in last.fitted.hypothesis.effects[:-1])
+
+
+def _beside_the_others(whole: Fitted, effect: Effect) -> Candidate:
+    """One of the effects of a model, judged as if it came last."""
+    rest = _without(whole, effect)
+    with_it = rest.hypothesis.extended(effect)
+    again = fit_hypothesis(with_it, _start_from(whole, with_it), whole.noise)
+    flexible = gains(rest, terms_of(rest))
+    return judged(rest, again, screen(rest, effect), flexible, offer(rest, flexible))
+
+
+def without_needless(fitted: Fitted) -> Fitted:
+    """The model less every effect that a later one has made needless."""
+    while len(fitted.hypothesis.effects) > 1:
+        reduced = [_without(fitted, e) for e in fitted.hypothesis.effects[:-1]]
+        best = max(reduced, key=lambda r: r.ln_evidence)
+        if best.ln_evidence < fitted.ln_evidence - WORTH:
+            return fitted
+        fitted = best
+    return fitted
+
+
+def without_effects(first: Fitted, final: Fitted) -> Fitted:
+    """The baseline with the noise of the final model, for its effects to be compared with.
+
+    The noise of the baseline has a part of what effects explain in it, as memory or scatter.
+    """
+    return fit_hypothesis(first.hypothesis, first.z, final.noise)
+
+
+def _without(fitted: Fitted, effect: Effect) -> Fitted:
+    hypothesis = fitted.hypothesis
+    kept = [e for e in hypothesis.effects if e.id != effect.id]
+    smaller = hypothesis.with_effects(kept)
+    return fit_hypothesis(smaller, _start_from(fitted, smaller), fitted.noise)
+
+
+def _start_from(fitted: Fitted, hypothesis: Hypothesis) -> Floats:
+    """Mode of a fit, in the order of a hypothesis with the same parameters or fewer."""
+    z = dict(zip([p.name for p in fitted.hypothesis.space.free], fitted.z.tolist(), strict=True))
+    return np.array([z[p.name] for p in hypothesis.space.free])
+
+
+def _lacking(last: Step, bare: Fitted, current: Fitted, explained: float) -> bool:
+    """Whether the effects that there are carry too little for a name."""
+    return last.look.p_value <= SIGNIFICANT and _carried(last.look, bare, current, explained) < CARRIED
+
+
+def _carried(left: Look, bare: Fitted, final: Fitted, explained: float) -> float:
+    """See `GapStudy.carried`: the greater share, with the shape of the curve or beside it."""
+    if left.p_value > SIGNIFICANT or explained <= 0.0:
+        return share_of(explained, 0.0)
+    before, after = offer(bare), offer(final, left.gains)
+    plain = share_of(explained, worth_of(after.best))
+    if after.shape < MISSHAPEN:
+        return plain
+    return max(plain, share_of(explained + after.shape - before.shape, worth_of(after.beyond)))
+
+
+def _covariates(fitted: Fitted) -> list[str]:
+    names = set().union(*(h.inputs for h in fitted.hypothesis.histories))
+    return [
+        n
+        for n in ("temperature", "time", "order", "cycle", "rate", "current", "ambient_temperature")
+        if n in names
+    ]
+
+
+def baseline_start(
+    hypothesis: Hypothesis, campaign: Campaign, priors: PriorSet, *, pooled: bool, rng: np.random.Generator
+) -> Floats:
+    """Sampled coordinates of the least-squares fits of each branch; where there is none, the centre of the prior."""
+    space = hypothesis.space
+    theta = space.to_physical(space.prior_centre())
+    mechanical = hypothesis.simulation.mechanical
+    names = () if mechanical is None else mechanical.model.parameter_names
+    groups = [None] if pooled else list(dict.fromkeys(h.condition.id for h in hypothesis.histories))
+    for group in groups:
+        tag = "" if group is None else f"[{group}]"
+        if hypothesis.simulation.thermal is not None:
+            mine = [h for h in hypothesis.histories if group in (None, h.condition.id)]
+            for name, value in heat_balance(mine).items():
+                theta[space.index(f"{name}{tag}")] = value
+        if mechanical is None:
+            continue
+        for branch in Branch:
+            records = [r for r in campaign.records if r.branch is branch and group in (None, r.condition.id)]
+            if records:
+                own = type(mechanical.model).made_for(records)
+                posterior = build_posterior(records, NOISE_MODELS["independent"], priors, model=own)
+                start = warm_start(posterior, rng)
+                for name, value in zip(names, start.theta, strict=True):
+                    theta[space.index(f"{name} {branch.value}{tag}")] = value
+    z = space.to_sampled(theta)
+    return np.where(np.isfinite(z), z, space.prior_centre())
+
+
+def heat_balance(histories: Sequence[History]) -> dict[str, float]:
+    """Gain and loss of the Joule-heating balance, and the ambient temperature where none was recorded.
+
+    Integrated over time the balance is linear in them: the rise since the start of a stretch is ``gain`` times the
+    integral of the squared current less ``loss`` times that of the excess. Least squares on the integrals is a start
+    that noise of the readings hardly moves.
+    """
+    known = all("ambient_temperature" in h.inputs for h in histories)
+    rows, rises = [], []
+    for h in histories:
+        v = h.inputs
+        for stretch in np.unique(v["stretch"]):
+            on = v["stretch"] == stretch
+            dt = np.diff(v["time"][on], prepend=v["time"][on][:1])
+            room = v["ambient_temperature"][on] if known else np.zeros(int(on.sum()))
+            parts = [v["current"][on] ** 2, room - v["temperature"][on], np.ones(int(on.sum()))]
+            held = [np.concatenate([p[:1], p[:-1]]) for p in parts]
+            rows.append(np.cumsum(np.stack(held[: 2 if known else 3], axis=1) * dt[:, None], axis=0))
+            rises.append(v["temperature"][on] - v["temperature"][on][0])
+    found = np.linalg.lstsq(np.concatenate(rows), np.concatenate(rises), rcond=None)[0]
+    gain, loss = (max(float(x), 1e-9) for x in found[:2])
+    return {"gain": gain, "loss": loss} | ({} if known else {"ambient": float(found[2]) / loss})

@@ -1,0 +1,288 @@
+"""Tables of a gap study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from sma_bayes.report.content import INTERVAL, Number
+from sma_bayes.report.notation import unit_label
+from sma_bayes.report.tables import OF_ROW, Column, Table
+from sma_bayes.studies.gap.cautions import outside_prior
+from sma_bayes.studies.gap.outcome import HEATING
+from sma_bayes.studies.gap.outputs import StoredStudy
+from sma_bayes.studies.gap.words import channel_text, covariate_text
+
+ADVICE: Final[Mapping[str, str]] = {
+    "time": "record the time of every sample",
+    "current": "record the heating current of every sample",
+    "temperature_response": "record heating current and time of every sample",
+    "load": "declare the load of each condition",
+    "several_runs": "repeat the run: three or more, and 24 at most, and study them pooled",
+    "several_cycles": "measure three cycles or more, and 24 at most in all, without a break",
+    "several_loads": "measure at two loads or more and study them pooled",
+    "several_rates": "record time, sweep at two rates or more that differ clearly and study them pooled",
+    "several_peaks": "turn round at different peak temperatures",
+    "frequency": "declare the frequency of the drive",
+    "ambient": "record the ambient temperature",
+    "ambient_varies": "record the ambient temperature, over a day or while the room warms",
+    "cycles": "measure three cycles or more without a break",
+    "both_branches": "measure heating and cooling",
+    "force": "measure force, on a rig that does not hold it constant",
+    "displacement": "measure displacement, on a rig that does not hold it constant",
+    "stiffness": "measure stiffness, by a small pull at each temperature",
+    "channel": "measure force, displacement or stiffness",
+    "outcome": "measure force, displacement or stiffness",
+    "share": "measure force or displacement",
+    "resistance_unknown": "nothing: the resistance was measured, and is used",
+    "curve": "measure force or displacement",
+    "reversals": "keep the record going through two reversals or more without a break",
+    "warming_cell": "record time or the ambient temperature over five minutes or more, so that the load cell can warm",
+    "plateaus": "sweep from well below to well above the transformation, so that both plateaus show",
+}
+"""What to record or vary, for each need of an effect."""
+NOT_THERE: Final = frozenset({"lattice", "flat_tops"})
+"""Needs that ask for a mark in the readings: where it is missing there is nothing to test, however one measures."""
+
+
+def gap_tables(study: StoredStudy) -> dict[str, Table]:
+    """All tables of a study, by name.
+
+    Parameters
+    ----------
+    study : StoredStudy
+    """
+    made = (
+        disagreement_table(study),
+        effect_table(study),
+        candidate_table(study),
+        untestable_table(study),
+        closed_table(study),
+        noise_table(study),
+    )
+    tables = {table.name: table for table in made}
+    if study.heating is None:
+        return tables
+    heating = {name: replace(t, name=f"{HEATING}-{name}") for name, t in gap_tables(study.heating).items()}
+    return tables | {t.name: t for t in (*heating.values(), heat_balance_table(study.heating))}
+
+
+def closed_table(study: StoredStudy) -> Table:
+    """How far residuals of each channel came down on held-out measurements."""
+    return Table(
+        "gap",
+        "Held-out residuals beside the noise",
+        "Root mean square of what was held out, before and after effects were added: as innovations of the noise, in "
+        "its standard deviations, and as they are, beside the standard deviation of the noise. Way: from before to "
+        "noise alone.",
+        (
+            Column("channel", "channel"),
+            Column("before [sd]", "before_sigma", "1"),
+            Column("after [sd]", "after_sigma", "1"),
+            Column("way to the noise", "way_to_noise", "1"),
+            Column("unit", "unit"),
+            Column("before", "before", OF_ROW),
+            Column("after", "after", OF_ROW),
+            Column("noise", "noise", OF_ROW),
+        ),
+        tuple(
+            (
+                channel_text(study.found, channel),
+                *(Number(c[k], "1", 0.01) for k in ("before_sigma", "after_sigma", "way_to_noise")),
+                unit_label(c["unit"]) or "1",
+                *(Number(c[k], c["unit"], c["noise"] / 10.0) for k in ("before", "after", "noise")),
+            )
+            for channel, c in study.found["gap"]["channels"].items()
+        ),
+    )
+
+
+def heat_balance_table(study: StoredStudy) -> Table:
+    """Gain, loss, time constant, ambient temperature and switching."""
+    return Table(
+        f"{HEATING}-parameters",
+        "Parameters of the heat balance",
+        f"5 % and 95 % bound the {INTERVAL}. Switching is the share of a step of the record that passes before the "
+        "current changes: 1 where each reading holds until the next, 0 where it holds since the last; scatter, its "
+        "standard deviation from switching to switching, in steps.",
+        (
+            Column("parameter", "parameter"),
+            Column("meaning", "meaning"),
+            Column("unit", "unit"),
+            Column("5 %", "q05", OF_ROW),
+            Column("median", "median", OF_ROW),
+            Column("95 %", "q95", OF_ROW),
+            Column("scatter", "scatter", "1"),
+        ),
+        tuple(
+            (
+                name, p["meaning"], unit_label(p["unit"]) or "1",
+                *(Number(p[q], p["unit"], (p["q95"] - p["q05"]) / 3.29) for q in ("q05", "median", "q95")),
+                Number(p.get("scatter"), "1", 0.1),
+            )
+            for name, p in study.found["parameters"].items()
+        ),
+    )  # fmt: skip
+
+
+def disagreement_table(study: StoredStudy) -> Table:
+    """Stretches over which residuals lean, numbered as in the figure."""
+    found = study.found["disagreement"] or study.found["within_chance"]
+    chance = bool(study.found["within_chance"])
+    return Table(
+        "disagreement",
+        "Stretches that lean most, by chance" if chance else "Where model and measurement disagree",
+        "Size: how far residuals lean over the stretch, in standard errors, after the parameters have adapted as "
+        "best they can. It tells the places apart; whether there is more than chance, the global p-value alone tells. "
+        "Measured: on average above or below the model.",
+        (
+            Column("no.", "number", "1"),
+            Column("condition", "condition"),
+            Column("branch", "branch"),
+            Column("channel", "channel"),
+            Column("along", "covariate"),
+            Column("from", "from", OF_ROW),
+            Column("to", "to", OF_ROW),
+            Column("unit", "unit"),
+            Column("size [sd]", "size_sigma", "1"),
+            Column("measured", "side"),
+        ),
+        tuple(
+            (
+                i, d["condition"], d["branch"], channel_text(study.found, d["channel"]),
+                covariate_text(study.found, d["covariate"]),
+                Number(d["from"], d["unit"]), Number(d["to"], d["unit"]), unit_label(d["unit"]) or "1",
+                Number(abs(d["size_sigma"]), "1", 0.5), "above" if d["mean_residual"] > 0.0 else "below",
+            )
+            for i, d in enumerate(found, 1)
+        ),
+    )  # fmt: skip
+
+
+def effect_table(study: StoredStudy) -> Table:
+    """Parameters of the effects that were added."""
+
+    def row(e: Mapping[str, Any], name: str, p: Mapping[str, Any]) -> tuple[Any, ...]:
+        sd = (p["q95"] - p["q05"]) / 3.29
+        return (
+            e["id"],
+            "named" if study.found["verdict"] == "named" else "partial",
+            ", ".join(e["class"]),
+            Number(e["probability"], "1", 0.01),
+            Number(e["ln_bayes_factor"], "1", 1.0),
+            name,
+            p["meaning"],
+            unit_label(p["unit"]) or "1",
+            *(Number(p[q], p["unit"], sd) for q in ("q05", "median", "q95")),
+            *(Number(p["prior"][q], p["unit"]) for q in ("q05", "q95")),
+            outside_prior(p),
+            Number(p["rhat"], "1", 0.01),
+            Number(min(p["ess_bulk"], p["ess_tail"]), "1", 10.0),
+        )
+
+    return Table(
+        "effects",
+        "Parameters of the added effects",
+        f"5 % and 95 % bound the {INTERVAL}. “Outside”: the interval of the posterior does not meet the 90 % "
+        "range of the prior, which is what the literature gives.",
+        (
+            Column("effect", "effect"),
+            Column("status", "status", brief=False),
+            Column("class", "class", brief=False),
+            Column("probability", "probability", "1", brief=False),
+            Column("ln Bayes factor", "ln_bayes_factor", "1", brief=False),
+            Column("parameter", "parameter"),
+            Column("meaning", "meaning"),
+            Column("unit", "unit"),
+            Column("5 %", "q05", OF_ROW),
+            Column("median", "median", OF_ROW),
+            Column("95 %", "q95", OF_ROW),
+            Column("prior 5 %", "prior_q05", OF_ROW),
+            Column("prior 95 %", "prior_q95", OF_ROW),
+            Column("outside", "outside_prior"),
+            Column("R-hat", "rhat", "1"),
+            Column("least ESS", "ess", "1"),
+        ),
+        tuple(row(e, name, p) for e in study.effects for name, p in e["parameters"].items()),
+    )
+
+
+def candidate_table(study: StoredStudy) -> Table:
+    """Every effect of the catalogue and what became of it."""
+    return Table(
+        "candidates",
+        "Candidates",
+        "As judged in the first round; what was added later, as judged then, over what had been added before. "
+        "Bayes factors of candidates that were not refitted in full are those of the screening. Score: gain in log "
+        "predictive density of held-out measurements, with its standard error.",
+        (
+            Column("effect", "effect"),
+            Column("title", "title", brief=False),
+            Column("round", "round", "1"),
+            Column("ln Bayes factor", "ln_bayes_factor", "1"),
+            Column("refitted", "refitted", brief=False),
+            Column("held-out score", "delta_elpd_held_out", "1"),
+            Column("its error", "delta_elpd_se", "1"),
+            Column("status", "status"),
+            Column("why", "finding"),
+        ),
+        tuple(
+            (
+                c["id"], c["title"], None if c["status"] == "untestable" else c["round"],
+                Number(c["ln_bayes_factor"], "1", 1.0), c["refitted"],
+                Number(c["delta_elpd_held_out"], "1", c["delta_elpd_se"]),
+                Number(c["delta_elpd_se"], "1", c["delta_elpd_se"]), c["status"], c["why"],
+            )
+            for c in study.found["candidates"]
+        ),
+    )  # fmt: skip
+
+
+def untestable_table(study: StoredStudy) -> Table:
+    """What could not be tested, and what recording would make it testable."""
+    rows = []
+    for c in study.found["candidates"]:
+        if c["status"] == "untestable":
+            there = NOT_THERE & set(c["unmet"])
+            todo = [ADVICE.get(n, n.replace("_", " ")) for n in c["unmet"] if n not in NOT_THERE]
+            advice = "nothing: its mark is not in these readings" if there else "; ".join(dict.fromkeys(todo))
+            rows.append((c["id"], c["title"], c["why"], advice))
+    return Table(
+        "untestable",
+        "What could not be tested",
+        "These effects may be there all the same.",
+        (
+            Column("effect", "effect"),
+            Column("title", "title", brief=False),
+            Column("why not", "finding"),
+            Column("what would make it testable", "remedy"),
+        ),
+        tuple(rows),
+    )
+
+
+def noise_table(study: StoredStudy) -> Table:
+    """Noise of each condition and channel."""
+    return Table(
+        "noise",
+        "Noise",
+        "AR(1): standard deviation, and correlation of neighbouring samples.",
+        (
+            Column("condition", "condition"),
+            Column("channel", "channel"),
+            Column("unit", "unit"),
+            Column("sd", "sd", OF_ROW),
+            Column("correlation", "lag1", "1"),
+        ),
+        tuple(
+            (
+                n["condition"],
+                channel_text(study.found, n["channel"]),
+                unit_label(study.found["channels"][n["channel"]]["unit"]) or "1",
+                Number(n["sd"], "1", n["sd"] / 10.0),
+                Number(n["lag1"], "1", 0.1),
+            )
+            for n in study.found["noise"]
+        ),
+    )

@@ -1,0 +1,151 @@
+"""A gap study, from a campaign to files."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from sma_bayes.account import Account
+from sma_bayes.effects import EFFECTS
+from sma_bayes.errors import SmaBayesError
+from sma_bayes.fitting.fit_records import AUTO
+from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.progress import Progress, silent
+from sma_bayes.records.severity import finding_document
+from sma_bayes.records.types import Campaign
+from sma_bayes.report.choice import REPORT, Drawn, figures_for
+from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
+from sma_bayes.runs.documents import GAP
+from sma_bayes.runs.store import plain, write_text
+from sma_bayes.studies.gap.cautions import cautions
+from sma_bayes.studies.gap.check import Comparable, comparable, smoothing_remarks
+from sma_bayes.studies.gap.outcome import STAGES, gap_outcome, outcome_json
+from sma_bayes.studies.gap.store import write_study
+from sma_bayes.studies.identity import all_versions, run_identity
+from sma_bayes.studies.options import FitOptions, Pool, check_call, groups_of, prior_set
+from sma_bayes.studies.shared_model import with_shared_model
+from sma_bayes.studies.under_way import UnderWay
+
+
+def study_gap(
+    campaign: Campaign,
+    out: str | Path | None = None,
+    *,
+    seed: int = 0,
+    noise: str = AUTO,
+    priors: str | Path | PriorSet | None = None,
+    model: str = DEFAULT_MODEL,
+    pool: Pool = "none",
+    jobs: int | None = None,
+    resume: bool = False,
+    figures: str | bool = REPORT,
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    out : str or Path, optional
+        Folder for `gap.json`, the posterior, series, tables, figures and the report; nothing is written without it.
+    noise : str
+        Only ``auto``: the study estimates the noise of each channel by itself.
+    resume : bool
+        Go on with this very study: sampling where it stopped, or, where `gap.json` is there already, only what is
+        missing of the report. The search is repeated, to the same end; it takes seconds.
+    model : str
+        Name of the response model of the baseline; ``auto``: the one of the ladder that all records together support
+        best, so that what is missing is not the shape of a curve that can be had.
+    seed, priors, pool, jobs, figures, progress, account
+        See `fit_campaign`. With ``pool="campaign"`` one set of A and B a branch serves all conditions: what differs
+        between conditions (stress, rate, lag) then shows instead of being swallowed.
+
+    Returns
+    -------
+    dict
+        What `gap.json` holds.
+
+    Raises
+    ------
+    SmaBayesError
+        If another noise is asked for.
+    MeasurementError
+        If the histories can't be compared.
+    OutputError, ResumeError
+        If `out` can't be used.
+    """
+    if noise != AUTO:
+        raise SmaBayesError(
+            f"--noise {noise}",
+            expected=f"{AUTO!r}: a gap study estimates AR(1) noise of each channel beside smooth functions, since "
+            "noise that is told from residuals would swallow the very disagreement that is looked for",
+            remedy="leave --noise out; gap.json states the noise that was found",
+        )
+    options = FitOptions(prior_set(priors, model), seed, pool=pool, model=model)
+    can = comparable(campaign)
+    check_call(groups_of(can.campaign, pool), options)
+    drawn: Drawn = "none" if figures_for(figures) == "none" else "all"
+    work = UnderWay(GAP, jobs, drawn, progress or silent, account or Account())
+    identity = {**run_identity(campaign, options), "kind": GAP.verb, "effects": sorted(EFFECTS)}
+    return work.carry_out(out, identity, resume, lambda folder: _studied(can, folder, options, work))
+
+
+def _studied(
+    can: Comparable,
+    folder: Path | None,
+    options: FitOptions,
+    work: UnderWay,
+) -> dict[str, Any]:
+    """Study a campaign, and write what was found except `gap.json`, which comes last."""
+    campaign = can.campaign
+    work.tell(0, STAGES, "choosing the model")
+    groups = groups_of(campaign, options.pool)
+    chosen, choice = with_shared_model(groups, options, work.jobs, work.account)
+    with threadpool_limits(limits=1):
+        outcome = gap_outcome(
+            campaign,
+            chosen.priors,
+            model=RESPONSE_MODELS[chosen.model],
+            pooled=options.pool == "campaign",
+            seed=options.seed,
+            jobs=work.jobs,
+            progress=lambda done, message: work.tell(done, STAGES, message),
+            account=work.account,
+            checkpoint=folder and folder / "checkpoints" / "gap.h5",
+        )
+    stated = outcome_json(outcome)
+    if stated["heating"] is not None:
+        stated["heating"]["cautions"] = cautions(stated["heating"])
+    found: dict[str, Any] = plain(
+        {
+            **stated,
+            "campaign": campaign.name,
+            "source": campaign.source,
+            "seed": options.seed,
+            "model": chosen.model,
+            "model_choice": None if choice is None else asdict(choice),
+            "pool": options.pool,
+            "priors": options.priors.title,
+            "versions": all_versions(),
+            "data_sha256": campaign.sha256,
+            "cautions": cautions(stated),
+            "remarks": [
+                *can.remarks,
+                *(
+                    smoothing_remarks(outcome.heating.study.baseline.hypothesis.histories)
+                    if outcome.heating
+                    else []
+                ),
+            ],
+            "findings": [finding_document(f) for f in campaign.findings],
+        }
+    )
+    if folder is not None:
+        with work.account.timed("write"):
+            write_study(folder, outcome, seed=options.seed)
+            write_text(folder / "priors.toml", options.priors.whole_text)
+    return found

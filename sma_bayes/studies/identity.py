@@ -1,0 +1,46 @@
+"""What tells one run from another: data, priors, options and versions."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from sma_bayes import __version__
+from sma_bayes.posterior import versions
+from sma_bayes.records.types import Campaign
+from sma_bayes.runs.documents import read_mark
+from sma_bayes.studies.options import FitOptions
+
+
+def all_versions() -> dict[str, str]:
+    """Versions of Python, of this package and of what it computes and draws with."""
+    more = ("arviz", "corner", "h5netcdf", "matplotlib", "pandas", "pint", "xarray")
+    return {**versions(), **{name: version(name) for name in more}}
+
+
+def run_identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
+    """What decides the numbers of a run: what `run.json` holds, and what must agree for it to be resumed."""
+    return {
+        "schema": "sma-bayes/run/1",
+        "data": campaign.sha256,
+        "records": [record.key for record in campaign.records],
+        "priors": hashlib.sha256(options.priors.whole_text.encode()).hexdigest(),
+        "seed": options.seed,
+        "model": options.model,
+        "noise": options.noise,
+        "sampler": options.plan.sampler.name,
+        "pool": options.pool,
+        "extrapolate": options.extrapolate,
+        "bias_spring": None if options.bias is None else asdict(options.bias),
+        "version": __version__,
+        "versions": versions(),
+    }
+
+
+def is_run_of(folder: Path, campaign: Campaign) -> bool:
+    """Whether a folder holds a run of this campaign by this version."""
+    found = read_mark(folder) or {}
+    return bool(found.get("data") == campaign.sha256 and found.get("versions") == versions())

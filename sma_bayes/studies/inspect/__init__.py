@@ -1,0 +1,1 @@
+"""What was read of a campaign, before anything is fitted."""

@@ -1,0 +1,398 @@
+"""Figures of the page that reproduces the paper, in the order of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from sma_bayes.quantities import Floats
+from sma_bayes.report.figures.sheet import (
+    COLOURS,
+    FAINT,
+    INK,
+    WARNING,
+    Drawing,
+    as_columns,
+    dot_handle,
+    empty_sheet,
+    label_width,
+    panels,
+)
+from sma_bayes.studies.compare.figures.averages import row_names
+from sma_bayes.studies.compare.figures.models import LOOKS
+from sma_bayes.studies.compare.tables import SHORT
+
+ARBITRARY_AXIS: Final = "temperature [arbitrary unit]"
+STIFFNESS_AXIS: Final = "stiffness K [N/m]"
+SIGMOID: Final = "modified_sigmoid"
+LINEAR: Final = 2.0
+"""Difference up to which the axis of `nearest_figure` is linear [N/m]."""
+LEVELS: Final = (-50.0, -10.0, -2.0, 0.0, 2.0, 10.0, 50.0)
+"""Its ticks [N/m]."""
+DECADES: Final = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+"""Ticks of `extremes_figure` [N/m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """A curve with its 90 % band.
+
+    Attributes
+    ----------
+    temperature, low, middle, high : ndarray, shape (m,)
+        [unit of temperature], [N/m].
+    """
+
+    temperature: Floats
+    low: Floats
+    middle: Floats
+    high: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """One branch of one condition.
+
+    Attributes
+    ----------
+    title, branch : str
+        Title of the condition, as the paper names it.
+    temperature, stiffness : ndarray, shape (n,)
+        Samples [unit of temperature], [N/m].
+    curves : mapping of str to Curve
+        By the name of the model.
+    extremes : tuple of float
+        Least and greatest stiffness that the paper prints for the condition [N/m]; empty where it prints none.
+    """
+
+    title: str
+    branch: str
+    temperature: Floats
+    stiffness: Floats
+    curves: Mapping[str, Curve]
+    extremes: tuple[float, ...]
+
+
+def profile_figure(stem: str, numbers: str, profiles: Sequence[Profile]) -> Drawing:
+    """Samples and bands of Eq. (7), a panel for each condition: Figs. 6 to 8.
+
+    Parameters
+    ----------
+    stem, numbers : str
+        Of the file; of the paper's figure.
+    profiles : sequence of Profile
+    """
+    figure, axes, titles = _sheet(profiles)
+    for ax, title in zip(axes, titles, strict=True):
+        chosen = [p for p in profiles if p.title == title]
+        for p in chosen:
+            _samples(ax, p, COLOURS[p.branch])
+            _band(ax, p.curves[SIGMOID], COLOURS[p.branch], "-")
+        for value in chosen[0].extremes:
+            ax.axhline(value, color=INK, lw=0.8, ls="--", zorder=1)
+        ax.set_title(title)
+        ax.set_ylim(0.0, None)
+    handles = [Line2D([], [], color=c, label=f"{b}: median and 90 % band") for b, c in COLOURS.items()]
+    handles.append(dot_handle(FAINT, "samples of the twin"))
+    if any(p.extremes for p in profiles):
+        handles.append(Line2D([], [], color=INK, ls="--", lw=0.8, label="printed least and greatest"))
+    figure.legend(handles=handles, loc="lower center", ncols=4, borderaxespad=0.2)
+    printed = " Dashed: the extremes that Tables 9 and 10 print." if len(handles) > 3 else ""
+    return Drawing(
+        stem=stem,
+        caption=(
+            f"As {numbers}: stiffness of the twin and the posterior of Eq. (7), median and pointwise 90 % band."
+            f"{printed}"
+        ),
+        alt=f"stiffness against temperature for {', '.join(titles)}, heating and cooling, with bands",
+        figure=figure,
+        data=_columns(profiles),
+    )
+
+
+def rival_figure(stem: str, numbers: str, rival: str, profiles: Sequence[Profile]) -> Drawing:
+    """Eq. (7) and a rival on the same samples, a panel for each condition: Figs. 9 to 14.
+
+    Parameters
+    ----------
+    stem, numbers : str
+        Of the file; of the paper's figures.
+    rival : str
+        Name of the other model.
+    profiles : sequence of Profile
+    """
+    figure, axes, titles = _sheet(profiles)
+    for ax, title in zip(axes, titles, strict=True):
+        for p in (p for p in profiles if p.title == title):
+            _samples(ax, p, FAINT)
+            for model in (SIGMOID, rival):
+                style = "-" if p.branch == "heating" else "--"
+                _band(ax, p.curves[model], LOOKS[model][0], style)
+        ax.set_title(title)
+        ax.set_ylim(0.0, None)
+    handles = [
+        *(Line2D([], [], color=LOOKS[m][0], label=SHORT[m]) for m in (SIGMOID, rival)),
+        *(Line2D([], [], color=INK, ls=s, label=b) for b, s in (("heating", "-"), ("cooling", "--"))),
+        dot_handle(FAINT, "samples of the twin"),
+    ]
+    figure.legend(handles=handles, loc="lower center", ncols=5, borderaxespad=0.2)
+    return Drawing(
+        stem=stem,
+        caption=(
+            f"As {numbers}: stiffness of the twin with the posteriors of Eq. (7) and of the "
+            f"{SHORT[rival].split(',')[0]}, all parameters inferred; medians and pointwise 90 % bands."
+        ),
+        alt=f"stiffness of {', '.join(titles)} with the curves of the modified sigmoid and of the {SHORT[rival]}",
+        figure=figure,
+        data=_columns(profiles),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Nearest:
+    """A published curve over the printed range of stiffness, and what is nearest to it.
+
+    Attributes
+    ----------
+    title : str
+    temperature : ndarray, shape (m,)
+        [arbitrary].
+    published, logistic, line : ndarray, shape (m,)
+        [N/m].
+    rmse : float or None
+        Printed [N/m].
+    """
+
+    title: str
+    temperature: Floats
+    published: Floats
+    logistic: Floats
+    line: Floats
+    rmse: float | None
+
+
+def nearest_figure(found: Sequence[Nearest]) -> Drawing:
+    """Published curves with the logistic and the line that are nearest to them: what is left over.
+
+    Parameters
+    ----------
+    found : sequence of Nearest
+    """
+    columns = 4
+    rows = -(-len(found) // columns)
+    figure = empty_sheet(8.4, 0.9 + 1.55 * rows)
+    axes = panels(figure, rows, columns, left=0.75, right=0.1, bottom=0.75, top=0.3, gap_x=0.15, gap_y=0.5)
+    lines: list[tuple[Any, ...]] = []
+    reach = max(float(np.abs(n.line - n.published).max()) for n in found)
+    for place, n in enumerate(found):
+        ax = axes.flat[place]
+        ax.axhline(0.0, color=LOOKS[SIGMOID][0], lw=1.2)
+        if n.rmse is not None:
+            ax.axhspan(-n.rmse, n.rmse, color=LOOKS[SIGMOID][0], alpha=0.18, lw=0)
+        for name, values in (("logistic_refitted", n.logistic), ("polynomial_corrected", n.line)):
+            ax.plot(n.temperature, values - n.published, color=LOOKS[name][0], lw=1.1)
+        ax.set_title(n.title, fontsize=7.0)
+        ax.set_yscale("symlog", linthresh=LINEAR)
+        ax.set_ylim(-1.15 * reach, 1.15 * reach)
+        shown = [t for t in LEVELS if abs(t) <= 1.15 * reach]
+        ax.set_yticks(shown, [f"{t:g}".replace("-", "−") if place % columns == 0 else "" for t in shown])
+        ax.minorticks_off()
+        if place % columns == 0:
+            ax.set_ylabel("less Eq. (7) [N/m]")
+        if place >= len(found) - columns:
+            ax.set_xlabel(ARBITRARY_AXIS, fontsize=7.0)
+        step = max(1, n.temperature.size // 40)
+        lines += [
+            (n.title, *values)
+            for values in zip(
+                n.temperature[::step], n.published[::step], n.logistic[::step], n.line[::step], strict=True
+            )
+        ]
+    for ax in list(axes.flat)[len(found) :]:
+        ax.remove()
+    sigmoid = LOOKS[SIGMOID][0]
+    figure.legend(
+        handles=[
+            Line2D([], [], color=sigmoid, label="Eq. (7) as published"),
+            Patch(color=sigmoid, alpha=0.18, lw=0, label="± its printed RMSE"),
+            Line2D([], [], color=LOOKS["logistic_refitted"][0], label="nearest logistic curve"),
+            Line2D([], [], color=LOOKS["polynomial_corrected"][0], label="nearest straight line"),
+        ],
+        loc="lower center", ncols=4, borderaxespad=0.2,
+    )  # fmt: skip
+    return Drawing(
+        stem="nearest",
+        caption=(
+            "Over the range of stiffness that Tables 9 and 10 print: the logistic curve and the straight line that are "
+            "nearest to the published Eq. (7), less Eq. (7). The shaded band is its printed RMSE; where there is none "
+            "it is lost. The axis is linear up to 2 N/m, logarithmic beyond. No twin and no measurement is involved."
+        ),
+        alt="differences of the nearest logistic curve and straight line from the published curves",
+        figure=figure,
+        data=as_columns(
+            ("record", "temperature [arbitrary]", "eq7 [N/m]", "logistic [N/m]", "line [N/m]"), lines
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plugged:
+    """The logistic of Eqs. (9) and (10) with what the paper plugs in.
+
+    Attributes
+    ----------
+    title : str
+    temperature : ndarray, shape (m,)
+        [degC].
+    curves : mapping of str to ndarray, shape (m,)
+        ``heating, as printed``, ``heating, corrected``, ``cooling`` [N/m].
+    """
+
+    title: str
+    temperature: Floats
+    curves: Mapping[str, Floats]
+
+
+_PLUGGED_LOOKS: Final = {
+    "heating, as printed": (COLOURS["heating"], ":"),
+    "heating, corrected": (COLOURS["heating"], "-"),
+    "cooling": (COLOURS["cooling"], "-"),
+}
+
+
+def plugged_figure(found: Sequence[Plugged]) -> Drawing:
+    """The logistic curves of Figs. 9 to 11 by the printed equations and constants.
+
+    Parameters
+    ----------
+    found : sequence of Plugged
+    """
+    figure = empty_sheet(8.4, 2.7)
+    axes = panels(figure, 1, len(found), left=0.75, right=0.1, bottom=0.8, top=0.3, gap_x=0.35)[0]
+    rows: list[tuple[Any, ...]] = []
+    for place, (ax, p) in enumerate(zip(axes, found, strict=True)):
+        for name, values in p.curves.items():
+            colour, style = _PLUGGED_LOOKS[name]
+            ax.plot(p.temperature, values, color=colour, ls=style, lw=1.3)
+            rows += [(p.title, name, t, v) for t, v in zip(p.temperature, values, strict=True)]
+        ax.set_title(p.title)
+        ax.set_xlabel("temperature [°C]")
+        ax.set_ylim(0.0, None)
+        if place == 0:
+            ax.set_ylabel(STIFFNESS_AXIS)
+    figure.legend(
+        handles=[Line2D([], [], color=c, ls=s, label=n) for n, (c, s) in _PLUGGED_LOOKS.items()],
+        loc="lower center", ncols=3, borderaxespad=0.2,
+    )  # fmt: skip
+    return Drawing(
+        stem="logistic-printed",
+        caption=(
+            "The logistic of Figs. 9 to 11 by Eqs. (9) and (10) with the printed transformation temperatures and "
+            "extremes, over the temperatures that Tables 9 and 10 print. As printed, Eq. (9) is flat."
+        ),
+        alt="logistic curves by the printed equations, as printed and corrected, for three conditions",
+        figure=figure,
+        data=as_columns(("condition", "curve", "temperature [degC]", "stiffness [N/m]"), rows),
+    )
+
+
+def extremes_figure(rows: Sequence[Mapping[str, Any]]) -> Drawing:
+    """Printed least and greatest stiffness of Tables 9 to 12 beside those of the twin.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Rows of those tables, with ``recomputed``.
+    """
+    kinds = ("stiffness_min", "stiffness_max")
+    chosen = [r for r in rows if r["quantity"] in kinds]
+    names = list(dict.fromkeys(r["condition"] for r in chosen))
+    left = label_width(names)
+    figure = empty_sheet(left + 5.4, 0.95 + 0.22 * len(names))
+    axes = panels(figure, 1, 2, left=left, right=0.15, bottom=0.7, top=0.3, gap_x=0.25)[0]
+    for ax, kind in zip(axes, kinds, strict=True):
+        for r in (r for r in chosen if r["quantity"] == kind):
+            place = names.index(r["condition"])
+            found = r["recomputed"]
+            if found is not None:
+                ax.plot([found["q05"], found["q95"]], [place] * 2, color=INK, lw=2.2)
+                ax.plot([found["median"]], [place], "o", ms=4, color=INK)
+            if r["published"] is not None:
+                colour = WARNING if r["status"] != "ok" else LOOKS[SIGMOID][0]
+                ax.plot([r["published"]], [place], "D", ms=5, mfc="white", mec=colour, mew=1.1)
+        row_names(ax, names, labelled=ax is axes[0])
+        ax.set_xscale("log")
+        low, high = ax.get_xlim()
+        shown = [t for t in DECADES if low <= t <= high]
+        ax.set_xticks(shown, [f"{t:g}" for t in shown])
+        ax.minorticks_off()
+        ax.set_title(f"{'least' if kind == kinds[0] else 'greatest'} stiffness")
+        ax.set_xlabel(STIFFNESS_AXIS)
+    figure.legend(
+        handles=[
+            *(
+                Line2D([], [], marker="D", ls="none", ms=5, mfc="white", mec=c, label=text)
+                for c, text in ((LOOKS[SIGMOID][0], "printed"), (WARNING, "printed, implausible"))
+            ),
+            dot_handle(INK, "twin, over the temperatures that it assumes"),
+        ],
+        loc="lower center", ncols=3, borderaxespad=0.2,
+    )  # fmt: skip
+    return Drawing(
+        stem="extremes",
+        caption=(
+            "Tables 9 to 12: printed extremes of the stiffness, and those of Eq. (7) with the constants of Tables 3 to "
+            "5 over the temperatures that the twin assumes (90 % intervals, mostly narrower than the point). The "
+            "stiffness of Table 12 is lost; for Table 11 no constants are printed."
+        ),
+        alt="printed and recomputed least and greatest stiffness of each condition",
+        figure=figure,
+        data=as_columns(
+            ("table", "condition", "quantity", "printed [N/m]", "q05 [N/m]", "median [N/m]", "q95 [N/m]"),
+            [
+                (
+                    r["table"], r["condition"], r["quantity"], r["published"],
+                    *((r["recomputed"] or {}).get(q) for q in ("q05", "median", "q95")),
+                )
+                for r in chosen
+            ],
+        ),
+    )  # fmt: skip
+
+
+def _sheet(profiles: Sequence[Profile]) -> tuple[Figure, Any, list[str]]:
+    titles = list(dict.fromkeys(p.title for p in profiles))
+    figure = empty_sheet(8.4, 2.9)
+    axes = panels(figure, 1, len(titles), left=0.75, right=0.1, bottom=0.8, top=0.3, gap_x=0.35)[0]
+    axes[0].set_ylabel(STIFFNESS_AXIS)
+    for ax in axes:
+        ax.set_xlabel(ARBITRARY_AXIS)
+    return figure, axes, titles
+
+
+def _samples(ax: Axes, p: Profile, colour: str) -> None:
+    ax.plot(p.temperature, p.stiffness, "o", ms=2.4, mec="none", mfc=colour, alpha=0.45)
+
+
+def _band(ax: Axes, curve: Curve, colour: str, style: str) -> None:
+    ax.fill_between(curve.temperature, curve.low, curve.high, color=colour, alpha=0.25, lw=0)
+    ax.plot(curve.temperature, curve.middle, color=colour, ls=style, lw=1.1)
+
+
+def _columns(profiles: Sequence[Profile]) -> dict[str, Any]:
+    rows = [
+        (p.title, p.branch, model, *values)
+        for p in profiles
+        for model, c in p.curves.items()
+        for values in zip(c.temperature, c.low, c.middle, c.high, strict=True)
+    ]
+    return as_columns(
+        ("condition", "branch", "model", "temperature [arbitrary]", "q05 [N/m]", "median [N/m]", "q95 [N/m]"), rows
+    )  # fmt: skip

@@ -1,0 +1,184 @@
+"""The figures of the page, from the study and from what is printed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
+from sma_bayes.paper.specifications import TEXT_VALUES, specification
+from sma_bayes.paper.twin import recipes
+from sma_bayes.quantities import Floats, convert
+from sma_bayes.records.types import Branch, Record
+from sma_bayes.report.figures.sheet import Drawing, FigureFiles, save_picture
+from sma_bayes.response.logistic import Logistic, printed_constants
+from sma_bayes.studies.compare.figures.averages import model_average_figure
+from sma_bayes.studies.paper.distance import Distance, distances, nearest_line, nearest_logistic, rising_part
+from sma_bayes.studies.paper.figures import (
+    Curve,
+    Nearest,
+    Plugged,
+    Profile,
+    extremes_figure,
+    nearest_figure,
+    plugged_figure,
+    profile_figure,
+    rival_figure,
+)
+from sma_bayes.studies.paper.study import TwinStudy
+
+FIGURES: Final[Mapping[str, tuple[str, Mapping[str, str]]]] = {
+    "fig-06": (
+        "Fig. 6",
+        {"1A-10mHz": "(a) 1 A", "1.5A-10mHz": "(b) 1.5 A", "2A-10mHz-table3": "(c) 2 A"},
+    ),
+    "fig-07": (
+        "Fig. 7",
+        {"100g-10mHz": "(a) 100 g", "150g-10mHz": "(b) 150 g", "200g-10mHz": "(c) 200 g"},
+    ),
+    "fig-08": (
+        "Fig. 8",
+        {"2A-10mHz-table5": "(a) 10 mHz", "2A-30mHz": "(b) 30 mHz", "2A-50mHz": "(c) 50 mHz"},
+    ),
+}
+"""Figures of Eq. (7): what they are called in the paper, and their panels by condition."""
+
+RIVALS: Final[Mapping[str, tuple[str, str]]] = {
+    "fig-09-11": ("Figs. 9 to 11", "logistic_refitted"),
+    "fig-12-14": ("Figs. 12 to 14", "polynomial_corrected"),
+}
+RIVAL_PANELS: Final[Mapping[str, str]] = {
+    "1.5A-10mHz": "1.5 A, 10 mHz",
+    "2A-10mHz-table3": "2 A, 10 mHz",
+    "100g-10mHz": "100 g, 10 mHz",
+}
+PLUGGED: Final[Mapping[str, tuple[str, str]]] = {
+    "fig9": ("Fig. 9: 1.5 A", "1.5A-10mHz"),
+    "fig10": ("Fig. 10: 2 A", "2A-10mHz-table3"),
+    "fig11": ("Fig. 11: 100 g", "100g-10mHz"),
+}
+"""Panels of the printed logistic: the name of its extremes, its title, and the condition of its temperatures."""
+
+
+def write_pictures(study: TwinStudy, tables: Mapping[str, Any], folder: Path) -> dict[str, FigureFiles]:
+    """Draw all figures into a folder.
+
+    Parameters
+    ----------
+    study : TwinStudy
+    tables : mapping
+        Rows of the tables, as the result file has them.
+    folder : Path
+
+    Returns
+    -------
+    dict of str to FigureFiles
+        By stem.
+
+    Raises
+    ------
+    OutputError
+        If a file can't be written.
+    """
+    rows = [row for n in ("9", "10", "11", "12") for row in tables[n]]
+    drawings: list[Callable[[], Drawing]] = [
+        *(
+            partial(profile_figure, stem, name, _profiles(study, parts))
+            for stem, (name, parts) in FIGURES.items()
+        ),
+        *(
+            partial(rival_figure, stem, name, rival, _profiles(study, RIVAL_PANELS, rival))
+            for stem, (name, rival) in RIVALS.items()
+        ),
+        partial(plugged_figure, plugged()),
+        partial(nearest_figure, nearest()),
+        partial(extremes_figure, rows),
+        partial(model_average_figure, study.comparison),
+    ]
+    written = [save_picture(draw, folder) for draw in drawings]
+    return {f.stem: f for f in written}
+
+
+def _in_si(values: Floats) -> Floats:
+    return np.asarray(convert(values, "N/cm", "N/m", what="stiffness"))
+
+
+def _profiles(study: TwinStudy, parts: Mapping[str, str], rival: str = "") -> list[Profile]:
+    return [
+        _profile(study, r, parts[r.condition.id], rival)
+        for r in study.campaign.records
+        if r.condition.id in parts
+    ]
+
+
+def _profile(study: TwinStudy, record: Record, title: str, rival: str) -> Profile:
+    band = study.bands[record.key]
+    quantiles = (_in_si(band.curve[q]) for q in ("q05", "q50", "q95"))
+    curves = {"modified_sigmoid": Curve(band.temperature, *quantiles)}
+    if rival:
+        stored = study.comparison.curves[f"{record.key}-stiffness"]
+        t = stored[f"temperature_{record.units['temperature']}"]
+        curves = {
+            name: Curve(t, *(_in_si(stored[f"{name}_{q}"]) for q in ("q05", "q50", "q95")))
+            for name in ("modified_sigmoid", rival)
+        }
+    row = {**extremes(TABLE_9), **extremes(TABLE_10)}.get(record.condition.id)
+    return Profile(
+        title=title,
+        branch=record.branch.value,
+        temperature=record.temperature,
+        stiffness=_in_si(record.observed["stiffness"]),
+        curves=curves,
+        extremes=() if row is None else (row["stiffness_min"], row["stiffness_max"]),
+    )
+
+
+def nearest() -> list[Nearest]:
+    """Published curves over the printed range of stiffness, and what is nearest to them."""
+    by_key = {r.key: r for r in recipes()}
+    return [_nearest(d, by_key) for d in distances()]
+
+
+def _nearest(d: Distance, by_key: Mapping[str, Any]) -> Nearest:
+    t, k = rising_part(by_key[f"{d.condition}-{d.branch}"], d.printed_least, d.printed_greatest)
+    name = d.condition.removesuffix("-table3").removesuffix("-10mHz")
+    return Nearest(
+        title=f"{name}, {d.branch}",
+        temperature=t,
+        published=_in_si(k),
+        logistic=_in_si(nearest_logistic(t, k)),
+        line=_in_si(nearest_line(t, k)),
+        rmse=None if d.rmse is None else float(convert(d.rmse, "N/cm", "N/m", what="RMSE")),
+    )
+
+
+def plugged() -> list[Plugged]:
+    """The logistic by the printed equations, constants and extremes."""
+    rows = {**extremes(TABLE_9), **extremes(TABLE_10)}
+    out = []
+    for name, (title, condition) in PLUGGED.items():
+        low, high = (specification(TEXT_VALUES, f"stiffness_{end}_{name}", "N/m") for end in ("min", "max"))
+        row = rows[condition]
+        t = np.linspace(row["temperature_min"], row["temperature_max"], 241)
+        out.append(
+            Plugged(
+                title,
+                t,
+                {
+                    "heating, as printed": _logistic(t, (low, high), Branch.HEATING, corrected=False),
+                    "heating, corrected": _logistic(t, (low, high), Branch.HEATING, corrected=True),
+                    "cooling": _logistic(t, (low, high), Branch.COOLING, corrected=True),
+                },
+            )
+        )
+    return out
+
+
+def _logistic(t: Floats, ends: Sequence[float], branch: Branch, *, corrected: bool) -> Floats:
+    constants = printed_constants(branch, corrected=corrected)
+    theta = np.array([*ends, constants["centre"], constants["width"]])
+    return Logistic().predict(theta, {"temperature": t})["stiffness"]

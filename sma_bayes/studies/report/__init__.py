@@ -1,0 +1,1 @@
+"""The report of a finished run, built again from its folder."""

@@ -1,0 +1,1 @@
+"""All that a study file declares, one verb after the other."""

@@ -1,0 +1,302 @@
+"""Running a whole study from one file: fit, comparison, gap, conditions and questions, each in its own folder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from sma_bayes.errors import ResumeError, SmaBayesError
+from sma_bayes.fitting.fit_records import AUTO
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.progress import Progress, silent
+from sma_bayes.quantities import number_and_unit
+from sma_bayes.records.campaign import read_campaign
+from sma_bayes.records.types import Campaign
+from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, STUDY, sealed
+from sma_bayes.runs.output_folder import claimed_folder
+from sma_bayes.runs.store import plain, write_json
+from sma_bayes.studies.ask.workflow import AT_SCHEMA, WANTED, ask
+from sma_bayes.studies.compare.workflow import compare
+from sma_bayes.studies.condition_text import condition_at
+from sma_bayes.studies.conditions.workflow import study_conditions
+from sma_bayes.studies.fit.workflow import fit_campaign
+from sma_bayes.studies.gap.workflow import study_gap
+from sma_bayes.studies.identity import all_versions
+from sma_bayes.studies.options import (
+    DEFAULT_SAMPLER,
+    bias_spring,
+    check_model_and_noise,
+    model_named,
+    plan_with,
+    prior_set,
+)
+from sma_bayes.studies.run.study_file import Study, read_study
+
+DONE, NOT_CONVERGED, WRONG = 0, 1, 2
+"""Exit statuses of a step; that of the study is the greatest of them."""
+STATUS: Final = {DONE: "done", NOT_CONVERGED: "not converged", WRONG: "failed"}
+SKIPPED, INADEQUATE = "skipped", "not adequate"
+
+FOLDERS: Final = {
+    "fit": "fit",
+    "compare": "comparison",
+    "gap": "gap",
+    "conditions": "conditions",
+    "ask": "ask",
+}
+SUMMARIES: Final = {d.verb: d.file for d in (FIT, COMPARISON, GAP, CONDITIONS)}
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A step that waits to be run.
+
+    Attributes
+    ----------
+    name, kind : str
+        ``ask 2`` and ``ask``; of the others both are the same.
+    summary : str
+        Its JSON file, below the folder of the study.
+    needs : str
+        Kind of the step without which it can't run; empty where there is none.
+    run : callable
+        Told the progress; gives what the summary holds.
+    """
+
+    name: str
+    kind: str
+    summary: str
+    needs: str
+    run: Callable[[Progress], dict[str, Any]]
+
+
+def run_study(
+    path: str | Path,
+    *,
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    resume: bool = False,
+    strict: bool | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run all steps that a study file declares.
+
+    A step that fails for want of something in the data does not keep the others from running: its message is in the
+    result. What is wrong in the file itself is refused before anything is written.
+
+    Parameters
+    ----------
+    path : str or Path
+        The study file.
+    out : str or Path, optional
+        Folder for the results, in place of the declared one.
+    jobs : int, optional
+        Processes, in place of the declared number.
+    resume : bool
+        Go on with a study that was interrupted, or run steps that were added to its file.
+    strict : bool, optional
+        Whether a fit that is not adequate makes the exit status 1, in place of what is declared.
+    progress : callable, optional
+
+    Returns
+    -------
+    dict
+        What `study.json` holds.
+
+    Raises
+    ------
+    StudyError
+        If the study file can't be read or is wrong.
+    ResumeError
+        If a step was run with other options, data or versions before.
+    SmaBayesError
+        If a name in it is unknown, the campaign can't be read, or the folder can't be used.
+    """
+    clock = time.perf_counter()
+    study = read_study(Path(path))
+    _check(study)
+    campaign = read_campaign(study.campaign, data_dir=study.data)
+    folder = Path(out) if out is not None else study.out
+    tell = progress or silent
+    steps = _steps(study, campaign, folder, jobs if jobs is not None else study.jobs, resume)
+    results: list[dict[str, Any]] = []
+    document: dict[str, Any] = {}
+    with claimed_folder(folder, _identity(campaign), resume):
+        for step in steps:
+            results.append(_result(step, results, tell, strict=study.strict if strict is None else strict))
+            document = sealed(_document(study, campaign, results, len(results) == len(steps), clock))
+            write_json(folder / STUDY.file, document)
+    return document
+
+
+def _identity(campaign: Campaign) -> dict[str, Any]:
+    """What makes a folder that of this study; options may change, since each step watches over its own."""
+    return {"schema": "sma-bayes/run/1", "kind": STUDY.verb, "data": campaign.sha256}
+
+
+def _check(study: Study) -> None:
+    """Refuse names that no step could do with, before the campaign is read."""
+    for name, options in study.steps.items():
+        model, noise = options.get("model"), options.get("noise", AUTO)
+        if model is not None:
+            with _place(study, f"{name}.model"):
+                model_named(model)
+        if "priors" in options:
+            with _place(study, f"{name}.priors"):
+                prior_set(options["priors"], options["model"])
+        with _place(study, f"{name}.noise"):
+            NOISE_MODELS["independent" if noise == AUTO else noise]
+            check_model_and_noise(str(model), noise)
+    with _place(study, "fit.sampler"):
+        plan_with(study.steps.get("fit", {}).get("sampler", DEFAULT_SAMPLER))
+    with _place(study, "fit.arrangement"):
+        _bias(study.steps.get("fit", {}))
+    for number, text in enumerate(study.steps.get("conditions", {}).get("at", ()), start=1):
+        with _place(study, f"conditions.at, entry {number}"):
+            condition_at(text, specimen="stress_MPa" in text)
+    for number, asked in enumerate(study.asks, start=1):
+        for name in (*WANTED, "tolerance"):
+            if asked[name] is not None:
+                with _place(study, f"ask {number}.{name}"):
+                    number_and_unit(asked[name].rstrip("% "), what=name)
+        for text in asked["at"]:
+            with _place(study, f"ask {number}.at"):
+                number_and_unit(text, what="temperature")
+
+
+@contextmanager
+def _place(study: Study, key: str) -> Iterator[None]:
+    """Name the key of the study file in an error that knows of no place."""
+    try:
+        yield
+    except SmaBayesError as error:
+        raise type(error)(
+            error.found,
+            file=error.file or study.file,
+            row=error.row,
+            column=error.column or key,
+            expected=error.expected,
+            remedy=error.remedy,
+        ) from None
+
+
+def _bias(options: Mapping[str, Any]) -> Any:
+    return bias_spring(options.get("arrangement"), options.get("bias"), options.get("bias_sd"))
+
+
+def _steps(study: Study, campaign: Campaign, folder: Path, jobs: int | None, resume: bool) -> list[_Step]:
+    shared: dict[str, Any] = {"seed": study.seed, "jobs": jobs, "resume": resume}
+    fit = folder / FOLDERS["fit"]
+    steps = []
+    for kind, options in study.steps.items():
+        place = folder / FOLDERS[kind]
+        given = {**shared, **options}
+        needs = ""
+        call: Callable[..., dict[str, Any]]
+        if kind == "fit":
+            bias = _bias(options)
+            given = {k: v for k, v in given.items() if k not in ("arrangement", "bias", "bias_sd")}
+            call = partial(fit_campaign, campaign, place, bias=bias, **given)
+        elif kind == "conditions":
+            needs = "fit"
+            call = partial(study_conditions, fit, place, **given)
+        else:
+            call = partial({"compare": compare, "gap": study_gap}[kind], campaign, place, **given)
+        steps.append(_Step(kind, kind, f"{FOLDERS[kind]}/{SUMMARIES[kind]}", needs, partial(_called, call)))
+    for number, asked in enumerate(study.asks, start=1):
+        summary = f"{FOLDERS['ask']}/{number}.json"
+        run = partial(_asked, fit, folder / summary, asked)
+        steps.append(_Step(f"ask {number}", "ask", summary, "fit", run))
+    return steps
+
+
+def _called(call: Callable[..., dict[str, Any]], tell: Progress) -> dict[str, Any]:
+    return call(progress=tell)
+
+
+def _asked(fit: Path, summary: Path, asked: Mapping[str, Any], tell: Progress) -> dict[str, Any]:
+    tell(0, 1, "asking")
+    found = ask(fit, **asked)
+    write_json(summary, found)
+    return found
+
+
+def _result(step: _Step, before: list[dict[str, Any]], tell: Progress, *, strict: bool) -> dict[str, Any]:
+    clock = time.perf_counter()
+    failed = next((r for r in before if r["step"] == step.needs and r["exit_status"] == WRONG), None)
+    word, status = "", WRONG
+    stated = {"step": step.name, "summary": None, "schema": None, "told": None, "error": None}
+    if failed:
+        stated["error"] = f"{failed['step']} failed"
+        return {**stated, "status": SKIPPED, "exit_status": WRONG, "wall_s": 0.0}
+    try:
+        found = step.run(lambda done, total, message: tell(done, total, f"{step.name}: {message}"))
+    except ResumeError:  # options were changed under results that are there: the call is wrong, not the step
+        raise
+    except SmaBayesError as error:
+        stated["error"] = str(error)
+    else:
+        stated |= {"summary": step.summary, "schema": found["schema"], "told": _told(step.kind, found)}
+        status = DONE if found["converged"] else NOT_CONVERGED
+        if strict and found["converged"] and not found.get("adequate", True):
+            word, status = INADEQUATE, NOT_CONVERGED
+    return {
+        **stated,
+        "status": word or STATUS[status],
+        "exit_status": status,
+        "wall_s": time.perf_counter() - clock,
+    }
+
+
+def _told(kind: str, found: Mapping[str, Any]) -> str:
+    """What a step found, in a few words."""
+    if kind == "fit":
+        good = sum(r["converged"] for r in found["records"])
+        adequate = sum(r["adequate"] for r in found["records"])
+        return f"{good} of {len(found['records'])} records converged, {adequate} adequate"
+    if kind == "compare":
+        return "; ".join(f"{g['quantity']}: {g['verdict']}" for g in found["overall"])
+    if kind == "gap":
+        parts = {"": found} | ({"; heating: ": found["heating"]} if found["heating"] else {})
+        return "".join(f"{start}{_verdict(part)}" for start, part in parts.items())
+    if kind == "conditions":
+        counts = {"effects": "effects", "predictions": "predictions", "held_out": "left out"}
+        return ", ".join(f"{len(found[key])} {what}" for key, what in counts.items())
+    if found["schema"] == AT_SCHEMA:
+        return f"{len(found['answers'])} records at {', '.join(found['at'])}"
+    sure = sum(bool(a["within"]["intervals"]) for a in found["answers"])
+    return (
+        f"{found['quantity'].replace('_', ' ')} {found['value']}: {sure} of {len(found['answers'])} branches give it "
+        f"with probability {found['probability']:g}"
+    )
+
+
+def _document(
+    study: Study, campaign: Campaign, results: list[dict[str, Any]], finished: bool, clock: float
+) -> dict[str, Any]:
+    document: dict[str, Any] = plain({
+        "schema": STUDY.schema,
+        "study": study.file,
+        "campaign": campaign.name,
+        "source": campaign.source,
+        "seed": study.seed,
+        "versions": all_versions(),
+        "data_sha256": campaign.sha256,
+        "finished": finished,
+        "converged": all(r["status"] in (STATUS[DONE], INADEQUATE) for r in results),
+        "exit_status": max(r["exit_status"] for r in results),
+        "steps": results,
+        "wall_s": time.perf_counter() - clock,
+    })  # fmt: skip
+    return document
+
+
+def _verdict(found: Mapping[str, Any]) -> str:
+    """Verdict of a gap study with the effects that it names."""
+    effects = ", ".join(e["id"] for e in found["effects"])
+    return f"{found['verdict']}: {effects}" if effects else str(found["verdict"])

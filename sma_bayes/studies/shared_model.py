@@ -1,0 +1,49 @@
+"""One response model for all records of a study, where it is to be chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from sma_bayes.account import Account
+from sma_bayes.fitting.fit_records import support_for
+from sma_bayes.fitting.model_choice import ModelChoice, Support, best_supported
+from sma_bayes.records.types import Record
+from sma_bayes.response import AUTO_MODEL
+from sma_bayes.runs.jobs import run
+from sma_bayes.studies.options import FitOptions, models_of
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    records: tuple[Record, ...]
+    options: FitOptions
+
+
+def _support_task(task: _Task) -> Support:
+    o = task.options
+    return support_for(task.records, models_of(task.records, o), noise=o.noise, seed=o.seed)
+
+
+def with_shared_model(
+    groups: Sequence[tuple[Record, ...]], options: FitOptions, jobs: int | None, account: Account
+) -> tuple[FitOptions, ModelChoice | None]:
+    """Options that name the model which all records together support best, and why; as they are where one is named.
+
+    Parameters
+    ----------
+    groups : sequence of tuple of Record
+        Records that share parameters.
+    options : FitOptions
+        Of the model ``auto``, or another.
+    jobs : int, optional
+        See `run`.
+    account : Account
+    """
+    if options.model != AUTO_MODEL:
+        return options, None
+    tasks = [_Task(group, options) for group in groups]
+    support = list(run(_support_task, tasks, jobs, account=account, stage="choose_model"))
+    choice = best_supported(support)
+    priors = next(p for m, p in models_of(groups[0], options) if m.name == choice.name)
+    return replace(options, model=choice.name, priors=priors), choice

@@ -1,0 +1,103 @@
+"""A run under way: how it is shared out, whom it tells, what it took so far, and how it is brought to an end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sma_bayes.account import Account
+from sma_bayes.progress import Progress, silent
+from sma_bayes.report.choice import Drawn
+from sma_bayes.runs.documents import Document, sealed
+from sma_bayes.runs.output_folder import claimed_folder
+from sma_bayes.runs.store import write_json
+
+
+@dataclass(frozen=True, slots=True)
+class UnderWay:
+    """A run under way.
+
+    Attributes
+    ----------
+    document : Document
+        Of its results.
+    jobs : int or None
+        See `sma_bayes.runs.jobs.run`.
+    drawn : str
+        Which figures will be drawn, see `sma_bayes.report.choice`.
+    tell : callable
+    account : Account
+    begun : float
+        When it began, by `time.perf_counter` [s].
+    """
+
+    document: Document
+    jobs: int | None
+    drawn: Drawn
+    tell: Progress = silent
+    account: Account = field(default_factory=Account)
+    begun: float = field(default_factory=time.perf_counter)
+
+    def with_account(self, found: Mapping[str, Any]) -> dict[str, Any]:
+        """Results with what the run took so far."""
+        return {
+            **found,
+            "figures": self.drawn,
+            **self.account.run_document(),
+            "wall_s": time.perf_counter() - self.begun,
+        }
+
+    def carry_out(
+        self,
+        out: str | Path | None,
+        identity: dict[str, Any],
+        resume: bool,
+        find: Callable[[Path | None], dict[str, Any]],
+    ) -> dict[str, Any]:
+        """Find what is to be found and write it to a folder; what an earlier call has found there is read instead.
+
+        Parameters
+        ----------
+        out : str or Path, optional
+            Nothing is written without it.
+        identity, resume
+            See `sma_bayes.runs.output_folder.claim_folder`.
+        find : callable
+            Writes its files to the folder, if there is one, except the document, which comes last; gives what that
+            will hold.
+
+        Raises
+        ------
+        OutputError, ResumeError
+            If the folder can't be used.
+        """
+        if out is None:
+            return self.with_account(find(None))
+        folder = Path(out).absolute()  # workers of a cluster stand elsewhere
+        with claimed_folder(folder, identity, resume):
+            finished = (folder / self.document.file).is_file()
+            found = self.document.read(folder) if finished else find(folder)
+        if not finished:
+            return self.end(folder, found)
+        if self.drawn != "none" and not (folder / "report.html").is_file():
+            self._report(folder)
+        return found
+
+    def end(self, folder: Path, found: Mapping[str, Any]) -> dict[str, Any]:
+        """Write the results, draw the report, and write the results again with what that took; return them."""
+        stated = sealed(self.with_account(found))
+        write_json(folder / self.document.file, stated)
+        if self.drawn == "none":
+            return stated
+        self._report(folder)
+        stated = sealed(self.with_account(found))
+        write_json(folder / self.document.file, stated)
+        return stated
+
+    def _report(self, folder: Path) -> None:
+        from sma_bayes.studies.report.build import build_report
+
+        build_report(folder, figures=self.drawn, jobs=self.jobs, progress=self.tell, account=self.account)

@@ -1,0 +1,93 @@
+"""A fit: draws as parameters, and the uncertainty of a calibration on top."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sma_bayes.fitting.fit import KEPT, Fit
+from sma_bayes.fitting.fit_records import fit_records
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.records.types import Calibration, Record
+
+DEFAULT = read_priors("modified_sigmoid")
+
+
+@pytest.fixture(scope="module")
+def record(make_record: Callable[..., Record]) -> Record:
+    calibration = {"force": Calibration(0.03, 0.2, 0.05), "displacement": Calibration(0.0, 0.0, 0.0)}
+    return replace(make_record(n=60), calibration=calibration)
+
+
+@pytest.fixture(scope="module")
+def fit(record: Record) -> Fit:
+    return fit_records([record], DEFAULT, noise="independent", seed=3)
+
+
+def test_draws_are_kept_evenly_from_every_ensemble(fit: Fit) -> None:
+    groups, steps, walkers, d = fit.draws.z.shape
+    assert fit.converged
+    assert fit.z.shape == (groups, min(KEPT, steps * walkers), d)
+    assert fit.theta.shape == (*fit.z.shape[:2], len(fit.posterior.space.names))
+    assert fit.flat.shape == (fit.z.shape[0] * fit.z.shape[1], fit.theta.shape[-1])
+    np.testing.assert_array_equal(fit.theta, fit.posterior.space.to_physical(fit.z))
+    for g in range(groups):
+        mine = fit.draws.z[g].reshape(-1, d)
+        assert np.all(np.isin(fit.z[g, :, 0], mine[:, 0]))
+    spread = fit.z.reshape(-1, d).std(axis=0) / fit.draws.z.reshape(-1, d).std(axis=0)
+    np.testing.assert_allclose(spread, 1.0, atol=0.1)
+
+
+def test_the_same_seed_gives_the_same_fit(fit: Fit, record: Record) -> None:
+    again = fit_records([record], DEFAULT, noise="independent", seed=3)
+    np.testing.assert_array_equal(again.draws.z, fit.draws.z)
+    other = fit_records([record], DEFAULT, noise="independent", seed=4)
+    assert not np.array_equal(other.draws.z, fit.draws.z)
+
+
+def test_the_posterior_covers_what_was_planted(fit: Fit) -> None:
+    """Five posterior standard deviations for each of 8 parameters; the seed is fixed."""
+    truth = {"A1": 0.02, "A2": 0.30, "A3": 48.0, "A4": 0.001, "B1": 2.5, "B2": 0.35, "B3": 52.0, "B4": 0.5}
+    for name, value in truth.items():
+        x = fit.flat[:, fit.posterior.space.index(name)]
+        assert abs(x.mean() - value) < 5.0 * x.std(), name
+
+
+def test_a_calibration_widens_spans_and_offsets_by_what_was_declared(fit: Fit) -> None:
+    """gain = 1 + 3 %; shift = offset error - offset times gain error; 2000 draws, within 10 %."""
+    errors = fit.calibration_draws()
+    assert list(errors) == ["force"]
+    gain, shift = errors["force"]
+    assert gain.shape == shift.shape == (len(fit.flat),)
+    assert np.std(gain) == pytest.approx(0.03, rel=0.1)
+    assert np.std(shift) == pytest.approx(np.hypot(0.05, 0.2 * 0.03), rel=0.1)
+    space = fit.posterior.space
+    plain, wide = fit.flat, fit.calibrated()
+    for name in ("A1", "A4", "A3", "B2", "B3", "force_sd"):
+        np.testing.assert_array_equal(plain[:, space.index(name)], wide[:, space.index(name)])
+    np.testing.assert_allclose(wide[:, space.index("B1")], plain[:, space.index("B1")] * gain)
+    np.testing.assert_allclose(wide[:, space.index("B4")], plain[:, space.index("B4")] * gain + shift)
+    for channel, (again_gain, again_shift) in fit.calibration_draws().items():
+        assert channel == "force"
+        np.testing.assert_array_equal(again_gain, gain)
+        np.testing.assert_array_equal(again_shift, shift)
+
+
+def test_without_a_calibration_nothing_is_added(make_record: Callable[..., Record], fit: Fit) -> None:
+    bare = Fit(
+        replace(fit.posterior, records=(make_record(n=60),)),
+        fit.warm_start,
+        *(getattr(fit, name) for name in _rest(fit)),
+    )
+    assert bare.calibration_draws() == {}
+    np.testing.assert_array_equal(bare.calibrated(), bare.flat)
+
+
+def _rest(fit: Fit) -> list[str]:
+    from dataclasses import fields
+
+    given = [f.name for f in fields(fit) if f.init]
+    return given[2:]

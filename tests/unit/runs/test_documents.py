@@ -1,0 +1,63 @@
+"""The JSON documents of an output folder, and what is said of those that can't be used."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from sma_bayes.errors import OutputError
+from sma_bayes.runs.documents import (
+    COMPARISON,
+    CONDITIONS,
+    FIT,
+    GAP,
+    MARK,
+    STUDY,
+    Document,
+    read_mark,
+    sealed,
+)
+
+DOCUMENTS = (FIT, COMPARISON, GAP, CONDITIONS, STUDY)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda d: d.verb)
+def test_what_is_written_is_read(tmp_path: Path, document: Document) -> None:
+    written = sealed({"schema": document.schema, **{key: [1, 2] for key in document.keys}})
+    (tmp_path / document.file).write_text(json.dumps(written), encoding="utf-8")
+    assert document.read(tmp_path) == written
+    assert [d.verb for d in DOCUMENTS if d.is_in(tmp_path)] == [document.verb]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("{ broken", "can't be read"),
+        ("[]", "has the schema None"),
+        ('{"schema": "sma-bayes/gap/9"}', "has the schema 'sma-bayes/gap/9'"),
+        ('{"schema": "sma-bayes/gap/1", "effects": [], "partial": [], "gap": {}}', "lacks 'thresholds'"),
+    ],
+)
+def test_a_document_that_can_not_be_used_is_named(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "gap.json").write_text(text, encoding="utf-8")
+    with pytest.raises(OutputError, match=rf"gap\.json: {told}") as caught:
+        GAP.read(tmp_path)
+    assert caught.value.remedy
+
+
+def test_the_mark_tells_what_is_not_finished(tmp_path: Path) -> None:
+    assert not GAP.is_in(tmp_path)
+    (tmp_path / MARK).write_text('{"kind": "gap"}', encoding="utf-8")
+    assert [d.verb for d in DOCUMENTS if d.is_in(tmp_path)] == ["gap"]
+    with pytest.raises(OutputError, match="holds a gap study that is not finished"):
+        GAP.read(tmp_path)
+
+
+@pytest.mark.parametrize("text", [None, "{ broken", "[]"])
+def test_a_mark_that_says_nothing(tmp_path: Path, text: str | None) -> None:
+    if text is not None:
+        (tmp_path / MARK).write_text(text, encoding="utf-8")
+    assert read_mark(tmp_path) is None
+    assert not any(d.is_in(tmp_path) for d in DOCUMENTS)

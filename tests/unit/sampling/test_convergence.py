@@ -1,0 +1,175 @@
+"""Convergence diagnostics against arviz, and what must never be called converged."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy.special import ndtri
+from scipy.stats import rankdata
+
+from sma_bayes.sampling.convergence import (
+    Target,
+    _ranked,
+    assess,
+    ess_bulk,
+    ess_tail,
+    rank_rhat,
+)
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    import arviz as az
+
+
+def series(chains: int, n: int, memory: float, seed: int, apart: float = 0.0) -> np.ndarray:
+    """Chains of AR(1) draws whose means differ by `apart`, shape (chains, n)."""
+    rng = np.random.default_rng(seed)
+    x = rng.standard_normal((chains, n))
+    for i in range(1, n):
+        x[:, i] = memory * x[:, i - 1] + np.sqrt(1.0 - memory**2) * x[:, i]
+    return x + apart * np.arange(chains)[:, None]
+
+
+CHAINS = {
+    "white": series(4, 500, 0.0, 0),
+    "correlated": series(4, 1000, 0.9, 1),
+    "anticorrelated": series(4, 1000, -0.6, 2),
+    "strongly correlated": series(4, 2000, 0.99, 3),
+    "apart": series(4, 400, 0.3, 4, apart=0.3),
+    "odd length": series(5, 501, 0.5, 5),
+    "heavy tails": np.random.default_rng(6).standard_t(1.5, (4, 800)),
+    "skew": np.exp(2.0 * series(4, 700, 0.7, 7)),
+    "ties": np.round(2.0 * series(4, 700, 0.5, 8)),
+    "different widths": series(4, 700, 0.5, 9) * np.array([1.0, 1.0, 2.0, 4.0])[:, None],
+    "drift": series(4, 700, 0.2, 10) + np.linspace(0.0, 1.0, 700),
+    "short": series(4, 12, 0.0, 11),
+}
+
+
+@pytest.mark.parametrize("name", list(CHAINS))
+def test_diagnostics_are_those_of_arviz(name: str) -> None:
+    x = CHAINS[name]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        expected = [
+            float(az.rhat(x, method="rank")),
+            float(az.ess(x, method="bulk")),
+            float(az.ess(x, method="tail", prob=(0.05, 0.95))),
+        ]
+    draws = x[..., None]
+    found = [f(draws)[0] for f in (rank_rhat, ess_bulk, ess_tail)]
+    assert found[0] == pytest.approx(expected[0], rel=1e-6)
+    assert found[1] == pytest.approx(expected[1], rel=1e-6)
+    assert found[2] == pytest.approx(expected[2], rel=1e-6)
+
+
+def test_parameters_do_not_mix() -> None:
+    together = np.stack([CHAINS["correlated"], np.exp(CHAINS["correlated"][:, ::-1])], axis=-1)
+    for f in (rank_rhat, ess_bulk, ess_tail):
+        both = f(together)
+        assert both.shape == (2,)
+        np.testing.assert_allclose(both, [f(together[..., [k]])[0] for k in (0, 1)], rtol=1e-12)
+
+
+def ensembles(seed: int = 0) -> np.ndarray:
+    """Independent draws: 4 groups, 60 steps, 16 walkers, 3 parameters."""
+    return np.random.default_rng(seed).standard_normal((4, 60, 16, 3))
+
+
+def test_independent_draws_converge() -> None:
+    found = assess(ensembles(), Target())
+    assert found.converged
+    assert found.rhat.shape == found.ess_bulk.shape == found.ess_tail.shape == (3,)
+    assert np.all(found.rhat < 1.01)
+    np.testing.assert_allclose(found.ess_bulk, 4 * 60 * 16, rtol=0.15)
+
+
+def test_the_target_counts() -> None:
+    z = ensembles()
+    assert not assess(z, Target(ess=10_000.0)).converged
+    assert not assess(z[:, :8], Target()).converged
+    assert assess(z[:, :8], Target(rhat=1.1, ess=100.0)).converged
+
+
+def test_one_ensemble_elsewhere_is_seen() -> None:
+    z = ensembles()
+    z[2, ..., 1] += 0.5
+    found = assess(z, Target())
+    assert not found.converged
+    assert found.rhat[1] > 1.01
+    assert found.rhat[0] < 1.01
+
+
+def test_one_ensemble_of_another_width_is_seen() -> None:
+    z = ensembles()
+    z[2, ..., 1] *= 2.0
+    assert not assess(z, Target()).converged
+
+
+def test_a_walker_that_sticks_is_seen() -> None:
+    z = ensembles()
+    z[:, :, :2] = z[:, :1, :2] * 3.0  # two of sixteen walkers of each ensemble never move
+    assert not assess(z, Target()).converged
+
+
+def test_a_drift_of_all_ensembles_alike_is_seen() -> None:
+    z = ensembles() + np.linspace(0.0, 1.0, 60)[:, None, None]
+    found = assess(z, Target())
+    assert not found.converged
+    assert np.all(found.rhat > 1.01)
+
+
+@pytest.mark.parametrize("value", [0.0, 3.7, 1e300])
+def test_a_parameter_that_never_moves_is_not_converged(value: float) -> None:
+    z = ensembles()
+    z[..., 1] = value
+    found = assess(z, Target())
+    assert not found.converged
+    assert np.isfinite(found.rhat[[0, 2]]).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_draws_that_are_not_numbers_are_not_converged(value: float) -> None:
+    z = ensembles()
+    z[1, 5, 3, 2] = value
+    with np.errstate(invalid="ignore"):
+        assert not assess(z, Target()).converged
+
+
+def test_walkers_that_move_as_one_are_one_draw_a_step() -> None:
+    z = np.random.default_rng(0).standard_normal((4, 300, 1, 3))
+    found = assess(np.repeat(z, 16, axis=2), Target())
+    assert found.ess_bulk.max() < 1.3 * 4 * 300
+    assert found.ess_tail.max() < 1.3 * 4 * 300
+    few = np.repeat(z[:, :60], 16, axis=2)
+    assert not assess(few, Target()).converged
+
+
+def test_effective_sample_sizes_are_what_replicates_say() -> None:
+    """Variance of the mean of AR(1) chains over 400 replicates: (1 + r)/(1 - r) draws count as one. Within 20 %."""
+    memory, n = 0.8, 500
+    means, claimed = [], []
+    for seed in range(400):
+        x = series(4, n, memory, 1000 + seed)
+        means.append(x.mean())
+        if seed < 20:
+            claimed.append(ess_bulk(x[..., None])[0])
+    actual = 1.0 / np.var(means)
+    assert np.median(claimed) == pytest.approx(actual, rel=0.2)
+    assert actual == pytest.approx(4 * n * (1 - memory) / (1 + memory), rel=0.2)
+
+
+@pytest.mark.parametrize("steps", [7, 8])
+@pytest.mark.parametrize("digits", [12, 0])
+def test_one_sort_gives_what_sorting_each_would(steps: int, digits: int) -> None:
+    """With ties, too, and for even and odd numbers of draws; scores by Blom's formula from scipy's ranks."""
+    draws = np.round(np.random.default_rng(6).standard_normal((2, 3, steps, 5)), digits)
+    scores, folded, tails = _ranked(draws)
+    flat = draws.reshape(2, -1)
+    distance = np.abs(flat - np.median(flat, axis=1, keepdims=True))
+    for found, values in ((scores, flat), (folded, distance)):
+        expected = ndtri((rankdata(values, axis=1) - 0.375) / (flat.shape[1] + 0.25))
+        np.testing.assert_allclose(found.reshape(2, -1), expected, rtol=1e-12)
+    np.testing.assert_allclose(tails, np.quantile(flat, (0.05, 0.95), axis=1), rtol=1e-12)

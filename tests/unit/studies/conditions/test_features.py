@@ -1,0 +1,80 @@
+"""Numbers that sum up a condition, against the curves that they sum up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.records.types import Branch, Condition
+from sma_bayes.studies.conditions.features import Feature, condition_features, ratio
+
+C = Condition("c", current=1.0)
+
+
+def named(features: tuple[Feature, ...], name: str, branch: str, channel: str = "stiffness") -> Feature:
+    (found,) = [f for f in features if (f.name, f.branch, f.channel) == (name, branch, channel)]
+    return found
+
+
+def test_extremes_of_stiffness_agree_with_a_search_along_the_curve(
+    make_draws: Callable[..., RecordDraws],
+) -> None:
+    record = make_draws(C, size=1, error=0.0)
+    a1, a2, a3, _, b1, b2, b3, _ = record.curve_theta[0]
+
+    def stiffness(t: float) -> float:  # dF/dT over dX/dT, the paper's Eq. (7) written out
+        slope_f = b1 * b2 * np.exp(-b2 * (t - b3)) / (1.0 + np.exp(-b2 * (t - b3))) ** 2
+        slope_x = a1 * a2 * np.exp(-a2 * (t - a3)) / (1.0 + np.exp(-a2 * (t - a3))) ** 2
+        return float(slope_f / slope_x)
+
+    top = minimize_scalar(lambda t: -stiffness(t), bounds=(30.0, 70.0), method="bounded")
+    features = condition_features([record])
+    assert named(features, "greatest_stiffness", "heating").draws[0] == pytest.approx(-top.fun, rel=1e-3)
+    assert named(features, "least_stiffness", "heating").draws[0] == pytest.approx(stiffness(30.0), rel=1e-9)
+    assert named(features, "stiffness_ratio", "heating").draws[0] == pytest.approx(
+        -top.fun / stiffness(30.0), rel=1e-3
+    )
+    assert named(features, "least_stiffness", "heating").at_edge == 1.0
+    assert named(features, "greatest_stiffness", "heating").at_edge == 0.0
+    steepest = max(
+        abs(stiffness(t + 1e-4) - stiffness(t - 1e-4)) / 2e-4 for t in np.linspace(30.1, 69.9, 400)
+    )
+    assert named(features, "steepest_stiffness", "heating").draws[0] == pytest.approx(steepest, rel=2e-2)
+
+
+def test_a_ratio_to_next_to_nothing_is_infinite_without_a_warning() -> None:
+    assert ratio(np.array([130.0, 130.0, 130.0]), np.array([65.0, 0.0, 1e-308])).tolist() == [
+        2.0,
+        np.inf,
+        np.inf,
+    ]
+
+
+def test_both_branches_together_give_the_extremes_and_the_width(
+    make_draws: Callable[..., RecordDraws],
+) -> None:
+    heating = make_draws(C)
+    cooling = make_draws(C, Branch.COOLING, A3=40.0, B3=45.0, span=(28.0, 66.0))
+    features = condition_features([heating, cooling])
+    for name, choose in (("least_stiffness", np.minimum), ("greatest_stiffness", np.maximum)):
+        parts = [named(features, name, b.value).draws for b in Branch]
+        np.testing.assert_allclose(named(features, name, "both").draws, choose(*parts))
+    width = named(features, "hysteresis_width", "both", "force")
+    assert width.quantiles()["median"] == pytest.approx(7.0, abs=0.05)
+    assert named(features, "least_temperature", "both", "").draws[0] == 28.0
+    assert named(features, "peak_temperature", "both", "").draws[0] == 70.0
+    assert named(features, "peak_temperature", "both", "").measured
+    assert named(features, "greatest_slope", "heating", "force").draws.mean() == pytest.approx(
+        2.5 * 0.35 / 4, rel=0.01
+    )
+    left = named(features, "share_left", "heating", "force").draws
+    assert left.mean() == pytest.approx(1.0 / (1.0 + np.exp(0.35 * (70.0 - 52.0))), rel=0.02)
+
+
+def test_displacement_alone_gives_no_stiffness(make_draws: Callable[..., RecordDraws]) -> None:
+    features = condition_features([make_draws(C, channels=("displacement",))])
+    assert {f.channel for f in features} == {"displacement", ""}

@@ -1,0 +1,102 @@
+"""What the screen says of fits that are not adequate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from sma_bayes.assess.adequacy import REMEDIES, SENTENCES
+from sma_bayes.studies.fit import terminal as fit
+from sma_bayes.studies.fit.terminal import SUBJECTS, adequacy_sentences
+
+
+def record(key: str, *why: tuple[str, str]) -> dict[str, Any]:
+    return {"key": key, "why": [{"kind": kind, "channel": "", "message": text} for kind, text in why]}
+
+
+def test_an_adequate_run_says_nothing() -> None:
+    assert adequacy_sentences([record("a-heating"), record("a-cooling")], "modified_sigmoid") == []
+
+
+def test_the_sentence_names_record_reason_and_what_to_try() -> None:
+    why = ("curve", "the curve misses strain by up to 5.0% of its range, at 60 degC")
+    (sentence,) = adequacy_sentences([record("a-heating", why), record("a-cooling")], "modified_sigmoid")
+    assert sentence == (
+        "The curve does not describe a-heating: the curve misses strain by up to 5.0% of its range, at 60 °C; "
+        "try `--model auto` or `sma-bayes gap`."
+    )
+
+
+def test_what_was_tried_already_is_not_advised() -> None:
+    for kind in ("curve", "check"):
+        (sentence,) = adequacy_sentences([record("a-heating", (kind, "x"))], "auto")
+        assert "--model auto" not in sentence
+        assert sentence.endswith("`sma-bayes gap`.")
+
+
+def test_many_records_are_counted_and_the_first_reason_is_that_of_the_first() -> None:
+    records = [record(f"{i}-heating", ("curve", f"reason {i}"), ("check", "another")) for i in range(5)]
+    (sentence,) = adequacy_sentences(records, "modified_sigmoid")
+    assert sentence.startswith(
+        "The curve does not describe 0-heating, 1-heating, 2-heating and 2 more: 0-heating: reason 0;"
+    )
+
+
+def test_kinds_are_told_apart() -> None:
+    records = [record("a", ("noise", "x")), record("b", ("prior", "y")), record("c", ("tempered", "z"))]
+    found = adequacy_sentences(records, "modified_sigmoid")
+    assert [s.partition(":")[0].split()[-1] for s in found] == ["a", "b", "c"]
+    assert len(set(found)) == 3
+
+
+@pytest.mark.parametrize("width", [80, 160])
+def test_a_narrow_screen_cuts_no_word_off(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(fit, "screen", lambda: Console(width=width, markup=False, emoji=False))
+    why = ("curve", "the curve misses displacement by up to 5.0% of its range, at 60 degC")
+    parameter = {
+        "rhat": 1.0012,
+        "ess_bulk": 4000.0,
+        "ess_tail": 3500.0,
+        "identified": False,
+        "fixed": False,
+        "median": 0.2,
+        "unit": "degC",
+    }
+    good = record("100MPa-cooling") | {
+        "n": 140, "noise": {"name": "independent+temperature_error"}, "converged": True, "adequate": True,
+        "parameters": {"displacement_sd": parameter, "temperature_sd": parameter},
+        "correlation": {"displacement": {"r": {"median": 0.9999}}},
+        "quantities": {"displacement": {"name": "strain"}},
+    }  # fmt: skip
+    summary = {
+        "campaign": "wire", "seed": 0, "records": [good, good | record("100MPa-heating", why) | {"adequate": False}],
+        "options": {"model": "modified_sigmoid"}, "findings": [], "converged": True, "wall_s": 1.0,
+    }  # fmt: skip
+    fit.show_fit(summary, Path("out"))
+    shown = capsys.readouterr().out
+    assert "…" not in shown
+    rows = [line for line in shown.splitlines() if "100MPa-" in line][:2]
+    assert [("yes" in line, "NO" in line) for line in rows] == [(True, False), (True, True)]
+    assert ("strain 0.9999" in shown) is (width == 160)
+    assert all(
+        len(line) <= width for line in shown.splitlines() if not line.startswith(("The curve", "The scatter"))
+    )
+
+
+@pytest.mark.parametrize("kind", SENTENCES)
+def test_every_kind_of_reason_has_its_words(kind: str) -> None:
+    assert "{records}" in SUBJECTS[kind]
+    assert REMEDIES[kind]
+
+
+@pytest.mark.parametrize("length", [10, 30, 45, 60])
+def test_the_name_of_a_record_is_never_shortened(length: int) -> None:
+    names = fit._columns_beside(["x" * length], 80)
+    assert {"record", "converged", "adequate"} <= set(names)
+    assert length + fit.OTHERS * (len(names) - 1) <= 80 or len(names) == 3
+    assert fit._columns_beside(["x" * length], 160) == list(fit.COLUMNS)

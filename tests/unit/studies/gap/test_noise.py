@@ -1,0 +1,220 @@
+"""The noise of a study against dense matrices: restricted likelihood, whitening, and what was planted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from sma_bayes.quantities import Floats
+from sma_bayes.records.history import History, histories
+from sma_bayes.studies.gap.noise import (
+    DEGREES,
+    MEMORIES,
+    Block,
+    BlockNoise,
+    block_noise,
+    blocks_of,
+    recorded_columns,
+    smooth_columns,
+    tail_scale,
+    whiten,
+)
+
+GRID = float(np.max(np.diff(np.arctanh(MEMORIES))))
+"""Coarsest step of the memories that are tried, in the coordinate in which they are about equally likely."""
+
+
+@pytest.fixture(scope="module")
+def history(rig) -> History:
+    """Three cycles, six sweeps of forty samples."""
+    return histories(rig(periods=(60.0,), loads=(1.0,)).campaign())[0]
+
+
+@pytest.fixture(scope="module")
+def smooth(history: History) -> Floats:
+    return smooth_columns(history, history.inputs["temperature"])
+
+
+def correlation(phi: float, clock: Floats, segment: Floats) -> Floats:
+    """Dense correlation of noise that forgets with each sweep."""
+    apart = np.abs(clock[:, None] - clock)
+    whole = np.sign(phi) ** apart * np.abs(phi) ** apart if phi < 0 else phi**apart
+    return np.where(segment[:, None] == segment, whole, 0.0)
+
+
+def restricted(e: Floats, x: Floats, r: Floats) -> tuple[float, float]:
+    """Restricted log likelihood of a correlation matrix, its variance profiled out, and that variance's root.
+
+    Harville (1974): the likelihood of contrasts of `e` that are free of the columns `x`.
+    """
+    inverse = np.linalg.inv(r)
+    gram = x.T @ inverse @ x
+    p = inverse - inverse @ x @ np.linalg.solve(gram, x.T @ inverse)
+    free = e.size - x.shape[1]
+    variance = float(e @ p @ e) / free
+    value = -0.5 * (free * np.log(variance) + np.linalg.slogdet(r)[1] + np.linalg.slogdet(gram)[1])
+    return float(value), float(np.sqrt(variance))
+
+
+def block_of(history: History, dt: Floats) -> Block:
+    first = np.diff(history.inputs["segment"], prepend=-1.0) != 0
+    return Block(0, "displacement", slice(0, history.n), first, dt)
+
+
+@pytest.mark.parametrize("planted", [-0.3, 0.0, 0.5, 0.9])
+def test_it_maximises_the_restricted_likelihood(planted: float, history: History, smooth: Floats) -> None:
+    segment, clock = history.inputs["segment"], history.inputs["order"]
+    rng = np.random.default_rng([8, int(10 * planted + 10)])
+    e = 0.2 * np.linalg.cholesky(correlation(planted, clock, segment)) @ rng.standard_normal(history.n)
+    found = block_noise(e, block_of(history, np.ones(history.n)), smooth)
+    follows = found.memory != 0.0
+    phi = float(np.median(found.memory[follows])) if follows.any() else 0.0
+
+    def loss(u: float) -> float:
+        return -restricted(e, smooth, correlation(float(np.tanh(u)), clock, segment))[0]
+
+    best = minimize_scalar(loss, bounds=(np.arctanh(-0.6), 2.6), method="bounded")
+    value, sd = restricted(e, smooth, correlation(phi, clock, segment))
+    # half a step of the grid away from the maximum, whose curvature is at most that of n independent pairs
+    assert value >= -best.fun - 0.5 * history.n * (GRID / 2.0) ** 2
+    assert abs(np.arctanh(phi) - best.x) <= GRID
+    assert found.sd == pytest.approx(sd, rel=1e-4)
+
+
+def test_memory_in_time_is_told_from_memory_in_samples(history: History, smooth: Floats) -> None:
+    segment = history.inputs["segment"]
+    rng = np.random.default_rng(3)
+    dt = rng.choice([0.2, 1.0, 5.0], history.n)
+    clock = np.cumsum(dt)
+    block = block_of(history, dt / np.median(dt))
+    draw = rng.standard_normal(history.n)
+    for by in (clock, history.inputs["order"]):
+        e = np.linalg.cholesky(correlation(0.8, by, segment)) @ draw
+        found = block_noise(e, block, smooth)
+        follows = ~block.first
+        short, long = (np.mean(found.memory[follows & (dt == d)]) for d in (0.2, 5.0))
+        if by is clock:
+            per_unit = found.memory[follows] ** (1.0 / dt[follows])
+            np.testing.assert_allclose(per_unit, per_unit[0], rtol=1e-9)
+            assert abs(per_unit[0] - 0.8) < 0.12
+        else:
+            assert short == long
+            assert abs(short - 0.8) < 0.12
+
+
+def test_what_was_planted_is_recovered_without_bias(history: History, smooth: Floats) -> None:
+    """Means over 40 series; standard errors are 0.008 and 1.2 %, half a step of the grid 0.025 of the memory."""
+    planted, sd = 0.7, 0.05
+    root = np.linalg.cholesky(correlation(planted, history.inputs["order"], history.inputs["segment"]))
+    block = block_of(history, np.ones(history.n))
+    rng = np.random.default_rng(11)
+    found = [block_noise(sd * root @ rng.standard_normal(history.n), block, smooth) for _ in range(40)]
+    assert abs(np.mean([np.median(f.memory[~block.first]) for f in found]) - planted) < 0.04
+    assert abs(np.mean([f.sd for f in found]) / sd - 1.0) < 0.05
+
+
+def test_wild_readings_do_not_widen_the_noise_of_all_others(history: History, smooth: Floats) -> None:
+    """Every tenth innovation is eight times as wide; of normal ones, and of a single jump, none gets a scale."""
+    block = block_of(history, np.ones(history.n))
+    rng = np.random.default_rng(14)
+    root = np.linalg.cholesky(correlation(0.7, history.inputs["order"], history.inputs["segment"]))
+    normal = rng.standard_normal(history.n)
+    wild = np.arange(history.n) % 10 == 5
+    heavy = block_noise(root @ np.where(wild, 8.0 * normal, normal), block, smooth)
+    plain = block_noise(root @ normal, block, smooth)
+    assert np.ndim(plain.scale) == 0
+    assert np.ndim(heavy.scale) == 1
+    assert np.median(np.asarray(heavy.scale)[wild]) > 2.0 * np.median(np.asarray(heavy.scale)[~wild])
+    assert heavy.sd < 1.5 * plain.sd
+    whitened = heavy.whiten(root @ np.where(wild, 8.0 * normal, normal))
+    assert np.max(np.abs(whitened)) < 6.0
+    jump = root @ np.where(np.arange(history.n) == 40, 30.0, normal)
+    assert np.ndim(block_noise(jump, block, smooth).scale) == 0
+
+
+def test_readings_that_repeat_have_no_heavy_tails(history: History, smooth: Floats) -> None:
+    """Noise of a tenth of the step of a digitiser: readings stand still, and jump by a step now and then."""
+    block = block_of(history, np.ones(history.n))
+    rng = np.random.default_rng(15)
+    slow = np.cumsum(0.05 * rng.standard_normal(history.n))
+    rounded = np.round(slow + 0.02 * rng.standard_normal(history.n), 0)
+    assert np.ndim(block_noise(rounded, block, smooth, lattice=1.0).scale) == 0
+    innovations = np.concatenate([np.zeros(90), np.ones(10)])
+    assert tail_scale(innovations) is None
+
+
+@pytest.mark.parametrize("degrees", [2.0, 5.0])
+def test_scales_are_those_of_student_t(degrees: float) -> None:
+    """A normal variable of that scale, with the scale drawn as t has it, is at its most likely there."""
+    u = np.random.default_rng(16).standard_t(degrees, 4000)
+    scale = tail_scale(u)
+    assert scale is not None
+    far = np.abs(u) > 20.0
+    for nu in DEGREES:
+        width = np.abs(u[~far]) / np.sqrt(np.maximum(scale[~far] ** 2 * (nu + 1.0) - nu, 1e-12))
+        if np.ptp(np.quantile(width[np.abs(u[~far]) > 0.5], [0.1, 0.9])) < 1e-6:
+            break
+    else:
+        pytest.fail("no degrees of freedom explain the scales")
+    assert 0.5 * degrees <= nu <= 2.0 * degrees
+
+
+def test_a_misfit_that_repeats_does_not_pass_for_noise(history: History, smooth: Floats) -> None:
+    block = block_of(history, np.ones(history.n))
+    rng = np.random.default_rng(12)
+    e = rng.standard_normal(history.n)
+    plain = block_noise(e, block, smooth)
+    bent = block_noise(e + smooth @ rng.normal(0.0, 20.0, smooth.shape[1]), block, smooth)
+    np.testing.assert_array_equal(bent.memory, plain.memory)
+    assert bent.sd == pytest.approx(plain.sd, rel=1e-4)
+    bump = np.exp(-0.5 * ((history.inputs["temperature"] - 60.0) / 12.0) ** 2)
+    there = block_noise(e + 10.0 * bump * (history.inputs["branch"] > 0.0), block, smooth)
+    assert abs(np.median(there.memory) - np.median(plain.memory)) < 0.15
+    assert there.sd == pytest.approx(plain.sd, rel=0.15)
+
+
+def test_what_follows_something_recorded_does_not_pass_for_memory(history: History, smooth: Floats) -> None:
+    """A load cell that follows the room: three times as much as white noise, and as slow."""
+    time = history.inputs["time"]
+    room = 22.0 + np.sin(2.0 * np.pi * 1.4 * time / np.ptp(time))
+    series = 4.0 * (room - 22.0) + np.random.default_rng(4).standard_normal(time.size)
+    block = block_of(history, np.ones(time.size))
+    more = recorded_columns({**history.inputs, "ambient_temperature": room}, smooth)
+    assert np.median(block_noise(series, block, smooth).memory) > 0.5
+    found = block_noise(series, block, smooth, recorded=more)
+    assert abs(float(np.median(found.memory))) < 0.3
+    assert found.sd == pytest.approx(1.0, abs=0.2)  # three standard errors
+
+
+def test_recorded_columns_are_orthonormal_and_new(history: History, smooth: Floats) -> None:
+    more = recorded_columns(history.inputs, smooth)
+    assert more.shape[1] > 4
+    np.testing.assert_allclose(more.T @ more, np.eye(more.shape[1]), atol=1e-9)
+    np.testing.assert_allclose(smooth.T @ more, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("phi", [-0.4, 0.0, 0.85])
+def test_whitening_whitens(phi: float, history: History) -> None:
+    segment, clock = history.inputs["segment"], history.inputs["order"]
+    covariance = 0.3**2 * correlation(phi, clock, segment)
+    noise = BlockNoise(0.3, np.where(np.diff(segment, prepend=-1.0) != 0, 0.0, phi))
+    w = noise.whiten(np.eye(history.n)).T
+    np.testing.assert_allclose(w @ covariance @ w.T, np.eye(history.n), atol=1e-10)
+    assert noise.log_scale == pytest.approx(0.5 * np.linalg.slogdet(covariance)[1], rel=1e-10)
+
+
+def test_blocks_stack_history_by_history_and_forget_where_something_was_left_out(make_line) -> None:
+    line = make_line(phi=0.6)
+    blocks = blocks_of(line.hypothesis)
+    assert [(b.history, b.channel) for b in blocks] == [(0, "displacement"), (1, "displacement")]
+    assert [b.at.start for b in blocks] == [0, blocks[0].at.stop]
+    assert [int(b.first.sum()) for b in blocks] == [1, 1]
+    for b in blocks:
+        inner = b.dt[~b.first]
+        assert np.median(inner) == pytest.approx(1.0)
+    rng = np.random.default_rng(0)
+    batch = rng.standard_normal((2, line.y.size))
+    w = whiten(blocks, line.noise, batch)
+    exact = np.linalg.solve(np.linalg.cholesky(line.covariance), batch.T).T
+    np.testing.assert_allclose(w, exact, atol=1e-9)

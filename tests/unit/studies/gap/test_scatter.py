@@ -1,0 +1,118 @@
+"""Random effects: found where runs or cycles scatter, and never in place of a law that explains how they differ."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sma_bayes.effects import EFFECTS
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.records.history import histories
+from sma_bayes.records.types import Campaign
+from sma_bayes.studies.gap.fitting import fit_with_noise
+from sma_bayes.studies.gap.hypothesis import baseline
+from sma_bayes.studies.gap.name import candidates, is_plausible, screen_all
+from sma_bayes.studies.gap.scatter import holds_beside, lay_together, members_of
+from sma_bayes.studies.gap.study import baseline_start, study_campaign
+
+PRIORS = read_priors("modified_sigmoid")
+SPAN = 0.02
+
+
+def moved_by(campaign: Campaign, offsets: dict[str, float], *, by_cycle: bool = False) -> Campaign:
+    """A campaign whose conditions, or cycles, are off by so many metres."""
+    records = []
+    for r in campaign.records:
+        x = r.observed["displacement"]
+        if by_cycle:
+            off = np.array([offsets[f"{int(c)}"] for c in r.inputs["cycle"]])
+        else:
+            off = np.full(r.n, offsets[r.condition.id])
+        records.append(replace(r, observed={**r.observed, "displacement": x + off}))
+    return replace(campaign, records=tuple(records))
+
+
+def baseline_of(campaign: Campaign):
+    hypothesis = baseline(campaign, histories(campaign), PRIORS, pooled=True)
+    start = baseline_start(hypothesis, campaign, PRIORS, pooled=True, rng=np.random.default_rng(0))
+    return fit_with_noise(hypothesis, start)
+
+
+@pytest.fixture(scope="module")
+def scattered_runs(rig) -> Campaign:
+    """Four runs of one load whose offsets scatter by some 3 % of the span."""
+    plain = rig(periods=(60.0,) * 4, loads=(1.0,) * 4, peaks=(95.0,) * 4, sd=0.004, seed=2).campaign()
+    return moved_by(plain, {"c0": 0.03 * SPAN, "c1": -0.045 * SPAN, "c2": 0.01 * SPAN, "c3": 0.005 * SPAN})
+
+
+def test_runs_that_scatter_are_named_with_their_offsets(scattered_runs: Campaign) -> None:
+    found = study_campaign(scattered_runs, PRIORS, pooled=True)
+    assert found.verdict == "named"
+    assert [e.id for e in found.effects] == ["run_offset"]
+    theta = dict(zip(found.final.hypothesis.space.names, found.final.theta.tolist(), strict=True))
+    size = theta["run_offset.s"]
+    offsets = np.array([size * theta[f"run_offset.u{i}"] for i in range(1, 5)]) / SPAN
+    np.testing.assert_allclose(offsets - offsets.mean(), [0.03, -0.045, 0.01, 0.005], atol=0.004)
+    assert 0.01 < size / SPAN < 0.1
+
+
+def test_each_condition_by_itself_absorbs_its_offset(scattered_runs: Campaign) -> None:
+    assert study_campaign(scattered_runs, PRIORS, pooled=False).verdict == "none"
+
+
+def test_cycles_that_scatter_without_an_order_are_no_training(rig) -> None:
+    plain = rig(cycles=6, samples=30, periods=(60.0,), loads=(1.0,), peaks=(95.0,), seed=5).campaign()
+    off = {"1": 0.0, "2": 0.05, "3": -0.04, "4": 0.06, "5": -0.03, "6": 0.01}
+    found = study_campaign(
+        moved_by(plain, {k: v * SPAN for k, v in off.items()}, by_cycle=True), PRIORS, pooled=False
+    )
+    assert [e.id for e in found.effects] == ["cycle_offset"]
+
+
+@pytest.mark.parametrize("law", ["stress_shift"])
+def test_a_law_that_explains_how_runs_differ_is_preferred(law: str, rig) -> None:
+    found = study_campaign(rig(shift=2.0).campaign(), PRIORS, pooled=True)
+    assert [e.id for e in found.effects] == [law]
+    assert "run_offset" not in found.classes[law]
+
+
+def test_screening_lays_all_members_together(scattered_runs: Campaign) -> None:
+    fitted = baseline_of(scattered_runs)
+    effect = EFFECTS["run_offset"]
+    found = lay_together(fitted, effect)
+    extended = fitted.hypothesis.extended(effect)
+    theta = extended.space.to_physical(found.start)[extended.effect_positions["run_offset"]]
+    offsets = theta[0] * theta[2:6] / SPAN
+    np.testing.assert_allclose(offsets - offsets.mean(), [0.03, -0.045, 0.01, 0.005], atol=0.005)
+    screened, _ = screen_all(fitted, [effect])
+    (judged,) = candidates(fitted, screened, [], refit=True)
+    assert judged.fitted is not None
+    reached = judged.fitted.log_likelihood - fitted.log_likelihood
+    assert found.gain == pytest.approx(reached, rel=0.1)
+    assert screened[0].of(fitted.whitened[:, None])[0] == pytest.approx(screened[0].ln_bayes_factor, abs=1e-6)
+
+
+def test_a_law_holds_beside_a_random_effect_only_where_it_explains_the_members(rig, scattered_runs) -> None:
+    effect = EFFECTS["run_offset"]
+    for campaign, holds in ((rig(shift=2.0).campaign(), True), (scattered_runs, False)):
+        fitted = baseline_of(campaign)
+        screened, _ = screen_all(fitted, [effect])
+        (judged,) = candidates(fitted, screened, [], refit=True)
+        assert judged.fitted is not None
+        assert holds_beside(EFFECTS["stress_shift" if holds else "training_drift"], judged.fitted) is holds
+
+
+def test_random_effects_say_what_their_members_are() -> None:
+    assert {e.id: members_of(e) for e in EFFECTS.values() if members_of(e)} == {
+        "run_offset": ("condition",), "cycle_offset": ("cycle",),
+    }  # fmt: skip
+
+
+def test_a_time_constant_that_no_sensor_has_is_not_plausible(rig) -> None:
+    fitted = baseline_of(rig(lag=0.4).campaign())
+    extended = fitted.hypothesis.extended(EFFECTS["training_drift"])
+    drift, pace = 1.0, np.log(12.0)
+    assert is_plausible(extended, np.append(fitted.z, [drift, pace]))
+    assert not is_plausible(extended, np.append(fitted.z, [drift, np.log(12.0) + 3.5 * 0.85]))

@@ -1,0 +1,218 @@
+"""The loop on campaigns whose secret is known: right names, no name, and no name for what is not in the catalogue."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from sma_bayes.effects import EFFECTS
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.records.history import History, histories
+from sma_bayes.records.types import Condition
+from sma_bayes.studies.gap.fitting import fit_with_noise
+from sma_bayes.studies.gap.hypothesis import baseline
+from sma_bayes.studies.gap.outcome import judgement
+from sma_bayes.studies.gap.study import (
+    CARRIED,
+    CARRIED_BESIDE,
+    SIGNIFICANT,
+    WORTH,
+    baseline_start,
+    heat_balance,
+    study_campaign,
+    study_from,
+    without_needless,
+)
+
+PRIORS = read_priors("modified_sigmoid")
+
+
+@pytest.fixture(scope="module")
+def study(rig):
+    """Study a rig with the whole catalogue, one set of parameters for all conditions."""
+
+    def run(*, effects=EFFECTS, pooled: bool = True, seed: int = 0, **of):
+        return study_campaign(
+            rig(seed=seed, **of).campaign(), PRIORS, pooled=pooled, effects=effects, seed=seed
+        )
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("secret", "name", "parameter"),
+    [({"lag": 0.4}, "thermocouple_lag", "tau"), ({"shift": 2.0}, "stress_shift", "c")],
+)
+def test_what_was_planted_is_named_with_its_size(
+    secret: dict[str, float], name: str, parameter: str, study
+) -> None:
+    found = study(**secret)
+    assert found.verdict == "named"
+    assert [e.id for e in found.effects] == [name]
+    assert name in found.classes[name]
+    assert found.p_value < 1e-6
+    assert found.left.p_value > 1e-3
+    final = found.final
+    at = [p.name for p in final.hypothesis.space.parameters].index(f"{name}.{parameter}")
+    (size,) = secret.values()
+    assert final.theta[at] == pytest.approx(size, rel=0.1)
+    assert final.ln_evidence > found.baseline.ln_evidence + 20.0
+    assert np.std(final.whitened) == pytest.approx(1.0, abs=0.1)
+    assert judgement(found, found.steps[0].candidates[0])[0] == "named"
+
+
+def test_a_law_that_is_not_the_catalogues_is_named_with_what_its_form_leaves(study) -> None:
+    """A midpoint that rises with the load to the power of 1.6, at 1 : 1000 of noise; the catalogue's is a line."""
+    found = study(shift=2.0, power=1.6, sd=1e-3)
+    assert found.verdict == "named"
+    assert [e.id for e in found.effects] == ["stress_shift"]
+    assert found.left.p_value < SIGNIFICANT
+    rest = found.left.best.ln_bayes_factor
+    assert rest > WORTH
+    assert 1.0 - found.remainder == pytest.approx(found.explained / (found.explained + rest))
+    assert CARRIED < 1.0 - found.remainder <= found.carried <= 1.0
+
+
+@pytest.mark.parametrize("channels", [("displacement",), ("force", "displacement")])
+def test_two_effects_at_once_are_both_named(channels: tuple[str, ...], study) -> None:
+    found = study(lag=0.4, shift=2.0, channels=channels)
+    assert found.verdict == "named"
+    assert {e.id for e in found.effects} == {"thermocouple_lag", "stress_shift"}
+    theta = dict(zip(found.final.hypothesis.space.names, found.final.theta, strict=True))
+    assert theta["thermocouple_lag.tau"] == pytest.approx(0.4, rel=0.1)
+    assert theta["stress_shift.c"] == pytest.approx(2.0, rel=0.1)
+
+
+def test_what_differs_between_conditions_is_swallowed_by_parameters_of_their_own(study) -> None:
+    found = study(shift=2.0, pooled=False)
+    assert found.verdict == "none"
+
+
+def test_where_nothing_is_hidden_nothing_is_named(study) -> None:
+    """Ten campaigns, every other with a memory of 0.5; three alarms or more have a probability below 0.001 at 2 %."""
+    found = [study(seed=k, memory=0.5 * (k % 2)) for k in range(10)]
+    assert sum(f.verdict != "none" for f in found) <= 2
+    for f in found:
+        assert (f.verdict == "none") == (f.p_value > SIGNIFICANT)
+        if f.verdict == "none":
+            assert f.effects == ()
+            assert all(c.fitted is None for c in f.steps[0].candidates)
+
+
+def test_a_step_in_the_middle_has_no_name_since_a_smooth_function_does_as_well(study) -> None:
+    found = study(step=0.015, cycles=5)
+    assert found.verdict == "unnamed"
+    assert found.p_value < 1e-6
+    best = found.steps[0].candidates[0]
+    assert best.ln_bayes_factor > WORTH
+    assert best.ln_bayes_factor <= best.guard
+    status, why = judgement(found, best)
+    assert status == "rejected"
+    assert f"a meaningless smooth function of {best.guard_covariate} explains more" in why
+    assert best.beside is not None
+    assert best.beside.over > WORTH
+    assert best.beside.carried < CARRIED_BESIDE
+    assert f"carries no more than {100.0 * best.beside.carried:.0f} % of what it explains together" in why
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("step", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_large_step_passes_neither_for_noise_nor_for_an_effect(step: float, seed: int, study) -> None:
+    """Steps of 5 to 25 standard deviations of the noise, which look like a long memory."""
+    assert study(step=step, cycles=5, seed=seed).verdict == "unnamed"
+
+
+def test_effects_that_act_alike_are_one_class(study) -> None:
+    shift = EFFECTS["stress_shift"]
+
+    @dataclass(frozen=True)
+    class Twin(type(shift)):
+        id = "twin"
+
+    found = study(
+        shift=2.0,
+        effects={"stress_shift": shift, "twin": Twin(), "training_drift": EFFECTS["training_drift"]},
+    )
+    assert found.verdict == "named"
+    (members,) = found.classes.values()
+    assert set(members) == {"stress_shift", "twin"}
+    first = found.steps[0]
+    assert first.chosen is not None
+    values = {c.effect.id: c.ln_bayes_factor for c in first.candidates}
+    assert values["stress_shift"] == pytest.approx(values["twin"], abs=0.05)
+
+
+def test_what_a_later_effect_makes_needless_goes(rig) -> None:
+    """A sensor's lag that was taken for a rate dependence at first."""
+    campaign = rig(lag=0.4).campaign()
+    plain = baseline(campaign, histories(campaign), PRIORS, pooled=True)
+    rng = np.random.default_rng(0)
+    z = baseline_start(plain, campaign, PRIORS, pooled=True, rng=rng)
+    rate, lag = (EFFECTS[name] for name in ("rate_dependence", "thermocouple_lag"))
+
+    def fitted(*effects):
+        hypothesis = plain.with_effects(effects)
+        return fit_with_noise(hypothesis, np.concatenate([z, hypothesis.space.prior_centre()[z.size :]]))
+
+    kept = without_needless(fitted(rate, lag))
+    assert [e.id for e in kept.hypothesis.effects] == ["thermocouple_lag"]
+    assert without_needless(kept) is kept
+    found = study_from(fitted(rate), {"thermocouple_lag": lag}, rng, lambda _: None)
+    assert [e.id for e in found.effects] == ["thermocouple_lag"]
+
+
+def test_what_can_not_be_tested_is_said_and_not_tried(rig) -> None:
+    campaign = rig(shift=2.0).campaign()
+    timeless = [
+        replace(
+            r,
+            condition=Condition(r.condition.id),
+            inputs={k: v for k, v in r.inputs.items() if k != "time"},
+            units={k: v for k, v in r.units.items() if k != "time"},
+        )
+        for r in campaign.records
+    ]
+    found = study_campaign(replace(campaign, records=tuple(timeless)), PRIORS, pooled=True)
+    told = {c.effect.id: c.untestable for c in found.steps[0].candidates}
+    assert told["thermocouple_lag"] == "time was not recorded"
+    assert told["stress_shift"] == "the load is not known"
+    assert set(told) == set(EFFECTS)
+    assert found.verdict != "none"
+    assert not {"thermocouple_lag", "stress_shift"} & {e.id for e in found.effects}
+
+
+def test_a_seed_repeats_a_study(study) -> None:
+    few = {name: EFFECTS[name] for name in ("thermocouple_lag", "stress_shift")}
+    first, again = (study(lag=0.1, sd=0.02, effects=few) for _ in range(2))
+    assert first.p_value == again.p_value
+    np.testing.assert_array_equal(first.final.z, again.final.z)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_heat_balance_is_found_again(known: bool) -> None:
+    """The start of a fit of current and temperature, from readings that many small Euler steps made."""
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.uniform(0.3, 0.7, 600))
+    current = np.where(np.sin(time / 8.0) > 0.0, 2.0, 0.3)
+    room = 21.0 + (0.01 * time if known else 0.0 * time)
+    gain, loss = 1.7, 0.11
+    temperature = np.full(600, 30.0)
+    for i in range(599):
+        t, step = temperature[i], (time[i + 1] - time[i]) / 100.0
+        for _ in range(100):
+            t += step * (gain * current[i] ** 2 - loss * (t - room[i]))
+        temperature[i + 1] = t
+    temperature += 0.1 * rng.standard_normal(600)
+    inputs = {"time": time, "current": current, "temperature": temperature, "stretch": np.zeros(600)}
+    if known:
+        inputs["ambient_temperature"] = room
+    history = History(Condition("c"), inputs, {"temperature": temperature}, np.arange(600), {})
+    found = heat_balance([history])
+    assert found["gain"] == pytest.approx(gain, rel=0.05)
+    assert found["loss"] == pytest.approx(loss, rel=0.05)
+    assert ("ambient" in found) is not known
+    if not known:
+        assert found["ambient"] == pytest.approx(21.0, abs=1.0)
