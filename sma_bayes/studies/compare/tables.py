@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from sma_bayes.report.averages import average_factors
 from sma_bayes.report.content import INTERVAL, PAPER_CORRELATION, AverageFactor, Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import AVERAGE_COLUMNS, OF_ROW, Cell, Column, Table, average_cells
 from sma_bayes.studies.compare.outputs import StoredComparison
-from sma_bayes.studies.fit.gather import average_factors
 
 SHORT: Final[Mapping[str, str]] = {
     "modified_sigmoid": "modified sigmoid",

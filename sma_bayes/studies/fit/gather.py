@@ -6,14 +6,13 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from sma_bayes.assess.adequacy import Missed, Reason
-from sma_bayes.assess.correlation import FACTORS
 from sma_bayes.assess.summary import NOISE
 from sma_bayes.errors import OutputError
 from sma_bayes.paper.twin import printed_values
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.types import setting_unit
+from sma_bayes.report.averages import average_factors
 from sma_bayes.report.content import (
-    AverageFactor,
     Channel,
     Content,
     Estimate,
@@ -78,37 +77,6 @@ def report_content(run: StoredRun) -> Content:
             f for e in summary.get("correlation_average", ()) for f in average_factors(e, e["data"])
         ),
         provenance=_provenance(run),
-    )
-
-
-def average_factors(entry: Mapping[str, Any], data: str) -> tuple[AverageFactor, ...]:
-    """Averages of one channel and branch, one for each rule.
-
-    Parameters
-    ----------
-    entry : mapping
-        As `sma_bayes.assess.correlation_average.averages` states it.
-    data : str
-        See `AverageFactor`.
-    """
-    found = {name: entry[name] for name in FACTORS if name in entry}
-    units = {"rmse": entry["unit"]}
-    return tuple(
-        AverageFactor(
-            channel=entry["channel"],
-            name=entry["quantity"],
-            unit=entry["unit"],
-            branch=entry["branch"] or "both",
-            data=data,
-            rule=rule,
-            factors={n: _estimate(by[rule], units.get(n, "1")) for n, by in found.items() if rule in by},
-            above=found["r"][rule]["above"],
-            undefined=found["r"][rule]["undefined"],
-            records=tuple(entry["records"]),
-            left_out=tuple(entry["left_out"]),
-            draws=entry["draws"],
-        )
-        for rule in found.get("r", ())
     )
 
 

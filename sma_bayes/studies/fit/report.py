@@ -20,8 +20,8 @@ from sma_bayes.runs.jobs import run
 from sma_bayes.runs.outputs import band_path, posterior_of, read_band, read_run
 from sma_bayes.runs.store import write_text
 from sma_bayes.runs.stored_draws import draws_of
-from sma_bayes.studies.compare.figures.averages import average_figure
 from sma_bayes.studies.fit.answer import answer_tables
+from sma_bayes.studies.fit.figures.averages import average_figure
 from sma_bayes.studies.fit.figures.campaign import (
     correlation_figure,
     diagnostics_figure,

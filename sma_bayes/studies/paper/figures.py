@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sma_bayes.quantities import Floats
+from sma_bayes.report.figures.averages import row_names
 from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
@@ -25,7 +26,6 @@ from sma_bayes.report.figures.sheet import (
     label_width,
     panels,
 )
-from sma_bayes.studies.compare.figures.averages import row_names
 from sma_bayes.studies.compare.figures.models import LOOKS
 from sma_bayes.studies.compare.tables import SHORT
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from sma_bayes.report.content import PAPER_CORRELATION, AverageFactor, Content, Estimate
+from sma_bayes.report.figures.averages import NEAREST, Mark, correlation_axis
 from sma_bayes.report.figures.sheet import empty_sheet
 from sma_bayes.report.tables import average_table, cell_text, probability_text
-from sma_bayes.studies.compare.figures.averages import NEAREST, Mark, average_figure, correlation_axis
+from sma_bayes.studies.fit.figures.averages import average_figure
 
 UNDEFINED = Estimate(None, None, None)
 

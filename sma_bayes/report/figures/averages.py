@@ -1,0 +1,94 @@
+"""Average correlation factors on an axis that shows 0.95 and 0.9999 alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from matplotlib.axes import Axes
+
+from sma_bayes.report.content import PAPER_CORRELATION, AverageFactor, Estimate
+from sma_bayes.report.figures.sheet import INK, as_columns
+from sma_bayes.report.notation import unit_label
+
+NEAREST: Final = 1e-9
+"""How near to 1 a correlation is drawn at most."""
+TICKS: Final = (-1.0, 0.0, 0.5, 0.9, 0.95, 0.99, 0.999, 0.9999, 0.99999, 0.999999)
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """An estimate of r at a place of the vertical axis.
+
+    Attributes
+    ----------
+    place : float
+    estimate : Estimate
+    colour : str
+    hollow : bool
+    """
+
+    place: float
+    estimate: Estimate
+    colour: str
+    hollow: bool = False
+
+
+def tell_apart(ax: Axes, channel: tuple[str, str], channels: Sequence[tuple[str, str]]) -> None:
+    """Name the unit of a channel that was measured in several."""
+    name, unit = channel
+    if [n for n, _ in channels].count(name) > 1:
+        ax.set_xlabel(f"r [1], {name} in {unit_label(unit)}")
+
+
+def correlation_axis(ax: Axes, marks: Sequence[Mark]) -> None:
+    """Draw correlation factors against an axis that is logarithmic in 1 − r, with the paper's value."""
+    seen = [PAPER_CORRELATION]
+    for m in marks:
+        e = m.estimate
+        if e.median is None or e.q05 is None or e.q95 is None:
+            continue
+        low, mid, high = (max(1.0 - v, NEAREST) for v in (e.q05, e.median, e.q95))
+        ax.plot([low, high], [m.place] * 2, color=m.colour, lw=1.3, solid_capstyle="butt")
+        face = "white" if m.hollow else m.colour
+        ax.plot([mid], [m.place], marker="o", ms=3.6, mfc=face, mec=m.colour, mew=0.9, ls="none")
+        seen += [e.q05, e.q95]
+    ax.axvline(1.0 - PAPER_CORRELATION, color=INK, lw=0.8, ls="--", zorder=0)
+    far, near = max(1.0 - v for v in seen), max(min(1.0 - v for v in seen), NEAREST)
+    ax.set_xscale("log")
+    ax.set_xlim(far * 1.6, near / 1.6)
+    shown = [t for t in TICKS if near / 1.6 <= 1.0 - t <= far * 1.6]
+    ax.set_xticks([1.0 - t for t in shown], [f"{t:.10g}" for t in shown])
+    ax.minorticks_off()
+    ax.set_xlabel("r [1]")
+
+
+def row_names(ax: Axes, names: Sequence[str], *, labelled: bool) -> None:
+    """Name the rows of a list, every other one shaded."""
+    ax.set_ylim(len(names) - 0.4, -0.6)
+    ax.set_yticks(range(len(names)), list(names) if labelled else [""] * len(names))
+    ax.yaxis.set_tick_params(length=0)
+    for place in range(1, len(names), 2):
+        ax.axhspan(place - 0.5, place + 0.5, color="#f4f5f6", lw=0, zorder=-1)
+
+
+def average_columns(averages: Sequence[AverageFactor]) -> Mapping[str, Any]:
+    """Average factors as columns of a file."""
+    rows = [
+        (a.channel, a.unit, a.branch, a.data, a.rule, len(a.records), e.q05, e.median, e.q95, a.above)
+        for a in averages
+        for e in (a.factors["r"],)
+    ]
+    header = (
+        "channel",
+        "unit",
+        "branch",
+        "data",
+        "rule",
+        "records [1]",
+        "r_q05 [1]",
+        "r_median [1]",
+        "r_q95 [1]",
+    )
+    return as_columns((*header, f"probability above {PAPER_CORRELATION:g} [1]"), rows)
