@@ -8,6 +8,8 @@ from .assess.loops import loop_quantities as loop_quantities
 from .assess.transformation import transformation_temperatures as transformation_temperatures
 from .errors import SmaBayesError as SmaBayesError
 from .fitting.fit_records import fit_records as fit_records
+from .fitting.least_squares import LeastSquares as LeastSquares
+from .fitting.least_squares import least_squares as least_squares
 from .paper.twin import twin_campaign as twin_campaign
 from .parameters.priors_file import read_priors as read_priors
 from .records.campaign import read_campaign as read_campaign

@@ -28,6 +28,8 @@ Curves = Callable[[Floats, Mapping[str, Floats]], dict[str, Floats]]
 
 STEP = float(np.cbrt(np.finfo(float).eps))
 """Relative step of central differences: what cancels and what is cut off are then about equal."""
+OWN_SIZE = 1e-3
+"""Least step for a parameter without a role, in steps for the largest of those that are looked at together."""
 APART = 0.5
 """Least distance of starting points, in standard deviations of the draws of a parameter of shape."""
 SIZES = (1e-3, 1e3)
@@ -229,7 +231,7 @@ class ResponseModel(ABC):
             if fact.role in _LEVELS or fact.role in (Role.SPAN, Role.EFFECT):
                 high[fact.channel] = max(high.get(fact.channel, 0.0), size)
         out = []
-        for fact in self.facts:
+        for fact, own in zip(self.facts, largest, strict=True):
             of_channel = high.get(fact.channel, 0.0) or 1.0
             if fact.role in _TEMPERATURES:
                 out.append(0.1 * width)
@@ -237,6 +239,8 @@ class ResponseModel(ABC):
                 out.append(1.0 / width)
             elif fact.role in (Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE):
                 out.append(of_channel / width)
+            elif fact.role is None:
+                out.append(OWN_SIZE * own or 1.0)
             else:
                 out.append(of_channel if fact.role in _SCALED else 1.0)
         return out

@@ -21,6 +21,7 @@ from sma_bayes.assess.draws import record_draws
 from sma_bayes.assess.summary import record_summary
 from sma_bayes.errors import MeasurementError, SmaBayesError
 from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.least_squares import LeastSquares, least_squares_at
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
@@ -87,6 +88,13 @@ class RecordFit(Fit):
         measured, again = correlation_factors(self, self._replicated, self.index)
         found: dict[str, Any] = plain(record_summary(self, self.index, measured, again))
         return found
+
+    @cached_property
+    def least_squares(self) -> LeastSquares:
+        """Least-squares estimate of the curve, with standard errors: what the sampling started from."""
+        posterior = self.posterior
+        theta = self.warm_start.theta
+        return least_squares_at(posterior.records, posterior.model, theta, posterior.sampled_model)
 
     def summary(self) -> pd.DataFrame:
         """Parameters with their units, medians, intervals and diagnostics, one a row."""

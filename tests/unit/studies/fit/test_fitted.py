@@ -156,3 +156,16 @@ def test_a_channel_that_was_not_measured() -> None:
 def test_columns_beside_a_campaign() -> None:
     with pytest.raises(SmaBayesError, match="beside a campaign"):
         sma_bayes.fit(sma_bayes.campaign_of(DATA), conditions={"data": {"current_A": 1.0}})
+
+
+def test_a_fit_tells_its_least_squares_estimate(fits: sma_bayes.Fits) -> None:
+    """That of the warm start is that of a search without bounds; its errors are near those of the posterior."""
+    fit = fits["data-heating"]
+    found = fit.least_squares
+    alone = sma_bayes.least_squares(fit.record)
+    assert found.converged
+    for name, value in alone.estimate.items():
+        assert found.estimate[name] == pytest.approx(value, rel=1e-6)
+        assert found.standard_error[name] == pytest.approx(alone.standard_error[name], rel=1e-4)
+        assert fit.summary().loc[name, "sd"] == pytest.approx(found.standard_error[name], rel=0.25)
+    assert found.residual_sd["force"] == pytest.approx(0.02, rel=0.3)
