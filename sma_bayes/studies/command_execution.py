@@ -1,0 +1,113 @@
+"""What commands share: where their tasks are done, to whom they tell how far they are, and how they end."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import typer
+
+from sma_bayes.account import Account
+from sma_bayes.errors import SmaBayesError
+from sma_bayes.progress import LINE_S, log_lines
+
+T = TypeVar("T")
+
+
+@contextmanager
+def working_on(
+    read: Callable[[], T],
+    scheduler: str | None,
+    jobs: int | None,
+    silent: bool,
+    verbose: bool,
+    *,
+    tasks: bool = True,
+) -> Iterator[tuple[T, dict[str, Any]]]:
+    """What `read` gives, and what says to all that is done with it where, to whom to tell and on which account."""
+    account = Account()
+    with workers(scheduler, jobs), progress_shown(silent, verbose, tasks=tasks) as progress:
+        with account.timed("read"):
+            campaign = read()
+        yield campaign, {"jobs": jobs, "progress": progress, "account": account}
+
+
+@contextmanager
+def workers(scheduler: str | None, jobs: int | None) -> Iterator[None]:
+    """Where tasks are done: on processes of this machine, or on the cluster of a scheduler."""
+    if scheduler is None:
+        yield
+        return
+    if jobs is not None:
+        raise SmaBayesError(
+            f"--scheduler {scheduler} and --jobs {jobs}",
+            expected="one of the two: a cluster has as many workers as were started",
+            remedy="leave one of them out",
+        )
+    from sma_bayes.runs.jobs import cluster
+
+    with cluster(scheduler):
+        yield
+
+
+@contextmanager
+def progress_shown(
+    silent: bool, verbose: bool, *, tasks: bool = True
+) -> Iterator[Callable[[int, int, str], None] | None]:
+    """A progress bar on standard error; log lines where that is not a terminal, or where every step is wanted."""
+    if silent and not verbose:
+        yield None
+        return
+    if verbose or not sys.stderr.isatty():
+        with log_lines(0.0 if verbose else LINE_S, tasks=tasks) as lines:
+            yield lines
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns: list[ProgressColumn] = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
+    columns += [TimeElapsedColumn(), *([TextColumn("left"), TimeRemainingColumn()] if tasks else [])]
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("reading", total=None)
+
+        def tell(done: int, total: int, message: str) -> None:
+            bar.update(task, completed=done, total=total, description=message[:60])
+
+        yield tell
+
+
+def show_found(found: Mapping[str, Any], quiet: bool, as_json: bool, show: Callable[[], None]) -> None:
+    """Tell what was found as JSON, for people or not at all."""
+    if as_json:
+        typer.echo(json.dumps(found, indent=1))
+    elif not quiet:
+        show()
+
+
+def finish(
+    found: dict[str, Any], quiet: bool, as_json: bool, show: Callable[[], None], *, strict: bool = False
+) -> None:
+    """Tell what was found, see `show_found`, and end with its exit status.
+
+    It is 1 where it has not converged, and with `strict` where it is not adequate.
+    """
+    if as_json:
+        from sma_bayes.runs.store import plain
+
+        found = plain(found)
+    show_found(found, quiet, as_json, show)
+    good = found["converged"] and (found["adequate"] if strict else True)
+    status = found.get("exit_status", 0 if good else 1)
+    if status:
+        raise typer.Exit(status)

@@ -1,0 +1,80 @@
+"""The verb `conditions` on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sma_bayes.studies.command_execution import finish, progress_shown, workers
+from sma_bayes.studies.command_options import (
+    Figures,
+    Jobs,
+    Json,
+    NoFigures,
+    Quiet,
+    Resume,
+    Scheduler,
+    Seed,
+    Verbose,
+)
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
+    at: Annotated[
+        list[str] | None,
+        typer.Option(help="A condition to predict, such as current_A=2.2,load_g=150; may be repeated."),
+    ] = None,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A condition to leave out and predict from the others, or 'each'; may be repeated."
+        ),
+    ] = None,
+    scatter: Annotated[
+        float,
+        typer.Option(
+            help="Scatter between conditions to expect, as a share of span, rate and width of a curve."
+        ),
+    ] = 0.1,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="Response model that the fit must have been made with; 'auto': the one that all records together "
+            "support best, fitted again where the fit has another; any by default.",
+            metavar="NAME",
+        ),
+    ] = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    figures: Figures = "report",
+    no_figures: NoFigures = False,
+    scheduler: Scheduler = None,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Tell what current, load, frequency and duty cycle do, and predict conditions that were not measured."""
+    from sma_bayes.report.screen import show_text
+    from sma_bayes.studies.conditions.terminal import conditions_text
+    from sma_bayes.studies.conditions.workflow import study_conditions
+
+    with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose) as progress:
+        found = study_conditions(
+            folder,
+            out,
+            at=at or (),
+            leave_out=leave_out or (),
+            scatter=scatter,
+            model=model,
+            seed=seed,
+            jobs=jobs,
+            resume=resume,
+            figures="none" if no_figures else figures,
+            progress=progress,
+        )
+    finish(found, quiet, as_json, lambda: show_text(conditions_text(found), found, out))

@@ -1,0 +1,58 @@
+"""The verb `demo` on the command line."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sma_bayes.studies.command_execution import finish, working_on
+from sma_bayes.studies.command_options import (
+    Figures,
+    Jobs,
+    Json,
+    NoFigures,
+    Noise,
+    Quiet,
+    Resume,
+    Scheduler,
+    Seed,
+    Strict,
+    Verbose,
+)
+
+
+def command(
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("sma-bayes-demo"),
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    noise: Noise = "auto",
+    figures: Figures = "report",
+    no_figures: NoFigures = False,
+    scheduler: Scheduler = None,
+    resume: Resume = False,
+    strict: Strict = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Run the main job on a twin of the published campaign: 18 records, no other file, no network."""
+    from sma_bayes.paper.twin import twin_campaign
+    from sma_bayes.studies.fit.terminal import show_fit
+    from sma_bayes.studies.fit.workflow import fit_campaign
+    from sma_bayes.studies.identity import is_run_of
+
+    read = partial(twin_campaign, seed)
+    with working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
+        summary = fit_campaign(
+            campaign,
+            out,
+            seed=seed,
+            noise=noise,
+            resume=resume or is_run_of(out, campaign),
+            figures="none" if no_figures else figures,
+            **shared,
+        )
+    finish(summary, quiet, as_json, lambda: show_fit(summary, out), strict=strict)

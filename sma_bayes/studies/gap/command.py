@@ -1,0 +1,70 @@
+"""The verb `gap` on the command line."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sma_bayes.studies.command_execution import finish, working_on
+from sma_bayes.studies.command_options import (
+    Data,
+    Figures,
+    Jobs,
+    Json,
+    Model,
+    NoFigures,
+    PoolChoice,
+    Priors,
+    Quiet,
+    Resume,
+    Scheduler,
+    Seed,
+    Source,
+    Verbose,
+)
+
+
+def command(
+    path: Source,
+    out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
+    data: Data = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    model: Model = "modified_sigmoid",
+    priors: Priors = None,
+    noise: Annotated[
+        str, typer.Option(help="Only 'auto': the study estimates the noise by itself.")
+    ] = "auto",
+    pool: PoolChoice = "none",
+    figures: Figures = "report",
+    no_figures: NoFigures = False,
+    scheduler: Scheduler = None,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink."""
+    from sma_bayes.records.campaign import read_campaign
+    from sma_bayes.studies.gap.terminal import show_gap
+    from sma_bayes.studies.gap.workflow import study_gap
+    from sma_bayes.studies.options import pool_named
+
+    read = partial(read_campaign, path, data_dir=data)
+    with working_on(read, scheduler, jobs, quiet or as_json, verbose, tasks=False) as (campaign, shared):
+        found = study_gap(
+            campaign,
+            out,
+            seed=seed,
+            noise=noise,
+            model=model,
+            priors=priors,
+            pool=pool_named(pool),
+            resume=resume,
+            figures="none" if no_figures else figures,
+            **shared,
+        )
+    finish(found, quiet, as_json, lambda: show_gap(found, out))

@@ -1,0 +1,1 @@
+"""Priors as TOML, to look at and to edit."""

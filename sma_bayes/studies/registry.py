@@ -1,0 +1,41 @@
+"""The verbs of the command line: a folder each, and a line each in the order of the help.
+
+A verb's folder has a module `command` with a function `command`, of which typer makes the verb: its
+parameters are arguments and options, the first line of its docstring stands in the help. Where the verb writes a
+folder that has a report, a module `report` has `build_report`, see `sma_bayes.report.choice.ReportBuilder`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from types import ModuleType
+from typing import Final
+
+from sma_bayes.catalogue import Catalogue
+
+_SHIPPED: Final = (
+    "demo",
+    "init",
+    "inspect",
+    "priors",
+    "fit",
+    "gap",
+    "compare",
+    "ask",
+    "diff",
+    "conditions",
+    "run",
+    "report",
+    "paper",
+)
+VERBS: Final = Catalogue[ModuleType](
+    "verb", {name: import_module(f"sma_bayes.studies.{name}") for name in _SHIPPED}, "sma_bayes.studies"
+)
+"""The folder of each verb, as a package."""
+
+
+def command_of(verb: str) -> Callable[..., None]:
+    """Function of which typer makes the verb."""
+    command: Callable[..., None] = import_module(f"{VERBS[verb].__name__}.command").command
+    return command

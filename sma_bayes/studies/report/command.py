@@ -1,0 +1,43 @@
+"""The verb `report` on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sma_bayes.studies.command_execution import progress_shown, workers
+from sma_bayes.studies.command_options import Figures, Jobs, Quiet, Scheduler, Verbose
+
+
+def command(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder that fit, gap, compare or conditions has written.")
+    ],
+    figures: Figures = "report",
+    formats: Annotated[
+        str, typer.Option("--format", help="Of the figures: 'pdf', 'svg', 'png', or several: 'pdf,svg'.")
+    ] = "pdf,png",
+    workbook: Annotated[
+        bool, typer.Option("--workbook", help="All tables as tables/results.xlsx too, a sheet a table.")
+    ] = False,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Rebuild the HTML report, figures and LaTeX tables from what a folder holds."""
+    from sma_bayes.studies.report.build import build_report
+
+    with workers(scheduler, jobs), progress_shown(quiet, verbose) as progress:
+        build_report(
+            folder,
+            figures=figures,
+            formats=formats.split(","),
+            workbook=workbook,
+            jobs=jobs,
+            progress=progress,
+        )
+    if not quiet:
+        typer.echo(f"report: {folder / 'report.html'}")
