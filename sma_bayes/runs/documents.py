@@ -105,15 +105,15 @@ class Document:
                 f"has the schema {schema!r}",
                 file=path,
                 expected=f"the schema {self.schema!r}",
-                remedy=self._elsewhere,
+                remedy=self.in_another_folder,
             )
         lacking = [key for key in self.keys if key not in found]
         if lacking:
             raise OutputError(
                 f"lacks {' and '.join(map(repr, lacking))}",
                 file=path,
-                expected=f"what this version of sma_bayes writes under the schema {self.schema!r}",
-                remedy=self._elsewhere,
+                expected=self.as_declared,
+                remedy=self.in_another_folder,
             )
         if found.get(KEY) != document_checksum(found):
             raise OutputError(
@@ -125,7 +125,13 @@ class Document:
         return dict(found)
 
     @property
-    def _elsewhere(self) -> str:
+    def as_declared(self) -> str:
+        """What is expected of its keys."""
+        return f"what this version of sma_bayes writes under the schema {self.schema!r}"
+
+    @property
+    def in_another_folder(self) -> str:
+        """What to do where it is of another version."""
         return f"{self.verb} again into another folder, with this version of sma_bayes"
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 HEAVY = ("arviz", "corner", "dask", "distributed", "emcee", "h5py", "joblib", "matplotlib", "numpy", "pandas", "pint",
-         "scipy", "xarray")  # fmt: skip
+         "pydantic", "scipy", "xarray")  # fmt: skip
 
 
 def imported(code: str, *arguments: str) -> set[str]:

@@ -1,0 +1,174 @@
+"""Typed documents: what a verb found, declared once.
+
+From a declaration come the JSON that is written, the JSON Schema of it, the typed reader and the table of its keys in
+the reference. A key without a default is always there; one with a default is written only where it was given.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Final, Self, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, GetPydanticSchema, Strict, ValidationError, WithJsonSchema
+from pydantic_core.core_schema import no_info_plain_validator_function
+
+from sma_bayes.errors import OutputError
+from sma_bayes.runs.documents import Document
+from sma_bayes.runs.store import plain
+
+DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
+
+T = TypeVar("T")
+M = TypeVar("M", bound="DocumentPart")
+
+
+def _finite(value: object) -> Any:
+    """Number of Python; a whole one stays whole, so that it is written as it came."""
+    found = plain(value)
+    if isinstance(found, bool | str) or not isinstance(found, int | float):
+        raise ValueError("a finite number")
+    return found
+
+
+def _finite_or_null(value: object) -> Any:
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return None
+    return _finite(value)
+
+
+def _as_it_is(check: Callable[[object], Any]) -> GetPydanticSchema:
+    """What a check gives, written without another conversion."""
+    return GetPydanticSchema(lambda source, handler: no_info_plain_validator_function(check))
+
+
+Items = Annotated[tuple[T, ...], Strict(False)]
+"""A list of JSON."""
+Number = Annotated[float, _as_it_is(_finite), WithJsonSchema({"type": "number"})]
+"""A finite number."""
+NumberOrNull = Annotated[
+    float | None, _as_it_is(_finite_or_null), WithJsonSchema({"type": ["number", "null"]})
+]
+"""A number; null where it is not told, or is not finite."""
+
+
+class DocumentPart(BaseModel):
+    """A part of a document: immutable, its keys declared; keys of later versions are kept as they are."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True, populate_by_name=True)
+
+    def as_json(self) -> dict[str, Any]:
+        """The part as values that JSON knows, in the order of the declaration."""
+        return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
+
+    @classmethod
+    def read_as(cls, found: Mapping[str, Any], path: Path, expected: str, remedy: str) -> Self:
+        """The part of a document that was read.
+
+        Parameters
+        ----------
+        found : mapping
+            As parsed.
+        path : Path
+            File of the document, for messages.
+        expected, remedy : str
+            See `OutputError`.
+
+        Raises
+        ------
+        OutputError
+            With the key, where one is missing or of another kind.
+        """
+        try:
+            return cls.model_validate(found)
+        except ValidationError as error:
+            first = error.errors()[0]
+            *above, key = (str(name) for name in first["loc"]) if first["loc"] else ("",)
+            where = f" in {'.'.join(above)}" if above else ""
+            if first["type"] == "missing":
+                told = f"lacks {key!r}{where}"
+            else:
+                wanted = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+                told = f"has {first['input']!r:.200} as {key!r}{where}, not {wanted}"
+            raise OutputError(told, file=path, expected=expected, remedy=remedy) from None
+
+
+def read_document(document: Document, model: type[M], folder: Path) -> M:
+    """What a finished run found, typed.
+
+    Raises
+    ------
+    OutputError
+        If the run is not finished, or its document can't be read, was changed or is of another version.
+    """
+    return model.read_as(
+        document.read(folder), folder / document.file, document.as_declared, document.in_another_folder
+    )
+
+
+def json_schema(model: type[DocumentPart]) -> dict[str, Any]:
+    """JSON Schema of a document, by which a program in any language can check it."""
+    return {"$schema": DIALECT, **model.model_json_schema(by_alias=True)}
+
+
+class Workers(DocumentPart):
+    """Who did the tasks."""
+
+    where: str = Field(description="where tasks were done, in words")
+    lost: Items[str] = Field(
+        description="what is known of each worker that came to an end in the middle of a task, which was done again"
+    )
+
+
+class RunAccount(DocumentPart):
+    """What a run took; it stands at the end of a document."""
+
+    figures: str = Field(description="which figures were drawn: `report`, `all` or `none`")
+    stages_s: dict[str, Number] = Field(
+        description="time by the clock of each stage, added up over tasks that ran side by side [s]"
+    )
+    stages_cpu_s: dict[str, Number] = Field(description="the same of the processor [s]")
+    workers: Workers = Field(description="where tasks were done, and which workers were lost")
+    wall_s: Number = Field(description="time that went by [s]")
+    content_sha256: str = Field(
+        default="", description="checksum of all else in the document, which every reader compares"
+    )
+
+
+class Finding(DocumentPart):
+    """What was found about the measurements."""
+
+    kind: str = Field(description="name of what was found, such as `clipped`")
+    message: str = Field(description="the same in a sentence")
+    file: str = Field(description="name of the data file; empty, as what follows, where it is not known")
+    rows: Items[int] = Field(description="its first rows that are concerned")
+    count: int = Field(description="how many rows are concerned")
+    dropped: int = Field(description="how many of them were kept out")
+    condition: str = Field(description="id of the condition")
+    branch: str = Field(description="`heating` or `cooling`")
+    column: str = Field(description="column of the data file")
+    severity: str = Field(
+        description="`serious`: numbers may be other than they seem; `look`: an assumption to confirm; `note`"
+    )
+
+
+class Interval(DocumentPart):
+    """Equal-tailed 90 % interval and median; null where not told."""
+
+    q05: NumberOrNull = Field(description="lower end")
+    median: NumberOrNull = Field(description="median")
+    q95: NumberOrNull = Field(description="upper end")
+
+
+class ModelChoice(DocumentPart):
+    """Why a response model was taken (`--model auto`)."""
+
+    name: str = Field(description="name of the model")
+    reason: str = Field(description="one sentence")
+    ln_evidence: dict[str, Number] = Field(
+        description="by model that was looked at, less that of the chosen one"
+    )
+    held_out: dict[str, NumberOrNull] = Field(
+        description="root mean square by which each model misses samples held out, as a share of the range [1]"
+    )
