@@ -225,7 +225,7 @@ class ResponseModel(ABC):
     def _sizes(self, theta: Floats, temperature: Floats) -> list[float]:
         """Magnitude of each parameter below which a step of finite differences need not go."""
         width = float(np.ptp(temperature)) or max(float(np.abs(temperature).max()), 1.0)
-        largest = [float(np.abs(theta[..., i]).max()) for i in range(theta.shape[-1])]
+        largest = [float(np.abs(theta[..., i]).max(initial=0.0)) for i in range(theta.shape[-1])]
         high: dict[str, float] = {}
         for fact, size in zip(self.facts, largest, strict=True):
             if fact.role in _LEVELS or fact.role in (Role.SPAN, Role.EFFECT):

@@ -9,6 +9,7 @@ import pickle
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -92,6 +93,16 @@ def test_one_vector_all_walkers_and_all_draws_use_one_code_path(it: Case) -> Non
             np.testing.assert_allclose(
                 found[channel][2, 3] / scale, alone[channel] / scale, rtol=1e-12, atol=1e-12
             )
+
+
+@each
+def test_no_parameter_vectors_give_no_curves(it: Case) -> None:
+    """A sampler may ask for the derivatives of a batch that turned out empty."""
+    nothing, n = it.draws(0), it.inputs["temperature"].size
+    for jacobian in (it.model.jacobian, partial(ResponseModel.jacobian, it.model)):
+        found = jacobian(nothing, it.inputs)
+        for channel in it.channels:
+            assert found[channel].shape == (0, n, nothing.shape[-1])
 
 
 @each
