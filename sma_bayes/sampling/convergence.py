@@ -2,7 +2,7 @@
 
 Formulae of A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Bürkner, "Rank-normalization, folding, and
 localization: an improved R-hat for assessing convergence of MCMC", Bayesian Analysis 16 (2021) 667,
-doi 10.1214/20-BA1221; arviz computes the same, one parameter at a time, and tests compare.
+doi 10.1214/20-BA1221, as arviz-stats computes them.
 
 A chain here is one *independent ensemble* with its walkers joined end to end. Walkers of one ensemble are not
 independent of each other, so they are never counted as chains.
@@ -12,15 +12,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import ndtri
 
 from sma_bayes.quantities import Floats
 
-FEW, SOME = 16, 32
-"""Lags of an autocovariance to begin with, and to go on to by doubling them; up to there they are plain sums."""
+TAILS = (0.05, 0.95)
+"""Quantiles whose effective sample sizes are those of the tails."""
 OUTER = (0.025, 0.975)
 """Quantiles that are published as the ends of intervals."""
 NORMAL_ERROR = 3.5
@@ -97,21 +97,13 @@ def assess(draws: Floats, target: Target) -> Convergence:
         a stuck walker nor a drift of the whole ensemble goes unseen. From `LONG` steps on, effective sample sizes
         are also estimated from the means over walkers, which sees walkers that move together; the lesser counts.
     """
-    values = _parameters_first(draws)
-    # ranks do not depend on the order of the draws, and sorting is most of the work: once serves all orders
-    scores, folded, tails = _ranked(values)
-    both = np.concatenate([scores, folded])
-    by_walker = _by_walker(both)
-    rhat = np.maximum(_rhat(_split(by_walker)), _rhat(_split(_by_step(both)))).reshape(2, -1).max(axis=0)
-    in_tails = _by_walker(values) <= tails[:, :, None, None]
-    told = np.concatenate([by_walker[: len(values)], *in_tails])
-    ess = _ess(_split(told))
-    if draws.shape[1] >= LONG:
-        in_tails = values <= tails[:, :, None, None, None]
-        ess = np.minimum(ess, _ess_of_ensembles(np.concatenate([scores, *in_tails])))
-    bulk, low, high = np.split(ess, 3)
-    tail = np.minimum(low, high)
-    error = _quantile_error(values.reshape(len(values), -1), tail)
+    groups, steps, _, d = draws.shape
+    by_walker, by_step = draws.swapaxes(1, 2).reshape(groups, -1, d), draws.reshape(groups, -1, d)
+    rhat = np.maximum(rank_rhat(by_walker), rank_rhat(by_step))
+    bulk, tail = ess_bulk(by_walker), ess_tail(by_walker)
+    if steps >= LONG:
+        bulk, tail = np.minimum((bulk, tail), _ess_of_means(draws))
+    error = _quantile_error(_flat(draws), tail)
     with np.errstate(invalid="ignore"):
         finite = bool(np.all(np.isfinite(draws)))
         reached = np.all(rhat <= target.rhat) and np.all(np.minimum(bulk, tail) >= target.ess)
@@ -121,86 +113,50 @@ def assess(draws: Floats, target: Target) -> Convergence:
 
 def rank_rhat(chains: Floats) -> Floats:
     """Rank-normalised split R-hat, the greater of bulk and folded; `chains` (C, N, D) gives (D,)."""
-    halves = _split(_parameters_first(chains))
-    scores, folded, _ = _ranked(halves)
-    return np.maximum(_rhat(scores), _rhat(folded))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(_array_stats().rhat(chains, chain_axis=0, draw_axis=1))
 
 
 def ess_bulk(chains: Floats) -> Floats:
     """Effective sample size of the rank-normalised draws; `chains` (C, N, D) gives (D,)."""
-    return _ess(_ranked(_split(_parameters_first(chains)))[0])
+    return _ess(chains, method="bulk")
 
 
 def ess_tail(chains: Floats) -> Floats:
     """Lesser of the effective sample sizes of the 5 % and 95 % quantiles; `chains` (C, N, D) gives (D,)."""
-    values = _parameters_first(chains)
-    halves, tails = _split(values), _ranked(values)[2]
-    return np.minimum(*(_ess((halves <= q[:, None, None]).astype(float)) for q in tails))
+    return _ess(chains, method="tail", prob=TAILS)
 
 
-# What follows has the parameters first, so that the draws of each lie together in memory.
-def _parameters_first(draws: Floats) -> Floats:
-    return np.ascontiguousarray(np.moveaxis(draws, -1, 0))
-
-
-def _by_walker(values: Floats) -> Floats:
-    """Walkers of each ensemble end to end: (D, G, S, W) to (D, G, W S)."""
-    return np.swapaxes(values, 2, 3).reshape(*values.shape[:2], -1)
-
-
-def _by_step(values: Floats) -> Floats:
-    """Steps of each ensemble one after the other: (D, G, S, W) to (D, G, S W)."""
-    return values.reshape(*values.shape[:2], -1)
-
-
-def _split(chains: Floats) -> Floats:
-    """Halves of chains (D, C, N) as chains of their own: (D, 2 C, N // 2), without the middle of an odd number."""
-    d, c, n = chains.shape
-    if n % 2 == 0:
-        return chains.reshape(d, 2 * c, -1)
-    half = n // 2
-    return np.concatenate([chains[:, :, :half], chains[:, :, half + 1 :]], axis=1)
-
-
-def _ess_of_ensembles(values: Floats) -> Floats:
-    """Effective sample size of `values` (D, G, S, W) from the means over the walkers of each ensemble."""
-    means = values.mean(axis=3)
+def _ess(chains: Floats, **how: Any) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
-        gain = values.var(axis=(1, 2, 3)) / means.var(axis=(1, 2))
-    return np.asarray(_ess(_split(means)) * gain)
+        return np.asarray(_array_stats().ess(chains, chain_axis=0, draw_axis=1, **how))
 
 
-def _ranked(values: Floats) -> tuple[Floats, Floats, Floats]:
-    """Normal scores, those of the distances from the median, and the 5 % and 95 % quantiles, by one sort.
+def _array_stats() -> Any:
+    """Functions of arviz-stats for arrays, imported only where draws are diagnosed."""
+    from arviz_stats.base import array_stats
 
-    Parameters
-    ----------
-    values : ndarray, shape (D, ...)
+    return array_stats
 
-    Returns
-    -------
-    scores, folded : ndarray, shape (D, ...)
-        Normal quantiles of the ranks over all draws (Blom's formula); ties share their mean rank.
-    tails : ndarray, shape (2, D)
-    """
-    flat = values.reshape(len(values), -1)
-    scores, folded = np.empty_like(flat), np.empty_like(flat)
-    size = flat.shape[1]
-    quantile = _quantiles_of_ranks(size)
-    middle = (size - 1) // 2, size // 2
-    below, part = np.divmod(np.multiply((0.05, 0.95), size - 1), 1.0)
-    at = below.astype(np.int64)
-    above = np.minimum(at + 1, size - 1)
-    tails = np.empty((2, len(flat)))
-    for k, column in enumerate(flat):  # one by one they stay in the processor's cache
-        order = column.argsort()
-        in_order = column[order]
-        scores[k, order] = _scores_in_order(in_order, quantile)
-        distance = np.abs(in_order - 0.5 * (in_order[middle[0]] + in_order[middle[1]]))
-        outwards = distance.argsort(kind="stable")  # two runs, one falling and one rising: soon sorted
-        folded[k, order[outwards]] = _scores_in_order(distance[outwards], quantile)
-        tails[:, k] = in_order[at] + part * (in_order[above] - in_order[at])
-    return scores.reshape(values.shape), folded.reshape(values.shape), tails
+
+def _ess_of_means(draws: Floats) -> tuple[Floats, Floats]:
+    """Bulk and tail effective sample size of `draws` (G, S, W, D) from the means over the walkers of each ensemble."""
+    from scipy.stats import rankdata
+
+    values = _flat(draws)
+    scores = ndtri((rankdata(values, axis=1) - 0.375) / (values.shape[1] + 0.25))
+    in_tails = values <= np.quantile(values, TAILS, axis=1)[:, :, None]
+    series = np.concatenate([scores, *in_tails]).reshape(-1, *draws.shape[:3])
+    means = series.mean(axis=3)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        gain = series.var(axis=(1, 2, 3)) / means.var(axis=(1, 2))
+    bulk, low, high = np.split(_ess(np.moveaxis(means, 0, 2), method="mean") * gain, 3)
+    return bulk, np.minimum(low, high)
+
+
+def _flat(draws: Floats) -> Floats:
+    """All draws (..., D) of each parameter together in memory, shape (D, N)."""
+    return np.moveaxis(draws, -1, 0).reshape(draws.shape[-1], -1)
 
 
 def _quantile_error(values: Floats, ess: Floats) -> Floats:
@@ -213,87 +169,3 @@ def _quantile_error(values: Floats, ess: Floats) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         slope = np.maximum(ends[:, 1] - ends[:, 0], ends[:, 3] - ends[:, 2]) / level
         return np.asarray(slope * np.sqrt(level * (1.0 - level) / ess) / values.std(axis=1))
-
-
-def _quantiles_of_ranks(size: int) -> Floats:
-    """Normal quantiles of the ranks 1, 1.5, 2 ... `size`."""
-    return np.asarray(ndtri((0.5 * np.arange(2.0, 2.0 * size + 1.0) - 0.375) / (size + 0.25)))
-
-
-def _scores_in_order(in_order: Floats, quantile: Floats) -> Floats:
-    """Normal scores of sorted values."""
-    new = np.empty(in_order.size + 1, dtype=bool)
-    new[0] = new[-1] = True
-    np.not_equal(in_order[1:], in_order[:-1], out=new[1:-1])
-    starts = new.nonzero()[0]  # the last one is the end
-    ties = starts[1:] - starts[:-1]
-    return np.repeat(quantile[starts[1:] + starts[:-1] - 1], ties)
-
-
-def _rhat(chains: Floats) -> Floats:
-    n = chains.shape[2]
-    means = chains.mean(axis=2)
-    squares = (
-        np.einsum("dcn,dcn->dc", chains, chains) / n
-    )  # scores are about zero: nothing is lost by subtracting
-    within = np.maximum(squares - means**2, 0.0).mean(axis=1) * (n / (n - 1.0))
-    between = means.var(axis=1, ddof=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.sqrt((n - 1) / n + between / within))
-
-
-def _ess(chains: Floats, lags: int = FEW) -> Floats:
-    """Effective sample size of chains (D, C, N) by Geyer's initial monotone sequence.
-
-    The sequence seldom goes beyond the first few lags. Where it does, it is begun anew with more of them.
-    """
-    d, c, n = chains.shape
-    lags = min(lags, n)
-    means = chains.mean(axis=2)
-    autocovariance = _autocovariance(chains, means, lags)
-    mean_variance = autocovariance[:, 0] * n / (n - 1.0)
-    total = mean_variance * (n - 1.0) / n
-    if c > 1:
-        total = total + means.var(axis=1, ddof=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rho = 1.0 - (mean_variance[:, None] - autocovariance) / total[:, None]
-    rho[:, 0] = 1.0
-    count = lags // 2
-    pairs = rho[:, : 2 * count].reshape(d, count, 2).sum(axis=2)
-    last = max((n - 3) // 2, 0)  # the end of the series is too noisy to use
-    ends = pairs < 0
-    ended = ends.any(axis=1)
-    stop = np.where(ended, np.minimum(ends.argmax(axis=1), last), last)
-    longest = min(int(stop.max(initial=0)), count)
-    monotone = np.minimum.accumulate(pairs[:, :longest], axis=1)
-    tau = -1.0 + 2.0 * np.where(np.arange(longest) < stop[:, None], monotone, 0.0).sum(axis=1)
-    at = np.minimum(stop, count - 1)[:, None]
-    first = np.take_along_axis(rho, 2 * at, axis=1)[:, 0]  # half of the pair that ended the sequence
-    counted = (stop < count) & ((first > 0) | (np.take_along_axis(pairs, at, axis=1)[:, 0] >= 0))
-    tau = np.where(counted, tau + first, tau)
-    ess = np.where(total > 0, c * n / np.maximum(tau, 1.0 / np.log10(c * n)), np.nan)
-    if lags < n and not ended.all():
-        ess[~ended] = _ess(chains[~ended], 2 * lags if lags < SOME else n)
-    return np.asarray(ess)
-
-
-def _autocovariance(chains: Floats, means: Floats, lags: int) -> Floats:
-    """Mean over chains of the autocovariance at the first lags: (D, C, N) about (D, C) gives (D, lags)."""
-    d, c, n = chains.shape
-    if lags <= SOME:
-        # zeros keep the end of a chain from the beginning of the next, and fill up its last block
-        apart = np.zeros((d, c, (math.ceil(n / lags) + 1) * lags))
-        np.subtract(chains, means[:, :, None], out=apart[:, :, :n])
-        blocks = apart.reshape(d, -1, lags)
-        # in products of a block with itself and the next, element (i, i + k) is of lag k: in rows one longer, column k
-        sums = np.empty((d, lags * (2 * lags + 1)))
-        products = sums[:, : 2 * lags * lags].reshape(d, lags, 2 * lags)
-        turned = np.swapaxes(blocks, 1, 2)
-        np.matmul(turned, blocks, out=products[:, :, :lags])
-        np.matmul(turned[:, :, :-1], blocks[:, 1:], out=products[:, :, lags:])
-        return np.asarray(sums.reshape(d, lags, -1)[:, :, :lags].sum(axis=1) / (n * c))
-    length = next_fast_len(2 * n, real=True)
-    spectrum = rfft(chains - means[:, :, None], n=length)
-    # only the mean over chains is used, and it may as well be taken before the transform back
-    power = (spectrum.real**2 + spectrum.imag**2).mean(axis=1)
-    return np.asarray(irfft(power, n=length)[:, :lags] / n)

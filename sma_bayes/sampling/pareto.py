@@ -1,6 +1,8 @@
 """Importance weights whose largest are replaced by quantiles of a fitted Pareto distribution.
 
-The exponent k of the fit tells whether the weights can be relied on: below 0.7 they can, above they can't.
+The exponent k of the fit tells whether the weights can be relied on: below 0.7 they can, above they can't. arviz-stats
+has the same, but (in 0.8 and 1.3) rounds the size of the tail down where the article and its authors' R package ``loo``
+round it up, which moves k by some hundredths, and refuses tails whose values are all the same.
 
 References
 ----------

@@ -6,12 +6,9 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy.special import ndtri
-from scipy.stats import rankdata
 
 from sma_bayes.sampling.convergence import (
     Target,
-    _ranked,
     assess,
     ess_bulk,
     ess_tail,
@@ -159,17 +156,3 @@ def test_effective_sample_sizes_are_what_replicates_say() -> None:
     actual = 1.0 / np.var(means)
     assert np.median(claimed) == pytest.approx(actual, rel=0.2)
     assert actual == pytest.approx(4 * n * (1 - memory) / (1 + memory), rel=0.2)
-
-
-@pytest.mark.parametrize("steps", [7, 8])
-@pytest.mark.parametrize("digits", [12, 0])
-def test_one_sort_gives_what_sorting_each_would(steps: int, digits: int) -> None:
-    """With ties, too, and for even and odd numbers of draws; scores by Blom's formula from scipy's ranks."""
-    draws = np.round(np.random.default_rng(6).standard_normal((2, 3, steps, 5)), digits)
-    scores, folded, tails = _ranked(draws)
-    flat = draws.reshape(2, -1)
-    distance = np.abs(flat - np.median(flat, axis=1, keepdims=True))
-    for found, values in ((scores, flat), (folded, distance)):
-        expected = ndtri((rankdata(values, axis=1) - 0.375) / (flat.shape[1] + 0.25))
-        np.testing.assert_allclose(found.reshape(2, -1), expected, rtol=1e-12)
-    np.testing.assert_allclose(tails, np.quantile(flat, (0.05, 0.95), axis=1), rtol=1e-12)
