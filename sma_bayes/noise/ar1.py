@@ -24,8 +24,7 @@ def memory_log_density(e: Floats, phi: Floats) -> Floats:
         Zero where a new memory starts.
     """
     variance = 1.0 - phi * phi
-    step = e.copy()
-    step[..., 1:] -= np.broadcast_to(phi, e.shape)[..., 1:] * e[..., :-1]
+    step = _less_memory(e, phi)
     with np.errstate(divide="ignore", invalid="ignore"):
         value = -0.5 * step * step / variance - 0.5 * np.log(variance) - HALF_LN_2PI
     return np.where(variance > 0.0, value, -np.inf)
@@ -33,10 +32,21 @@ def memory_log_density(e: Floats, phi: Floats) -> Floats:
 
 def memory_innovations(e: Floats, phi: Floats) -> Floats:
     """Series with its memory taken out, of unit variance."""
-    step = e.copy()
-    step[..., 1:] -= np.broadcast_to(phi, e.shape)[..., 1:] * e[..., :-1]
+    step = _less_memory(e, phi)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(step / np.sqrt(1.0 - phi * phi))
+
+
+def _less_memory(e: Floats, phi: Floats) -> Floats:
+    """Each sample less what the one before it predicts."""
+    step = e.copy()
+    step[..., 1:] -= np.broadcast_to(phi, e.shape)[..., 1:] * e[..., :-1]
+    return step
+
+
+def memory_log_scale(phi: Floats) -> Floats:
+    """Logarithm of the standard deviation of each innovation, in standard deviations of the series."""
+    return np.asarray(0.5 * np.log1p(-(phi**2)))
 
 
 def memory_series(innovation: Floats, phi: Floats) -> Floats:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from sma_bayes.noise.ar1 import memory_innovations, memory_log_scale, memory_series
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, starts
 from sma_bayes.studies.gap.hypothesis import Hypothesis
@@ -103,10 +104,7 @@ class BlockNoise:
 
     def whiten(self, x: Floats) -> Floats:
         """Series (..., n) as innovations of unit variance."""
-        e = x / self.sd
-        out = e.copy()
-        out[..., 1:] -= self.memory[1:] * e[..., :-1]
-        out = out / (np.sqrt(1.0 - self.memory**2) * self.scale)
+        out = memory_innovations(x / self.sd, self.memory) / self.scale
         return np.asarray(out if self.switching is None else self.switching.whiten(out))
 
     def as_likely(self, innovations: Floats, rng: np.random.Generator) -> Floats:
@@ -115,10 +113,7 @@ class BlockNoise:
         which = rng.choice(len(others), size=innovations.shape[1], p=[p for p, _ in others])
         memory = np.stack([o.memory for _, o in others], axis=1)[:, which]
         sd = np.array([o.sd for _, o in others])[which]
-        out = innovations * np.sqrt(1.0 - memory**2) * np.reshape(self.scale, (-1, 1))
-        for i in np.flatnonzero(np.any(memory != 0.0, axis=1)).tolist():
-            out[i] += memory[i] * out[i - 1]
-        out = out * sd
+        out = memory_series((innovations * np.reshape(self.scale, (-1, 1))).T, memory.T).T * sd
         return np.asarray(out if self.switching is None else out + self.switching.drawn(rng, out.shape[1]))
 
     def scale_on(self, kept: NDArray[np.bool_]) -> Floats | float:
@@ -129,7 +124,7 @@ class BlockNoise:
     def log_scale(self) -> float:
         """Sum over samples of the logarithm of the scale of an innovation."""
         widths = np.log(np.broadcast_to(self.scale, self.memory.shape))
-        own = self.memory.size * np.log(self.sd) + 0.5 * np.log1p(-(self.memory**2)).sum() + widths.sum()
+        own = self.memory.size * np.log(self.sd) + memory_log_scale(self.memory).sum() + widths.sum()
         return float(own) + (0.0 if self.switching is None else self.switching.log_scale)
 
     def on(self, kept: NDArray[np.bool_]) -> BlockNoise:
@@ -367,5 +362,5 @@ def _restricted(
     free = max(residual.size - len(gram), 1)
     squares = max(float(w @ w - pull @ np.linalg.solve(gram, pull)), 1e-300)
     sd = np.sqrt(squares / free)
-    value = -free * np.log(sd) - 0.5 * np.log1p(-(memory**2)).sum() - 0.5 * float(np.linalg.slogdet(gram)[1])
+    value = -free * np.log(sd) - memory_log_scale(memory).sum() - 0.5 * float(np.linalg.slogdet(gram)[1])
     return value, BlockNoise(float(sd), memory, scale)
