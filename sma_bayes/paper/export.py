@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from sma_bayes.errors import OutputError, UnknownNameError, near_matches
+from sma_bayes.latex import longtable, tex_row, wrapped
 from sma_bayes.paper.correlation import CLAIMED, ImpliedCorrelation, implied_average, implied_correlations
 from sma_bayes.paper.effects import Amount
 from sma_bayes.paper.errata import PRINTED_TABLES, Erratum, address, errata, printed_table
@@ -260,40 +261,15 @@ def _text(sheet: Sheet) -> str:
     return out.getvalue()
 
 
-_TEX_CHARACTERS: Final = str.maketrans(
-    {
-        "π": r"$\pi$",
-        "ν": r"$\nu$",
-        "Ω": r"$\Omega$",
-        "°": r"\textdegree{}",
-        "×": r"$\times$",
-        "≥": r"$\geq$",
-        "–": "--",
-        "⁻": r"\textsuperscript{-}",
-        **{c: rf"\textsuperscript{{{d}}}" for c, d in zip("²³⁴⁵⁶", "23456", strict=True)},
-    }
-)
-
-
 _WIDE: Final = frozenset({"reason", "problem", "correction", "cells", "what"})
 """Columns of sentences, which LaTeX must wrap."""
 
 
 def _latex(sheet: Sheet) -> str:
-    import pandas as pd
-
-    frame = pd.DataFrame([_shown(row) for row in sheet.rows], columns=list(sheet.rows[0]))
-    widths = "".join("p{4.5cm}" if name in _WIDE else "l" for name in frame.columns)
-    tex = frame.to_latex(
-        index=False,
-        escape=True,
-        longtable=True,
-        column_format=widths,
-        caption=sheet.title,
-        label=f"tab:paper-{sheet.name}",
-    )
-    head = "% needs booktabs, longtable and textcomp; a wide landscape page\n"
-    return head + tex.translate(_TEX_CHARACTERS)
+    names = list(sheet.rows[0])
+    alignment = [wrapped("0.17") if name in _WIDE else "l" for name in names]
+    rows = (tex_row(_shown(row)) for row in sheet.rows)
+    return longtable(f"paper-{sheet.name}", sheet.title, names, alignment, rows)
 
 
 def _pipes(rows: Sequence[Row]) -> str:

@@ -1,9 +1,8 @@
-"""How numbers are written for people: as many digits as their uncertainty bears, in plain text and in LaTeX."""
+"""How numbers are written for people: as many digits as their uncertainty bears."""
 
 from __future__ import annotations
 
 import math
-import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -21,14 +20,6 @@ NORMAL_90: Final = 3.29
 """Width of the 90 % interval of a normal distribution [sd]."""
 
 _SUPERSCRIPT: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_TEX: Final = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{",
-    "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}",
-    ">": r"\textgreater{}", "|": r"\textbar{}", '"': "''", "°": r"\textdegree{}", "−": "$-$",
-    "×": r"$\times$", "·": r"$\cdot$", "±": r"$\pm$", "≤": r"$\leq$", "≥": r"$\geq$", "–": "--", "—": "---",
-    "…": r"\ldots{}", "²": "$^2$", "³": "$^3$", "µ": r"$\mu$", "μ": r"$\mu$", "Ω": r"$\Omega$",
-    "σ": r"$\sigma$", "ε": r"$\varepsilon$", "\u00a0": "~", "\u202f": r"\,", "’": "'",
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +42,6 @@ class Written:
         """Each number by itself, as text."""
         power = f" × 10{power_text(self.exponent)}" if self.exponent else ""
         return tuple(_signed(d) + (power if d != MISSING else "") for d in self.digits)
-
-    @property
-    def tex(self) -> tuple[str, ...]:
-        """Each number by itself, in LaTeX."""
-        power = rf"\times10^{{{self.exponent}}}" if self.exponent else ""
-        return tuple(f"${d}{power}$" if d != MISSING else "--" for d in self.digits)
 
 
 def write(
@@ -199,27 +184,6 @@ def squared(unit: str) -> str:
     if unit == "1":
         return unit
     return f"{unit}²" if unit.isalpha() else f"({unit})²"
-
-
-def tex_text(text: str) -> str:
-    r"""Text as LaTeX shows it, with nothing but ASCII and Latin letters left.
-
-    Examples
-    --------
-    >>> tex_text("5 % of B_1 [°C]")
-    '5 \\% of B\\_1 [\\textdegree{}C]'
-    """
-    return "".join(_tex_character(c) for c in text)
-
-
-def _tex_character(c: str) -> str:
-    if c in _TEX:
-        return _TEX[c]
-    if c in "⁻⁰¹⁴⁵⁶⁷⁸⁹":
-        return f"$^{{{unicodedata.normalize('NFKC', c).replace('−', '-')}}}$"
-    if ord(c) < 256 or (unicodedata.category(c)[0] == "L" and "LATIN" in unicodedata.name(c, "")):
-        return c if c.isprintable() else " "
-    return rf"\texttt{{U+{ord(c):04X}}}"
 
 
 def _place(size: float) -> int:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from sma_bayes.assess.adequacy import Missed
 from sma_bayes.assess.checks import CHECKED
+from sma_bayes.latex import longtable, tex_row, tex_text, wrapped
 from sma_bayes.records.severity import severity
 from sma_bayes.report.content import (
     INTERVAL,
@@ -31,7 +32,6 @@ from sma_bayes.report.notation import (
     interval_text,
     power_text,
     squared,
-    tex_text,
     unit_label,
     write,
     write_interval,
@@ -732,12 +732,17 @@ def printed_table(content: Content) -> Table:
 
 def cell_text(cell: Cell, power: int | None = None) -> str:
     """A cell as people read it; a `power` of ten that stands in the header is not written again."""
-    return _cell_text(cell, lambda text: text, power)
-
-
-def cell_tex(cell: Cell, power: int | None = None) -> str:
-    """A cell in LaTeX."""
-    return _cell_text(cell, tex_text, power)
+    match cell:
+        case None | "" | Estimate(median=None):
+            return MISSING
+        case bool():
+            return "yes" if cell else "no"
+        case Number(value, _, resolution):
+            return write([value], resolution).plain[0]
+        case Estimate(median, low, high):
+            return interval_text(median, low, high, power=power)
+        case _:
+            return str(cell)
 
 
 def powers(table: Table) -> tuple[int | None, ...]:
@@ -756,22 +761,6 @@ def _power(cells: Sequence[Cell]) -> int | None:
         if isinstance(c, Estimate) and c.median is not None and c.q05 is not None and c.q95 is not None
     }
     return written[max(written)] if written and any(written.values()) else None
-
-
-def _cell_text(cell: Cell, escape: Callable[[str], str], power: int | None) -> str:
-    match cell:
-        case None:
-            return escape(MISSING)
-        case bool():
-            return "yes" if cell else "no"
-        case Number(value, _, resolution):
-            return escape(write([value], resolution).plain[0])
-        case Estimate(median=None):
-            return escape(MISSING)
-        case Estimate(median, low, high):
-            return escape(interval_text(median, low, high, power=power))
-        case _:
-            return escape(str(cell)) if cell != "" else escape(MISSING)
 
 
 def write_tables(tables: dict[str, Table], folder: Path) -> None:
@@ -827,28 +816,19 @@ def tex(table: Table) -> str:
         A ``longtable`` with caption and label, in ASCII and Latin letters.
     """
     places = [i for i, c in enumerate(table.columns) if c.brief and i >= table.grouped]
-    columns, common = [table.columns[i] for i in places], powers(table)
-    heads = [tex_text(table.columns[i].header_with(common[i] or 0)) for i in places]
-    size, gap = (r"\scriptsize", 2) if len(columns) > 10 else (r"\footnotesize", 3)
-    header = " & ".join(rf"\textbf{{{head}}}" for head in heads) + r" \\"
-    lines = [
-        "% needs \\usepackage{array,booktabs,longtable,textcomp}; wide tables want a landscape page",
-        rf"\begingroup{size}\setlength{{\tabcolsep}}{{{gap}pt}}",
-        rf"\begin{{longtable}}{{{''.join(_alignment(table, i) for i in places)}}}",
-        rf"\caption{{{tex_text(table.title)}. {tex_text(table.note)}}}\label{{tab:{table.name}}}\\",
-        *(r"\toprule", header, r"\midrule", r"\endfirsthead"),
-        *(r"\toprule", header, r"\midrule", r"\endhead"),
-        *(r"\bottomrule", r"\endfoot"),
-        *_tex_rows(table, places),
-        r"\end{longtable}",
-        r"\endgroup",
-    ]
-    return "\n".join(lines) + "\n"
+    common = powers(table)
+    return longtable(
+        table.name,
+        f"{table.title}. {table.note}",
+        [table.columns[i].header_with(common[i] or 0) for i in places],
+        [_alignment(table, i) for i in places],
+        _tex_rows(table, places),
+    )
 
 
 def _alignment(table: Table, place: int) -> str:
     if table.columns[place].key in WIDE:
-        return r">{\raggedright\arraybackslash}p{" + WIDE[table.columns[place].key] + r"\linewidth}"
+        return wrapped(WIDE[table.columns[place].key])
     numeric = table.columns[place].unit != ""
     return "r" if numeric else "l"
 
@@ -862,7 +842,7 @@ def _tex_rows(table: Table, places: Sequence[int]) -> Iterator[str]:
             if number:
                 yield r"\addlinespace"
             yield rf"\multicolumn{{{len(places)}}}{{l}}{{\textit{{{tex_text(group_text(table, group))}}}}} \\*"
-        yield " & ".join(cell_tex(row[i], common[i]) for i in places) + r" \\"
+        yield tex_row(cell_text(row[i], common[i]) for i in places)
 
 
 def group_text(table: Table, group: Sequence[Cell]) -> str:
