@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -20,6 +21,8 @@ SIGNALS: Final = tuple(s for name in ("SIGINT", "SIGTERM", "SIGHUP") if (s := ge
 
 GRACE_S: Final = 10.0
 """Time for an orderly end, after which the process ends as it is [s]."""
+AGAIN_S: Final = 1.0
+"""How often it is looked whether the exception of a signal got lost in a library's callback [s]."""
 
 GO_ON: Final = {
     "demo": "; the same command goes on from here",
@@ -33,6 +36,7 @@ GO_ON: Final = {
 """What to do after an interruption, by verb."""
 
 _received: list[int] = []
+_telling = threading.Lock()
 _held: list[int] | None = None
 """Signals that came while none was to end the process; None where each does."""
 
@@ -49,7 +53,8 @@ def ending_in_order() -> Iterator[None]:
     """Heed signals inside a ``with`` block: end it with one line on standard error and the exit status of a shell.
 
     That is 128 and the number of the signal: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP. A signal that the
-    process was started to ignore, as under ``nohup``, stays ignored, and so does every signal after the first.
+    process was started to ignore, as under ``nohup``, stays ignored, and so does every signal after the first, as long
+    as what that one raised is on its way.
     """
     for number in SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -61,13 +66,19 @@ def ending_in_order() -> Iterator[None]:
     ):  # also what follows from the signal: workers that it ended, imports that it broke off
         if not _received:
             raise
+        _leave_to_tidying_up()
         _end_children()
         _say()
         sys.exit(_status())
     finally:
-        for number in SIGNALS:
-            if signal.getsignal(number) is _interrupt:
-                signal.signal(number, signal.SIG_IGN)  # the work is done; let tidying up go on
+        _leave_to_tidying_up()
+
+
+def _leave_to_tidying_up() -> None:
+    """Ignore signals: the work is done."""
+    for number in SIGNALS:
+        if signal.getsignal(number) is _interrupt:
+            signal.signal(number, signal.SIG_IGN)
 
 
 def interrupted() -> bool:
@@ -89,22 +100,36 @@ def held() -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    if _received:
-        return
     if _held is not None:
         _held.append(number)
         return
+    if _received:
+        if _ends(sys.exception()):
+            return
+        raise Interrupted
     _received.append(number)
     warnings.simplefilter("ignore")
     sys.unraisablehook = lambda _: None
-    last_resort = threading.Timer(GRACE_S, _end_now)
-    last_resort.daemon = True
-    last_resort.start()
+    threading.Thread(target=_see_to_the_end, args=(number,), daemon=True).start()
     raise Interrupted
 
 
-def _end_now() -> None:
-    """End where the exception got lost in a library's callback, or tidying up hangs."""
+def _ends(error: BaseException | None) -> bool:
+    """Whether what is being handled comes from a signal."""
+    while error is not None:
+        if isinstance(error, Interrupted):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _see_to_the_end(number: int) -> None:
+    """Send the signal again where its exception got lost in a library's callback; end where tidying up hangs."""
+    end = time.monotonic() + GRACE_S
+    while time.monotonic() < end:
+        time.sleep(AGAIN_S)
+        if hasattr(signal, "pthread_kill"):
+            signal.pthread_kill(threading.main_thread().ident or 0, number)
     _end_children()
     _say()
     os._exit(_status())
@@ -134,5 +159,7 @@ def kill(child: BaseProcess) -> None:
 
 
 def _say() -> None:
+    if not _telling.acquire(blocking=False):  # either the end in order or the last resort tells
+        return
     with suppress(OSError, ValueError):  # the terminal may be gone
         print(f"interrupted{GO_ON.get(next(iter(sys.argv[1:]), ''), '')}", file=sys.stderr, flush=True)

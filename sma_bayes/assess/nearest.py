@@ -29,6 +29,9 @@ SAMPLES = 150
 """Temperatures, at most, at which curves are compared: evenly chosen from the samples."""
 STEPS, CLOSE = 25, 1e-7
 """Steps of Gauss and Newton at most, and the relative step that ends them."""
+LEAST_DAMPING = 1e-12
+"""Share of the diagonal that stays added to it: of a curve that is all but straight, or has its step at an end, two
+columns are one, and what is solved would be singular to the last bit."""
 SURE = 0.95
 """Share of the draws that must have a nearest curve for intervals to be given."""
 
@@ -211,7 +214,7 @@ def _descended(x: Floats, y: Floats, p: Floats) -> tuple[Floats, np.ndarray[tupl
         settled = settled | (better & (np.abs(step).max(axis=1) < CLOSE))
         p = np.where(better[:, None], trial, p)
         cost = np.where(better, new, cost)
-        damping = np.where(better, damping * 0.1, damping * 10.0 + 1e-8)
+        damping = np.where(better, np.maximum(damping * 0.1, LEAST_DAMPING), damping * 10.0 + 1e-8)
         if settled.all():
             break
     return p, settled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,12 @@ from sma_bayes.sampling.ensembles import Plan, sample
 
 AUTO = "auto"
 """Name of the choice of the noise model from what the warm start leaves."""
+SEEN = 0.5
+"""Adjusted R² of the least-squares curve below which it can't be seen for the noise; of noise alone it is some 0.3 with
+the fewest samples, because the curve follows them."""
+UNSEEN_EVALUATIONS = 100_000
+"""Evaluations at most of a posterior with such a curve, where moves that look at other walkers make the draws: nothing
+follows from them, and to converge takes millions."""
 
 
 def fit_records(
@@ -82,6 +89,9 @@ def fit_records(
         with account.timed("sample"):
             posterior = posterior_with(name, first, start, best.priors, choice)
             z = noise_start(posterior, start, choice)
+            if not seen(start):
+                plan = plan or Plan()
+                plan = replace(plan, evaluations=min(plan.evaluations, UNSEEN_EVALUATIONS))
             draws = sample(
                 posterior,
                 _starts(z, start),
@@ -103,6 +113,11 @@ def fit_records(
         chosen=noise == AUTO,
         model_choice=model_choice,
     )
+
+
+def seen(start: WarmStart) -> bool:
+    """Whether each channel of the least-squares curve can be seen for the noise, in one record at least."""
+    return all(any(fit[c].adj_r2 >= SEEN for fit in start.fit) for c in start.fit[0])
 
 
 def support_for(

@@ -235,6 +235,35 @@ def test_a_signal_that_was_to_be_ignored_is_ignored(campaign: Path) -> None:
     assert process.wait(timeout=60) == 0
 
 
+LOST = """\
+import os, signal, time
+from sma_bayes.interruption import ending_in_order
+
+class Lost:
+    def __del__(self):  # exceptions of callbacks go nowhere
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.01)
+
+with ending_in_order():
+    try:
+        Lost()
+        time.sleep(60)
+    finally:
+        print("tidied up")
+"""
+
+
+def test_a_signal_whose_exception_gets_lost_in_a_callback_ends_the_run_in_order() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LOST], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (
+        128 + signal.SIGTERM,
+        "tidied up\n",
+        "interrupted\n",
+    )
+
+
 def test_signals_at_random_instants(campaign: Path, whole: Path, tmp_path: Path) -> None:
     try_instants(("fit", "ask", "inspect"), ASKED, 9, 1, campaign, whole, tmp_path)
 

@@ -89,6 +89,13 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         console.print(
             f"NOT CONVERGED: {', '.join(names[:SHOWN])}{more}. Their numbers must not be relied on."
         )
+        unseen = [
+            f
+            for f in summary["findings"]
+            if f["kind"] == "no-transformation" and f"{f['condition']}-{f['branch']}" in names
+        ]
+        for finding in unseen[:SHOWN]:
+            console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
     for sentence in thermometer_sentences(summary["records"]):
         console.print(sentence, soft_wrap=True)
     for sentence in adequacy_sentences(summary["records"], summary["options"]["model"]):

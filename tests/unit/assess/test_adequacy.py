@@ -8,12 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
 from sma_bayes import fit
 from sma_bayes.assess import adequacy
 from sma_bayes.assess.adequacy import LED, MISSED, Missed, contradicted, led_by_prior, missed, reasons
 from sma_bayes.assess.checks import CHANCE, Check, predictive_checks
 from sma_bayes.assess.loops import branch_quantities
+from sma_bayes.assess.nearest import nearest_sigmoids
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
@@ -126,3 +128,12 @@ def test_a_prior_that_excludes_the_data_is_named(make_record: Callable[..., Reco
     assert any(what.startswith("B3 (") for what in told)
     assert [r.kind for r in reasons(found, 0, (), ())].count("conflict") == 1
     assert contradicted(fit_records([record], read_priors("modified_sigmoid"), noise="independent")) == ()
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.3, 30.0, 300.0])
+@pytest.mark.parametrize("midpoint", [30.0, 31.0, 50.0, 69.0])
+def test_curves_that_do_not_determine_a_sigmoid_hold_up_no_other(rate: float, midpoint: float) -> None:
+    """All but straight, or with the step at an end, beside one that is a sigmoid."""
+    t = np.linspace(30.0, 70.0, 161)
+    curve = np.stack([expit(rate * (t - midpoint)), np.ones_like(t), 1.0 + 2.0 * expit(0.3 * (t - 50.0))])
+    assert nearest_sigmoids(t, curve)[2] == pytest.approx([2.0, 0.3, 50.0, 1.0], rel=1e-6)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.fitting.fit import KEPT, Fit
-from sma_bayes.fitting.fit_records import fit_records
+from sma_bayes.fitting.fit_records import UNSEEN_EVALUATIONS, fit_records, seen
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Calibration, Record
 
@@ -91,3 +91,16 @@ def _rest(fit: Fit) -> list[str]:
 
     given = [f.name for f in fields(fit) if f.init]
     return given[2:]
+
+
+def test_noise_alone_takes_bounded_work(make_record: Callable[..., Record]) -> None:
+    """Of a curve that nobody can see millions of evaluations would tell nothing; exploring is that of any record."""
+    found = fit_records([make_record(n=20, noise=30.0)], DEFAULT, noise="independent")
+    assert not seen(found.warm_start)
+    assert found.draws.evaluations < 6 * UNSEEN_EVALUATIONS
+
+
+def test_a_response_that_can_be_seen_is_given_all_evaluations(make_record: Callable[..., Record]) -> None:
+    record = make_record(n=40, noise=0.1)
+    found = fit_records([record], DEFAULT, noise="independent")
+    assert seen(found.warm_start)
