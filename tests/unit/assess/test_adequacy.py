@@ -132,8 +132,12 @@ def test_a_prior_that_excludes_the_data_is_named(make_record: Callable[..., Reco
 
 @pytest.mark.parametrize("rate", [0.01, 0.3, 30.0, 300.0])
 @pytest.mark.parametrize("midpoint", [30.0, 31.0, 50.0, 69.0])
-def test_curves_that_do_not_determine_a_sigmoid_hold_up_no_other(rate: float, midpoint: float) -> None:
-    """All but straight, or with the step at an end, beside one that is a sigmoid."""
+def test_of_curves_that_do_not_determine_a_sigmoid_none_or_a_right_one_is_told(
+    rate: float, midpoint: float
+) -> None:
+    """All but straight, or with the step at an end, beside one that is level and one that is a sigmoid."""
     t = np.linspace(30.0, 70.0, 161)
     curve = np.stack([expit(rate * (t - midpoint)), np.ones_like(t), 1.0 + 2.0 * expit(0.3 * (t - 50.0))])
-    assert nearest_sigmoids(t, curve)[2] == pytest.approx([2.0, 0.3, 50.0, 1.0], rel=1e-6)
+    for own, (span, found_rate, middle, offset) in zip(curve, nearest_sigmoids(t, curve), strict=True):
+        told = offset + span * expit(found_rate * (t - middle))
+        assert np.isnan(span) or told == pytest.approx(own, abs=0.01 * np.ptp(own) + 1e-9)
