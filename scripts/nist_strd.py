@@ -1,7 +1,7 @@
 """The 27 nonlinear regressions of NIST's Statistical Reference Datasets, by the package's own door for models.
 
 Each regression is a response model (see docs/howto/add_a_model.md): its predictor is the abscissa, its response the
-force, in whatever units. `sma_bayes.least_squares` fits it from both starts of NIST; digits are those of Section 4 of
+force, in whatever units. `sma_bayes.least_squares` fits it from both starts of NIST; digits are those of
 McCullough 1998, Am. Stat. 52, 358: ``-log10(|estimate - certified|/|certified|)``, of the worst parameter.
 
     python scripts/nist_strd.py                # the table

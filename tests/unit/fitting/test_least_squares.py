@@ -11,6 +11,7 @@ from scipy.optimize import curve_fit
 
 import sma_bayes
 from sma_bayes.errors import MeasurementError, SmaBayesError
+from sma_bayes.fitting.least_squares import least_squares_at
 from sma_bayes.records.types import Record
 from sma_bayes.response import ModifiedSigmoid
 
@@ -72,6 +73,18 @@ def test_a_parameter_that_the_data_leave_free_has_an_infinite_error(make_record:
     assert fit.rank == 1
     assert fit.standard_error["B1"] == fit.standard_error["B4"] == np.inf
     assert fit.estimate["B1"] + fit.estimate["B4"] == pytest.approx(record.observed["force"].mean())
+
+
+def test_beside_the_minimum_it_has_not_converged(make_record: MakeRecord) -> None:
+    record = make_record(("force",), n=40)
+    best = sma_bayes.least_squares(record)
+    model, free = ModifiedSigmoid(("force",)), np.arange(4)
+    theta = np.array([best.estimate[name] for name in model.parameter_names])
+    assert least_squares_at([record], model, theta, free).converged
+    error = np.array([best.standard_error[name] for name in model.parameter_names])
+    beside = least_squares_at([record], model, theta + 0.1 * error, free)
+    assert not beside.converged
+    assert beside.sum_of_squares["force"] > best.sum_of_squares["force"]
 
 
 def test_as_many_samples_as_parameters_leave_no_scatter() -> None:
