@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
+from sma_bayes.account import Account
 from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.progress import Progress, silent
 
 Drawn = Literal["all", "report", "none"]
 """``report``: those that the report shows; ``all``: diagnostics of each condition and record too; ``none``: no figures
@@ -28,13 +31,29 @@ class Wanted:
     Attributes
     ----------
     drawn : str
+        See `figures_for`.
     formats : tuple of str
+        Of the figures, see `formats_for`.
     workbook : bool
+        Whether all tables are written as ``tables/results.xlsx`` too.
+    jobs : int or None
+        See `sma_bayes.runs.jobs.run`.
+    tell : callable
+    account : Account or None
+        Of a run under way: holds what it took until now, and is told what figures and report take. Without it the
+        report states what the results do.
     """
 
-    drawn: Drawn
-    formats: tuple[str, ...]
-    workbook: bool
+    drawn: Drawn = REPORT
+    formats: tuple[str, ...] = ("pdf", "png")
+    workbook: bool = False
+    jobs: int | None = None
+    tell: Progress = silent
+    account: Account | None = None
+
+
+ReportBuilder = Callable[[Path, Wanted], None]
+"""Writes ``figures/``, ``tables/`` and ``report.html`` of a finished run, from what its folder holds."""
 
 
 def formats_for(choice: Iterable[str]) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from sma_bayes.errors import OutputError
@@ -51,14 +51,15 @@ class Picture:
     height: int
 
 
-def write_page(folder: Path, template: str, figures: Mapping[str, FigureFiles], **words: Any) -> None:
+def write_page(folder: Path, package: str, figures: Mapping[str, FigureFiles], **words: Any) -> None:
     """Write ``report.html``.
 
     Parameters
     ----------
     folder : Path
         Output folder; the PNG files are in its ``figures/``.
-    template : str
+    package : str
+        That has the template, ``page.html.j2``.
     figures : mapping of str to FigureFiles
         By stem; the template gets them as ``pictures``.
     **words
@@ -69,12 +70,12 @@ def write_page(folder: Path, template: str, figures: Mapping[str, FigureFiles], 
     OutputError
         If it can't be written, or a figure can't be read.
     """
-    write_text(folder / "report.html", rendered(template, pictures=embedded(folder, figures), **words))
+    write_text(folder / "report.html", rendered(package, pictures=embedded(folder, figures), **words))
 
 
-def rendered(template: str, *, most: int | None = None, **words: Any) -> str:
-    """A page as text; its tables and lists are cut after `most` entries."""
-    return with_policy(page_environment(most).get_template(template).render(**words))
+def rendered(package: str, template: str = "page.html.j2", *, most: int | None = None, **words: Any) -> str:
+    """A page as text, from a template of a package; its tables and lists are cut after `most` entries."""
+    return with_policy(page_environment(package, most).get_template(template).render(**words))
 
 
 def with_policy(page: str) -> str:
@@ -99,11 +100,11 @@ def with_policy(page: str) -> str:
 
 
 @cache  # a template is compiled once, not for each of thousands of pages
-def page_environment(most: int | None = None) -> Environment:
-    """Templates with what they call; tables and lists are cut after `most` entries."""
-    loader = PackageLoader("sma_bayes.report", "templates")
+def page_environment(package: str, most: int | None = None) -> Environment:
+    """Templates of a package and of the kit, with what they call; tables and lists are cut after `most` entries."""
+    kit = PackageLoader("sma_bayes.report", "templates")
     environment = Environment(
-        loader=loader,
+        loader=ChoiceLoader([PackageLoader(package, ""), kit]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -123,7 +124,7 @@ def page_environment(most: int | None = None) -> Environment:
         "plain": lambda value, digits=4: write([value], digits=digits).plain[0],
     }
     environment.globals |= {
-        "style": Markup(loader.get_source(environment, "report.css")[0]),  # ours, not the user's
+        "style": Markup(kit.get_source(environment, "report.css")[0]),  # ours, not the user's
         "anchor": anchor,
         "select": select,
         "interval": INTERVAL,

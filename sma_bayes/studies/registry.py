@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from types import ModuleType
 from typing import Final
 
 from sma_bayes.catalogue import Catalogue
+from sma_bayes.report.choice import ReportBuilder
 
 _SHIPPED: Final = (
     "demo",
@@ -39,3 +41,14 @@ def command_of(verb: str) -> Callable[..., None]:
     """Function of which typer makes the verb."""
     command: Callable[..., None] = import_module(f"{VERBS[verb].__name__}.command").command
     return command
+
+
+def has_report(verb: str) -> bool:
+    """Whether a folder that a verb has written has a report."""
+    return find_spec(f"{VERBS[verb].__name__}.report") is not None
+
+
+def report_builder(verb: str) -> ReportBuilder:
+    """What builds the report of a folder that a verb has written."""
+    build_report: ReportBuilder = import_module(f"{VERBS[verb].__name__}.report").build_report
+    return build_report

@@ -10,10 +10,10 @@ from typing import Any
 
 from sma_bayes.account import Account
 from sma_bayes.progress import Progress, silent
-from sma_bayes.report.choice import Drawn
+from sma_bayes.report.choice import Drawn, ReportBuilder, Wanted
 from sma_bayes.runs.documents import Document, sealed
 from sma_bayes.runs.output_folder import claimed_folder
-from sma_bayes.runs.store import write_json
+from sma_bayes.runs.store import nothing_unfinished, write_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +24,8 @@ class UnderWay:
     ----------
     document : Document
         Of its results.
+    build_report : callable
+        Writes the report from what the folder holds.
     jobs : int or None
         See `sma_bayes.runs.jobs.run`.
     drawn : str
@@ -35,6 +37,7 @@ class UnderWay:
     """
 
     document: Document
+    build_report: ReportBuilder
     jobs: int | None
     drawn: Drawn
     tell: Progress = silent
@@ -98,6 +101,7 @@ class UnderWay:
         return stated
 
     def _report(self, folder: Path) -> None:
-        from sma_bayes.studies.report.build import build_report
-
-        build_report(folder, figures=self.drawn, jobs=self.jobs, progress=self.tell, account=self.account)
+        with nothing_unfinished(folder):
+            self.build_report(
+                folder, Wanted(self.drawn, jobs=self.jobs, tell=self.tell, account=self.account)
+            )

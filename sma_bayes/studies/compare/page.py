@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 from sma_bayes.report.content import PAPER_CORRELATION
 from sma_bayes.report.figures.sheet import FigureFiles
@@ -13,8 +13,6 @@ from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.studies.compare.outputs import StoredComparison
 from sma_bayes.studies.compare.tables import short
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
-
-TEMPLATE: Final = "comparison.html.j2"
 
 
 def write_comparison_report(
@@ -36,7 +34,7 @@ def write_comparison_report(
     """
     write_page(
         stored.folder,
-        TEMPLATE,
+        "sma_bayes.studies.compare",
         figures,
         found=stored.found,
         headlines=[headline(group) for group in stored.found["overall"]],

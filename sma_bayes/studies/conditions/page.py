@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
 from sma_bayes.studies.conditions.outputs import StoredConditions
 from sma_bayes.studies.conditions.tables import preferred_way, share_text
-
-TEMPLATE: Final = "conditions.html.j2"
 
 
 def write_conditions_report(
@@ -33,7 +31,7 @@ def write_conditions_report(
     """
     write_page(
         stored.folder,
-        TEMPLATE,
+        "sma_bayes.studies.conditions",
         figures,
         found=stored.found,
         coverage=coverage(stored.found),

@@ -29,7 +29,7 @@ from sma_bayes.studies.fit.answer import answer_tables, next_steps
 from sma_bayes.studies.fit.findings import finding_groups
 from sma_bayes.studies.fit.methods import methods_text
 
-TEMPLATE: Final = "report.html.j2"
+PACKAGE: Final = "sma_bayes.studies.fit"
 SHOWN: Final = 20
 """Entries of a list or a table that the report of a campaign of many records shows."""
 
@@ -86,6 +86,7 @@ def write_record_page(
         for stem, picture in embedded(folder, figures).items()
     }
     page = rendered(
+        PACKAGE,
         "record.html.j2",
         r=record,
         own_page=True,
@@ -99,6 +100,7 @@ def write_record_page(
 def render_index(content: Content) -> str:
     """The list of all records, each with a link to its page."""
     return rendered(
+        PACKAGE,
         "records.html.j2",
         content=content,
         channels=[c for c in content.channels if any(_agreement(r, c.channel) for r in content.records)],
@@ -122,7 +124,7 @@ def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str,
         By stem; a picture that is missing is left out.
     """
     return rendered(
-        TEMPLATE,
+        PACKAGE,
         most=SHOWN if content.paged else None,
         content=content,
         tables=tables,

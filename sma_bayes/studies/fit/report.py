@@ -8,14 +8,12 @@ from functools import partial
 from pathlib import Path
 
 from sma_bayes.account import Account
-from sma_bayes.progress import Progress
+from sma_bayes.report.assembly import written_tables
 from sma_bayes.report.choice import FEW, Drawn, Wanted
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.drawn import FigureTask, draw_all
 from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles
-from sma_bayes.report.tables import report_tables, write_tables
-from sma_bayes.report.took import account_table
-from sma_bayes.report.workbook import write_workbook
+from sma_bayes.report.tables import report_tables
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.outputs import band_path, posterior_of, read_band, read_run
 from sma_bayes.runs.store import write_text
@@ -39,41 +37,26 @@ from sma_bayes.studies.fit.page import write_record_page, write_report
 from sma_bayes.studies.fit.residuals import median_curves, standardised_residuals
 
 
-def build_fit_report(
-    folder: Path, wanted: Wanted, jobs: int | None, tell: Progress, spent: Account, *, known: bool
-) -> None:
-    """Write the report of a fit.
-
-    Parameters
-    ----------
-    folder, jobs
-        See `build_report`.
-    wanted : Wanted
-    tell : callable
-    spent : Account
-        Told what figures and report took.
-    known : bool
-        Whether it holds what the run took until now; else that is read from its summary.
-    """
+def build_report(folder: Path, wanted: Wanted) -> None:
+    """Write the report of a fit; see `sma_bayes.report.choice.ReportBuilder`."""
+    spent = wanted.account or Account()
     with spent.timed("report"):
         stored = read_run(folder)
         content = report_content(stored)
     tasks = _tasks(folder, content, wanted.drawn)
-    pictures = draw_all(tasks, wanted.formats, jobs, tell, spent)
+    figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
-        took = account_table(stored.summary, spent if known else Account())
-        tables = report_tables(content) | {t.name: t for t in answer_tables(content)} | {"account": took}
-        write_tables(tables, folder / "tables")
-        if wanted.workbook:
-            write_workbook(tables, folder / "tables" / "results.xlsx")
+        tables = report_tables(content) | {t.name: t for t in answer_tables(content)}
+        tables = written_tables(tables, stored.summary, folder, wanted)
         write_text(folder / "methods.md", methods_text(content))
         write_text(folder / "references.bib", bibliography(content))
-        write_report(folder, content, tables, pictures)
+        write_report(folder, content, tables, figures)
     if content.paged:
-        pages = _page_tasks(folder, content, pictures)
-        for done, _ in enumerate(run(_write_page, pages, jobs, account=spent, stage="report", light=True), 1):
-            tell(done, len(pages), "writing pages of records")
-    tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
+        pages = _page_tasks(folder, content, figures)
+        written = run(_write_page, pages, wanted.jobs, account=spent, stage="report", light=True)
+        for done, _ in enumerate(written, 1):
+            wanted.tell(done, len(pages), "writing pages of records")
+    wanted.tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
 
 
 @dataclass(frozen=True, slots=True)

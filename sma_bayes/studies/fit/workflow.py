@@ -17,7 +17,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, lines_inside, silent
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
-from sma_bayes.report.choice import REPORT, figures_for
+from sma_bayes.report.choice import REPORT, Wanted, figures_for
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.arrangement import BiasSpring
 from sma_bayes.runs.documents import FIT
@@ -180,7 +180,7 @@ def fit_campaign(
         model=model,
     )
     drawn = figures_for(figures)
-    work = UnderWay(FIT, jobs, drawn, progress or silent, account or Account())
+    work = UnderWay(FIT, _build_report, jobs, drawn, progress or silent, account or Account())
     groups = groups_of(campaign, pool)
     check_call(groups, options)
     with claimed_folder(folder, run_identity(campaign, options), resume):
@@ -214,6 +214,12 @@ def fit_campaign(
     summary = work.end(folder, summary)
     remove_parts(folder)
     return summary
+
+
+def _build_report(folder: Path, wanted: Wanted) -> None:
+    from sma_bayes.studies.fit.report import build_report  # what draws takes long to import
+
+    build_report(folder, wanted)
 
 
 def _fitted(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any
 
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.html import select, write_page
@@ -14,8 +14,6 @@ from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.studies.gap.outcome import HEATING
 from sma_bayes.studies.gap.outputs import StoredStudy
 from sma_bayes.studies.gap.words import channel_text, covariate_text, p_text, periodic_text, remainder_text
-
-TEMPLATE: Final = "gap.html.j2"
 
 
 def write_gap_report(
@@ -38,7 +36,7 @@ def write_gap_report(
     found = study.found
     write_page(
         study.folder,
-        TEMPLATE,
+        "sma_bayes.studies.gap",
         figures,
         found=found,
         effects=study.effects,

@@ -15,7 +15,7 @@ from sma_bayes.report.notation import MISSING, interval_text, unit_label, write
 from sma_bayes.studies.compare.tables import SHORT
 from sma_bayes.studies.paper.claims.types import FAILS, HOLDS, OPEN, SURE
 
-TEMPLATE: Final = "paper.md.j2"
+TEMPLATE: Final = "page.md.j2"
 ERRATA: Final = "reference/errata.md"
 PICTURES: Final = "images/paper"
 """Folder of the pictures, beside the page."""
@@ -41,7 +41,7 @@ def page(found: Found) -> str:
         Markdown, to be put beside the folder ``images``.
     """
     environment = Environment(
-        loader=PackageLoader("sma_bayes.studies.paper"),
+        loader=PackageLoader("sma_bayes.studies.paper", ""),
         autoescape=False,  # Markdown of our own numbers
         undefined=StrictUndefined,
         trim_blocks=True,

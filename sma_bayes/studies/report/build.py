@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from sma_bayes.account import Account
 from sma_bayes.errors import OutputError
 from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import REPORT, Wanted, figures_for, formats_for
-from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, MARK
+from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, MARK, read_mark
 from sma_bayes.runs.store import nothing_unfinished
+from sma_bayes.studies.registry import VERBS, has_report, report_builder
 
 
 def build_report(
@@ -24,7 +24,6 @@ def build_report(
     workbook: bool = False,
     jobs: int | None = None,
     progress: Progress | None = None,
-    account: Account | None = None,
 ) -> None:
     """Write ``figures/``, ``tables/`` and ``report.html`` of a run.
 
@@ -41,8 +40,6 @@ def build_report(
     jobs : int, optional
         Processes that draw figures; by default one for each core.
     progress : callable, optional
-    account : Account, optional
-        Told how long figures and report took.
 
     Raises
     ------
@@ -50,26 +47,23 @@ def build_report(
         If the folder holds no run, an unfinished one, or can't be written.
     """
     folder = Path(folder).absolute()
-    drawn = Wanted(figures_for(figures), formats_for(formats), workbook)
+    wanted = Wanted(figures_for(figures), formats_for(formats), workbook, jobs, progress or silent)
     with nothing_unfinished(folder):
-        _build(folder, drawn, jobs, progress or silent, account)
+        report_builder(_verb_of(folder))(folder, wanted)
 
 
-def _build(folder: Path, wanted: Wanted, jobs: int | None, tell: Progress, account: Account | None) -> None:
-    spent = account or Account()
-    if any(document.is_in(folder) for document in (GAP, COMPARISON, CONDITIONS)):
-        from sma_bayes.studies.report.build_study import build_study_report
-
-        build_study_report(folder, wanted, jobs, tell, spent, known=account is not None)
-        return
-    if not any((folder / name).is_file() for name in (FIT.file, MARK)):
-        raise OutputError(
-            "holds no run of sma_bayes" if folder.is_dir() else "is not a folder",
-            file=folder,
-            expected="a folder with summary.json, gap.json, comparison.json or conditions.json: what fit, gap, compare "
-            "and conditions write",
-            remedy="name the folder that was given as --out; of a study one of its folders",
-        )
-    from sma_bayes.studies.fit.report import build_fit_report
-
-    build_fit_report(folder, wanted, jobs, tell, spent, known=account is not None)
+def _verb_of(folder: Path) -> str:
+    """The verb that wrote a folder."""
+    kind = (read_mark(folder) or {}).get("kind")
+    verbs = [verb for verb in VERBS if verb == kind and has_report(verb)]
+    verbs += [document.verb for document in (GAP, COMPARISON, CONDITIONS) if document.is_in(folder)]
+    verbs += [FIT.verb for name in (FIT.file, MARK) if (folder / name).is_file()]
+    if verbs:
+        return verbs[0]
+    raise OutputError(
+        "holds no run of sma_bayes" if folder.is_dir() else "is not a folder",
+        file=folder,
+        expected="a folder with summary.json, gap.json, comparison.json or conditions.json: what fit, gap, compare "
+        "and conditions write",
+        remedy="name the folder that was given as --out; of a study one of its folders",
+    )

@@ -1,0 +1,69 @@
+"""A report is put together: its figures, its tables, and the page that shows both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from sma_bayes.account import Account
+from sma_bayes.report.choice import Wanted
+from sma_bayes.report.drawn import OneFigure, draw_all
+from sma_bayes.report.figures.sheet import Drawing, FigureFiles
+from sma_bayes.report.tables import Table, write_tables
+from sma_bayes.report.took import account_table
+from sma_bayes.report.workbook import write_workbook
+
+
+class Stored(Protocol):
+    """A finished run, as its folder holds it."""
+
+    @property
+    def folder(self) -> Path: ...
+    @property
+    def found(self) -> Mapping[str, Any]:
+        """What its document holds."""
+        ...
+
+
+S = TypeVar("S", bound=Stored)
+
+
+def assemble(
+    stored: S,
+    wanted: Wanted,
+    drawings: Sequence[Callable[[S], Drawing]],
+    tables: Callable[[S], dict[str, Table]],
+    write_page: Callable[[S, Mapping[str, Table], Mapping[str, FigureFiles]], None],
+) -> None:
+    """Draw figures, write tables, and write the page that shows them.
+
+    Parameters
+    ----------
+    stored : Stored
+    wanted : Wanted
+    drawings : sequence of callable
+        One for each figure.
+    tables : callable
+    write_page : callable
+        Of the run, its tables and its figures by stem.
+    """
+    spent = wanted.account or Account()
+    tasks = [OneFigure(stored.folder, partial(draw, stored)) for draw in drawings]
+    figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
+    with spent.timed("report"):
+        written = written_tables(tables(stored), stored.found, stored.folder, wanted)
+        write_page(stored, written, figures)
+    wanted.tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
+
+
+def written_tables(
+    tables: dict[str, Table], found: Mapping[str, Any], folder: Path, wanted: Wanted
+) -> dict[str, Table]:
+    """Write tables, with what the run took beside them; return all."""
+    everything = tables | {"account": account_table(found, wanted.account or Account())}
+    write_tables(everything, folder / "tables")
+    if wanted.workbook:
+        write_workbook(everything, folder / "tables" / "results.xlsx")
+    return everything

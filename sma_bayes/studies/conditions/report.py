@@ -1,0 +1,43 @@
+"""The report of a study of conditions: which figures it has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from sma_bayes.report.assembly import assemble
+from sma_bayes.report.choice import Drawn, Wanted
+from sma_bayes.report.figures.sheet import Drawing
+from sma_bayes.studies.conditions.figures.conditions import (
+    effects_figure,
+    held_out_figure,
+    measured_figure,
+    predicted_figure,
+)
+from sma_bayes.studies.conditions.outputs import StoredConditions, read_conditions
+from sma_bayes.studies.conditions.page import write_conditions_report
+from sma_bayes.studies.conditions.tables import conditions_tables
+
+
+def build_report(folder: Path, wanted: Wanted) -> None:
+    """Write the report of a study of conditions; see `sma_bayes.report.choice.ReportBuilder`."""
+    stored = read_conditions(folder)
+    assemble(stored, wanted, _drawings(stored, wanted.drawn), conditions_tables, write_conditions_report)
+
+
+def _drawings(stored: StoredConditions, drawn: Drawn) -> list[Callable[[StoredConditions], Drawing]]:
+    found = stored.found
+    drawings: list[Callable[[StoredConditions], Drawing]] = []
+    for number, group in enumerate(found["groups"], 1):
+        drawings.append(partial(measured_figure, number=number))
+        told = {
+            e["setting"] for e in found["effects"] if e["conditions"] == group["conditions"] and e["tested"]
+        }
+        drawings += [partial(effects_figure, number=number, setting=s) for s in group["varied"] if s in told]
+    if drawn != "none":
+        asked = dict.fromkeys(p["condition"] for p in found["predictions"])
+        drawings += [partial(predicted_figure, condition=c) for c in asked]
+        left_out = dict.fromkeys(h["condition"] for h in found["held_out"])
+        drawings += [partial(held_out_figure, condition=c) for c in left_out]
+    return drawings
