@@ -13,15 +13,13 @@ from tokenize import TokenError
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats as Floats
 from sma_bayes.errors import QuantityError, near_matches
 from sma_bayes.limits import MAGNITUDE, UNIT_CHARACTERS, UNIT_EXPONENT, UNIT_NESTING
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
-
-Floats = NDArray[np.float64]
 
 ARBITRARY: Final = "arbitrary"
 """Unit of a quantity whose unit nobody knows any more; it is carried through and shown, never converted."""

@@ -9,15 +9,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sma_bayes.arrays import Ints as Ints
 from sma_bayes.errors import MeasurementError
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, Floats
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
-
-Ints = NDArray[np.int64]
 
 
 class Branch(StrEnum):

@@ -16,6 +16,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Bools
 from sma_bayes.errors import MeasurementError
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors, read_priors
 from sma_bayes.parameters.roles import Role
@@ -23,7 +24,6 @@ from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import CHANNELS, Floats
 from sma_bayes.records.types import Record
 
-Bools = NDArray[np.bool_]
 Curves = Callable[[Floats, Mapping[str, Floats]], dict[str, Floats]]
 
 STEP = float(np.cbrt(np.finfo(float).eps))

@@ -20,14 +20,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sma_bayes.arrays import Bools
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 from sma_bayes.records.drive import delivered_in_steps
 from sma_bayes.records.history import starts
-
-Bools = NDArray[np.bool_]
 
 EXCESS: Final = 40.0
 """Excess over the room at which the loss by natural convection is stated [K]."""

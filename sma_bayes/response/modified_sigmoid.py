@@ -24,10 +24,11 @@ from functools import cached_property
 import numpy as np
 from scipy.special import expit
 
+from sma_bayes.arrays import Bools
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import ARBITRARY, CHANNELS, Floats, per
-from sma_bayes.response.base import Asymptote, Bools, ResponseModel, Variant, in_order
+from sma_bayes.response.base import Asymptote, ResponseModel, Variant, in_order
 
 
 def sigmoid(temperature: Floats, amplitude: Floats, rate: Floats, midpoint: Floats, offset: Floats) -> Floats:

@@ -11,16 +11,14 @@ import emcee
 import numpy as np
 from emcee.state import State
 
+from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.posterior import Posterior
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Ints
 from sma_bayes.sampling.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
 from sma_bayes.sampling.laplace import Density, Mode
 from sma_bayes.sampling.linearised import Linearised
 from sma_bayes.sampling.moves import differential_evolution
 from sma_bayes.sampling.proposals import (
     AnyProposal,
-    Bools,
     Coordinates,
     FactorisedMixture,
     MixedProposal,

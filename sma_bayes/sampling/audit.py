@@ -33,7 +33,7 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.sampling.adaptation import Adapted, weigh
 from sma_bayes.sampling.bridge import Evidence
 from sma_bayes.sampling.laplace import Density

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.sampling.laplace import Density
 from sma_bayes.sampling.proposals import AnyProposal, PlainCoordinates, Proposal, StudentMixture
 from sma_bayes.sampling.shape import DF

@@ -20,9 +20,9 @@ import numpy as np
 from emcee.backends import HDFBackend
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats
 from sma_bayes.disk import NEEDED, reason, unwritable, writing
 from sma_bayes.errors import ResumeError
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)

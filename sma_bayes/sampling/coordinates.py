@@ -18,12 +18,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import qr
 
+from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.posterior import Posterior
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Ints
 from sma_bayes.sampling.linearised import Linearised
 from sma_bayes.sampling.normal_equations import NormalEquations
-from sma_bayes.sampling.proposals import Bools, Coordinates
+from sma_bayes.sampling.proposals import Coordinates
 
 ITERATIONS = 8
 TOLERANCE = 1e-8

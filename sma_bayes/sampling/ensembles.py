@@ -34,8 +34,8 @@ import numpy as np
 from emcee.moves import Move
 from emcee.state import State
 
+from sma_bayes.arrays import Floats
 from sma_bayes.posterior import Posterior
-from sma_bayes.quantities import Floats
 from sma_bayes.sampling.adaptation import (
     GREATEST_SHARE,
     LINEAR,

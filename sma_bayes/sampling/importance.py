@@ -20,10 +20,9 @@ from typing import Final, Protocol
 import numpy as np
 from scipy.special import logsumexp
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.posterior import Posterior
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Ints
 from sma_bayes.sampling.adaptation import adapt
 from sma_bayes.sampling.bridge import Evidence, fitted_proposal
 from sma_bayes.sampling.laplace import Density, Mode, climb

@@ -13,9 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.posterior import Posterior
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Ints
 from sma_bayes.sampling.linearised import Linearised
 
 NEAR = 0.1

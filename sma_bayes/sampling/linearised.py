@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.posterior import Posterior
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True, eq=False)

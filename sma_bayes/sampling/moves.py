@@ -15,7 +15,7 @@ import numpy as np
 from emcee.moves import DEMove, Move, StretchMove
 from emcee.state import State
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.sampling.proposals import AnyProposal
 from sma_bayes.sampling.weighted import Weighed, resampled_columns
 

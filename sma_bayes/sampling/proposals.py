@@ -13,13 +13,9 @@ from functools import cache
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Ints
-
-Bools = NDArray[np.bool_]
+from sma_bayes.arrays import Bools, Floats, Ints
 
 DEGREES_OF_FREEDOM = (5.0, 10.0, 20.0, 50.0)
 """What a fit of a single component chooses from: never so many that a tail is drawn no more."""

@@ -8,8 +8,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Ints
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.sampling.laplace import Density, Mode
 from sma_bayes.sampling.proposals import Coordinates, FactorisedMixture, PlainCoordinates, StudentMixture
 

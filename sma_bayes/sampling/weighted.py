@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats, Ints
 
 LEAST = 0.1
 """Least efficiency of weights that a fit takes as they are; below, they are tempered."""
@@ -133,7 +132,7 @@ def tempered(weights: Weights) -> Floats:
     return Weights(powers).normalised
 
 
-def resampled(log_weight: Floats, size: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def resampled(log_weight: Floats, size: int, rng: np.random.Generator) -> Ints:
     """Numbers of draws of equal weight, by systematic resampling, in random order.
 
     Parameters
@@ -156,7 +155,7 @@ def resampled(log_weight: Floats, size: int, rng: np.random.Generator) -> NDArra
 
 def resampled_columns(
     log_weight: Floats, size: int, rng: np.random.Generator | np.random.RandomState
-) -> NDArray[np.int64]:
+) -> Ints:
     """The same for each column of few draws (S, W): numbers (size, W) of draws."""
     passed = np.cumsum(np.exp(log_weight - log_weight.max(axis=0)), axis=0)
     at = (np.arange(size)[:, None] + rng.random(log_weight.shape[1])) / size * passed[-1]

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sma_bayes.arrays import Bools
 from sma_bayes.quantities import Floats
-from sma_bayes.sampling.proposals import Bools
 from sma_bayes.studies.gap.fitting import Fitted
 
 
