@@ -24,6 +24,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,9 @@ from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+
+if TYPE_CHECKING:
+    from sma_bayes.fitting.abilities import LinearisedPosterior
 
 CHUNK = 1 << 15
 """Samples times parameter vectors that are evaluated at a time, so that intermediate arrays stay in cache."""
@@ -164,6 +168,12 @@ class Posterior:
         """Whether the mode is all but the least-squares optimum: nothing beside the curve but noise without memory."""
         alone = not (self.noise.remembers or self.noise.feels_temperature or self.has_discrepancy)
         return alone and self.noise.is_plain
+
+    def linearised(self, z: Floats) -> LinearisedPosterior:
+        """The posterior about a point (D,), its response linearised there."""
+        from sma_bayes.fitting.abilities import LinearisedPosterior  # which stands on this module
+
+        return LinearisedPosterior.at(self, z)
 
     @property
     def sampled_model(self) -> NDArray[np.intp]:

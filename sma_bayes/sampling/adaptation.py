@@ -3,37 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import emcee
 import numpy as np
 from emcee.state import State
 
-from sma_bayes.arrays import Bools, Floats, Ints
-from sma_bayes.posterior import Posterior
-from sma_bayes.sampling.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
-from sma_bayes.sampling.laplace import Density, Mode
-from sma_bayes.sampling.linearised import Linearised
+from sma_bayes.arrays import Bools, Floats
+from sma_bayes.sampling.density import Density, Linearisable, Linearised, linearised_at, shape_of
+from sma_bayes.sampling.laplace import Mode
 from sma_bayes.sampling.moves import differential_evolution
 from sma_bayes.sampling.proposals import (
     AnyProposal,
-    Coordinates,
-    FactorisedMixture,
     MixedProposal,
-    Mixture,
-    PlainCoordinates,
     Proposal,
     StudentMixture,
 )
-from sma_bayes.sampling.shape import one_component, shape_of
+from sma_bayes.sampling.shape import one_component, spread
 from sma_bayes.sampling.weighted import LEAST, Weighed, Weights, tempered
 
 DRAWS = 500
 """Importance draws of one round."""
 SHELVED = 4 * DRAWS
-"""Those beside a discrepancy under noise that is not normal, of whose parameters linearising tells little."""
+"""Those where the density is shelved: of a shelf a few tell nothing."""
 FIRST = 256
 """Those of a first look at a proposal as linearising gives it."""
 LINEAR, EVEN = 0.92, 2.0
@@ -41,19 +34,11 @@ LINEAR, EVEN = 0.92, 2.0
 
 Where the response is linear the efficiency is 0.94, but 0.90 to 0.95 by how many draws happen to be wide; the greatest
 weight is 1.3 to 2.1. Where the response is bent and a look is as efficient, the greatest weight is 2.3 and more."""
-FAIR, LED = 0.8, 0.5
-"""Efficiency that does, too, where no parameter is led by the prior, that is, has more than so much of the prior's sd:
-one that is lies on a ridge, which may bend far beyond what a few draws show."""
+FAIR = 0.8
+"""Efficiency that does, too, where no parameter is led by the prior: one that is lies on a ridge, which may bend far
+beyond what a few draws show."""
 BETTER = 1.02
 """Gain in efficiency, with the same draws, for which other coordinates are taken, whose draws cost more."""
-GRID = np.linspace(-5.0, 5.0, 41)
-"""Where the marginal of a single noise parameter is looked at, in standard deviations of the Laplace approximation."""
-POINTS = 441
-"""Points of such a grid for several noise parameters of a channel."""
-ON_A_GRID = 2
-"""Noise parameters of a channel, at most, for which there is a grid."""
-NEARLY_NORMAL = 30.0
-"""Degrees of freedom of what is normal where the response is linear."""
 HELD = 100.0
 """Draws for which the covariance that linearising gave counts beside those of a round."""
 ROUNDS = 6
@@ -135,25 +120,27 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator) -> 
     Parameters
     ----------
     density : Density
-        A `Posterior`, for which coordinates are built, or any other density, taken as it is.
+        Where it can be linearised, in the coordinates that it has there; any other is taken as it is.
     modes : sequence of Mode
         Best first.
     rng : numpy.random.Generator
     """
     fitted = [_adapt_mode(density, mode, rng) for mode in modes]
     found = fitted[0] if len(fitted) == 1 else _mixed(density, fitted, rng)
-    # in its own coordinates a posterior is not bent
-    return found if isinstance(density, Posterior) else _looked_around(density, found, rng)
+    # in its own coordinates it is not bent
+    return found if isinstance(density, Linearisable) else _looked_around(density, found, rng)
 
 
 @np.errstate(all="ignore")  # where the density is zero nothing of this is a number, and it is not good
-def at_a_look(linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0) -> Adapted | None:
-    """Proposal as linearising at a mode, or near one, gives it, and draws that tell how good it is.
+def at_a_look(
+    density: Density, linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0
+) -> Adapted | None:
+    """Proposal as linearising a density at a mode, or near one, gives it, and draws that tell how good it is.
 
     Where it is all but sure to be good, `ahead` more draws are made at once, for a run that begins with it. None where
     nothing can be linearised.
     """
-    return _looked_at(linearised, mode, rng, ahead)[1]
+    return _looked_at(density, linearised, mode, rng, ahead)[1]
 
 
 def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator) -> Adapted:
@@ -179,9 +166,10 @@ def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
 
 
 def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapted:
-    if not isinstance(density, Posterior):
+    linearised = linearised_at(density, mode.z)
+    if linearised is None:
         return _adapt_plain(density, mode, rng)
-    proposals, best = _looked_at(Linearised.at(density, mode.z), mode, rng)
+    proposals, best = _looked_at(density, linearised, mode, rng)
     if best is None:
         return _adapt_plain(density, mode, rng)
     if best.good:
@@ -189,9 +177,7 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapt
         return best
     evaluations = best.evaluations
     fitted: list[Adapted] = []
-    # the size of a discrepancy goes down to where it does nothing: of that shelf a few draws tell nothing
-    shelved = density.has_discrepancy and not density.noise.is_gaussian
-    draws = SHELVED if shelved else DRAWS
+    draws = SHELVED if linearised.shelved else DRAWS
     for proposal in proposals:
         fitted.append(_refine(density, proposal, rng, draws, HELD))
         best = max(fitted, key=lambda f: f.weights.efficiency)
@@ -206,32 +192,24 @@ def _wide(mode: Mode) -> StudentMixture:
 
 
 def _looked_at(
-    linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0
+    density: Density, linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0
 ) -> tuple[list[Proposal], Adapted | None]:
     """Proposals as linearising gives them, best first, and a few draws of the best; None where there is no proposal.
 
     Other coordinates are looked at where those before do not do. What is drawn is the same in all of them, so that
     they can be compared.
     """
-    wide, posterior = _wide(mode), linearised.posterior
-    sd = np.sqrt(np.diag(mode.covariance)) / posterior.space.prior_sd()
-    determined = bool(np.all(sd[: linearised.count] <= LED))
+    wide = _wide(mode)
+    determined = linearised.determined(mode.covariance)
     enough = FAIR if determined else LINEAR
-    spare = ahead if determined and len(posterior.records) == 1 else 0
+    spare = ahead if determined and not linearised.joint else 0
     size = FIRST + spare
     seed = rng.integers(2**63)
-    narrow: Mixture | None = None
     best: Adapted | None = None
     proposals: list[Proposal] = []
-    for inner in _inner_coordinates(linearised):
-        try:
-            coordinates = NoiseScaledCoordinates.about(linearised, inner)
-            # what is linear tells of the noise the same in all coordinates
-            narrow = narrow or _start(coordinates, mode, posterior, rng)
-        except np.linalg.LinAlgError:
-            continue
+    for coordinates, narrow in linearised.proposals(mode.covariance, rng):
         proposal = Proposal(coordinates, narrow, wide)
-        last = weigh(posterior, proposal, np.random.default_rng(seed), size)
+        last = weigh(density, proposal, np.random.default_rng(seed), size)
         better = best is None or last.weights.efficiency > BETTER * best.weights.efficiency
         proposals.insert(0 if better else len(proposals), proposal)
         if better:
@@ -242,20 +220,10 @@ def _looked_at(
     return proposals, None if best is None else replace(best, evaluations=size * len(proposals))
 
 
-def _inner_coordinates(linearised: Linearised) -> Iterator[Coordinates]:
-    """Coordinates to try for the model's parameters, each built when those before did not do."""
-    if linearised.count == 0:
-        return
-    yield PlainCoordinates()
-    predictive = PredictiveCoordinates.at(linearised)
-    if predictive is not None:
-        yield predictive
-
-
 def _adapt_plain(density: Density, mode: Mode, rng: np.random.Generator) -> Adapted:
     """One component in the coordinates of the density, and several for what is bent where one does not fit."""
     wide = _wide(mode)
-    shape = shape_of(density, mode)
+    shape = shape_of(density, mode.covariance)
     centre = shape.coordinates.forward(mode.z[None])[0][0]
     bent = shape.blocks()[-1]
     bend = one_component(centre[bent], shape.covariance[np.ix_(bent, bent)])
@@ -264,7 +232,7 @@ def _adapt_plain(density: Density, mode: Mode, rng: np.random.Generator) -> Adap
     )
     if found.weights.efficiency >= GOOD:
         return found
-    several = shape.mixture(centre, [_spread(bend, rng, 6)])
+    several = shape.mixture(centre, [spread(bend, rng, 6)])
     more = _refine(density, Proposal(shape.coordinates, several, wide), rng, draws=8 * DRAWS)
     better = more if more.weights.efficiency > found.weights.efficiency else found
     return replace(better, evaluations=found.evaluations + more.evaluations)
@@ -291,112 +259,6 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
         sampler.get_chain(flat=True), sampler.get_log_prob(flat=True)
     )
     return replace(adapted, evaluations=evaluations, greatest_seen=met.greatest_seen)
-
-
-def _start(
-    coordinates: NoiseScaledCoordinates, mode: Mode, posterior: Posterior, rng: np.random.Generator
-) -> Mixture:
-    """Unit normal in the scaled coordinates of the model; for each channel's noise a fit to its marginal."""
-    m = coordinates.count
-    place = {int(f): i for i, f in enumerate(posterior.space.free_index)}
-    centre = mode.z[m:]
-    channels = [at for record_place in posterior.layout for at in record_place.blocks()]
-    noise = [np.array([place[int(i)] for i in at if int(i) in place], dtype=np.int64) for at in channels]
-    noise = [block for block in noise if block.size]
-    alone = [int(block[0]) for block in noise if block.size == 1]
-    fits = iter(_fit_alone(coordinates, centre, np.array(alone) - m, np.diag(mode.covariance)[alone]))
-    parts = [StudentMixture(np.ones(1), np.zeros((1, m)), _standard(m), NEARLY_NORMAL)]
-    for block in noise:
-        if block.size == 1:
-            parts.append(next(fits))
-            continue
-        covariance = mode.covariance[np.ix_(block, block)]
-        marginal = coordinates.log_noise_marginal
-        if block.size > ON_A_GRID and not posterior.noise.is_gaussian:
-            # what is linear and normal tells little of the noise
-            marginal = partial(_marginal_along_the_ridge, posterior, coordinates)
-        parts.append(_fit_together(marginal, centre, block - m, covariance, rng))
-    return FactorisedMixture((np.arange(m), *noise), tuple(parts))
-
-
-def _standard(m: int) -> Floats:
-    """Root (1, m, m) of the scale matrix with which what is nearly normal has unit variance."""
-    return math.sqrt((NEARLY_NORMAL - 2.0) / NEARLY_NORMAL) * np.eye(m)[None]
-
-
-def _fit_alone(
-    coordinates: NoiseScaledCoordinates, centre: Floats, at: Ints, variance: Floats
-) -> list[StudentMixture]:
-    """Noise parameters that are the only ones of their channels: mean and variance of their linearised marginals.
-
-    Each is looked at on a grid, with all others at the mode.
-    """
-    if at.size == 0:
-        return []
-    x = centre[at, None] + np.sqrt(variance)[:, None] * GRID
-    noise_z = np.tile(centre, (at.size, GRID.size, 1))
-    noise_z[np.arange(at.size), :, at] = x
-    log_marginal = coordinates.log_noise_marginal(noise_z.reshape(-1, centre.size)).reshape(x.shape)
-    fits = []
-    for values, log_weight, least in zip(x, log_marginal, variance * (GRID[1] - GRID[0]) ** 2, strict=True):
-        weight = Weights(log_weight).normalised
-        mean = float(weight @ values)
-        sd = math.sqrt(max(float(weight @ (values - mean) ** 2), least))
-        fits.append(StudentMixture(np.ones(1), np.full((1, 1), mean), sd * _standard(1), NEARLY_NORMAL))
-    return fits
-
-
-def _marginal_along_the_ridge(
-    posterior: Posterior, coordinates: NoiseScaledCoordinates, noise_z: Floats
-) -> Floats:
-    """Log posterior of the noise parameters (W,), up to a constant.
-
-    The model's are taken as normal: it is the density itself at the centre of their coordinates, times their volume.
-    """
-    u = np.concatenate([np.zeros((len(noise_z), coordinates.count)), noise_z], axis=1)
-    z, log_jacobian, found = coordinates.inverse(u)
-    value = np.full(len(u), -np.inf)
-    value[found] = posterior.log_prob(z[found]) - log_jacobian[found]
-    return value
-
-
-def _fit_together(
-    marginal: Callable[[Floats], Floats],
-    centre: Floats,
-    block: Ints,
-    covariance: Floats,
-    rng: np.random.Generator,
-) -> StudentMixture:
-    """Several noise parameters of one channel: a mixture fitted to their linearised marginal, all others at the mode.
-
-    The marginal is looked at on a grid along the axes of its covariance, which is that of the Laplace approximation
-    at first, then that of the grid before.
-    """
-    if block.size <= ON_A_GRID:
-        axis = np.linspace(GRID[0], GRID[-1], round(POINTS ** (1.0 / block.size)))
-        grid = np.stack(np.meshgrid(*[axis] * block.size), axis=-1).reshape(-1, block.size)
-        log_q = np.zeros(len(grid))
-    else:  # a grid would be too coarse: points drawn from heavy tails, each by its weight
-        heavy = StudentMixture(np.ones(1), np.zeros((1, block.size)), np.eye(block.size)[None], 4.0)
-        grid = heavy.draw(rng, POINTS)
-        log_q = heavy.log_density(grid)
-    mean = centre[block]
-    for _ in range(3):
-        x = mean + grid @ np.linalg.cholesky(covariance).T
-        noise_z = np.tile(centre, (len(x), 1))
-        noise_z[:, block] = x
-        weights = Weights(marginal(noise_z) - log_q)
-        weight = weights.normalised if block.size <= ON_A_GRID else tempered(weights)
-        mean = weight @ x
-        covariance = ((x - mean) * weight[:, None]).T @ (x - mean) + 1e-3 * covariance
-    first = StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], 5.0)
-    fitted = _spread(first, rng, 4).refitted(x, weight, rounds=15)
-    return StudentMixture(
-        np.append(0.9 * fitted.weight, 0.1),
-        np.concatenate([fitted.mean, mean[None]]),
-        np.concatenate([fitted.root, 3.0 * first.root]),
-        first.df,
-    )
 
 
 def _refine(
@@ -482,11 +344,3 @@ def _widened(wide: StudentMixture, z: Floats, weight: Floats) -> StudentMixture:
 def weigh(density: Density, proposal: AnyProposal, rng: np.random.Generator, size: int) -> Weighed:
     """Draw from a proposal, and weigh the draws."""
     return Weighed.of(density.log_prob, *proposal.draw(rng, size))
-
-
-def _spread(mixture: StudentMixture, rng: np.random.Generator, count: int) -> StudentMixture:
-    """Several components drawn from one, so that a fit can bend around a curved density."""
-    means = mixture.draw(rng, count)
-    return StudentMixture(
-        np.full(count, 1.0 / count), means, np.repeat(mixture.root[:1], count, axis=0), mixture.df
-    )

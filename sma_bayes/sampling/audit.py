@@ -36,7 +36,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.sampling.adaptation import Adapted, weigh
 from sma_bayes.sampling.bridge import Evidence
-from sma_bayes.sampling.laplace import Density
+from sma_bayes.sampling.density import Density
 from sma_bayes.sampling.pareto import smoothed_weights
 from sma_bayes.sampling.proposals import (
     AnyProposal,

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
-from sma_bayes.sampling.laplace import Density
+from sma_bayes.sampling.density import Density
 from sma_bayes.sampling.proposals import AnyProposal, PlainCoordinates, Proposal, StudentMixture
 from sma_bayes.sampling.shape import DF
 

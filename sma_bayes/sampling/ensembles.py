@@ -35,7 +35,6 @@ from emcee.moves import Move
 from emcee.state import State
 
 from sma_bayes.arrays import Floats
-from sma_bayes.posterior import Posterior
 from sma_bayes.sampling.adaptation import (
     GREATEST_SHARE,
     LINEAR,
@@ -49,8 +48,8 @@ from sma_bayes.sampling.audit import Audit, Audited, audited, reaching_further
 from sma_bayes.sampling.bridge import Evidence, bridge_evidence
 from sma_bayes.sampling.checkpoint import Block, Checkpoint
 from sma_bayes.sampling.convergence import PUBLISHED, Convergence, Target, assess
-from sma_bayes.sampling.laplace import Density, Mode, climb, near
-from sma_bayes.sampling.linearised import Linearised
+from sma_bayes.sampling.density import Density, Linearisable
+from sma_bayes.sampling.laplace import Mode, climb, near
 from sma_bayes.sampling.moves import (
     SAMPLERS,
     IndependenceMove,
@@ -167,8 +166,9 @@ MIXED_TIMES = 20.0
 
 Walkers that start near a mode and creep along a bent ridge agree with each other long before they have come to its
 ends, and the more walkers there are the sooner they add up to the target: of 20 runs on a narrow banana all had
-reached it, with standard deviations a fifth too small. A posterior need but be seen for a proposal to be fitted: in
-its own coordinates it is hardly bent, an audit looks beyond, and where that is not passed it is explored further."""
+reached it, with standard deviations a fifth too small. What can be linearised need but be seen for a proposal to be
+fitted: in its own coordinates it is hardly bent, an audit looks beyond, and where that is not passed it is explored
+further."""
 
 LONGEST = 384
 """Steps of independence moves, at most. Of skewed parameters the outer quantiles take some thirty thousand draws, which
@@ -324,7 +324,7 @@ class _Run:
             draws = self._audited_independence("independence", adapted, modes, run_first)
             if draws is not None:
                 return draws
-        if adapted.carries or isinstance(self.density, Posterior):
+        if adapted.carries or isinstance(self.density, Linearisable):
             adapted = self._second_try(adapted, modes, np.random.default_rng(second))
         if adapted.carries:
             draws = self._audited_independence("wider", adapted, modes, run_second)
@@ -341,16 +341,16 @@ class _Run:
         Where noise has no memory that optimum is so near the mode that climbing to it makes no better proposal.
         """
         density = self.density
-        if len(starts) != 1 or not isinstance(density, Posterior) or not density.near_least_squares:
+        if len(starts) != 1 or not isinstance(density, Linearisable) or not density.near_least_squares:
             return None
         (start,) = starts
         if isinstance(start, Mode):
             return None
-        linearised = Linearised.at(density, start)
+        linearised = density.linearised(start)
         mode = near(linearised, self.width)
         chains = self.plan.groups * self.walkers
         ahead = chains * _steps_hoped(LINEAR, chains, self.plan)
-        adapted = at_a_look(linearised, mode, np.random.default_rng(seed), ahead)
+        adapted = at_a_look(density, linearised, mode, np.random.default_rng(seed), ahead)
         if adapted is None:
             return None
         self.evaluations += adapted.evaluations
@@ -392,10 +392,11 @@ class _Run:
     def _second_try(self, adapted: Adapted, modes: tuple[Mode, ...], rng: np.random.Generator) -> Adapted:
         """A proposal after one that did not carry a run, or seemed to.
 
-        Of a posterior the same one, made to reach further until it is good or has been tried often enough. Another
-        density has no coordinates of its own to do so in: it is fitted once more, to other draws, with a wide share.
+        Of a density that can be linearised the same one, made to reach further until it is good or has been tried
+        often enough. Another has no coordinates of its own to do so in: it is fitted once more, to other draws, with a
+        wide share.
         """
-        if not isinstance(self.density, Posterior):
+        if not isinstance(self.density, Linearisable):
             again = adapt(self.density, modes, rng)
             self.evaluations += again.evaluations
             return with_wide_share(again)
@@ -497,7 +498,7 @@ class _Run:
             _Group(self, f"explore-{g}", adapted, s[0], evolution, plan.explore_block, modes=modes)
             for g, s in enumerate(explore_seeds)
         ]
-        times = SEEN_TIMES if isinstance(self.density, Posterior) else EXPLORED_TIMES
+        times = SEEN_TIMES if isinstance(self.density, Linearisable) else EXPLORED_TIMES
         enough = Target(EXPLORED_RHAT, times * plan.groups * self.walkers)
         tries = explore_seeds[0][2].spawn(EXPLORED_BLOCKS)
         for block in range(1, EXPLORED_BLOCKS + 1):
@@ -511,7 +512,7 @@ class _Run:
             z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
             fitted = adapt_to_draws(self.density, z, modes, rng)
             self.evaluations += fitted.evaluations
-            if isinstance(self.density, Posterior) and not fitted.carries:
+            if isinstance(self.density, Linearisable) and not fitted.carries:
                 fitted = reaching_further(self.density, fitted, self.width, rng)
                 self.evaluations += fitted.evaluations
             if explored and fitted.carries:

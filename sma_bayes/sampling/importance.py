@@ -15,19 +15,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from scipy.special import logsumexp
 
-from sma_bayes.arrays import Floats, Ints
-from sma_bayes.parameters.space import ParameterSpace
-from sma_bayes.posterior import Posterior
+from sma_bayes.arrays import Floats
 from sma_bayes.sampling.adaptation import adapt
 from sma_bayes.sampling.bridge import Evidence, fitted_proposal
-from sma_bayes.sampling.laplace import Density, Mode, climb
+from sma_bayes.sampling.density import Density, linearised_at
+from sma_bayes.sampling.laplace import Mode, climb
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
-from sma_bayes.sampling.proposals import StudentMixture
+from sma_bayes.sampling.proposals import Source
 from sma_bayes.sampling.weighted import Weighed, Weights, tempered
 
 DRAWS: Final = 4000
@@ -39,18 +38,6 @@ them they are fitted to."""
 MOST_MODES: Final = 3
 LOWER: Final = 12.0
 """A mode whose mass is lower than that of the best one by this power of e is left out."""
-
-
-class Source(Protocol):
-    """What importance draws come from, such as a `Proposal`."""
-
-    def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
-        """Points (size, D) and their log density (size,); minus infinity where no point could be built."""
-        ...
-
-    def log_density(self, z: Floats) -> Floats:
-        """Log density at any points, shape (W,)."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,8 +114,9 @@ def _population(
     density: Density, own: Source, modes: tuple[Mode, ...], rng: np.random.Generator, first: WeightedDraws
 ) -> WeightedDraws:
     """Fit mixtures to draws until they are good; the best of all rounds where they never are."""
-    prior = PriorOfCurve.of(density, modes[0]) if isinstance(density, Posterior) else None
-    wide: Source = own if prior is None else prior
+    linearised = linearised_at(density, modes[0].z)
+    prior = None if linearised is None else linearised.prior_proposal(modes[0].covariance)
+    wide = own if prior is None else prior
     best, found = first, drawn(density, HalfAndHalf(own, wide), modes, rng, POPULATION)
     for _ in range(ROUNDS):
         if found.effective > best.effective:
@@ -162,49 +150,6 @@ def drawn(
     return WeightedDraws(
         z[kept], smooth[:, 0], evidence, float(k[0]), "importance", reliable, proposal, tuple(modes)
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PriorOfCurve:
-    """The prior for the parameters of the curve, and a Student t for those of the noise.
-
-    Where the data hardly tell a curve, its posterior is nearly its prior, whatever the coordinates, while the noise is
-    known well.
-
-    Attributes
-    ----------
-    space : ParameterSpace
-    at : ndarray of int
-        Coordinates of the noise.
-    noise : StudentMixture
-    """
-
-    space: ParameterSpace
-    at: Ints
-    noise: StudentMixture
-
-    @staticmethod
-    def of(posterior: Posterior, mode: Mode) -> PriorOfCurve:
-        """With the noise as it is at a mode, a little wider."""
-        at = np.arange(posterior.sampled_model.size, posterior.space.dimension)
-        covariance = 2.0 * mode.covariance[np.ix_(at, at)]
-        mixture = StudentMixture.from_covariances(np.ones(1), mode.z[None, at], covariance[None], 5.0)
-        return PriorOfCurve(posterior.space, at, mixture)
-
-    def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
-        """Points (size, D) and their log density (size,)."""
-        z = self.space.draw(rng, size)
-        z[:, self.at] = self.noise.draw(rng, size)
-        return z, self.log_density(z)
-
-    def log_density(self, z: Floats) -> Floats:
-        """Log density at any points, shape (W,)."""
-        value = self.space.log_prior(z) + self.noise.log_density(z[:, self.at])
-        for i in self.at:
-            prior = self.space.free[i].prior
-            x = prior.transform.to_physical(z[:, i])
-            value = value - prior.log_density(x) - prior.transform.log_jacobian(z[:, i])
-        return np.asarray(value)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,13 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
 
 import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
-from sma_bayes.posterior import Posterior
-from sma_bayes.sampling.linearised import Linearised
+from sma_bayes.sampling.density import Density, Linearised, linearised_at
 
 NEAR = 0.1
 """Steps of differences, in standard deviations along the axes of the covariance found so far."""
@@ -26,23 +24,6 @@ LEFT = 5e-3
 ALIKE, SAME = 0.5, 0.05
 """Relative change of standard deviations from step to step with which a climb may end, and with which what a step gains
 against its promise tells how much is left. On a bend the two may agree by chance."""
-
-
-class Density(Protocol):
-    """An unnormalised density that ensembles can sample."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the coordinates."""
-        ...
-
-    def log_prob(self, z: Floats) -> Floats:
-        """Log of the density at each row of `z` (W, D); never NaN."""
-        ...
-
-    def draw_prior(self, rng: np.random.Generator, size: int) -> Floats:
-        """Dispersed points (size, D): draws from a distribution wider than the density."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,9 +73,8 @@ def climb(density: Density, start: Floats, width: Floats, *, steps: int = 40) ->
     """
     z = start.astype(float).copy()
     evaluations = 0
-    covariance = np.diag(width**2)
-    if isinstance(density, Posterior):
-        covariance = _covariance(Linearised.at(density, z), width)
+    linearised = linearised_at(density, z)
+    covariance = np.diag(width**2) if linearised is None else _covariance(linearised, width)
     before, along = _spread(covariance, width)
     for _ in range(steps):
         axes = along * np.minimum(before, 1.0)

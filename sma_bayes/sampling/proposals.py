@@ -331,6 +331,18 @@ class MixedProposal:
         return _log_sum((parts + np.log(self.weight)[:, None]).T)
 
 
+class Source(Protocol):
+    """What importance draws come from, such as a `Proposal`."""
+
+    def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
+        """Points (size, D) and their log density (size,); minus infinity where no point could be built."""
+        ...
+
+    def log_density(self, z: Floats) -> Floats:
+        """Log density at any points, shape (W,)."""
+        ...
+
+
 AnyProposal = Proposal | MixedProposal
 
 

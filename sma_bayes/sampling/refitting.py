@@ -7,18 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from sma_bayes.posterior import Posterior
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.sampling.adaptation import DRAWS, Adapted, weigh
-from sma_bayes.sampling.coordinates import PredictiveCoordinates
-from sma_bayes.sampling.laplace import Density, Mode
-from sma_bayes.sampling.linearised import Linearised
+from sma_bayes.sampling.density import Density, linearised_at, shape_of
+from sma_bayes.sampling.laplace import Mode
 from sma_bayes.sampling.proposals import Mixture, Proposal, StudentMixture
-from sma_bayes.sampling.shape import DF, Shape, shape_of
+from sma_bayes.sampling.shape import DF, Shape
 from sma_bayes.sampling.weighted import Weights, tempered
 
-LED_BACK = 0.99
-"""Least share of draws to which predictive coordinates must lead back."""
 REACHES = 3
 """Rounds in which a proposal is fitted to its own draws and those of another move together."""
 
@@ -49,8 +45,8 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
                 rest, log_prob
             )
 
-    found = list(mixtures(shape_of(density, modes[0])))
-    shape = None if any(f.carries for f in found) else _predictive_shape(density, fit)
+    found = list(mixtures(shape_of(density, modes[0].covariance)))
+    shape = None if any(f.carries for f in found) else _shape_over(density, fit)
     if shape is not None:
         more = list(mixtures(shape))
         best = max(more, key=lambda f: f.acceptance)
@@ -59,25 +55,14 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
     return replace(best, evaluations=len(rest) + sum(f.evaluations for f in found))
 
 
-def _predictive_shape(density: Density, z: Floats) -> Shape | None:
-    """What the model predicts as coordinates, in as many samples as lead back to nearly all draws (N, D).
-
-    Where a transition fell between two samples, the curve at the mode may bend at one of them, which then seems to tell
-    as much as any, while over the draws little but the two levels is told.
-    """
-    if not isinstance(density, Posterior):
+def _shape_over(density: Density, z: Floats) -> Shape | None:
+    """Shape of draws (N, D) in the coordinates that a density has for them; None where it has none."""
+    linearised = linearised_at(density, np.median(z, axis=0))
+    coordinates = None if linearised is None else linearised.coordinates_over(z)
+    if coordinates is None:
         return None
-    centre = Linearised.at(density, np.median(z, axis=0))
-    most = z.shape[1]
-    while most > 0:
-        coordinates = PredictiveCoordinates.at(centre, most)
-        if coordinates is None:
-            return None
-        u, _, back = coordinates.forward(z)
-        if back.mean() > LED_BACK:
-            return Shape(coordinates, np.cov(u[back].T), z.shape[1])
-        most = coordinates.scale.size - 1
-    return None
+    u, _, back = coordinates.forward(z)
+    return Shape(coordinates, np.cov(u[back].T), z.shape[1])
 
 
 def _reaching_out(density: Density, first: Adapted, z: Floats, rng: np.random.Generator) -> Adapted:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
-from sma_bayes.sampling.laplace import Density, Mode
 from sma_bayes.sampling.proposals import Coordinates, FactorisedMixture, PlainCoordinates, StudentMixture
 
 DF = 10.0
@@ -33,6 +31,11 @@ class Shape:
     covariance: Floats
     bent: int
 
+    @staticmethod
+    def unknown(covariance: Floats) -> Shape:
+        """That of a density with a covariance (D, D), all of which may be bent."""
+        return Shape(PlainCoordinates(), covariance, len(covariance))
+
     def blocks(self) -> tuple[Ints, ...]:
         """Coordinates that belong together: those that are nearly normal, if any, and the bent ones."""
         d = len(self.covariance)
@@ -48,22 +51,14 @@ class Shape:
         return FactorisedMixture(blocks, (*normal, *bends))
 
 
-@runtime_checkable
-class Shaped(Density, Protocol):
-    """A density that knows its shape."""
-
-    def shape(self) -> Shape:
-        """Coordinates for proposals, and what is known of the density in them."""
-        ...
-
-
-def shape_of(density: Density, mode: Mode) -> Shape:
-    """What the density says of its shape; if it says nothing, all of it may be bent."""
-    if isinstance(density, Shaped):
-        return density.shape()
-    return Shape(PlainCoordinates(), mode.covariance, mode.z.size)
-
-
 def one_component(centre: Floats, covariance: Floats) -> StudentMixture:
     """Student t with a centre (D,) and a covariance (D, D)."""
     return StudentMixture.from_covariances(np.ones(1), centre[None], covariance[None], DF)
+
+
+def spread(mixture: StudentMixture, rng: np.random.Generator, count: int) -> StudentMixture:
+    """Several components drawn from one, so that a fit can bend around a curved density."""
+    means = mixture.draw(rng, count)
+    return StudentMixture(
+        np.full(count, 1.0 / count), means, np.repeat(mixture.root[:1], count, axis=0), mixture.df
+    )

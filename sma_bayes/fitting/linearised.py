@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from sma_bayes.posterior import Posterior
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
+class LinearisedResponse:
     """The response linearised in the model's sampled parameters, which come first in ``z``.
 
     Attributes
@@ -32,9 +33,9 @@ class Linearised:
     chain: Floats
     slopes: tuple[Mapping[str, Floats], ...]
 
-    @staticmethod
+    @classmethod
     @np.errstate(all="ignore")  # what overflows is left out by who asks
-    def at(posterior: Posterior, z: Floats) -> Linearised:
+    def at(cls, posterior: Posterior, z: Floats) -> Self:
         """Linearise at a point."""
         theta, chain = posterior.space.to_physical(z), posterior.space.derivative(z)
         sampled = posterior.sampled_model
@@ -42,7 +43,7 @@ class Linearised:
         for record, place in zip(posterior.records, posterior.layout, strict=True):
             jacobian = posterior.model.jacobian(theta[place.model], record.inputs)
             slopes.append({c: jacobian[c][:, sampled] * chain[: sampled.size] for c in record.channels})
-        return Linearised(posterior, z, theta, chain, tuple(slopes))
+        return cls(posterior, z, theta, chain, tuple(slopes))
 
     @property
     def count(self) -> int:

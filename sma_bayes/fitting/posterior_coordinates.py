@@ -19,9 +19,9 @@ import numpy as np
 from scipy.linalg import qr
 
 from sma_bayes.arrays import Bools, Floats, Ints
+from sma_bayes.fitting.linearised import LinearisedResponse
+from sma_bayes.fitting.normal_equations import NormalEquations
 from sma_bayes.posterior import Posterior
-from sma_bayes.sampling.linearised import Linearised
-from sma_bayes.sampling.normal_equations import NormalEquations
 from sma_bayes.sampling.proposals import Coordinates
 
 ITERATIONS = 8
@@ -72,7 +72,7 @@ class PredictiveCoordinates:
         return int(self.rest.shape[1])
 
     @staticmethod
-    def at(linearised: Linearised, most: int | None = None) -> PredictiveCoordinates | None:
+    def at(linearised: LinearisedResponse, most: int | None = None) -> PredictiveCoordinates | None:
         """Choose coordinates about a point, such as a mode, with so many predictions at most.
 
         None where the model has no sampled parameter, or the data determine none better than the prior.
@@ -239,7 +239,7 @@ class NoiseScaledCoordinates:
         return self.equations.count
 
     @staticmethod
-    def about(linearised: Linearised, inner: Coordinates) -> NoiseScaledCoordinates:
+    def about(linearised: LinearisedResponse, inner: Coordinates) -> NoiseScaledCoordinates:
         """About the point of a linearised response, such as a mode; `inner` about the same."""
         posterior, count, theta = linearised.posterior, linearised.count, linearised.theta
         space = posterior.space

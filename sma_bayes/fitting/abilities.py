@@ -1,0 +1,78 @@
+"""What a posterior knows of itself about a point, for the sampler."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sma_bayes.arrays import Floats
+from sma_bayes.fitting.first_proposals import PriorOfCurve, first_mixture
+from sma_bayes.fitting.linearised import LinearisedResponse
+from sma_bayes.fitting.posterior_coordinates import NoiseScaledCoordinates, PredictiveCoordinates
+from sma_bayes.sampling.density import Linearised
+from sma_bayes.sampling.proposals import Coordinates, FactorisedMixture, PlainCoordinates
+
+LED = 0.5
+"""Posterior over prior sd from which a parameter is led by the prior: it lies on a ridge."""
+LED_BACK = 0.99
+"""Least share of draws to which predictive coordinates must lead back."""
+
+
+class LinearisedPosterior(LinearisedResponse, Linearised):
+    """A posterior about a point, its response linearised there."""
+
+    def proposals(
+        self, covariance: Floats, rng: np.random.Generator
+    ) -> Iterator[tuple[Coordinates, FactorisedMixture]]:
+        """In the model's parameters, then in what the model predicts, both relative to their spread given the noise."""
+        mixture = None
+        for inner in self._coordinates_of_the_model():
+            try:
+                coordinates = NoiseScaledCoordinates.about(self, inner)
+                # what is linear tells of the noise the same in all coordinates
+                mixture = mixture or first_mixture(coordinates, self.z, covariance, rng)
+            except np.linalg.LinAlgError:
+                continue
+            yield coordinates, mixture
+
+    def _coordinates_of_the_model(self) -> Iterator[Coordinates]:
+        """Each built when those before did not do."""
+        if self.count == 0:
+            return
+        yield PlainCoordinates()
+        predictive = PredictiveCoordinates.at(self)
+        if predictive is not None:
+            yield predictive
+
+    def coordinates_over(self, z: Floats) -> Coordinates | None:
+        """What the model predicts in as many samples as lead back to nearly all draws (N, D).
+
+        Where a transition fell between two samples, the curve at the mode may bend at one of them, which then seems to
+        tell as much as any, while over the draws little but the two levels is told.
+        """
+        most = self.z.size
+        while most > 0:
+            coordinates = PredictiveCoordinates.at(self, most)
+            if coordinates is None:
+                return None
+            if coordinates.forward(z)[2].mean() > LED_BACK:
+                return coordinates
+            most = coordinates.scale.size - 1
+        return None
+
+    def prior_proposal(self, covariance: Floats) -> PriorOfCurve:
+        return PriorOfCurve.of(self.posterior, self.z, covariance)
+
+    def determined(self, covariance: Floats) -> bool:
+        sd = np.sqrt(np.diag(covariance)) / self.posterior.space.prior_sd()
+        return bool(np.all(sd[: self.count] <= LED))
+
+    @property
+    def joint(self) -> bool:
+        return len(self.posterior.records) > 1
+
+    @property
+    def shelved(self) -> bool:
+        """Where the size of a discrepancy goes down to nothing, in noise that is not normal."""
+        return self.posterior.has_discrepancy and not self.posterior.noise.is_gaussian

@@ -1,0 +1,189 @@
+"""What a posterior is drawn from before any draw of it is known.
+
+In coordinates where it is nearly normal, a mixture: what is linear is normal, and the noise of each channel has its
+linearised marginal. Where data tell little of the curve, its prior.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from sma_bayes.arrays import Floats, Ints
+from sma_bayes.fitting.posterior_coordinates import NoiseScaledCoordinates
+from sma_bayes.parameters.space import ParameterSpace
+from sma_bayes.posterior import Posterior
+from sma_bayes.sampling.proposals import FactorisedMixture, StudentMixture
+from sma_bayes.sampling.shape import spread
+from sma_bayes.sampling.weighted import Weights, tempered
+
+GRID = np.linspace(-5.0, 5.0, 41)
+"""Where the marginal of a single noise parameter is looked at, in standard deviations of the Laplace approximation."""
+POINTS = 441
+"""Points of such a grid for several noise parameters of a channel."""
+ON_A_GRID = 2
+"""Noise parameters of a channel, at most, for which there is a grid."""
+NEARLY_NORMAL = 30.0
+"""Degrees of freedom of what is normal where the response is linear."""
+
+
+def first_mixture(
+    coordinates: NoiseScaledCoordinates, z: Floats, covariance: Floats, rng: np.random.Generator
+) -> FactorisedMixture:
+    """Unit normal in the scaled coordinates of the model; for each channel's noise a fit to its marginal.
+
+    Parameters
+    ----------
+    coordinates : NoiseScaledCoordinates
+    z : ndarray, shape (D,)
+        Where the posterior was linearised.
+    covariance : ndarray, shape (D, D)
+        Of the posterior there.
+    rng : numpy.random.Generator
+    """
+    posterior, m = coordinates.equations.posterior, coordinates.count
+    place = {int(f): i for i, f in enumerate(posterior.space.free_index)}
+    centre = z[m:]
+    channels = [at for record_place in posterior.layout for at in record_place.blocks()]
+    noise = [np.array([place[int(i)] for i in at if int(i) in place], dtype=np.int64) for at in channels]
+    noise = [block for block in noise if block.size]
+    alone = [int(block[0]) for block in noise if block.size == 1]
+    fits = iter(_fit_alone(coordinates, centre, np.array(alone) - m, np.diag(covariance)[alone]))
+    parts = [StudentMixture(np.ones(1), np.zeros((1, m)), _standard(m), NEARLY_NORMAL)]
+    for block in noise:
+        if block.size == 1:
+            parts.append(next(fits))
+            continue
+        marginal = coordinates.log_noise_marginal
+        if block.size > ON_A_GRID and not posterior.noise.is_gaussian:
+            # what is linear and normal tells little of the noise
+            marginal = partial(_marginal_along_the_ridge, posterior, coordinates)
+        parts.append(_fit_together(marginal, centre, block - m, covariance[np.ix_(block, block)], rng))
+    return FactorisedMixture((np.arange(m), *noise), tuple(parts))
+
+
+def _standard(m: int) -> Floats:
+    """Root (1, m, m) of the scale matrix with which what is nearly normal has unit variance."""
+    return math.sqrt((NEARLY_NORMAL - 2.0) / NEARLY_NORMAL) * np.eye(m)[None]
+
+
+def _fit_alone(
+    coordinates: NoiseScaledCoordinates, centre: Floats, at: Ints, variance: Floats
+) -> list[StudentMixture]:
+    """Noise parameters that are the only ones of their channels: mean and variance of their linearised marginals.
+
+    Each is looked at on a grid, with all others at the mode.
+    """
+    if at.size == 0:
+        return []
+    x = centre[at, None] + np.sqrt(variance)[:, None] * GRID
+    noise_z = np.tile(centre, (at.size, GRID.size, 1))
+    noise_z[np.arange(at.size), :, at] = x
+    log_marginal = coordinates.log_noise_marginal(noise_z.reshape(-1, centre.size)).reshape(x.shape)
+    fits = []
+    for values, log_weight, least in zip(x, log_marginal, variance * (GRID[1] - GRID[0]) ** 2, strict=True):
+        weight = Weights(log_weight).normalised
+        mean = float(weight @ values)
+        sd = math.sqrt(max(float(weight @ (values - mean) ** 2), least))
+        fits.append(StudentMixture(np.ones(1), np.full((1, 1), mean), sd * _standard(1), NEARLY_NORMAL))
+    return fits
+
+
+def _marginal_along_the_ridge(
+    posterior: Posterior, coordinates: NoiseScaledCoordinates, noise_z: Floats
+) -> Floats:
+    """Log posterior of the noise parameters (W,), up to a constant.
+
+    The model's are taken as normal: it is the density itself at the centre of their coordinates, times their volume.
+    """
+    u = np.concatenate([np.zeros((len(noise_z), coordinates.count)), noise_z], axis=1)
+    z, log_jacobian, found = coordinates.inverse(u)
+    value = np.full(len(u), -np.inf)
+    value[found] = posterior.log_prob(z[found]) - log_jacobian[found]
+    return value
+
+
+def _fit_together(
+    marginal: Callable[[Floats], Floats],
+    centre: Floats,
+    block: Ints,
+    covariance: Floats,
+    rng: np.random.Generator,
+) -> StudentMixture:
+    """Several noise parameters of one channel: a mixture fitted to their linearised marginal, all others at the mode.
+
+    The marginal is looked at on a grid along the axes of its covariance, which is that of the Laplace approximation
+    at first, then that of the grid before.
+    """
+    if block.size <= ON_A_GRID:
+        axis = np.linspace(GRID[0], GRID[-1], round(POINTS ** (1.0 / block.size)))
+        grid = np.stack(np.meshgrid(*[axis] * block.size), axis=-1).reshape(-1, block.size)
+        log_q = np.zeros(len(grid))
+    else:  # a grid would be too coarse: points drawn from heavy tails, each by its weight
+        heavy = StudentMixture(np.ones(1), np.zeros((1, block.size)), np.eye(block.size)[None], 4.0)
+        grid = heavy.draw(rng, POINTS)
+        log_q = heavy.log_density(grid)
+    mean = centre[block]
+    for _ in range(3):
+        x = mean + grid @ np.linalg.cholesky(covariance).T
+        noise_z = np.tile(centre, (len(x), 1))
+        noise_z[:, block] = x
+        weights = Weights(marginal(noise_z) - log_q)
+        weight = weights.normalised if block.size <= ON_A_GRID else tempered(weights)
+        mean = weight @ x
+        covariance = ((x - mean) * weight[:, None]).T @ (x - mean) + 1e-3 * covariance
+    first = StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], 5.0)
+    fitted = spread(first, rng, 4).refitted(x, weight, rounds=15)
+    return StudentMixture(
+        np.append(0.9 * fitted.weight, 0.1),
+        np.concatenate([fitted.mean, mean[None]]),
+        np.concatenate([fitted.root, 3.0 * first.root]),
+        first.df,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PriorOfCurve:
+    """The prior for the parameters of the curve, and a Student t for those of the noise.
+
+    Where the data hardly tell a curve, its posterior is nearly its prior, whatever the coordinates, while the noise is
+    known well.
+
+    Attributes
+    ----------
+    space : ParameterSpace
+    at : ndarray of int
+        Coordinates of the noise.
+    noise : StudentMixture
+    """
+
+    space: ParameterSpace
+    at: Ints
+    noise: StudentMixture
+
+    @staticmethod
+    def of(posterior: Posterior, z: Floats, covariance: Floats) -> PriorOfCurve:
+        """With the noise as it is at a mode (D,), where the posterior has a covariance (D, D), a little wider."""
+        at = np.arange(posterior.sampled_model.size, posterior.space.dimension)
+        wider = 2.0 * covariance[np.ix_(at, at)]
+        mixture = StudentMixture.from_covariances(np.ones(1), z[None, at], wider[None], 5.0)
+        return PriorOfCurve(posterior.space, at, mixture)
+
+    def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
+        """Points (size, D) and their log density (size,)."""
+        z = self.space.draw(rng, size)
+        z[:, self.at] = self.noise.draw(rng, size)
+        return z, self.log_density(z)
+
+    def log_density(self, z: Floats) -> Floats:
+        """Log density at any points, shape (W,)."""
+        value = self.space.log_prior(z) + self.noise.log_density(z[:, self.at])
+        for i in self.at:
+            prior = self.space.free[i].prior
+            x = prior.transform.to_physical(z[:, i])
+            value = value - prior.log_density(x) - prior.transform.log_jacobian(z[:, i])
+        return np.asarray(value)
