@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.curves import CurveDraws, quantiles
+from sma_bayes.fitting.curves import CurveDraws, quantiles
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.noise import Steps
 from sma_bayes.quantities import ARBITRARY, Floats, convert

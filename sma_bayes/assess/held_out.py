@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from sma_bayes.assess.correlation import Agreement, agreement
-from sma_bayes.discrepancy import DiscrepancyBasis
-from sma_bayes.posterior import Posterior, Weights
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis
+from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws

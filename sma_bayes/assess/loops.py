@@ -8,7 +8,7 @@ import numpy as np
 
 from sma_bayes.assess.adequacy import led_by_prior
 from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
-from sma_bayes.curves import quantiles
+from sma_bayes.fitting.curves import quantiles
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats

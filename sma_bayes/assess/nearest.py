@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import expit
 
-from sma_bayes.curves import CurveDraws, quantiles
+from sma_bayes.fitting.curves import CurveDraws, quantiles
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats

@@ -14,9 +14,9 @@ from functools import partial
 import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
+from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.posterior_coordinates import NoiseScaledCoordinates
 from sma_bayes.parameters.space import ParameterSpace
-from sma_bayes.posterior import Posterior
 from sma_bayes.sampling.proposals import FactorisedMixture, StudentMixture
 from sma_bayes.sampling.shape import spread
 from sma_bayes.sampling.weighted import Weights, tempered

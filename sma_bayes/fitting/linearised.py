@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.posterior import Posterior
+from sma_bayes.fitting.posterior import Posterior
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,9 @@ from typing import Protocol
 import numpy as np
 
 from sma_bayes.arrays import Bools, Floats, Ints
-from sma_bayes.discrepancy import safe_cholesky
+from sma_bayes.fitting.discrepancy import safe_cholesky
+from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.noise import Steps
-from sma_bayes.posterior import Posterior
 
 APART = 1e-6
 """Greatest correlation, along common axes, that what one channel tells may have left."""

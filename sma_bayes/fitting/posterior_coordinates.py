@@ -21,7 +21,7 @@ from scipy.linalg import qr
 from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.fitting.linearised import LinearisedResponse
 from sma_bayes.fitting.normal_equations import NormalEquations
-from sma_bayes.posterior import Posterior
+from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.sampling.proposals import Coordinates
 
 ITERATIONS = 8

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sma_bayes.errors import MeasurementError
-from sma_bayes.posterior import Posterior
+from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.quantities import Floats
 
 SCREENED = 512

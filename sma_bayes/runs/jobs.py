@@ -30,7 +30,7 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.errors import WorkerError
-from sma_bayes.posterior import versions
+from sma_bayes.fitting.posterior import versions
 from sma_bayes.runs.workers import follow, signals_left_to_parent
 
 T = TypeVar("T")

@@ -18,7 +18,7 @@ import numpy as np
 
 from sma_bayes.disk import NEEDED, reason, unwritable, writing
 from sma_bayes.fitting.fit import Fit
-from sma_bayes.posterior import versions
+from sma_bayes.fitting.posterior import versions
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.runs.netcdf import Group, Variable, axes, write_groups

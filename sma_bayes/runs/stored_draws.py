@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.discrepancy import size_fact
 from sma_bayes.errors import OutputError
+from sma_bayes.fitting.discrepancy import size_fact
 from sma_bayes.fitting.fit import calibration_errors, calibrations_of
+from sma_bayes.fitting.posterior import Place, Posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.noise.heteroscedastic import temperature_sd_fact
 from sma_bayes.parameters.distributions import FAMILIES
 from sma_bayes.parameters.space import Parameter, ParameterSpace
-from sma_bayes.posterior import Place, Posterior
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
 from sma_bayes.response import RESPONSE_MODELS

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 
 TAILS = (0.05, 0.95)
 """Quantiles whose effective sample sizes are those of the tails."""

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import logsumexp
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 
 RELIABLE = 0.7
 """Greatest k at which smoothed weights are used."""

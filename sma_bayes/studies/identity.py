@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_bayes import __version__
-from sma_bayes.posterior import versions
+from sma_bayes.fitting.posterior import versions
 from sma_bayes.records.types import Campaign
 from sma_bayes.runs.documents import read_mark
 from sma_bayes.studies.options import FitOptions

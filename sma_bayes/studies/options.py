@@ -9,10 +9,10 @@ from typing import Final, Literal
 
 from sma_bayes.errors import SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.fitting.fit_records import AUTO
+from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.limits import DEGREES
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS, ladder, priors_named
 from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD, Arrangement, BiasSpring

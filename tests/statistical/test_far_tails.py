@@ -19,13 +19,12 @@ import pytest
 from benchmark.problems import Case, Problem
 from scipy.special import logsumexp
 
-from sma_bayes.posterior import Posterior
+from sma_bayes.fitting.posterior import Posterior
+from sma_bayes.fitting.posterior_coordinates import NoiseScaledCoordinates, PredictiveCoordinates
 from sma_bayes.sampling.adaptation import adapt, at_a_look, weigh
 from sma_bayes.sampling.audit import reaching_further
-from sma_bayes.sampling.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
 from sma_bayes.sampling.ensembles import sample
 from sma_bayes.sampling.laplace import Mode, near
-from sma_bayes.sampling.linearised import Linearised
 from sma_bayes.sampling.proposals import AnyProposal, PlainCoordinates, Proposal
 from sma_bayes.sampling.weighted import weighted_quantiles
 
@@ -100,10 +99,10 @@ def test_what_is_bent_is_looked_at_in_predictions_where_the_prior_leads(
     """
     problem = Problem.of(Case(channels, "independent").records()[record], "independent")
     posterior, width = problem.posterior, problem.posterior.space.prior_sd()
-    linearised = Linearised.at(posterior, problem.start)
+    linearised = posterior.linearised(problem.start)
     mode = near(linearised, width)
     plain = NoiseScaledCoordinates.about(linearised, PlainCoordinates())
-    looks = [at_a_look(linearised, mode, np.random.default_rng(seed)) for seed in range(20)]
+    looks = [at_a_look(posterior, linearised, mode, np.random.default_rng(seed)) for seed in range(20)]
     found = [look.proposal for look in looks if look is not None and isinstance(look.proposal, Proposal)]
     taken = [proposal.coordinates.inner for proposal in found]
     assert len(taken) == 20

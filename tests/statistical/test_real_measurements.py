@@ -11,10 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 from sma_bayes.cli import app
+from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.posterior import build_posterior
 from sma_bayes.records.campaign import read_campaign
 
 pytestmark = [pytest.mark.slow, pytest.mark.thorough]

@@ -15,8 +15,8 @@ from sma_bayes.assess.at import Interval, credible_at, predictive_at
 from sma_bayes.assess.bands import bias_draws
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, search_grid
-from sma_bayes.curves import quantiles
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
+from sma_bayes.fitting.curves import quantiles
 from sma_bayes.limits import DEGREES
 from sma_bayes.quantities import (
     ARBITRARY,

@@ -3,10 +3,10 @@
 All contenders see the same samples under the same noise. By default evidence chooses it, as for a fit
 (`sma_bayes.fitting.noise_choice`), from what the contender leaves that fits best; its parameters are estimated with
 each curve anew. Where that contender misses the data smoothly a discrepancy stands beside every curve, kept off the
-tangents of its own (`sma_bayes.discrepancy`): else thousands of samples would be taken for so many witnesses against
-whichever curve misses a little more. What a curve needs of it costs evidence, the more the larger it is. Densities of
-what was held out are those of curve and discrepancy, as far as it is known without; predicted values, correlation
-factors and curves are those of the contender alone.
+tangents of its own (`sma_bayes.fitting.discrepancy`): else thousands of samples would be taken for so many witnesses
+against whichever curve misses a little more. What a curve needs of it costs evidence, the more the larger it is.
+Densities of what was held out are those of curve and discrepancy, as far as it is known without; predicted values,
+correlation factors and curves are those of the contender alone.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from threadpoolctl import threadpool_limits
 from sma_bayes.assess.correlation import Agreement, agreement
 from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, density_of, folds_of, missed_by, of_samples
 from sma_bayes.fitting.noise_choice import SIMPLEST, Bases, NoiseChoice, choose_noise, discrepancy_bases
+from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS, NoiseModel
 from sma_bayes.noise.base import lag1
 from sma_bayes.noise.effective_samples import EffectiveSamples, memory_of
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.posterior import Posterior
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response import DEFAULT_MODEL

@@ -15,13 +15,13 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.assess.held_out import CONDITION
-from sma_bayes.discrepancy import DiscrepancyBasis
 from sma_bayes.errors import MeasurementError
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis
+from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.noise import NoiseModel
 from sma_bayes.parameters.distributions import Normal
 from sma_bayes.parameters.priors_file import PriorEntry, PriorSet
 from sma_bayes.parameters.space import ParameterSpace
-from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.response.base import ResponseModel, Variant

@@ -9,9 +9,9 @@ from typing import Any
 
 from sma_bayes.account import Account
 from sma_bayes.errors import MeasurementError
+from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.posterior import build_posterior
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Branch, Campaign, Record

@@ -14,7 +14,7 @@ from scipy.special import expit
 
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
-from sma_bayes.curves import quantiles
+from sma_bayes.fitting.curves import quantiles
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats, per
 from sma_bayes.records.types import Branch, Condition

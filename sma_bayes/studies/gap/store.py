@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.checksum import add_checksum
-from sma_bayes.posterior import versions
+from sma_bayes.fitting.posterior import versions
 from sma_bayes.runs.store import write_csv, write_file
 from sma_bayes.sampling.ensembles import Draws
 from sma_bayes.studies.gap.outcome import HEATING, GapOutcome

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.fitting.noise_choice import choose_noise
+from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.posterior import build_posterior
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from sma_bayes.fitting.noise_choice import NoiseChoice, choose_noise, noise_start, posterior_with
+from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Record
 
 DEFAULT = read_priors("modified_sigmoid")

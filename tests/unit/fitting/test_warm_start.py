@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from sma_bayes.errors import MeasurementError
+from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import WarmStart, warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.paper.twin import truth, twin_campaign
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
-from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Branch, Condition, Record
 
 DEFAULT = read_priors("modified_sigmoid")

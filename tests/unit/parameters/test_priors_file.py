@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from sma_bayes.errors import PriorError
+from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.distributions import (
     LogNormal,
@@ -27,7 +28,6 @@ from sma_bayes.parameters.priors_file import (
     shipped_priors,
 )
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 

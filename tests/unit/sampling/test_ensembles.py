@@ -15,10 +15,10 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.errors import ResumeError
 from sma_bayes.fitting.noise_choice import noise_start, posterior_with
+from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
-from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.sampling import audit, ensembles
 from sma_bayes.sampling.adaptation import Adapted, adapt

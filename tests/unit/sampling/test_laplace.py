@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from sma_bayes.fitting.abilities import LinearisedPosterior
 from sma_bayes.fitting.noise_choice import noise_start
+from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.posterior import build_posterior
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.laplace import LEFT, climb
-from sma_bayes.sampling.linearised import Linearised
 
 
 @dataclass
@@ -154,7 +154,7 @@ def test_the_information_is_the_hessian_where_residuals_are_small(make_record: C
     mode = climb(posterior, start, posterior.space.prior_sd())
     assert mode is not None
     root = np.linalg.cholesky(mode.covariance)
-    ratio = root.T @ Linearised.at(posterior, mode.z).information() @ root
+    ratio = root.T @ posterior.linearised(mode.z).information() @ root
     np.testing.assert_allclose(ratio, np.eye(start.size), atol=0.2)
 
 
@@ -169,7 +169,7 @@ def test_a_start_on_a_ridge_that_rounding_makes_singular_is_climbed_from(
     straight = climb(posterior, start, posterior.space.prior_sd())
     ridge = np.zeros((start.size, start.size))
     ridge[:2, :2] = 1e20
-    monkeypatch.setattr(Linearised, "information", lambda _: ridge.copy())
+    monkeypatch.setattr(LinearisedPosterior, "information", lambda _: ridge.copy())
     mode = climb(posterior, start, posterior.space.prior_sd())
     assert mode is not None
     assert straight is not None

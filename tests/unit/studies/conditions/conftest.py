@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.fitting.posterior import Place, Posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter, ParameterSpace
-from sma_bayes.posterior import Place, Posterior
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from sma_bayes.discrepancy import NODES, DiscrepancyBasis, Whitened, build_basis, nodes_of
+from sma_bayes.fitting.discrepancy import NODES, DiscrepancyBasis, Whitened, build_basis, nodes_of
 from sma_bayes.noise import NOISE_MODELS, Steps
 
 N = 40

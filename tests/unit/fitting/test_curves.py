@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sma_bayes.curves import CurveDraws, Errors, calibrated_parameters, quantiles
+from sma_bayes.fitting.curves import CurveDraws, Errors, calibrated_parameters, quantiles
 from sma_bayes.fitting.noise_choice import discrepancy_bases
+from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Record
 
 SIZE = 6

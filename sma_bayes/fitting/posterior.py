@@ -12,8 +12,8 @@ Gauss-Hermite quadrature, which holds to any order of ``s_T`` times the slope. R
 channel by conditioning on those before. What is left has unit variance and is handed to the noise model, so that a
 memory in the noise extends to the error of temperature as well.
 
-Where a discrepancy stands beside the curve (`sma_bayes.discrepancy`) its weights are integrated out of the density.
-Curves, residuals and replicated data are those of given weights, which `draw_discrepancy` draws.
+Where a discrepancy stands beside the curve (`sma_bayes.fitting.discrepancy`) its weights are integrated out of the
+density. Curves, residuals and replicated data are those of given weights, which `draw_discrepancy` draws.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.batches import batches
-from sma_bayes.discrepancy import DiscrepancyBasis, Whitened, size_fact
 from sma_bayes.errors import PriorError
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis, Whitened, size_fact
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.noise.heteroscedastic import temperature_sd_fact
 from sma_bayes.parameters.priors_file import PriorSet

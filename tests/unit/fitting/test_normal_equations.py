@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from sma_bayes.fitting.normal_equations import CommonAxes, NormalEquations, Systems
+from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.normal_equations import CommonAxes, NormalEquations, Systems
 
 BOTH = ("force", "displacement")
 

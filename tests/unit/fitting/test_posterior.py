@@ -11,11 +11,11 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-import sma_bayes.posterior as posterior_module
+import sma_bayes.fitting.posterior as posterior_module
 from sma_bayes.errors import PriorError
+from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
-from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 

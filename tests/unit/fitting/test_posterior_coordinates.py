@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from sma_bayes.fitting.noise_choice import noise_start
+from sma_bayes.fitting.posterior import Posterior, build_posterior
+from sma_bayes.fitting.posterior_coordinates import NoiseScaledCoordinates, PredictiveCoordinates
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
-from sma_bayes.posterior import Posterior, build_posterior
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.adaptation import adapt
-from sma_bayes.sampling.coordinates import NoiseScaledCoordinates, PredictiveCoordinates
 from sma_bayes.sampling.laplace import Mode, climb
-from sma_bayes.sampling.linearised import Linearised
 from sma_bayes.sampling.proposals import Coordinates, PlainCoordinates, StudentMixture
 
 ALL = ("force", "displacement", "stiffness")
@@ -40,7 +39,7 @@ def fitted(record: Record, noise: str) -> tuple[Posterior, Mode]:
 
 
 def maps(posterior: Posterior, mode: Mode) -> dict[str, Coordinates]:
-    linearised = Linearised.at(posterior, mode.z)
+    linearised = posterior.linearised(mode.z)
     predictive = PredictiveCoordinates.at(linearised)
     assert predictive is not None
     return {
@@ -70,8 +69,8 @@ def test_there_and_back(make_record: Callable[..., Record], channels: tuple[str,
 
 def test_there_and_back_with_fewer_predictions_than_could_be_made(make_record: Callable[..., Record]) -> None:
     posterior, mode = fitted(make_record(("displacement",)), "student_t")
-    every = PredictiveCoordinates.at(Linearised.at(posterior, mode.z))
-    fewer = PredictiveCoordinates.at(Linearised.at(posterior, mode.z), 2)
+    every = PredictiveCoordinates.at(posterior.linearised(mode.z))
+    fewer = PredictiveCoordinates.at(posterior.linearised(mode.z), 2)
     assert every is not None
     assert fewer is not None
     assert (every.scale.size, fewer.scale.size) == (4, 2)
@@ -154,13 +153,13 @@ def test_there_are_no_coordinates_without_parameters(make_record: Callable[..., 
     posterior = build_posterior(
         [make_record(("force",))], NOISE_MODELS["independent"], parse_priors(text, "fixed.toml")
     )
-    assert PredictiveCoordinates.at(Linearised.at(posterior, posterior.space.prior_centre())) is None
+    assert PredictiveCoordinates.at(posterior.linearised(posterior.space.prior_centre())) is None
 
 
 def test_systems_are_solved_as_by_lapack(make_record: Callable[..., Record]) -> None:
     """Near the derivative at the centre, far from it, where elimination needs other rows, and singular."""
     posterior, mode = fitted(make_record(("stiffness",)), "independent")
-    predictive = PredictiveCoordinates.at(Linearised.at(posterior, mode.z))
+    predictive = PredictiveCoordinates.at(posterior.linearised(mode.z))
     assert predictive is not None
     m, rng = predictive.count, np.random.default_rng(0)
     at_centre = np.linalg.inv(predictive.model_derivative)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sma_bayes.posterior import Posterior
+from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.quantities import Floats
 
 Errors = Mapping[str, tuple[Floats, Floats]]
