@@ -14,6 +14,7 @@ from sma_bayes.report.figures.sheet import Drawing, FigureFiles
 from sma_bayes.report.tables import Table, write_tables
 from sma_bayes.report.took import account_table
 from sma_bayes.report.workbook import write_workbook
+from sma_bayes.runs.schema import RunAccount
 
 
 class Stored(Protocol):
@@ -22,7 +23,7 @@ class Stored(Protocol):
     @property
     def folder(self) -> Path: ...
     @property
-    def found(self) -> Mapping[str, Any]:
+    def found(self) -> Mapping[str, Any] | RunAccount:
         """What its document holds."""
         ...
 
@@ -53,7 +54,8 @@ def assemble(
     tasks = [OneFigure(stored.folder, partial(draw, stored)) for draw in drawings]
     figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
-        written = written_tables(tables(stored), stored.found, stored.folder, wanted)
+        found = stored.found.as_json() if isinstance(stored.found, RunAccount) else stored.found
+        written = written_tables(tables(stored), found, stored.folder, wanted)
         write_page(stored, written, figures)
     wanted.tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
 

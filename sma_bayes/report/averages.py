@@ -2,43 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from sma_bayes.assess.correlation import FACTORS
 from sma_bayes.report.content import AverageFactor, Estimate
+from sma_bayes.runs.schema import CorrelationAverage, Factor
 
 
-def average_factors(entry: Mapping[str, Any], data: str) -> tuple[AverageFactor, ...]:
+def average_factors(entry: CorrelationAverage, data: str) -> tuple[AverageFactor, ...]:
     """Averages of one channel and branch, one for each rule.
 
     Parameters
     ----------
-    entry : mapping
-        As `sma_bayes.assess.correlation_average.averages` states it.
+    entry : CorrelationAverage
     data : str
         See `AverageFactor`.
     """
-    found = {name: entry[name] for name in FACTORS if name in entry}
-    units = {"rmse": entry["unit"]}
+    found = {name: by for name in FACTORS if (by := getattr(entry, name)) is not None}
+    units = {"rmse": entry.unit}
     return tuple(
         AverageFactor(
-            channel=entry["channel"],
-            name=entry["quantity"],
-            unit=entry["unit"],
-            branch=entry["branch"] or "both",
+            channel=entry.channel,
+            name=entry.quantity,
+            unit=entry.unit,
+            branch=entry.branch or "both",
             data=data,
             rule=rule,
             factors={n: _estimate(by[rule], units.get(n, "1")) for n, by in found.items() if rule in by},
-            above=found["r"][rule]["above"],
-            undefined=found["r"][rule]["undefined"],
-            records=tuple(entry["records"]),
-            left_out=tuple(entry["left_out"]),
-            draws=entry["draws"],
+            above=r.above,
+            undefined=r.undefined,
+            records=entry.records,
+            left_out=entry.left_out,
+            draws=entry.draws,
         )
-        for rule in found.get("r", ())
+        for rule, r in (entry.r or {}).items()
     )
 
 
-def _estimate(values: Mapping[str, float | None], unit: str) -> Estimate:
-    return Estimate(values.get("median"), values.get("q05"), values.get("q95"), unit)
+def _estimate(factor: Factor, unit: str) -> Estimate:
+    return Estimate(factor.median, factor.q05, factor.q95, unit)

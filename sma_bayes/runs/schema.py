@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetPydanticSchema, Strict, ValidationError, WithJsonSchema
+from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core.core_schema import no_info_plain_validator_function
 
 from sma_bayes.errors import OutputError
@@ -107,9 +108,16 @@ def read_document(document: Document, model: type[M], folder: Path) -> M:
     )
 
 
+class _WithoutTitles(GenerateJsonSchema):
+    """Schemas whose keys have no title beside their description."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
+
 def json_schema(model: type[DocumentPart]) -> dict[str, Any]:
     """JSON Schema of a document, by which a program in any language can check it."""
-    return {"$schema": DIALECT, **model.model_json_schema(by_alias=True)}
+    return {"$schema": DIALECT, **model.model_json_schema(by_alias=True, schema_generator=_WithoutTitles)}
 
 
 class Workers(DocumentPart):
@@ -166,9 +174,58 @@ class ModelChoice(DocumentPart):
 
     name: str = Field(description="name of the model")
     reason: str = Field(description="one sentence")
-    ln_evidence: dict[str, Number] = Field(
+    ln_evidence: dict[str, NumberOrNull] = Field(
         description="by model that was looked at, less that of the chosen one"
     )
     held_out: dict[str, NumberOrNull] = Field(
         description="root mean square by which each model misses samples held out, as a share of the range [1]"
     )
+
+
+class Factor(Interval):
+    """A correlation factor over draws of a curve."""
+
+    undefined: Number = Field(description="share of the draws in which it is not defined [1]")
+
+
+class CorrelationFactors(DocumentPart):
+    """Correlation factors of curves with data."""
+
+    r: Factor = Field(description="Pearson's r [1]")
+    r2: Factor = Field(description="R² about the mean of the data [1]")
+    adj_r2: Factor | None = Field(
+        default=None, description="R² adjusted for the number of parameters [1]; not of what was held out"
+    )
+    rmse: Factor = Field(description="sqrt(sse/n) [unit of the channel]")
+
+
+class AverageR(Factor):
+    """An average of r."""
+
+    above: NumberOrNull = Field(
+        description="posterior probability that the average exceeds the threshold [1]"
+    )
+
+
+class CorrelationAverage(DocumentPart):
+    """Averages of correlation factors over the records of a channel, by rule.
+
+    The factors are missing where no record converged.
+    """
+
+    data: str | None = Field(default=None, description="of a fit: `measured` or `replicated`")
+    channel: str = Field(description="the channel")
+    quantity: str = Field(description="what it is called")
+    unit: str = Field(description="its unit")
+    branch: str = Field(description="the branch; empty for both")
+    records: Items[str] = Field(description="keys of the records")
+    left_out: Items[str] = Field(description="keys of those that did not converge")
+    threshold: Number = Field(description="what the published model is said to reach, 0.95 [1]")
+    n: int = Field(description="samples")
+    draws: int = Field(description="draws")
+    r: dict[str, AverageR] | None = Field(
+        default=None, description="by rule: `plain`, `fisher`, `pooled` [1]"
+    )
+    r2: dict[str, Factor] | None = Field(default=None, description="by rule: `plain`, `pooled` [1]")
+    adj_r2: dict[str, Factor] | None = Field(default=None, description="by rule: `plain`, `pooled` [1]")
+    rmse: dict[str, Factor] | None = Field(default=None, description="by rule: `plain`, `pooled` [`unit`]")

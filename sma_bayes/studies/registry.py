@@ -2,7 +2,8 @@
 
 A verb's folder has a module `command` with a function `command`, of which typer makes the verb: its
 parameters are arguments and options, the first line of its docstring stands in the help. Where the verb writes a
-folder that has a report, a module `report` has `build_report`, see `sma_bayes.report.choice.ReportBuilder`.
+folder that has a report, a module `report` has `build_report`, see `sma_bayes.report.choice.ReportBuilder`. Where it
+declares what it writes or prints, a module `schema` has `DOCUMENTS`: by name, the type of each document.
 """
 
 from __future__ import annotations
@@ -11,10 +12,13 @@ from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sma_bayes.catalogue import Catalogue
 from sma_bayes.report.choice import ReportBuilder
+
+if TYPE_CHECKING:
+    from sma_bayes.runs.schema import DocumentPart
 
 _SHIPPED: Final = (
     "demo",
@@ -52,3 +56,14 @@ def report_builder(verb: str) -> ReportBuilder:
     """What builds the report of a folder that a verb has written."""
     build_report: ReportBuilder = import_module(f"{VERBS[verb].__name__}.report").build_report
     return build_report
+
+
+def declared_documents() -> dict[str, type[DocumentPart]]:
+    """Types of the documents that the verbs of this package declare, by name."""
+    places = [f"{VERBS[verb].__name__}.schema" for verb in _SHIPPED]
+    return {
+        name: document
+        for place in places
+        if find_spec(place) is not None
+        for name, document in import_module(place).DOCUMENTS.items()
+    }

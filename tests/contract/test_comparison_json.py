@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
 import sma_bayes
 from sma_bayes.records.types import Branch, Campaign, Record
@@ -33,7 +34,7 @@ def folder(make_record: Callable[..., Record], tmp_path_factory: pytest.TempPath
     return out
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def found(folder: Path) -> Any:
     def refuse(word: str) -> None:
         raise AssertionError(f"{word} is not JSON")
@@ -54,6 +55,12 @@ def test_names_and_kinds_are_those_of_the_contract(found: Any) -> None:
             for name in NUMBERS:
                 assert isinstance(model[name], float | int), name
         assert sum(m["weight"] for m in record["models"].values()) == pytest.approx(1.0)
+
+
+def test_the_published_schema_takes_it(found: Any, published: Callable[[str], Draft202012Validator]) -> None:
+    published("compare").validate(found)
+    del found["records"][0]["models"]["modified_sigmoid"]["elpd"]
+    assert not published("compare").is_valid(found)
 
 
 def test_each_baseline_is_there_in_each_variant(found: Any) -> None:

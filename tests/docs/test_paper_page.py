@@ -89,10 +89,10 @@ def test_its_numbers_are_those_of_fresh_fits(found: Any) -> None:
             _agree(old[_place(row)]["recomputed"], row["recomputed"])
     assert told == 2 * 7 + 2 * 5 + 2
     records = {(r["condition"], r["branch"]): r for r in found["comparison"]["records"]}
-    for r in study.comparison.found["records"]:
-        old_record = records[r["condition"], r["branch"]]
-        assert r["verdict"] == old_record["verdict"]
-        assert r["ln_bayes_factor"] == pytest.approx(old_record["ln_bayes_factor"], abs=0.5)
+    for r in study.comparison.found.records:
+        old_record = records[r.condition, r.branch]
+        assert r.verdict == old_record["verdict"]
+        assert r.ln_bayes_factor == pytest.approx(old_record["ln_bayes_factor"], abs=0.5)
     printed = {c["id"]: _printed(c) for c in found["claims"]}
     for c in (c.document() for c in claims(study)):
         assert _printed(c) == pytest.approx(printed[c["id"]], abs=0.04), c["id"]

@@ -11,10 +11,27 @@ import numpy as np
 from sma_bayes.assess.correlation import Agreement, factors, joined
 from sma_bayes.assess.correlation_average import Scored, averages
 from sma_bayes.quantities import Floats
+from sma_bayes.runs.schema import CorrelationFactors
 from sma_bayes.sampling.pareto import RELIABLE
 from sma_bayes.sampling.weighted import weighted_quantiles
 from sma_bayes.studies.compare.comparison import Comparison, Fitted
 from sma_bayes.studies.compare.contenders import Contender, curve_of
+from sma_bayes.studies.compare.schema import (
+    ComparedModel,
+    ComparedRecord,
+    EvidenceByMethod,
+    FitsAnew,
+    ModelFactors,
+    Overall,
+    OverallAverages,
+    OverallModel,
+    StatedDifference,
+    StatedDraws,
+    StatedEvidence,
+    StatedFolds,
+    StatedNoiseChoice,
+    StatedParameter,
+)
 from sma_bayes.studies.compare.verdict import Standing, difference, judge
 
 NUMBERS: Final = (
@@ -24,35 +41,37 @@ NUMBERS: Final = (
 """Numbers of a model; null where it could not take part."""
 
 
-def record_document(comparison: Comparison) -> dict[str, Any]:
+def record_document(comparison: Comparison) -> ComparedRecord:
     """A comparison on one record, as `comparison.json` has it."""
-    record, verdict = comparison.record, comparison.verdict
-    return {
-        "condition": record.condition.id,
-        "branch": record.branch.value,
-        "key": stem_of(comparison),
-        "channel": comparison.channel,
-        "quantity": record.quantity(comparison.channel),
-        "unit": record.units[comparison.channel],
-        "temperature_unit": record.units["temperature"],
-        "n": record.n,
-        "noise": comparison.noise.name,
-        "noise_choice": _noise_choice(comparison),
-        "discrepancy": comparison.has_discrepancy,
-        "memory": comparison.memory,
-        "held_out": {"kind": comparison.folds.kind, "folds": list(comparison.folds.labels)},
-        **asdict(verdict),
-        "same_curve": _classes(comparison),
-        "models": {c.name: _model(comparison, c) for c in comparison.entrants if _takes_part(comparison, c)},
-        "converged": comparison.converged,
-        "wall_s": comparison.wall_s,
-    }
+    record = comparison.record
+    return ComparedRecord(
+        condition=record.condition.id,
+        branch=record.branch.value,
+        key=stem_of(comparison),
+        channel=comparison.channel,
+        quantity=record.quantity(comparison.channel),
+        unit=record.units[comparison.channel],
+        temperature_unit=record.units["temperature"],
+        n=record.n,
+        noise=comparison.noise.name,
+        noise_choice=_noise_choice(comparison),
+        discrepancy=comparison.has_discrepancy,
+        memory=comparison.memory,
+        held_out=StatedFolds(kind=comparison.folds.kind, folds=tuple(comparison.folds.labels)),
+        **asdict(comparison.verdict),
+        same_curve=_classes(comparison),
+        models={c.name: _model(comparison, c) for c in comparison.entrants if _takes_part(comparison, c)},
+        converged=comparison.converged,
+        wall_s=comparison.wall_s,
+    )
 
 
-def _noise_choice(comparison: Comparison) -> dict[str, Any] | None:
+def _noise_choice(comparison: Comparison) -> StatedNoiseChoice | None:
     """Why the noise is as it is; None where it was named."""
     choice = comparison.noise_choice
-    return None if choice is None else {"reason": choice.reason, "ln_evidence": dict(choice.ln_evidence)}
+    if choice is None:
+        return None
+    return StatedNoiseChoice(reason=choice.reason, ln_evidence=dict(choice.ln_evidence))
 
 
 def stem_of(comparison: Comparison) -> str:
@@ -70,18 +89,18 @@ def _resolved(comparison: Comparison, contender: Contender) -> Fitted | None:
     return comparison.fitted.get(comparison.copies.get(contender.name, contender.name))
 
 
-def _classes(comparison: Comparison) -> list[list[str]]:
+def _classes(comparison: Comparison) -> tuple[tuple[str, ...], ...]:
     """Models that are the same curve, where there is more than one."""
     classes: dict[str, list[str]] = {}
     for c in comparison.entrants:
         if _takes_part(comparison, c) and c.name not in comparison.unavailable:
             classes.setdefault(curve_of(c, comparison.record), []).append(c.name)
-    return [names for names in classes.values() if len(names) > 1]
+    return tuple(tuple(names) for names in classes.values() if len(names) > 1)
 
 
-def _model(comparison: Comparison, contender: Contender) -> dict[str, Any]:
+def _model(comparison: Comparison, contender: Contender) -> ComparedModel:
     name = contender.name
-    head = {
+    head: dict[str, Any] = {
         "family": contender.family,
         "variant": contender.variant,
         "title": contender.title,
@@ -90,61 +109,67 @@ def _model(comparison: Comparison, contender: Contender) -> dict[str, Any]:
     }
     found = _resolved(comparison, contender)
     if found is None:
-        return {**head, **dict.fromkeys(NUMBERS), "converged": None}
-    own = name in comparison.fitted
-    numbers = _numbers(comparison, found) | {"weight": comparison.weights[name] if own else 0.0}
-    extra = {"coefficients": 4, "rank": comparison.rank} if contender.family == "polynomial" else {}
-    return {**head, **numbers, **extra}
+        nothing: dict[str, Any] = dict.fromkeys(NUMBERS)
+        return ComparedModel(**head, **nothing, converged=None)
+    weight = comparison.weights[name] if name in comparison.fitted else 0.0
+    extra: dict[str, Any] = (
+        {"coefficients": 4, "rank": comparison.rank} if contender.family == "polynomial" else {}
+    )
+    return ComparedModel(**head, weight=weight, **_numbers(comparison, found), **extra)
 
 
 def _numbers(comparison: Comparison, found: Fitted) -> dict[str, Any]:
     (y,) = comparison.record.observed.values()
     predicted = found.folds.median
     name, n, memory = found.contender.name, y.size, comparison.memory
-    loo = found.loo.log_density
+    loo, out = found.loo, found.folds
     folds = comparison.fold_density(name)
     preferred = comparison.fold_density(comparison.verdict.preferred)
     return {
-        "elpd": float(loo.sum()) / memory,
-        "elpd_se": float(np.sqrt(n / memory) * loo.std(ddof=1)),
-        "p_eff": float((found.in_sample - loo).sum()),
+        "elpd": float(loo.log_density.sum()) / memory,
+        "elpd_se": float(np.sqrt(n / memory) * loo.log_density.std(ddof=1)),
+        "p_eff": float((found.in_sample - loo.log_density).sum()),
         "ln_evidence": found.evidence.value,
         "ln_evidence_sd": found.evidence.sd,
-        "weight": 0.0,
         "rmse_held_out": float(np.sqrt(np.mean((y - predicted) ** 2))),
         "r_held_out": correlation(y, predicted),
         "correlation": _correlation(found),
-        "pareto_k_max": float(found.loo.k.max()),
-        "pareto_k_above": int(np.sum(found.loo.k > RELIABLE)),
-        "pareto_k_anew_max": float(np.max([*found.loo.k_anew, *found.folds.k_anew])),
-        "refits": {"samples": found.loo.refits, "folds": found.folds.refits},
-        "refits_not_converged": {"samples": found.loo.not_converged, "folds": found.folds.not_converged},
-        "evidence_by": {"importance": asdict(found.importance), "bridge": asdict(found.bridge)},
+        "pareto_k_max": float(loo.k.max()),
+        "pareto_k_above": int(np.sum(loo.k > RELIABLE)),
+        "pareto_k_anew_max": float(np.max([*loo.k_anew, *out.k_anew])),
+        "refits": FitsAnew(samples=loo.refits, folds=out.refits),
+        "refits_not_converged": FitsAnew(samples=loo.not_converged, folds=out.not_converged),
+        "evidence_by": EvidenceByMethod(
+            importance=StatedEvidence(**asdict(found.importance)),
+            bridge=StatedEvidence(**asdict(found.bridge)),
+        ),
         "evidences_agree": found.evidences_agree,
         "elpd_held_out": float(folds.sum()),
-        "elpd_by_fold": folds,
-        "behind_preferred": asdict(difference(folds, preferred)),
-        "draws": {
-            "method": found.draws.method,
-            "effective": found.draws.effective,
-            "pareto_k": found.draws.k,
-        },
+        "elpd_by_fold": folds.tolist(),
+        "behind_preferred": StatedDifference(**asdict(difference(folds, preferred))),
+        "draws": StatedDraws(
+            method=found.draws.method, effective=found.draws.effective, pareto_k=found.draws.k
+        ),
         "parameters": _parameters(found),
         "converged": found.converged,
     }
 
 
-def _correlation(found: Fitted) -> dict[str, Any]:
+def _correlation(found: Fitted) -> ModelFactors:
     """Posteriors of the correlation factors, in sample and held out, and of each fold by itself."""
-    folds = [factors(f) for f in found.folds.agreements]
-    medians = [f["r2"]["median"] for f in folds]
-    return {
-        "in_sample": factors(found.agreement),
-        "held_out": factors(joined(found.folds.agreements)),
-        "by_fold": folds,
-        "folds_worse_than_their_mean": sum(m is not None and m < 0.0 for m in medians),
-        "folds_without_r": sum((f["r"]["undefined"] or 0.0) > 0.0 for f in folds),
-    }
+    folds = tuple(_factors(f) for f in found.folds.agreements)
+    medians = [f.r2.median for f in folds]
+    return ModelFactors(
+        in_sample=_factors(found.agreement),
+        held_out=_factors(joined(found.folds.agreements)),
+        by_fold=folds,
+        folds_worse_than_their_mean=sum(m is not None and m < 0.0 for m in medians),
+        folds_without_r=sum(f.r.undefined > 0.0 for f in folds),
+    )
+
+
+def _factors(found: Agreement) -> CorrelationFactors:
+    return CorrelationFactors.model_validate(factors(found))
 
 
 def correlation(y: Floats, predicted: Floats) -> float | None:
@@ -154,69 +179,71 @@ def correlation(y: Floats, predicted: Floats) -> float | None:
     return float(np.corrcoef(y, predicted)[0, 1])
 
 
-def _parameters(found: Fitted) -> dict[str, Any]:
+def _parameters(found: Fitted) -> dict[str, StatedParameter]:
     theta = found.posterior.space.to_physical(found.draws.z)
     low, median, high = weighted_quantiles(theta, found.draws.log_weight, (0.05, 0.5, 0.95))
     return {
-        p.name: {
-            "unit": p.unit,
-            "meaning": p.meaning,
-            "fixed": p.fixed is not None,
-            "q05": low[i],
-            "median": median[i],
-            "q95": high[i],
-        }
+        p.name: StatedParameter(
+            unit=p.unit,
+            meaning=p.meaning,
+            fixed=p.fixed is not None,
+            q05=low[i],
+            median=median[i],
+            q95=high[i],
+        )
         for i, p in enumerate(found.posterior.space.parameters)
     }
 
 
-def overall(comparisons: Sequence[Comparison]) -> list[dict[str, Any]]:
+def overall(comparisons: Sequence[Comparison]) -> tuple[Overall, ...]:
     """Verdict over all records of a channel, each with parameters of its own: evidences and folds are added up.
 
     Returns
     -------
-    list of dict
+    tuple of Overall
         One for each channel and unit, with the models that could take part in all its records, copies left out.
     """
     groups: dict[tuple[str, str], list[Comparison]] = {}
     for c in comparisons:
         groups.setdefault((c.channel, c.record.units[c.channel]), []).append(c)
-    return [_overall(channel, unit, group) for (channel, unit), group in groups.items()]
+    return tuple(_overall(channel, unit, group) for (channel, unit), group in groups.items())
 
 
-def _overall(channel: str, unit: str, group: Sequence[Comparison]) -> dict[str, Any]:
+def _overall(channel: str, unit: str, group: Sequence[Comparison]) -> Overall:
     standings = [s for c in group[0].entrants if (s := _summed(c, group)) is not None]
     verdict = judge(standings)
     best = next(s for s in standings if s.name == verdict.preferred)
-    return {
-        "channel": channel,
-        "quantity": group[0].record.quantity(channel),
-        "unit": unit,
-        "records": [stem_of(c) for c in group],
+    return Overall(
+        channel=channel,
+        quantity=group[0].record.quantity(channel),
+        unit=unit,
+        records=tuple(stem_of(c) for c in group),
         **asdict(verdict),
-        "models": {
-            s.name: {
-                "family": s.family,
-                "ln_evidence": s.ln_evidence,
-                "ln_evidence_sd": s.ln_evidence_sd,
-                "elpd_held_out": float(s.folds.sum()),
-                "behind_preferred": asdict(difference(s.folds, best.folds)),
-                "correlation_average": _averages(s.name, group),
-            }
+        models={
+            s.name: OverallModel(
+                family=s.family,
+                ln_evidence=s.ln_evidence,
+                ln_evidence_sd=s.ln_evidence_sd,
+                elpd_held_out=float(s.folds.sum()),
+                behind_preferred=StatedDifference(**asdict(difference(s.folds, best.folds))),
+                correlation_average=_averages(s.name, group),
+            )
             for s in standings
         },
-        "verdicts": _tally(group),
-    }
+        verdicts=_tally(group),
+    )
 
 
-def _averages(name: str, group: Sequence[Comparison]) -> dict[str, list[dict[str, Any]]]:
+def _averages(name: str, group: Sequence[Comparison]) -> OverallAverages:
     """Averages of the correlation factors of one model over the records of a channel."""
     (contender,) = (c for c in group[0].entrants if c.name == name)
     found = [(c, f) for c in group if (f := _resolved(c, contender)) is not None]
-    return {
-        "in_sample": averages([_scored(c, f, f.agreement) for c, f in found]),
-        "held_out": averages([_scored(c, f, joined(f.folds.agreements)) for c, f in found]),
-    }
+    return OverallAverages.model_validate(
+        {
+            "in_sample": averages([_scored(c, f, f.agreement) for c, f in found]),
+            "held_out": averages([_scored(c, f, joined(f.folds.agreements)) for c, f in found]),
+        }
+    )
 
 
 def _scored(comparison: Comparison, fitted: Fitted, agreement: Agreement) -> Scored:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sma_bayes.quantities import Floats
 from sma_bayes.runs.documents import COMPARISON
 from sma_bayes.runs.outputs import read_columns
+from sma_bayes.runs.schema import read_document
+from sma_bayes.studies.compare.schema import ComparisonDocument
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,14 +20,14 @@ class StoredComparison:
     Attributes
     ----------
     folder : Path
-    found : mapping
+    found : ComparisonDocument
         What ``comparison.json`` holds.
     curves, samples : mapping of str to mapping of str to ndarray
         Columns of the files in ``curves/`` and ``samples/``, by the key of the record.
     """
 
     folder: Path
-    found: Mapping[str, Any]
+    found: ComparisonDocument
     curves: Mapping[str, Mapping[str, Floats]]
     samples: Mapping[str, Mapping[str, Floats]]
 
@@ -39,8 +40,8 @@ def read_comparison(folder: Path) -> StoredComparison:
     OutputError
         If it is not finished, of another version, or a file can't be read.
     """
-    found, again = COMPARISON.read(folder), COMPARISON.anew(folder)
-    keys = [r["key"] for r in found["records"]]
+    found, again = read_document(COMPARISON, ComparisonDocument, folder), COMPARISON.anew(folder)
+    keys = [r.key for r in found.records]
     return StoredComparison(
         folder,
         found,

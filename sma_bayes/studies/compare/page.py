@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from sma_bayes.report.content import PAPER_CORRELATION
 from sma_bayes.report.figures.sheet import FigureFiles
@@ -11,6 +10,7 @@ from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.studies.compare.outputs import StoredComparison
+from sma_bayes.studies.compare.schema import ComparisonDocument, Overall
 from sma_bayes.studies.compare.tables import short
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
 
@@ -37,7 +37,7 @@ def write_comparison_report(
         "sma_bayes.studies.compare",
         figures,
         found=stored.found,
-        headlines=[headline(group) for group in stored.found["overall"]],
+        headlines=[headline(group) for group in stored.found.overall],
         command=command(stored.found),
         tables=tables,
         held_out=[s for s in figures if s.startswith("held-out")],
@@ -45,27 +45,28 @@ def write_comparison_report(
     )
 
 
-def headline(group: Mapping[str, Any]) -> str:
+def headline(group: Overall) -> str:
     """The verdict over all records of a channel, as a sentence."""
-    counts = ", ".join(f"{n} {name}" for name, n in group["verdicts"].items())
-    if group["verdict"] == CANNOT_TELL:
-        outcome = f"one can't tell: {group['why']}"
+    counts = ", ".join(f"{n} {name}" for name, n in group.verdicts.items())
+    if group.verdict == CANNOT_TELL:
+        outcome = f"one can't tell: {group.why}"
     else:
-        best = short(group["preferred"])
-        outcome = f"the {group['verdict'].replace('_', ' ')} wins ({best}): {group['why']}"
-    count = len(group["records"])
+        outcome = f"the {group.verdict.replace('_', ' ')} wins ({short(group.preferred)}): {group.why}"
+    count = len(group.records)
     together = f"{count} records together" if count > 1 else "one record"
-    return f"{group['quantity']}, {together}: {outcome}. Record by record: {counts}."
+    return f"{group.quantity}, {together}: {outcome}. Record by record: {counts}."
 
 
-def command(found: Mapping[str, Any]) -> str:
+def command(found: ComparisonDocument) -> str:
     """The command that gives the same comparison again."""
-    options = found["options"]
+    options = found.options
     more = "".join(
-        f" --{name} {options[name]}"
-        for name, usual in (("model", DEFAULT_MODEL), ("noise", "auto"), ("pool", "none"))
-        if options[name] != usual
+        f" --{name} {value}"
+        for name, value, usual in (
+            ("model", options.model, DEFAULT_MODEL),
+            ("noise", options.noise, "auto"),
+            ("pool", options.pool, "none"),
+        )
+        if value != usual
     )
-    return (
-        f'sma-bayes compare "{found["source"]}" --out DIR --seed {found["seed"]} --priors priors.toml{more}'
-    )
+    return f'sma-bayes compare "{found.source}" --out DIR --seed {found.seed} --priors priors.toml{more}'

@@ -24,7 +24,7 @@ def build_report(folder: Path, wanted: Wanted) -> None:
 
 def _drawings(stored: StoredComparison, drawn: Drawn) -> list[Callable[[StoredComparison], Drawing]]:
     drawings: list[Callable[[StoredComparison], Drawing]] = []
-    records = stored.found["records"]
+    records = stored.found.records
     if drawn == "all" or (drawn == REPORT and len(records) <= MANY):
         drawings += [partial(curves_figure, record=record) for record in records]
     drawings += [partial(differences_figure, number=n + 1) for n in range(pages(stored))]

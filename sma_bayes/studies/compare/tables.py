@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from typing import Final
 
 from sma_bayes.report.averages import average_factors
 from sma_bayes.report.content import INTERVAL, PAPER_CORRELATION, AverageFactor, Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import AVERAGE_COLUMNS, OF_ROW, Cell, Column, Table, average_cells
+from sma_bayes.runs.schema import Factor
 from sma_bayes.studies.compare.outputs import StoredComparison
+from sma_bayes.studies.compare.schema import ComparedRecord, StatedDifference
 
 SHORT: Final[Mapping[str, str]] = {
     "modified_sigmoid": "modified sigmoid",
@@ -56,10 +58,13 @@ def model_averages(stored: StoredComparison) -> list[tuple[str, AverageFactor]]:
     """
     return [
         (name, factor)
-        for group in stored.found["overall"]
-        for name, m in group["models"].items()
-        for which, entries in m.get("correlation_average", {}).items()
-        for factor in average_factors(entries[-1], which.replace("_", " "))
+        for group in stored.found.overall
+        for name, m in group.models.items()
+        for data, entries in (
+            ("in sample", m.correlation_average.in_sample),
+            ("held out", m.correlation_average.held_out),
+        )
+        for factor in average_factors(entries[-1], data)
     ]
 
 
@@ -113,24 +118,22 @@ def model_correlation_table(stored: StoredComparison) -> Table:
 
 
 def _correlation_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
-    for r in stored.found["records"]:
-        for name, m in r["models"].items():
-            c = m.get("correlation")
-            if c is None or m["same_as"]:
+    for r in stored.found.records:
+        for name, m in r.models.items():
+            c = m.correlation
+            if c is None or m.same_as:
                 continue
-            folds = len(c["by_fold"])
-            inside, out = (
-                {
-                    k: Estimate(v["median"], v["q05"], v["q95"], r["unit"] if k == "rmse" else "1")
-                    for k, v in c[part].items()
-                }
-                for part in ("in_sample", "held_out")
-            )
+            folds, (inside, out) = len(c.by_fold), (c.in_sample, c.held_out)
             yield (
-                r["condition"], r["branch"], r["quantity"], short(name), inside["r"], out["r"], inside["r2"], out["r2"],
-                unit_label(r["unit"]) or "1", inside["rmse"], out["rmse"],
-                f"{c['folds_worse_than_their_mean']} of {folds}", f"{c['folds_without_r']} of {folds}",
+                r.condition, r.branch, r.quantity, short(name), _estimate(inside.r), _estimate(out.r),
+                _estimate(inside.r2), _estimate(out.r2), unit_label(r.unit) or "1", _estimate(inside.rmse, r.unit),
+                _estimate(out.rmse, r.unit), f"{c.folds_worse_than_their_mean} of {folds}",
+                f"{c.folds_without_r} of {folds}",
             )  # fmt: skip
+
+
+def _estimate(factor: Factor, unit: str = "1") -> Estimate:
+    return Estimate(factor.median, factor.q05, factor.q95, unit)
 
 
 def verdict_table(stored: StoredComparison) -> Table:
@@ -154,19 +157,18 @@ def verdict_table(stored: StoredComparison) -> Table:
         ),
         tuple(
             (
-                r["condition"], r["branch"], r["quantity"], r["verdict"], short(r["preferred"]),
-                short(r["rival"]), Number(r["ln_bayes_factor"], "1", 0.5), _noise(r),
-                r["held_out"]["kind"], r["why"],
+                r.condition, r.branch, r.quantity, r.verdict, short(r.preferred), short(r.rival),
+                Number(r.ln_bayes_factor, "1", 0.5), _noise(r), r.held_out.kind, r.why,
             )
-            for r in stored.found["records"]
+            for r in stored.found.records
         ),
     )  # fmt: skip
 
 
-def _noise(record: Mapping[str, Any]) -> str:
+def _noise(record: ComparedRecord) -> str:
     """Noise of all models, with the number of samples that count as one where it is not one."""
-    fewer = f", {record['memory']:.1f} samples count as one" if record["memory"] != 1.0 else ""
-    return f"{record['noise']}{fewer}"
+    fewer = f", {record.memory:.1f} samples count as one" if record.memory != 1.0 else ""
+    return f"{record.noise}{fewer}"
 
 
 def overall_table(stored: StoredComparison) -> Table:
@@ -192,20 +194,18 @@ def overall_table(stored: StoredComparison) -> Table:
 
 
 def _overall_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
-    for group in stored.found["overall"]:
-        ranked = sorted(group["models"].items(), key=lambda item: -item[1]["ln_evidence"])
-        for name, m in ranked:
-            behind = m["behind_preferred"]
+    for group in stored.found.overall:
+        for name, m in group.ranked:
             yield (
-                group["quantity"], group["verdict"], short(name), Number(m["ln_evidence"], "1", 0.5),
-                Number(m["elpd_held_out"], "1", 0.5), *_behind(behind, name == group["preferred"]),
+                group.quantity, group.verdict, short(name), Number(m.ln_evidence, "1", 0.5),
+                Number(m.elpd_held_out, "1", 0.5), *_behind(m.behind_preferred, name == group.preferred),
             )  # fmt: skip
 
 
-def _behind(behind: Mapping[str, Any], preferred: bool) -> tuple[Cell, Cell, Cell]:
+def _behind(behind: StatedDifference, preferred: bool) -> tuple[Cell, Cell, Cell]:
     if preferred:
         return None, None, None
-    value, low, high = (Number(behind[k], "1", 0.5) for k in ("value", "low", "high"))
+    value, low, high = (Number(v, "1", 0.5) for v in (behind.value, behind.low, behind.high))
     return value, low, high
 
 
@@ -239,15 +239,13 @@ def model_table(stored: StoredComparison) -> Table:
 
 
 def _model_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
-    for r in stored.found["records"]:
-        head = (r["condition"], r["branch"], r["quantity"])
-        for name, m in r["models"].items():
-            remark = m["unavailable"] or (f"as {short(m['same_as'])}" if m["same_as"] else "")
-            unit = r["unit"]
+    for r in stored.found.records:
+        for name, m in r.models.items():
+            remark = m.unavailable or (f"as {short(m.same_as)}" if m.same_as else "")
             yield (
-                *head, short(name),
-                Number(m["elpd"], "1", 0.5), Number(m["elpd_se"], "1", 0.5), Number(m["p_eff"], "1", 0.5),
-                Number(m["ln_evidence"], "1", 0.5), Number(m["weight"], "1", 0.05),
-                Number(m.get("elpd_held_out"), "1", 0.5), Number(m["rmse_held_out"], unit), unit,
-                Number(m["r_held_out"], "1", 1e-4), Number(m["pareto_k_max"], "1", 0.05), remark,
+                r.condition, r.branch, r.quantity, short(name),
+                Number(m.elpd, "1", 0.5), Number(m.elpd_se, "1", 0.5), Number(m.p_eff, "1", 0.5),
+                Number(m.ln_evidence, "1", 0.5), Number(m.weight, "1", 0.05),
+                Number(m.elpd_held_out, "1", 0.5), Number(m.rmse_held_out, r.unit), r.unit,
+                Number(m.r_held_out, "1", 1e-4), Number(m.pareto_k_max, "1", 0.05), remark,
             )  # fmt: skip

@@ -6,21 +6,23 @@ from collections.abc import Mapping
 from typing import Any
 
 from sma_bayes.errors import many
+from sma_bayes.studies.compare.schema import ComparisonDocument
 
 
 def comparison_text(found: Mapping[str, Any]) -> str:
     """What `comparison.json` says, in a few lines for a terminal."""
-    lines = [f"{found['campaign']}, seed {found['seed']}"]
-    if choice := found.get("model_choice"):
-        lines.append(f"  model {choice['reason']}")
-    width = max(len(r["key"]) for r in found["records"])
-    for r in found["records"]:
-        rival = f", ln Bayes factor {r['ln_bayes_factor']:.1f} over {r['rival']}" if r["rival"] else ""
-        lines.append(f"  {r['key']:<{width}}  {r['verdict']:<16}  {r['preferred']}{rival}")
-    for group in found["overall"]:
-        together = f"{group['quantity']}, {many(len(group['records']), 'record')} together"
-        lines.append(f"{together}: {group['verdict'].upper()}. {group['why']}")
-    if not found["converged"]:
-        names = ", ".join(r["key"] for r in found["records"] if not r["converged"])
+    document = ComparisonDocument.model_validate(found)
+    lines = [f"{document.campaign}, seed {document.seed}"]
+    if document.model_choice is not None:
+        lines.append(f"  model {document.model_choice.reason}")
+    width = max(len(r.key) for r in document.records)
+    for r in document.records:
+        rival = f", ln Bayes factor {r.ln_bayes_factor:.1f} over {r.rival}" if r.rival else ""
+        lines.append(f"  {r.key:<{width}}  {r.verdict:<16}  {r.preferred}{rival}")
+    for group in document.overall:
+        together = f"{group.quantity}, {many(len(group.records), 'record')} together"
+        lines.append(f"{together}: {group.verdict.upper()}. {group.why}")
+    if not document.converged:
+        names = ", ".join(r.key for r in document.records if not r.converged)
         lines.append(f"NOT CONVERGED: {names}. The report says which models.")
     return "\n".join(lines)

@@ -19,7 +19,8 @@ from sma_bayes.report.choice import REPORT, Wanted, figures_for
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.documents import COMPARISON
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.store import plain, write_csv, write_text
+from sma_bayes.runs.schema import Finding, ModelChoice
+from sma_bayes.runs.store import write_csv, write_text
 from sma_bayes.studies.compare.comparison import AUTO, Comparison, compare_record
 from sma_bayes.studies.compare.contenders import (
     contenders,
@@ -37,6 +38,7 @@ from sma_bayes.studies.compare.document import (
     sample_columns,
     stem_of,
 )
+from sma_bayes.studies.compare.schema import ComparisonFindings, ComparisonOptions
 from sma_bayes.studies.identity import all_versions, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_model_and_noise, models_of, prior_set
 from sma_bayes.studies.shared_model import with_shared_model
@@ -190,29 +192,29 @@ def _compared(
     chosen, choice = with_shared_model([(r,) for r in records], options, work.jobs, work.account)
     comparisons = []
     tasks = [_Task(r, chosen) for r in records]
-    for found in run(_compare_task, tasks, work.jobs, account=work.account, stage="compare"):
-        comparisons.append(found)
-        work.tell(len(comparisons), len(records), f"compared {stem_of(found)}")
+    for compared in run(_compare_task, tasks, work.jobs, account=work.account, stage="compare"):
+        comparisons.append(compared)
+        work.tell(len(comparisons), len(records), f"compared {stem_of(compared)}")
         if folder is not None:
             with work.account.timed("write"):
-                write_csv(folder / "curves" / f"{stem_of(found)}.csv", curve_columns(found))
-                write_csv(folder / "samples" / f"{stem_of(found)}.csv", sample_columns(found))
-    document: dict[str, Any] = plain({
-        "schema": COMPARISON.schema,
-        "campaign": campaign.name,
-        "source": campaign.source,
-        "seed": options.seed,
-        "options": {
-            "model": options.model, "noise": options.noise, "pool": options.pool, "priors": options.priors.title
-        },
-        "model_choice": None if choice is None else asdict(choice),
-        "versions": all_versions(),
-        "data_sha256": campaign.sha256,
-        "converged": all(c.converged for c in comparisons),
-        "overall": overall(comparisons),
-        "records": [record_document(c) for c in comparisons],
-        "findings": [finding_document(f) for f in campaign.findings],
-    })  # fmt: skip
+                write_csv(folder / "curves" / f"{stem_of(compared)}.csv", curve_columns(compared))
+                write_csv(folder / "samples" / f"{stem_of(compared)}.csv", sample_columns(compared))
+    found = ComparisonFindings(
+        schema="sma-bayes/comparison/1",
+        campaign=campaign.name,
+        source=campaign.source,
+        seed=options.seed,
+        options=ComparisonOptions(
+            model=options.model, noise=options.noise, pool=options.pool, priors=options.priors.title
+        ),
+        model_choice=None if choice is None else ModelChoice(**asdict(choice)),
+        versions=all_versions(),
+        data_sha256=campaign.sha256,
+        converged=all(c.converged for c in comparisons),
+        overall=overall(comparisons),
+        records=tuple(record_document(c) for c in comparisons),
+        findings=tuple(Finding(**finding_document(f)) for f in campaign.findings),
+    )
     if folder is not None:
         write_text(folder / "priors.toml", options.priors.whole_text)
-    return document
+    return found.as_json()

@@ -32,6 +32,7 @@ from sma_bayes.report.content import (
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.outputs import StoredRun
+from sma_bayes.runs.schema import CorrelationAverage
 
 TWIN_SOURCE: Final = "Tables 3 to 8 as printed"
 """How the source of the paper's twin campaign begins."""
@@ -74,7 +75,9 @@ def report_content(run: StoredRun) -> Content:
         findings=tuple(_finding(f) for f in summary.get("findings", ())),
         printed=_printed(records) if is_twin(summary) else (),
         averages=tuple(
-            f for e in summary.get("correlation_average", ()) for f in average_factors(e, e["data"])
+            f
+            for e in summary.get("correlation_average", ())
+            for f in average_factors(CorrelationAverage.model_validate(e), e["data"])
         ),
         provenance=_provenance(run),
     )

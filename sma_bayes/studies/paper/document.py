@@ -11,6 +11,7 @@ from sma_bayes.paper.correlation import implied_average
 from sma_bayes.paper.export import SOURCE
 from sma_bayes.paper.extremes import EXTREME_TABLES
 from sma_bayes.runs.store import plain
+from sma_bayes.studies.compare.schema import ComparedModel, OverallAverages
 from sma_bayes.studies.conditions.effects import Effect
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.paper.claims import claims
@@ -66,33 +67,41 @@ def _averages(study: TwinStudy) -> list[dict[str, Any]]:
 
 def _comparison(study: TwinStudy) -> dict[str, Any]:
     found = study.comparison.found
-    (overall,) = found["overall"]
+    (overall,) = found.overall
     return {
-        "verdict": overall["verdict"],
-        "why": overall["why"],
-        "verdicts": overall["verdicts"],
+        "verdict": overall.verdict,
+        "why": overall.why,
+        "verdicts": overall.verdicts,
         "models": {
             name: {
-                "family": m["family"],
-                "ln_evidence": m["ln_evidence"],
-                "ln_evidence_sd": m["ln_evidence_sd"],
-                "elpd_held_out": m["elpd_held_out"],
-                "behind_preferred": m["behind_preferred"],
-                "r": {part: m["correlation_average"][part][-1]["r"] for part in ("in_sample", "held_out")},
-                "r2": {part: m["correlation_average"][part][-1]["r2"] for part in ("in_sample", "held_out")},
+                **m.model_dump(
+                    mode="json",
+                    include={"family", "ln_evidence", "ln_evidence_sd", "elpd_held_out", "behind_preferred"},
+                ),
+                "r": _of_both_branches(m.correlation_average, "r"),
+                "r2": _of_both_branches(m.correlation_average, "r2"),
             }
-            for name, m in overall["models"].items()
+            for name, m in overall.models.items()
         },
         "records": [
-            {k: r[k] for k in ("condition", "branch", "verdict", "preferred", "rival", "ln_bayes_factor")}
-            for r in found["records"]
+            {
+                k: getattr(r, k)
+                for k in ("condition", "branch", "verdict", "preferred", "rival", "ln_bayes_factor")
+            }
+            for r in found.records
         ],
-        "unavailable": _unavailable(found["records"][0]["models"]),
+        "unavailable": _unavailable(found.records[0].models),
     }
 
 
-def _unavailable(models: Mapping[str, Any]) -> dict[str, str]:
-    return {name: m["unavailable"] for name, m in models.items() if m["unavailable"]}
+def _of_both_branches(averages: OverallAverages, factor: str) -> dict[str, Any]:
+    """Averages of a factor over both branches, in sample and held out, as JSON."""
+    stated = averages.as_json()
+    return {part: entries[-1][factor] for part, entries in stated.items()}
+
+
+def _unavailable(models: Mapping[str, ComparedModel]) -> dict[str, str]:
+    return {name: m.unavailable for name, m in models.items() if m.unavailable}
 
 
 def _effect(e: Effect) -> dict[str, Any]:

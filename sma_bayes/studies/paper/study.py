@@ -58,7 +58,7 @@ class TwinStudy:
     def converged(self) -> bool:
         """Whether every fit and every model of the comparison converged."""
         fits = (*self.stiffness.values(), *self.parts.values())
-        return all(f.converged for f in fits) and bool(self.comparison.found["converged"])
+        return all(f.converged for f in fits) and self.comparison.found.converged
 
 
 def study_twin(

@@ -24,6 +24,7 @@ from sma_bayes.report.figures.sheet import (
 )
 from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.compare.outputs import StoredComparison
+from sma_bayes.studies.compare.schema import ComparedRecord
 from sma_bayes.studies.compare.tables import short
 
 LOOKS: Final[Mapping[str, tuple[str, str]]] = {
@@ -60,38 +61,38 @@ def drawn_order(names: Iterable[str]) -> list[str]:
     return [*(n for n in LOOKS if n in there), *(n for n in there if n not in LOOKS)]
 
 
-def curves_figure(stored: StoredComparison, record: Mapping[str, Any]) -> Drawing:
+def curves_figure(stored: StoredComparison, record: ComparedRecord) -> Drawing:
     """Curves of all models with 90 % bands over the data of one record, and held-out residuals below.
 
     Parameters
     ----------
     stored : StoredComparison
-    record : mapping
+    record : ComparedRecord
         Its entry in ``comparison.json``.
     """
-    curves, samples = stored.curves[record["key"]], stored.samples[record["key"]]
-    temperature = f"temperature_{record['temperature_unit']}"
+    curves, samples = stored.curves[record.key], stored.samples[record.key]
+    temperature = f"temperature_{record.temperature_unit}"
     names = drawn_order(c.removesuffix("_q50") for c in curves if c.endswith("_q50"))
     figure = empty_sheet(6.6, 5.2)
     axes = panels(figure, 2, 1, left=0.85, right=2.05, bottom=0.55, top=0.5, gap_y=0.3, tall=(2.2, 1.0))[:, 0]
     _curves(axes[0], curves, samples, temperature, names)
     _residuals(axes[1], samples, temperature, names)
-    for ax, what in ((axes[0], record["quantity"]), (axes[1], "measured − held out")):
-        ax.set_ylabel(f"{what} [{in_units_of(take_power(ax.yaxis), record['unit'])}]")
-    axes[1].set_xlabel(f"temperature [{unit_label(record['temperature_unit'])}]")
+    for ax, what in ((axes[0], record.quantity), (axes[1], "measured − held out")):
+        ax.set_ylabel(f"{what} [{in_units_of(take_power(ax.yaxis), record.unit)}]")
+    axes[1].set_xlabel(f"temperature [{unit_label(record.temperature_unit)}]")
     axes[0].set_xticklabels([])
     handles = [
         Line2D([], [], color=FAINT, marker="o", ms=3, ls="none", label="measured"),
         *(Line2D([], [], color=look(n)[0], ls=look(n)[1], label=_legend(record, n)) for n in names),
     ]
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0 - 1.95 / 6.6, 0.93))
-    heading(figure, f"{record['condition']}, {record['branch']}: {record['verdict']}", "")
+    heading(figure, f"{record.condition}, {record.branch}: {record.verdict}", "")
     return Drawing(
-        stem=f"curves-{record['key']}",
+        stem=f"curves-{record.key}",
         caption=(
-            f"{record['condition']}, {record['branch']}: medians of the models' curves, with 90 % bands of the "
+            f"{record.condition}, {record.branch}: medians of the models' curves, with 90 % bands of the "
             "modified sigmoid, the refitted logistic and the polynomial, over the data. Below: residuals of "
-            f"predictions made without the sample's own fold ({record['held_out']['kind']}). {record['why']}."
+            f"predictions made without the sample's own fold ({record.held_out.kind}). {record.why}."
         ),
         alt="measured values with the curves of all models, and residuals of held-out predictions",
         figure=figure,
@@ -99,8 +100,8 @@ def curves_figure(stored: StoredComparison, record: Mapping[str, Any]) -> Drawin
     )
 
 
-def _legend(record: Mapping[str, Any], name: str) -> str:
-    same = [short(n) for n, m in record["models"].items() if m["same_as"] == name]
+def _legend(record: ComparedRecord, name: str) -> str:
+    same = [short(n) for n, m in record.models.items() if m.same_as == name]
     return "\n".join([short(name), *(f"  = {s}" for s in same)])
 
 
@@ -143,8 +144,8 @@ def differences_figure(stored: StoredComparison, number: int) -> Drawing:
     number : int
         Page, from 1.
     """
-    records = stored.found["records"][(number - 1) * ROWS : number * ROWS]
-    shown = [(r, [n for n in drawn_order(r["models"]) if _counts(r, n)]) for r in records]
+    records = stored.found.records[(number - 1) * ROWS : number * ROWS]
+    shown = [(r, [n for n in drawn_order(r.models) if _counts(r, n)]) for r in records]
     tall = [max(len(names), 1) for _, names in shown]
     left = label_width(short(n) for _, names in shown for n in names)
     figure = empty_sheet(7.2, 0.95 + sum(0.16 * n + 0.34 for n in tall))
@@ -162,7 +163,7 @@ def differences_figure(stored: StoredComparison, number: int) -> Drawing:
         ax.set_xticks(ticks, [f"{t:g}".replace("-", "−") if ax is axes[-1] else "" for t in ticks])
         ax.minorticks_off()
     axes[-1].set_xlabel("held-out log density, less that of the preferred model [1]")
-    heading(figure, f"What was held out: {stored.found['campaign']}", "")
+    heading(figure, f"What was held out: {stored.found.campaign}", "")
     return Drawing(
         stem="held-out" if number == 1 else f"held-out-{number}",
         caption=(
@@ -178,27 +179,29 @@ def differences_figure(stored: StoredComparison, number: int) -> Drawing:
 
 def pages(stored: StoredComparison) -> int:
     """Pages of `differences_figure`."""
-    return -(-len(stored.found["records"]) // ROWS)
+    return -(-len(stored.found.records) // ROWS)
 
 
-def _counts(record: Mapping[str, Any], name: str) -> bool:
-    model = record["models"][name]
-    return not model["same_as"] and not model["unavailable"]
+def _counts(record: ComparedRecord, name: str) -> bool:
+    model = record.models[name]
+    return not model.same_as and not model.unavailable
 
 
-def _differences(ax: Axes, record: Mapping[str, Any], names: list[str]) -> list[tuple[Any, ...]]:
+def _differences(ax: Axes, record: ComparedRecord, names: list[str]) -> list[tuple[Any, ...]]:
     rows: list[tuple[Any, ...]] = []
     for place, name in enumerate(names):
-        d = record["models"][name]["behind_preferred"]
+        d = record.models[name].behind_preferred
+        if d is None:
+            continue
         colour = look(name)[0]
-        low, high = (d["value"] if d[k] is None else d[k] for k in ("low", "high"))
+        low, high = (d.value if v is None else v for v in (d.low, d.high))
         ax.plot([low, high], [place, place], color=colour, lw=1.4)
-        ax.plot(d["value"], place, "o", ms=4, color=colour)
-        rows.append((record["key"], name, d["value"], d["low"], d["high"]))
+        ax.plot(d.value, place, "o", ms=4, color=colour)
+        rows.append((record.key, name, d.value, d.low, d.high))
     ax.axvline(0.0, color=INK, lw=0.6)
     ax.set_xscale("symlog", linthresh=TURN)
     ax.set_yticks(range(len(names)), [short(n) for n in names])
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.yaxis.set_label_coords(-0.1, 0.5)
-    ax.set_title(f"{record['key']}: {record['verdict']}")
+    ax.set_title(f"{record.key}: {record.verdict}")
     return rows

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -84,12 +83,11 @@ def model_claims(study: TwinStudy) -> Iterator[Claim]:
 
 
 def _twin_comparison(study: TwinStudy, family: str) -> str:
-    records = study.comparison.found["records"]
-    wins = sum(r["verdict"] == "modified_sigmoid" for r in records)
-    loses = sum(r["verdict"] == family for r in records)
-    (overall,) = study.comparison.found["overall"]
-    rival = _best(overall["models"], family)
-    factor = overall["models"]["modified_sigmoid"]["ln_evidence"] - overall["models"][rival]["ln_evidence"]
+    records = study.comparison.found.records
+    wins = sum(r.verdict == "modified_sigmoid" for r in records)
+    loses = sum(r.verdict == family for r in records)
+    (overall,) = study.comparison.found.overall
+    factor = overall.lead("modified_sigmoid", family)
     return (
         f"the modified sigmoid wins decisively on {wins} of {len(records)} records and the {family} on {loses}; all "
         f"records together the ln Bayes factor over the best {family} is {factor:.0f}"
@@ -97,13 +95,6 @@ def _twin_comparison(study: TwinStudy, family: str) -> str:
 
 
 def _twin_probability(study: TwinStudy, family: str) -> float:
-    (overall,) = study.comparison.found["overall"]
-    models = overall["models"]
-    behind = models[_best(models, family)]["ln_evidence"] - models["modified_sigmoid"]["ln_evidence"]
+    (overall,) = study.comparison.found.overall
+    behind = -overall.lead("modified_sigmoid", family)
     return float(1.0 / (1.0 + np.exp(np.clip(behind, -700.0, 700.0))))
-
-
-def _best(models: Mapping[str, Any], family: str) -> str:
-    return max(
-        (n for n, m in models.items() if m["family"] == family), key=lambda n: models[n]["ln_evidence"]
-    )

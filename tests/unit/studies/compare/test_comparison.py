@@ -140,9 +140,9 @@ def test_no_single_draw_carries_a_prediction() -> None:
     few = bump(12, 0)
     found = compare_record(few, PRIORS, only=["modified_sigmoid_tied", "polynomial_corrected"])
     y = few.observed["stiffness"]
-    numbers = record_document(found)["models"]
+    numbers = record_document(found).models
     for name in found.fitted:
-        assert numbers[name]["rmse_held_out"] < 3.0 * np.ptp(y)
+        assert numbers[name].rmse_held_out < 3.0 * np.ptp(y)
 
 
 def test_a_fit_without_a_fold_that_fails_is_told(
@@ -159,7 +159,7 @@ def test_a_fit_without_a_fold_that_fails_is_told(
     monkeypatch.setattr(held_out, "importance_draws", seldom)
     found = compare_record(record, PRIORS, noise="independent", only=["polynomial_corrected"])
     assert not found.converged
-    model = record_document(found)["models"]["polynomial_corrected"]
+    model = record_document(found).as_json()["models"]["polynomial_corrected"]
     assert model["converged"] is False
     assert sum(model["refits_not_converged"].values()) == 1
     assert model["pareto_k_anew_max"] == 1.5
@@ -249,7 +249,7 @@ def test_where_the_best_contender_misses_a_discrepancy_stands_beside_all() -> No
 def test_a_curve_that_describes_the_data_gets_no_discrepancy(record: Record) -> None:
     found = compare_record(record, PRIORS, only=["polynomial_corrected", "logistic_refitted"])
     assert not found.has_discrepancy
-    assert record_document(found)["noise_choice"]["reason"]
+    assert record_document(found).noise_choice.reason
 
 
 def test_the_density_of_a_fold_is_normal_with_the_discrepancy_conditioned_on_the_rest() -> None:
