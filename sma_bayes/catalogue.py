@@ -6,10 +6,10 @@ Each folder that holds one idea a file lists them in a `Catalogue`; packages out
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
-from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.errors import SmaBayesError, UnknownNameError, near_matches
 
 T = TypeVar("T")
 
@@ -25,7 +25,7 @@ class Catalogue(Mapping[str, T], Generic[T]):
         The entries that ship with the package.
     entry_point_group : str, optional
         Group under which other distributions may add entries; read at the first look-up. A name that is
-        already taken is an error.
+        already taken is an error, and so is an entry that can't be imported.
     """
 
     def __init__(self, kind: str, entries: Mapping[str, T], entry_point_group: str | None = None) -> None:
@@ -44,9 +44,20 @@ class Catalogue(Mapping[str, T], Generic[T]):
                     expected="one provider for each name",
                     remedy=f"uninstall one of them; the second is {point.value}",
                 )
-            entries[point.name] = point.load()
+            entries[point.name] = self._loaded(point)
         self._entries, self._group = entries, None
         return entries
+
+    def _loaded(self, point: EntryPoint) -> T:
+        try:
+            entry: T = point.load()
+        except Exception as error:
+            raise SmaBayesError(
+                f"the {self.kind} {point.name!r} of another package can't be had: {type(error).__name__}: {error}",
+                expected=f"{point.value}, which that package names, to be there and to be imported without an error",
+                remedy="repair that package, or uninstall it",
+            ) from error
+        return entry
 
     def __getitem__(self, name: str) -> T:
         entries = self._load()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import traceback
+from functools import cache
 from typing import Annotated
 
 import typer
@@ -20,14 +21,28 @@ from sma_bayes.studies.registry import VERBS, command_of
 MISTAKE = 70
 """Exit status besides 0, 1 and 2, as sysexits.h has it; `sma_bayes.interruption` has those of signals."""
 
-app = typer.Typer(
-    name="sma-bayes",
-    help="Bayesian stiffness of shape memory alloy springs: posteriors, credible bands, correlation factors.",
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
+
+@cache
+def command_line() -> typer.Typer:
+    """The program, with a command for each verb.
+
+    Raises
+    ------
+    SmaBayesError
+        If another package provides a verb that can't be had.
+    """
+    app = typer.Typer(
+        name="sma-bayes",
+        help="Bayesian stiffness of shape memory alloy springs: posteriors, credible bands, correlation factors.",
+        no_args_is_help=True,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+    app.callback()(_common)
+    for verb in VERBS:
+        app.command(verb)(command_of(verb))
+    return app
 
 
 def _version(wanted: bool) -> None:
@@ -36,7 +51,6 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _common(
     version: Annotated[
         bool, typer.Option("--version", "-V", callback=_version, is_eager=True, help="Print the version.")
@@ -45,14 +59,10 @@ def _common(
     """Common to all verbs."""
 
 
-for _verb in VERBS:
-    app.command(_verb)(command_of(_verb))
-
-
 def main() -> None:
     """Run the command line, and turn the user's mistakes into one message and exit status 2."""
     try:
-        app(prog_name="sma-bayes", standalone_mode=True)
+        command_line()(prog_name="sma-bayes", standalone_mode=True)
     except Exception as error:
         if interrupted():  # then it follows from that
             raise

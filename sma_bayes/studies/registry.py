@@ -12,9 +12,10 @@ from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sma_bayes.catalogue import Catalogue
+from sma_bayes.errors import SmaBayesError
 from sma_bayes.report.choice import ReportBuilder
 
 if TYPE_CHECKING:
@@ -42,8 +43,14 @@ VERBS: Final = Catalogue[ModuleType](
 
 
 def command_of(verb: str) -> Callable[..., None]:
-    """Function of which typer makes the verb."""
-    command: Callable[..., None] = import_module(f"{VERBS[verb].__name__}.command").command
+    """Function of which typer makes the verb.
+
+    Raises
+    ------
+    SmaBayesError
+        If the verb's folder has none.
+    """
+    command: Callable[..., None] = _in_folder(verb, "command", "command")
     return command
 
 
@@ -53,8 +60,14 @@ def has_report(verb: str) -> bool:
 
 
 def report_builder(verb: str) -> ReportBuilder:
-    """What builds the report of a folder that a verb has written."""
-    build_report: ReportBuilder = import_module(f"{VERBS[verb].__name__}.report").build_report
+    """What builds the report of a folder that a verb has written.
+
+    Raises
+    ------
+    SmaBayesError
+        If the verb's folder has none.
+    """
+    build_report: ReportBuilder = _in_folder(verb, "report", "build_report")
     return build_report
 
 
@@ -67,3 +80,15 @@ def declared_documents() -> dict[str, type[DocumentPart]]:
         if find_spec(place) is not None
         for name, document in import_module(place).DOCUMENTS.items()
     }
+
+
+def _in_folder(verb: str, module: str, name: str) -> Any:
+    place = f"{VERBS[verb].__name__}.{module}"
+    try:
+        return getattr(import_module(place), name)
+    except (ImportError, AttributeError) as error:
+        raise SmaBayesError(
+            f"the verb {verb!r} can't be had: {error}",
+            expected=f"a module {place} that can be imported and has {name!r}",
+            remedy=f"repair or uninstall the package that provides {place}",
+        ) from error

@@ -150,3 +150,25 @@ def test_its_folder_has_a_report_that_is_built_again(place: Path, fitted: Path) 
     assert (out / "tables" / "widths.csv").is_file()
     another = call(place, "hysteresis", str(fitted), *NARROW, "--out", str(out))
     assert another.returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("verb", "package", "said"),
+    [
+        ("fit", "missing_package", "two packages provide the verb 'fit'"),
+        ("broken", "missing_package", "the verb 'broken' of another package can't be had"),
+        ("empty", "empty_package", "the verb 'empty' can't be had: No module named 'empty_package.command'"),
+    ],
+)
+def test_a_verb_that_can_not_be_had_is_one_error(tmp_path: Path, verb: str, package: str, said: str) -> None:
+    (tmp_path / "empty_package.py").touch()
+    metadata = tmp_path / "other-1.0.dist-info"
+    metadata.mkdir()
+    about = "Metadata-Version: 2.1\nName: other\nVersion: 1.0\n"
+    (metadata / "METADATA").write_text(about, encoding="utf-8")
+    point = f"[sma_bayes.studies]\n{verb} = {package}\n"
+    (metadata / "entry_points.txt").write_text(point, encoding="utf-8")
+    called = call(tmp_path, "priors", "--list")
+    assert called.returncode == 2
+    assert called.stderr.startswith(f"error: {said}")
+    assert package in called.stderr

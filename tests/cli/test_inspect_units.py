@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from typer.testing import CliRunner
 
-from sma_bayes.cli import app
+from sma_bayes.cli import command_line
 
 
 def test_inspect_shows_units(tmp_path: Path) -> None:
@@ -16,6 +16,6 @@ def test_inspect_shows_units(tmp_path: Path) -> None:
     rows = "\n".join(f"{a:.3f},{b:.5f}" for a, b in zip(t, force, strict=True))
     data = tmp_path / "run.csv"
     data.write_text(f"temperature_C,force_N\n{rows}\n", encoding="utf-8")
-    shown = CliRunner().invoke(app, ["inspect", str(data)])
+    shown = CliRunner().invoke(command_line(), ["inspect", str(data)])
     assert shown.exit_code == 0
     assert "force [N]" in shown.stdout

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from sma_bayes.cli import app
+from sma_bayes.cli import command_line
 from sma_bayes.parameters.priors_file import parse_priors, shipped_priors
 from sma_bayes.records.declaration import read_declaration
 from sma_bayes.records.split import SplitSettings
@@ -22,7 +22,7 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 PATH = re.compile(r"`((?:sma_bayes|docs|tests|scripts|priors)/[\w./-]+)`")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 OPTION = re.compile(r"(?<![\w-])(--[a-z][a-z-]+)")
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = typer.main.get_command(command_line()).commands
 
 
 def name(page: Path) -> str:

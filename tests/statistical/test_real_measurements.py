@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from sma_bayes.cli import app
+from sma_bayes.cli import command_line
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
@@ -39,7 +39,7 @@ def test_every_example_is_tried() -> None:
 def test_an_example_is_fitted(name: str, shared_data: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     arguments = ["fit", str(EXAMPLES / f"{name}.toml"), "--data", str(shared_data / name), "--out", str(out)]
-    result = CliRunner().invoke(app, [*arguments, "--no-figures", "--quiet", "--jobs", "1"])
+    result = CliRunner().invoke(command_line(), [*arguments, "--no-figures", "--quiet", "--jobs", "1"])
     summary = json.loads((out / "summary.json").read_text())
     assert result.exit_code == (0 if summary["converged"] else 1)
     assert len(summary["records"]) == RECORDS[name]

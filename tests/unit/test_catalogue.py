@@ -9,7 +9,7 @@ import pytest
 
 from sma_bayes import catalogue as module
 from sma_bayes.catalogue import Catalogue
-from sma_bayes.errors import UnknownNameError
+from sma_bayes.errors import SmaBayesError, UnknownNameError
 
 GROUP = "sma_bayes.tests"
 
@@ -91,3 +91,10 @@ def test_a_clash_does_not_go_away_when_asked_again(provide) -> None:
     for _ in range(2):
         with pytest.raises(UnknownNameError, match="two packages"):
             len(numbers)
+
+
+def test_an_entry_that_can_not_be_imported_is_told_with_its_package(provide) -> None:
+    provide([EntryPoint("circle", "there_is_no_such_module:CIRCLE", GROUP)])
+    with pytest.raises(SmaBayesError, match="the shape 'circle' of another package can't be had") as caught:
+        Catalogue("shape", {"square": 4}, GROUP)["square"]
+    assert "there_is_no_such_module:CIRCLE" in str(caught.value)

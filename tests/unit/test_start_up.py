@@ -23,7 +23,10 @@ def imported(code: str, *arguments: str) -> set[str]:
 
 def test_help_and_the_package_itself_import_nothing_heavy() -> None:
     assert not imported("import sma_bayes") & set(HEAVY)
-    command = "from typer.testing import CliRunner; from sma_bayes.cli import app; CliRunner().invoke(app, ['--help'])"
+    command = (
+        "from typer.testing import CliRunner; from sma_bayes.cli import command_line; "
+        "CliRunner().invoke(command_line(), ['--help'])"
+    )
     assert not imported(command) & set(HEAVY)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from sma_bayes.cli import app
+from sma_bayes.cli import command_line
 from sma_bayes.errors import OutputError, UnknownNameError
 from sma_bayes.paper.errata import PRINTED_TABLES, errata
 from sma_bayes.paper.export import FORMATS, render, select, sheets, texts, write
@@ -95,14 +95,18 @@ def test_mistakes_of_the_user_are_named(tmp_path: Path) -> None:
 
 def test_the_verb(tmp_path: Path) -> None:
     runner = CliRunner()
-    shown = runner.invoke(app, ["paper", "--table", "2", "--format", "csv"])
+    shown = runner.invoke(command_line(), ["paper", "--table", "2", "--format", "csv"])
     assert shown.exit_code == 0
     assert "130 N/m" in shown.output
-    assert json.loads(runner.invoke(app, ["paper", "--table", "2", "--format", "json"]).output)["tables"]
-    only = runner.invoke(app, ["paper", "--errata", "--table", "1", "--format", "markdown"]).output
+    assert json.loads(runner.invoke(command_line(), ["paper", "--table", "2", "--format", "json"]).output)[
+        "tables"
+    ]
+    only = runner.invoke(command_line(), ["paper", "--errata", "--table", "1", "--format", "markdown"]).output
     assert "## E33" in only
     assert "## Table 1" not in only
-    written = runner.invoke(app, ["paper", "--table", "1", "--format", "latex", "--out", str(tmp_path)])
+    written = runner.invoke(
+        command_line(), ["paper", "--table", "1", "--format", "latex", "--out", str(tmp_path)]
+    )
     assert sorted(p.name for p in tmp_path.iterdir()) == ["effects.tex", "errata.tex", "table-1.tex"]
     assert written.output.split() == [str(tmp_path / n) for n in ("table-1.tex", "errata.tex", "effects.tex")]
-    assert isinstance(runner.invoke(app, ["paper", "--table", "99"]).exception, UnknownNameError)
+    assert isinstance(runner.invoke(command_line(), ["paper", "--table", "99"]).exception, UnknownNameError)
