@@ -16,6 +16,7 @@ from sma_bayes.errors import OutputError
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis
 from sma_bayes.quantities import Floats
 from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FINISH, FIT, GAP, MARK, STUDY
+from sma_bayes.runs.fit_document import FitSummary, read_fit
 from sma_bayes.runs.store import FUNCTIONS, NODE, WEIGHTS, unguarded_text
 
 BAND_COLUMNS: Final = ("q05", "q25", "q50", "q75", "q95", "pred_q05", "pred_q95")
@@ -42,14 +43,14 @@ class StoredRun:
     Attributes
     ----------
     folder : Path
-    summary : mapping
+    summary : FitSummary
         What ``summary.json`` holds.
     priors : str
         Text of ``priors.toml``; empty where there is none.
     """
 
     folder: Path
-    summary: Mapping[str, Any]
+    summary: FitSummary
     priors: str
 
 
@@ -155,14 +156,7 @@ def read_run(folder: Path) -> StoredRun:
             expected="a folder with a summary.json",
             remedy=FINISH if begun else "name the folder that was given to fit as --out",
         )
-    summary = FIT.read(folder)
-    if not summary.get("records"):
-        raise OutputError(
-            "holds no records",
-            file=folder / FIT.file,
-            expected="at least one record",
-            remedy="name the output folder of a fit, made by this version of sma_bayes",
-        )
+    summary = read_fit(folder)
     missing = _missing(folder, summary)
     if missing:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
@@ -202,13 +196,13 @@ def read_columns(path: Path, again: str) -> dict[str, Floats]:
         ) from None
 
 
-def _missing(folder: Path, summary: Mapping[str, Any]) -> list[str]:
+def _missing(folder: Path, summary: FitSummary) -> list[str]:
     wanted = [
         path
-        for record in summary["records"]
+        for record in summary.records
         for path in (
-            posterior_path(folder, record["key"]),
-            *(band_path(folder, record["key"], channel) for channel in record["quantities"]),
+            posterior_path(folder, record.key),
+            *(band_path(folder, record.key, channel) for channel in record.quantities),
         )
     ]
     return [str(path.relative_to(folder)) for path in wanted if not path.is_file()]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +20,7 @@ from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
 from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.runs.documents import FINISH
+from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary
 from sma_bayes.runs.outputs import StoredRecord, StoredRun, posterior_of, posterior_path, read_run
 
 
@@ -39,23 +38,23 @@ def stored_draws(folder: str | Path) -> tuple[RecordDraws, ...]:
         If it holds no finished fit, or one in which conditions share their parameters.
     """
     run = read_run(Path(folder))
-    if run.summary["options"]["pool"] != "none":
+    if run.summary.options.pool != "none":
         raise OutputError(
             "holds a fit in which all conditions share A and B",
             file=folder,
             expected="parameters of their own for each condition, from which their differences are learnt",
             remedy="fit again without --pool campaign",
         )
-    return tuple(draws_of(run, r) for r in run.summary["records"])
+    return tuple(draws_of(run, r) for r in run.summary.records)
 
 
-def draws_of(run: StoredRun, summary: Mapping[str, Any]) -> RecordDraws:
+def draws_of(run: StoredRun, summary: RecordSummary) -> RecordDraws:
     """Draws of one record of a fit.
 
     Parameters
     ----------
     run : StoredRun
-    summary : mapping
+    summary : RecordSummary
         Its entry in the ``records`` of ``summary.json``.
 
     Raises
@@ -63,8 +62,8 @@ def draws_of(run: StoredRun, summary: Mapping[str, Any]) -> RecordDraws:
     OutputError
         If its posterior is damaged or does not belong to the summary.
     """
-    path = posterior_path(run.folder, summary["key"])
-    stored = posterior_of(run.folder, summary["key"], summary.get("posterior_sha256"))
+    path = posterior_path(run.folder, summary.key)
+    stored = posterior_of(run.folder, summary.key, summary.posterior_sha256)
     try:
         posterior = _posterior(summary, stored)
         theta = np.stack([stored.draws[n].reshape(-1) for n in posterior.space.names], axis=-1)
@@ -76,16 +75,15 @@ def draws_of(run: StoredRun, summary: Mapping[str, Any]) -> RecordDraws:
             remedy=FINISH,
         ) from None
     record = posterior.records[0]
-    errors = calibration_errors(calibrations_of(record), int(run.summary["seed"]), record.key, len(theta))
+    errors = calibration_errors(calibrations_of(record), run.summary.seed, record.key, len(theta))
     weights = {c: w for c, (_, _, w) in stored.discrepancy.items()}
-    return RecordDraws(posterior, theta, bool(summary["converged"]), weights, errors)
+    return RecordDraws(posterior, theta, summary.converged, weights, errors)
 
 
-def _posterior(summary: Mapping[str, Any], stored: StoredRecord) -> Posterior:
+def _posterior(summary: RecordSummary, stored: StoredRecord) -> Posterior:
     record = _record(summary, stored)
     model = RESPONSE_MODELS[stored.model].made_for([record])
     noise = NOISE_MODELS[stored.noise]
-    parameters = summary["parameters"]
     names = list(model.parameter_names)
     bases = stored.bases()
     noises, sizes = {}, {}
@@ -100,35 +98,34 @@ def _posterior(summary: Mapping[str, Any], stored: StoredRecord) -> Posterior:
     if noise.feels_temperature:
         felt = len(names)
         names.append(temperature_sd_fact(record.units["temperature"]).name)
-    space = ParameterSpace(tuple(_parameter(n, parameters[n]) for n in names))
+    space = ParameterSpace(tuple(_parameter(n, summary.parameters[n]) for n in names))
     place = Place(np.arange(len(model.parameter_names)), noises, sizes, felt)
     return Posterior((record,), model, noise, space, (place,), (bases,))
 
 
-def _record(summary: Mapping[str, Any], stored: StoredRecord) -> Record:
-    temperature, quantities = summary["temperature"], summary["quantities"]
-    channels = summary["channels"]
+def _record(summary: RecordSummary, stored: StoredRecord) -> Record:
+    temperature, quantities = summary.temperature, summary.quantities
     return Record(
-        condition=Condition(summary["condition"], **summary["settings"]),
-        branch=Branch(summary["branch"]),
+        condition=Condition(summary.condition, **summary.settings),
+        branch=Branch(summary.branch),
         inputs=stored.inputs,
-        observed={c: stored.observed[c] for c in channels},
+        observed={c: stored.observed[c] for c in summary.channels},
         row=stored.row,
         units={
-            "temperature": temperature["unit"],
-            **{c: quantities[c]["unit"] for c in channels},
-            **{c: h["unit"] for c, h in summary["held"].items()},
+            "temperature": temperature.unit,
+            **{c: quantities[c].unit for c in summary.channels},
+            **{c: h.unit for c, h in summary.held.items()},
         },
-        specimen=bool({q["name"] for q in quantities.values()} & set(SPECIMEN_QUANTITY.values())),
-        temperature_sd=temperature["sd"],
-        calibration={c: Calibration(**k) for c, k in summary["calibration"].items()},
-        held={c: HeldChannel(h["mean"], h["sd"]) for c, h in summary["held"].items()},
-        rows_averaged=summary["rows_averaged"],
+        specimen=bool({q.name for q in quantities.values()} & set(SPECIMEN_QUANTITY.values())),
+        temperature_sd=temperature.sd or 0.0,
+        calibration={c: Calibration(**k.as_json()) for c, k in summary.calibration.items()},
+        held={c: HeldChannel(h.mean, h.sd) for c, h in summary.held.items()},
+        rows_averaged=summary.rows_averaged,
     )
 
 
-def _parameter(name: str, stated: Mapping[str, Any]) -> Parameter:
-    kind = FAMILIES[stated["prior"]["family"]]
-    prior = kind(**{f.name: stated["prior"][f.name] for f in fields(kind)})
-    fixed = stated["median"] if stated["fixed"] else None
-    return Parameter(name, stated["unit"], stated["meaning"], prior, stated["prior"]["source"], fixed)
+def _parameter(name: str, stated: ParameterSummary) -> Parameter:
+    kind = FAMILIES[str(stated.prior["family"])]
+    prior = kind(**{f.name: stated.prior[f.name] for f in fields(kind)})
+    fixed = stated.median if stated.fixed else None
+    return Parameter(name, stated.unit, stated.meaning, prior, str(stated.prior["source"]), fixed)

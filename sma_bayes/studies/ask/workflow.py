@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -28,6 +28,7 @@ from sma_bayes.quantities import (
 )  # fmt: skip
 from sma_bayes.records.types import Branch
 from sma_bayes.response.arrangement import Arrangement, BiasSpring, overall_stiffness
+from sma_bayes.runs.fit_document import FitFindings, RecordSummary
 from sma_bayes.runs.outputs import read_run
 from sma_bayes.runs.store import plain
 from sma_bayes.runs.stored_draws import draws_of
@@ -77,15 +78,14 @@ class Source:
     ----------
     folder : str or Path
         Its name, for messages.
-    summary : mapping
-        ``campaign``, ``seed``, ``data_sha256``, ``options`` and ``records`` as in ``summary.json``.
+    summary : FitFindings
     draws : callable
         Draws of the record of an entry of ``records``.
     """
 
     folder: str | Path
-    summary: Mapping[str, Any]
-    draws: Callable[[Mapping[str, Any]], RecordDraws]
+    summary: FitFindings
+    draws: Callable[[RecordSummary], RecordDraws]
 
 
 class Question(TypedDict, total=False):
@@ -240,7 +240,7 @@ def answer(
     )
     able = [r for r in records if not _lacking(run, r, channel)]
     if not able:
-        which = records[0]["key"] if len(records) == 1 else f"any of the {len(records)} records"
+        which = records[0].key if len(records) == 1 else f"any of the {len(records)} records"
         raise MeasurementError(
             f"no {_named(_name(records[0], channel))} follows from {which}: {_lacking(run, records[0], channel)}",
             file=run.folder,
@@ -249,9 +249,9 @@ def answer(
     answers = [_answer(run, r, question) for r in able]
     document: dict[str, Any] = plain({
         "schema": SCHEMA,
-        "campaign": run.summary["campaign"],
-        "seed": run.summary["seed"],
-        "data_sha256": run.summary["data_sha256"],
+        "campaign": run.summary.campaign,
+        "seed": run.summary.seed,
+        "data_sha256": run.summary.data_sha256,
         "quantity": answers[0]["quantity"],
         "value": value,
         "tolerance": tolerance,
@@ -260,14 +260,14 @@ def answer(
         "temperature_sd": temperature_sd,
         "converged": all(a["converged"] for a in answers),
         "answers": answers,
-        "without": {r["key"]: _lacking(run, r, channel) for r in records if r not in able},
+        "without": {r.key: _lacking(run, r, channel) for r in records if r not in able},
     })  # fmt: skip
     return document
 
 
 def _ask_at(
     run: Source,
-    records: Sequence[Mapping[str, Any]],
+    records: Sequence[RecordSummary],
     asked: Sequence[str],
     units: Sequence[str],
     probability: float,
@@ -276,11 +276,11 @@ def _ask_at(
     temperature_unit: str | None,
 ) -> dict[str, Any]:
     for text in units:
-        if not any(_converts(q["unit"], text) for r in records for q in r["quantities"].values()):
+        if not any(_converts(q.unit, text) for r in records for q in r.quantities.values()):
             raise QuantityError(
                 f"--unit {text!r} is of no quantity of the fit",
                 expected="a unit that one of these can be turned into: "
-                + ", ".join(dict.fromkeys(q["unit"] for r in records for q in r["quantities"].values())),
+                + ", ".join(dict.fromkeys(q.unit for r in records for q in r.quantities.values())),
             )
     answers = [
         _answer_at(run, r, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
@@ -288,9 +288,9 @@ def _ask_at(
     ]
     document: dict[str, Any] = plain({
         "schema": AT_SCHEMA,
-        "campaign": run.summary["campaign"],
-        "seed": run.summary["seed"],
-        "data_sha256": run.summary["data_sha256"],
+        "campaign": run.summary.campaign,
+        "seed": run.summary.seed,
+        "data_sha256": run.summary.data_sha256,
         "at": list(asked),
         "probability": probability,
         "extrapolate": extrapolate,
@@ -311,7 +311,7 @@ def _converts(unit: str, to: str) -> bool:
 
 def _answer_at(
     run: Source,
-    summary: Mapping[str, Any],
+    summary: RecordSummary,
     asked: Sequence[str],
     units: Sequence[str],
     level: float,
@@ -321,7 +321,7 @@ def _answer_at(
 ) -> dict[str, Any]:
     """What one record gives at the temperatures: all of them, also those that it can't tell of, in the asked order."""
     draws = run.draws(summary)
-    stored = summary["temperature"]["unit"]
+    stored = summary.temperature.unit
     degrees = temperature_unit or number_and_unit(asked[0], what="temperature")[1] or stored
     given = np.array([_asked_temperature(text, stored, degrees) for text in asked])
     low, high = (_temperature(t, stored, degrees) for t in (draws.coldest, draws.hottest))
@@ -332,29 +332,29 @@ def _answer_at(
     at = np.array([_converted(t, degrees, stored, "temperature") for t in given])
     quantities = {}
     for channel in (*draws.quantities, *((OVERALL,) if not _lacking(run, summary, OVERALL) else ())):
-        own = summary["quantities"]["stiffness" if channel == OVERALL else channel]["unit"]
+        own = summary.quantities["stiffness" if channel == OVERALL else channel].unit
         unit = next((u for u in units if _converts(own, u)), own)
         curve = credible_at(_curve(run, draws, channel, own), at, level, error / step)
-        new = predictive_at(draws.curves, channel, at, level, int(run.summary["seed"]), error / step)
+        new = predictive_at(draws.curves, channel, at, level, run.summary.seed, error / step)
         quantities[channel] = {
             "name": _name(summary, channel),
             "unit": unit,
             **_told(curve, own, unit, known, ""),
             **_told(new, own, unit, known, "pred_"),
         }
-    path = summary["path"]
+    path = summary.path
     return {
-        "key": summary["key"],
-        "condition": summary["condition"],
-        "branch": summary["branch"],
-        "converged": summary["converged"],
-        "adequate": summary["adequate"],
+        "key": summary.key,
+        "condition": summary.condition,
+        "branch": summary.branch,
+        "converged": summary.converged,
+        "adequate": summary.adequate,
         "temperature_unit": degrees,
         "temperature": given,
         "measured": [low, high],
         "extrapolated": beyond,
         "quantities": quantities,
-        "caution": path["message"] if "stiffness" in quantities and path["kind"] != "path_slope" else None,
+        "caution": path.message if "stiffness" in quantities and path.kind != "path_slope" else None,
     }
 
 
@@ -388,32 +388,32 @@ def _told(
     return out
 
 
-def _selected(run: Source, condition: str | None, branch: str | None) -> list[Mapping[str, Any]]:
-    records = list(run.summary["records"])
+def _selected(run: Source, condition: str | None, branch: str | None) -> list[RecordSummary]:
+    records = list(run.summary.records)
     branches = [b.value for b in Branch]
     if branch is not None and branch not in branches:
         raise UnknownNameError(f"unknown branch {branch!r}", expected=near_matches(branch, branches))
-    ids = {r["condition"] for r in records}
+    ids = {r.condition for r in records}
     if condition is not None and condition not in ids:
         raise UnknownNameError(
             f"unknown condition {condition!r}", file=run.folder, expected=near_matches(condition, ids)
         )
     found = [
         r for r in records
-        if condition in (None, r["condition"]) and branch in (None, r["branch"])
+        if condition in (None, r.condition) and branch in (None, r.branch)
     ]  # fmt: skip
     if not found:
         raise UnknownNameError(
             f"{condition or 'the campaign'} has no {branch} branch",
             file=run.folder,
-            expected=", ".join(r["key"] for r in records if condition in (None, r["condition"])),
+            expected=", ".join(r.key for r in records if condition in (None, r.condition)),
         )
     return found
 
 
-def _name(record: Mapping[str, Any], channel: str) -> str:
+def _name(record: RecordSummary, channel: str) -> str:
     """What a channel is called: strain for the displacement of a specimen."""
-    specimen = {q["name"] for q in record["quantities"].values()} & set(SPECIMEN_QUANTITY.values())
+    specimen = {q.name for q in record.quantities.values()} & set(SPECIMEN_QUANTITY.values())
     return SPECIMEN_QUANTITY.get(channel, channel) if specimen else channel
 
 
@@ -421,36 +421,36 @@ def _named(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _has(run: Source, records: Sequence[Mapping[str, Any]]) -> list[str]:
+def _has(run: Source, records: Sequence[RecordSummary]) -> list[str]:
     names = [_name(r, c) for c in WANTED for r in records if not _lacking(run, r, c)]
     return [f"--{n.replace('_', '-')}" for n in dict.fromkeys(names)]
 
 
-def _lacking(run: Source, record: Mapping[str, Any], channel: str) -> str:
+def _lacking(run: Source, record: RecordSummary, channel: str) -> str:
     """Why a record can't tell of a channel; empty where it can."""
-    known = record["quantities"]
+    known = record.quantities
     if channel != OVERALL:
         if channel in known:
             return ""
-        held = record["held"].get(channel)
+        held = record.held.get(channel)
         if held:
-            return f"the rig held it at {held['mean']:.4g} {unit_text(held['unit'])}"
+            return f"the rig held it at {held.mean:.4g} {unit_text(held.unit)}"
         if channel == "stiffness":
             return "neither was it measured, nor were the two of which it is the slope"
         return "it was not measured"
-    if not run.summary["options"].get("bias_spring"):
+    if not run.summary.options.bias_spring:
         return "the fit was told of no bias spring (--arrangement)"
     if "stiffness" not in known:
         return "no stiffness follows from the record"
-    if known["stiffness"]["name"] != "stiffness" or ARBITRARY in known["stiffness"]["unit"]:
+    if known["stiffness"].name != "stiffness" or ARBITRARY in known["stiffness"].unit:
         return "its stiffness can't be compared with that of the bias spring"
     return ""
 
 
-def _answer(run: Source, summary: Mapping[str, Any], question: _Question) -> dict[str, Any]:
+def _answer(run: Source, summary: RecordSummary, question: _Question) -> dict[str, Any]:
     draws = run.draws(summary)
     channel = "stiffness" if question.channel == OVERALL else question.channel
-    stored = (summary["temperature"]["unit"], summary["quantities"][channel]["unit"])
+    stored = (summary.temperature.unit, summary.quantities[channel].unit)
     unit, target, bounds = _target(question, stored[1], _named(_name(summary, question.channel)))
     degrees = stored[0] if question.temperature_unit is None else question.temperature_unit
     low, high = (_temperature(t, stored[0], degrees) for t in (draws.coldest, draws.hottest))
@@ -473,12 +473,12 @@ def _answer(run: Source, summary: Mapping[str, Any], question: _Question) -> dic
             "best": most if top > 0.0 else None,
         }
 
-    path = summary["path"]
+    path = summary.path
     return {
-        "key": summary["key"],
-        "condition": summary["condition"],
-        "branch": summary["branch"],
-        "converged": summary["converged"],
+        "key": summary.key,
+        "condition": summary.condition,
+        "branch": summary.branch,
+        "converged": summary.converged,
         "quantity": _name(summary, question.channel),
         "unit": unit,
         "temperature_unit": degrees,
@@ -492,7 +492,7 @@ def _answer(run: Source, summary: Mapping[str, Any], question: _Question) -> dic
         "within": stretches(*bounds),
         "at_least": stretches(target, np.inf),
         "at_most": stretches(-np.inf, target),
-        "caution": path["message"] if channel == "stiffness" and path["kind"] != "path_slope" else None,
+        "caution": path.message if channel == "stiffness" and path.kind != "path_slope" else None,
     }
 
 
@@ -558,9 +558,10 @@ def _in_units(curve: Curve, stored: tuple[str, str], asked: tuple[str, str]) -> 
 def _curve(run: Source, draws: RecordDraws, channel: str, unit: str) -> Curve:
     if channel != OVERALL:
         return lambda temperature: draws.curve(channel, temperature)
-    stated = run.summary["options"]["bias_spring"]
-    bias = BiasSpring(Arrangement(stated["arrangement"]), stated["stiffness"], stated["sd"])
-    k2 = bias_draws(bias, int(run.summary["seed"]), draws.key, draws.size, unit)[:, None]
+    stated = run.summary.options.bias_spring
+    assert stated is not None  # or the record would lack it
+    bias = BiasSpring(Arrangement(stated.arrangement), stated.stiffness, stated.sd)
+    k2 = bias_draws(bias, run.summary.seed, draws.key, draws.size, unit)[:, None]
     return lambda temperature: overall_stiffness(draws.curve("stiffness", temperature), k2, bias.arrangement)
 
 

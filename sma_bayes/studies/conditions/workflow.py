@@ -111,7 +111,7 @@ def study_conditions(
         run, records = read_run(source), stored_draws(source)
     found = sorted({r.posterior.model.name for r in records})
     if wanted == AUTO_MODEL:
-        check_model_and_noise(AUTO_MODEL, run.summary["options"]["noise"])
+        check_model_and_noise(AUTO_MODEL, run.summary.options.noise)
     elif wanted is not None and found != [wanted]:
         raise OutputError(
             f"holds a fit of {' and '.join(repr(name) for name in found)}",
@@ -155,7 +155,7 @@ class _Question:
         return {
             "schema": "sma-bayes/run/1",
             "kind": CONDITIONS.verb,
-            "data": self.run.summary["data_sha256"],
+            "data": self.run.summary.data_sha256,
             "fit": digest.hexdigest(),
             "at": [repr(c) for c in self.asked],
             "leave_out": list(self.left_out),
@@ -181,7 +181,7 @@ def _studied(question: _Question, folder: Path | None, work: UnderWay) -> dict[s
             _write(folder, found, q.seed)
     document: dict[str, Any] = plain({
         "schema": CONDITIONS.schema,
-        "campaign": q.run.summary["campaign"],
+        "campaign": q.run.summary.campaign,
         "source": str(q.run.folder),
         "seed": q.seed,
         "options": {
@@ -193,7 +193,7 @@ def _studied(question: _Question, folder: Path | None, work: UnderWay) -> dict[s
         "model_choice": None if choice is None else asdict(choice),
         "refitted": refitted,
         "versions": all_versions(),
-        "data_sha256": q.run.summary["data_sha256"],
+        "data_sha256": q.run.summary.data_sha256,
         "specimen": specimen,
         **study_document(found, specimen=specimen),
     })  # fmt: skip
@@ -207,7 +207,7 @@ def _of_one_model(
     q, summary = question, question.run.summary
     work.tell(0, len(q.records), "choosing the model")
     priors = parse_priors(q.run.priors, str(q.run.folder / "priors.toml"))
-    options = FitOptions(priors, int(summary["seed"]), summary["options"]["noise"], model=AUTO_MODEL)
+    options = FitOptions(priors, summary.seed, summary.options.noise, model=AUTO_MODEL)
     groups = [(r.record,) for r in q.records]
     options, choice = with_shared_model(groups, options, work.jobs, work.account)
     assert choice is not None  # the model was to be chosen

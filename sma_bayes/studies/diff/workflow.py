@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from sma_bayes.errors import SmaBayesError
+from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary
 from sma_bayes.runs.outputs import StoredBand, StoredRun, band_path, read_band, read_run
 from sma_bayes.runs.store import plain
 
@@ -48,7 +49,7 @@ def diff(a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE) -> dict[
     if not (np.isfinite(tolerance) and tolerance > 0.0):
         raise SmaBayesError(f"--tolerance {tolerance}", expected="a positive number of standard deviations")
     runs = (read_run(Path(a)), read_run(Path(b)))
-    records = [{r["key"]: r for r in run.summary["records"]} for run in runs]
+    records = [{r.key: r for r in run.summary.records} for run in runs]
     keys = list(dict.fromkeys([*records[0], *records[1]]))
     compared = [_record(runs, key, records[0].get(key), records[1].get(key), tolerance) for key in keys]
     document: dict[str, Any] = plain({
@@ -58,8 +59,8 @@ def diff(a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE) -> dict[
         "tolerance": tolerance,
         "same": all(r["same"] for r in compared),
         "inputs": _inputs(runs),
-        "converged": [bool(run.summary["converged"]) for run in runs],
-        "adequate": [bool(run.summary["adequate"]) for run in runs],
+        "converged": [run.summary.converged for run in runs],
+        "adequate": [run.summary.adequate for run in runs],
         "records": compared,
     })  # fmt: skip
     return document
@@ -77,12 +78,12 @@ def _inputs(runs: Sequence[StoredRun]) -> dict[str, Any]:
 
 def _stated(run: StoredRun) -> dict[str, Any]:
     s = run.summary
-    versions = {f"version of {name}": v for name, v in s["versions"].items()}
+    versions = {f"version of {name}": v for name, v in s.versions.items()}
     return {
-        "campaign": s["campaign"],
-        "data_sha256": s["data_sha256"],
-        "seed": s["seed"],
-        **s["options"],
+        "campaign": s.campaign,
+        "data_sha256": s.data_sha256,
+        "seed": s.seed,
+        **s.options.as_json(),
         **versions,
     }
 
@@ -90,19 +91,20 @@ def _stated(run: StoredRun) -> dict[str, Any]:
 def _record(
     runs: Sequence[StoredRun],
     key: str,
-    a: Mapping[str, Any] | None,
-    b: Mapping[str, Any] | None,
+    a: RecordSummary | None,
+    b: RecordSummary | None,
     tolerance: float,
 ) -> dict[str, Any]:
     if a is None or b is None:
         return {"key": key, "in": "b" if a is None else "a", "same": False}
-    names = list(dict.fromkeys([*a["parameters"], *b["parameters"]]))
-    parameters = {n: _parameter(a["parameters"].get(n), b["parameters"].get(n)) for n in names}
-    bands = {c: _band(runs, key, c) for c in a["quantities"] if c in b["quantities"]}
+    names = list(dict.fromkeys([*a.parameters, *b.parameters]))
+    parameters = {n: _parameter(a.parameters.get(n), b.parameters.get(n)) for n in names}
+    bands = {c: _band(runs, key, c) for c in a.quantities if c in b.quantities}
     shifts = [p["shift"] for p in parameters.values() if p["shift"] is not None]
     shifts += [band["shift"] for band in bands.values() if band is not None]
+    first, second = a.as_json(), b.as_json()
     changed = {
-        name: [a[name], b[name]]
+        name: [first[name], second[name]]
         for name in (
             "converged",
             "adequate",
@@ -113,23 +115,23 @@ def _record(
             "temperature",
             "channels",
         )
-        if a[name] != b[name]
+        if first[name] != second[name]
     }
-    if a["noise"]["name"] != b["noise"]["name"]:
-        changed["noise"] = [a["noise"]["name"], b["noise"]["name"]]
+    if a.noise.name != b.noise.name:
+        changed["noise"] = [a.noise.name, b.noise.name]
     priors = [
         n for n in names
-        if n in a["parameters"] and n in b["parameters"]
-        and a["parameters"][n]["prior"] != b["parameters"][n]["prior"]
+        if n in a.parameters and n in b.parameters
+        and a.parameters[n].prior != b.parameters[n].prior
     ]  # fmt: skip
     alike = not {"converged", "adequate", "model", "channels"} & set(changed)
     return {
         "key": key,
         "in": "both",
         "same": alike and max(map(abs, shifts), default=0.0) <= tolerance,
-        "converged": [a["converged"], b["converged"]],
-        "adequate": [a["adequate"], b["adequate"]],
-        "why": [[reason["message"] for reason in r["why"]] for r in (a, b)],
+        "converged": [a.converged, b.converged],
+        "adequate": [a.adequate, b.adequate],
+        "why": [[reason.message for reason in r.why] for r in (a, b)],
         "changed": changed,
         "priors": priors,
         "parameters": parameters,
@@ -140,14 +142,16 @@ def _record(
 _SHOWN: Final = ("median", "q05", "q95", "sd")
 
 
-def _parameter(a: Mapping[str, Any] | None, b: Mapping[str, Any] | None) -> dict[str, Any]:
+def _parameter(a: ParameterSummary | None, b: ParameterSummary | None) -> dict[str, Any]:
     """Medians with intervals of either run, and how far b is from a in standard deviations of the wider posterior."""
-    stated = {name: None if p is None else {k: p[k] for k in _SHOWN} for name, p in (("a", a), ("b", b))}
-    known = a or b or {}
+    stated = {
+        name: None if p is None else {k: getattr(p, k) for k in _SHOWN} for name, p in (("a", a), ("b", b))
+    }
+    known = a or b
     shift = None
-    if a is not None and b is not None and a["unit"] == b["unit"]:
-        shift = _shift(b["median"] - a["median"], max(a["sd"] or 0.0, b["sd"] or 0.0))
-    return {"unit": known["unit"], **stated, "shift": shift}
+    if a and b and a.unit == b.unit and a.median is not None and b.median is not None:
+        shift = _shift(b.median - a.median, max(a.sd or 0.0, b.sd or 0.0))
+    return {"unit": known.unit if known else "", **stated, "shift": shift}
 
 
 def _shift(difference: float, sd: float) -> float:
@@ -175,11 +179,10 @@ def _band(runs: Sequence[StoredRun], key: str, channel: str) -> dict[str, Any] |
     at, difference, sd = at[known], difference[known], sd[known]
     shift = np.array([_shift(float(d), float(s)) for d, s in zip(difference, sd, strict=True)])
     worst = int(np.argmax(np.abs(shift)))
-    units = runs[0].summary["records"]
-    quantity = next(r for r in units if r["key"] == key)["quantities"][channel]
+    quantity = next(r for r in runs[0].summary.records if r.key == key).quantities[channel]
     return {
-        "name": quantity["name"],
-        "unit": quantity["unit"],
+        "name": quantity.name,
+        "unit": quantity.unit,
         "shift": float(shift[worst]),
         "at": float(at[worst]),
         "difference": float(difference[worst]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -17,16 +17,17 @@ from sma_bayes.arviz_bridge import open_posterior
 from sma_bayes.assess.at import credible_at, predictive_at
 from sma_bayes.assess.bands import band_channels, credible_band
 from sma_bayes.assess.correlation import correlation_factors
-from sma_bayes.assess.draws import record_draws
-from sma_bayes.assess.summary import record_summary
+from sma_bayes.assess.draws import RecordDraws, record_draws
 from sma_bayes.errors import MeasurementError, SmaBayesError
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.least_squares import LeastSquares, least_squares_at
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
-from sma_bayes.runs.store import plain, write_posterior
+from sma_bayes.runs.fit_document import FitFindings, RecordSummary
+from sma_bayes.runs.store import write_posterior
 from sma_bayes.studies.ask.workflow import PROBABILITY, Question, Source, answer
+from sma_bayes.studies.fit.summary import record_summary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,7 +76,7 @@ class RecordFit(Fit):
     @property
     def adequate(self) -> bool:
         """Whether curve and noise describe the data; ``document["why"]`` says why not."""
-        return bool(self.document["adequate"])
+        return self.summarised.adequate
 
     @cached_property
     def _replicated(self) -> dict[str, Floats]:
@@ -83,11 +84,15 @@ class RecordFit(Fit):
         return dict(self.posterior.replicate(rng, self.flat, record=self.index, weights=self.discrepancy))
 
     @cached_property
-    def document(self) -> dict[str, Any]:
+    def summarised(self) -> RecordSummary:
         """What ``summary.json`` says of the record."""
         measured, again = correlation_factors(self, self._replicated, self.index)
-        found: dict[str, Any] = plain(record_summary(self, self.index, measured, again))
-        return found
+        return record_summary(self, self.index, measured, again)
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The same as JSON has it."""
+        return self.summarised.as_json()
 
     @cached_property
     def least_squares(self) -> LeastSquares:
@@ -100,8 +105,8 @@ class RecordFit(Fit):
         """Parameters with their units, medians, intervals and diagnostics, one a row."""
         import pandas as pd
 
-        parameters = self.document["parameters"]
-        rows = [[p[name] for name in SHOWN] for p in parameters.values()]
+        parameters = self.summarised.parameters
+        rows = [[getattr(p, name) for name in SHOWN] for p in parameters.values()]
         return pd.DataFrame(rows, index=pd.Index(list(parameters), name="parameter"), columns=list(SHOWN))
 
     def to_inference_data(self) -> Any:
@@ -180,7 +185,7 @@ class RecordFit(Fit):
             columns[f"pred_{name}"] = np.full(at.size, np.nan) if new is None else getattr(new, name)
         beyond = (at < observed.min()) | (at > observed.max())
         frame = pd.DataFrame(columns, index=pd.Index(at, name="temperature")).assign(extrapolated=beyond)
-        frame.attrs["unit"] = self.document["quantities"][channel]["unit"]
+        frame.attrs["unit"] = self.summarised.quantities[channel].unit
         return frame
 
     def stiffness(self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY) -> pd.DataFrame:
@@ -260,16 +265,16 @@ class Fits(dict[str, RecordFit]):
     def ask(self, **question: Unpack[Question]) -> dict[str, Any]:
         """Answer what `sma_bayes.ask` answers of a folder, with the same arguments."""
         first = next(iter(self.values()))
-        summary = {
-            "campaign": "",
-            "data_sha256": None,
-            "seed": first.seed,
-            "options": {"bias_spring": None},
-            "records": [fit.document for fit in self.values()],
-        }
+        records = tuple(fit.summarised for fit in self.values())
+        summary = FitFindings(
+            seed=first.seed,
+            converged=all(r.converged for r in records),
+            adequate=all(r.adequate for r in records),
+            records=records,
+        )
 
-        def draws(entry: Mapping[str, Any]) -> Any:
-            fit = self[entry["key"]]
+        def draws(entry: RecordSummary) -> RecordDraws:
+            fit = self[entry.key]
             return record_draws(fit, fit.index)
 
         return answer(Source("the fit", summary, draws), **question)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, Final
+from typing import Final, Protocol
 
 from sma_bayes.assess.adequacy import Missed, Reason
-from sma_bayes.assess.summary import NOISE
-from sma_bayes.errors import OutputError
 from sma_bayes.paper.twin import printed_values
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.types import setting_unit
@@ -31,8 +29,23 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.runs import schema
+from sma_bayes.runs.fit_document import (
+    CalibrationSummary,
+    CheckSummary,
+    DiscrepancySummary,
+    FitFindings,
+    HeldSummary,
+    Measure,
+    NearestSummary,
+    NoiseSummary,
+    ParameterSummary,
+    QuantitySummary,
+    RecordSummary,
+    TransformationSummary,
+)
 from sma_bayes.runs.outputs import StoredRun
-from sma_bayes.runs.schema import CorrelationAverage
+from sma_bayes.runs.schema import Factor
 
 TWIN_SOURCE: Final = "Tables 3 to 8 as printed"
 """How the source of the paper's twin campaign begins."""
@@ -65,79 +78,64 @@ def report_content(run: StoredRun) -> Content:
     run : StoredRun
     """
     summary = run.summary
-    records = tuple(_record(r) for r in summary["records"])
+    records = tuple(_record(r) for r in summary.records)
     names = {r.condition: {c.channel: c.name for c in r.channels} for r in records}
     return Content(
-        campaign=str(summary.get("campaign", "")),
-        source=str(summary.get("source", "")),
+        campaign=summary.campaign,
+        source=summary.source,
         records=records,
-        loops=tuple(_quantity(q, names.get(q["condition"], {})) for q in summary.get("loops", ())),
-        findings=tuple(_finding(f) for f in summary.get("findings", ())),
+        loops=tuple(_quantity(q, names.get(q.condition, {})) for q in summary.loops),
+        findings=tuple(_finding(f) for f in summary.findings),
         printed=_printed(records) if is_twin(summary) else (),
-        averages=tuple(
-            f
-            for e in summary.get("correlation_average", ())
-            for f in average_factors(CorrelationAverage.model_validate(e), e["data"])
-        ),
+        averages=tuple(f for e in summary.correlation_average for f in average_factors(e, e.data or "")),
         provenance=_provenance(run),
     )
 
 
-def is_twin(summary: Mapping[str, Any]) -> bool:
+def is_twin(summary: FitFindings) -> bool:
     """Whether a run is one of the campaign drawn from the paper's printed parameters."""
-    keys = {record["key"] for record in summary["records"]}
-    return str(summary.get("source", "")).startswith(TWIN_SOURCE) and keys <= set(printed_values())
+    keys = {record.key for record in summary.records}
+    return summary.source.startswith(TWIN_SOURCE) and keys <= set(printed_values())
 
 
-def _record(r: Mapping[str, Any]) -> RecordContent:
-    if "adequate" not in r:
-        raise OutputError(
-            f"summary.json does not say whether {r['key']} is adequate",
-            expected="a fit by this version",
-            remedy="fit anew into another folder",
-        )
-    quantities: Mapping[str, Mapping[str, str]] = r["quantities"]
-    names = {channel: q["name"] for channel, q in quantities.items()}
-    temperature = r["temperature"]
-    measured = {**quantities, "temperature": {"name": "temperature", "unit": temperature["unit"]}}
+def _record(r: RecordSummary) -> RecordContent:
+    names = {channel: q.name for channel, q in r.quantities.items()}
+    temperature = r.temperature
+    measured = {**r.quantities, "temperature": Measure(name="temperature", unit=temperature.unit)}
     return RecordContent(
-        key=r["key"],
-        checksum=r.get("posterior_sha256"),
-        condition=r["condition"],
-        branch=r["branch"],
-        converged=bool(r["converged"]),
-        adequate=bool(r["adequate"]),
-        reasons=tuple(Reason(w["kind"], w["channel"], unit_text(w["message"])) for w in r["why"]),
-        model=r["model"],
-        model_reason=_renamed((r.get("model_choice") or {}).get("reason", ""), names),
-        nearest=tuple(_nearest(name, p, names) for name, p in r["nearest"].items()),
-        missed=tuple(_missed(c, m) for c, m in r["discrepancy"].items()),
-        n=int(r["n"]),
-        rows_averaged=int(r.get("rows_averaged", 1)),
-        segments=int(r.get("segments", 1)),
-        settings={k: Number(v, _setting_unit(k, names)) for k, v in r.get("settings", {}).items()},
-        temperature_unit=temperature["unit"],
-        temperature_range=(temperature["lowest"], temperature["highest"]),
-        temperature_sd=temperature.get("sd") or 0.0,
-        channels=tuple(_channel(c, q, r) for c, q in quantities.items()),
-        held=tuple(_held(c, h, names) for c, h in r.get("held", {}).items()),
-        calibration=tuple(
-            _calibration(c, k, measured[c]) for c, k in r.get("calibration", {}).items() if c in measured
-        ),
-        parameters=tuple(_parameter(n, p, r, names) for n, p in r["parameters"].items()),
-        free_directions=tuple((d["text"], d["contraction"]) for d in r.get("free_directions", ())),
-        jacobian_rank=r.get("jacobian_rank"),
-        path_kind=r.get("path", {}).get("kind", ""),
-        path_message=unit_text(r.get("path", {}).get("message", "")),
-        shape=dict(r.get("shape", {})),
-        quantities=tuple(_quantity(q, names) for q in r.get("quantities_of_branch", ())),
-        transformation=tuple(
-            _transformation(name, t, names) for name, t in r.get("transformation", {}).items()
-        ),
-        checks=tuple(_check(c, names) for c in r.get("checks", ())),
-        noise=_noise(r.get("noise", {}), names),
+        key=r.key,
+        checksum=r.posterior_sha256,
+        condition=r.condition,
+        branch=r.branch,
+        converged=r.converged,
+        adequate=r.adequate,
+        reasons=tuple(Reason(w.kind, w.channel, unit_text(w.message)) for w in r.why),
+        model=r.model,
+        model_reason=_renamed(r.model_choice.reason if r.model_choice else "", names),
+        nearest=tuple(_nearest(name, p, names) for name, p in r.nearest.items()),
+        missed=tuple(_missed(c, m) for c, m in r.discrepancy.items()),
+        n=r.n,
+        rows_averaged=r.rows_averaged,
+        segments=r.segments,
+        settings={k: Number(v, _setting_unit(k, names)) for k, v in r.settings.items()},
+        temperature_unit=temperature.unit,
+        temperature_range=(temperature.lowest, temperature.highest),
+        temperature_sd=temperature.sd or 0.0,
+        channels=tuple(_channel(c, q, r) for c, q in r.quantities.items()),
+        held=tuple(_held(c, h, names) for c, h in r.held.items()),
+        calibration=tuple(_calibration(k, measured[c]) for c, k in r.calibration.items() if c in measured),
+        parameters=tuple(_parameter(n, p, r, names) for n, p in r.parameters.items()),
+        free_directions=tuple((d.text, d.contraction or 0.0) for d in r.free_directions),
+        jacobian_rank=r.jacobian_rank,
+        path_kind=r.path.kind,
+        path_message=unit_text(r.path.message),
+        shape=r.shape,
+        quantities=tuple(_quantity(q, names) for q in r.quantities_of_branch),
+        transformation=tuple(_transformation(name, t, names) for name, t in r.transformation.items()),
+        checks=tuple(_check(c, names) for c in r.checks),
+        noise=_noise(r.noise, names),
         sampler=_sampler(r),
-        shares_with=tuple(r.get("shares_parameters_with", ())),
+        shares_with=r.shares_parameters_with,
     )
 
 
@@ -146,174 +144,162 @@ def _setting_unit(setting: str, names: Mapping[str, str]) -> str:
     return setting_unit(setting, specimen=bool(specimen))
 
 
-def _channel(channel: str, quantity: Mapping[str, str], r: Mapping[str, Any]) -> Channel:
-    def agreement(which: str) -> dict[str, Estimate]:
-        found = r.get(which, {}).get(channel, {})
-        units = {"r": "1", "r2": "1", "adj_r2": "1", "rmse": quantity["unit"]}
-        return {name: _estimate(values, units[name]) for name, values in found.items() if name in units}
+def _channel(channel: str, quantity: Measure, r: RecordSummary) -> Channel:
+    def agreement(found: Mapping[str, Mapping[str, Factor]]) -> dict[str, Estimate]:
+        units = {"r": "1", "r2": "1", "adj_r2": "1", "rmse": quantity.unit}
+        return {n: _estimate(f, units[n]) for n, f in found.get(channel, {}).items() if n in units}
 
-    name = quantity["name"]
+    name = quantity.name
+    goodness = r.fit.get(channel)
     return Channel(
         channel=channel,
         name=name,
         symbol=QUANTITIES[name].symbol if name in QUANTITIES else "",
-        unit=quantity["unit"],
-        observed=channel in r["channels"],
-        fit=dict(r.get("fit", {}).get(channel, {})),
-        measured=agreement("correlation"),
-        replicated=agreement("correlation_replicated"),
+        unit=quantity.unit,
+        observed=channel in r.channels,
+        fit=goodness.as_json() if goodness else {},
+        measured=agreement(r.correlation),
+        replicated=agreement(r.correlation_replicated),
     )
 
 
-def _estimate(values: Mapping[str, float | None], unit: str) -> Estimate:
-    return Estimate(values.get("median"), values.get("q05"), values.get("q95"), unit)
+class _Interval(Protocol):
+    @property
+    def q05(self) -> float | None: ...
+    @property
+    def median(self) -> float | None: ...
+    @property
+    def q95(self) -> float | None: ...
 
 
-def _held(channel: str, held: Mapping[str, Any], names: Mapping[str, str]) -> str:
-    unit = unit_label(held.get("unit", ""))
+def _estimate(values: _Interval, unit: str) -> Estimate:
+    return Estimate(values.median, values.q05, values.q95, unit)
+
+
+def _held(channel: str, held: HeldSummary, names: Mapping[str, str]) -> str:
+    unit = unit_label(held.unit)
     name = names.get(channel, channel)
     if name == channel and set(names.values()) & set(SPECIMEN_QUANTITY.values()):
         name = SPECIMEN_QUANTITY.get(channel, channel)
-    return f"{name} held at {compact(held['mean'])} {unit} (sd {compact(held['sd'])} {unit})"
+    return f"{name} held at {compact(held.mean)} {unit} (sd {compact(held.sd)} {unit})"
 
 
-def _calibration(channel: str, c: Mapping[str, float], quantity: Mapping[str, str]) -> str:
-    unit = unit_label(quantity["unit"])
+def _calibration(c: CalibrationSummary, quantity: Measure) -> str:
+    unit = unit_label(quantity.unit)
     return (
-        f"{quantity['name']}: scale known to {100 * c['relative_scale_sd']:.2g} %, offset to "
-        f"{compact(c['offset_sd'])} {unit}; carried on top of the posterior"
+        f"{quantity.name}: scale known to {100 * c.relative_scale_sd:.2g} %, offset to "
+        f"{compact(c.offset_sd)} {unit}; carried on top of the posterior"
     )
 
 
-def _parameter(
-    name: str, p: Mapping[str, Any], r: Mapping[str, Any], names: Mapping[str, str]
-) -> ParameterResult:
-    if "role" not in p:
-        raise OutputError(
-            f"summary.json does not say what the parameter {name!r} does",
-            expected="a fit by this version",
-            remedy="fit anew into another folder",
-        )
-    prior = dict(p.get("prior", {}))
+def _parameter(name: str, p: ParameterSummary, r: RecordSummary, names: Mapping[str, str]) -> ParameterResult:
+    prior = dict(p.prior)
     family, source = str(prior.pop("family", "")), str(prior.pop("source", ""))
     return ParameterResult(
         name=name,
-        meaning=_renamed(p.get("meaning", ""), names),
-        unit=p["unit"],
-        channel=p["channel"],
-        of_noise=p["role"] == NOISE,
-        warm_start=p.get("warm_start"),
-        warm_start_sd=p.get("warm_start_sd"),
-        mean=p.get("mean"),
-        sd=p.get("sd"),
-        estimate=_estimate(p, p["unit"]),
-        rhat=p.get("rhat"),
-        ess_bulk=p.get("ess_bulk"),
-        ess_tail=p.get("ess_tail"),
-        contraction=p.get("contraction"),
-        identified=bool(p.get("identified")),
-        fixed=bool(p.get("fixed")),
-        at_bound=name in r.get("at_bound", ()),
+        meaning=_renamed(p.meaning, names),
+        unit=p.unit,
+        channel=p.channel,
+        of_noise=p.of_noise,
+        warm_start=p.warm_start,
+        warm_start_sd=p.warm_start_sd,
+        mean=p.mean,
+        sd=p.sd,
+        estimate=_estimate(p, p.unit),
+        rhat=p.rhat,
+        ess_bulk=p.ess_bulk,
+        ess_tail=p.ess_tail,
+        contraction=p.contraction,
+        identified=p.identified,
+        fixed=p.fixed,
+        at_bound=name in r.at_bound,
         family=family,
-        numbers=prior,
+        numbers={n: v for n, v in prior.items() if isinstance(v, float)},
         source=source,
     )
 
 
-def _quantity(q: Mapping[str, Any], names: Mapping[str, str]) -> Quantity:
-    shown = QUANTITY_NAMES.get(q["name"], q["name"].replace("_", " "))
+def _quantity(q: QuantitySummary, names: Mapping[str, str]) -> Quantity:
+    shown = QUANTITY_NAMES.get(q.name, q.name.replace("_", " "))
     return Quantity(
         name=_renamed(shown, names),
-        condition=q["condition"],
-        branch=q.get("branch", ""),
-        channel=names.get(q["channel"], q["channel"]),
-        meaning=_renamed(q.get("meaning", ""), names),
-        estimate=_estimate(q, q["unit"]),
+        condition=q.condition,
+        branch=q.branch,
+        channel=names.get(q.channel, q.channel),
+        meaning=_renamed(q.meaning, names),
+        estimate=_estimate(q, q.unit),
     )
 
 
-def _transformation(name: str, t: Mapping[str, Any], names: Mapping[str, str]) -> TransformationTemperature:
+def _transformation(
+    name: str, t: TransformationSummary, names: Mapping[str, str]
+) -> TransformationTemperature:
     return TransformationTemperature(
         name=name,
-        meaning=t.get("meaning", ""),
-        channel=names.get(t["channel"], t["channel"]),
-        estimate=_estimate(t, t["unit"]),
-        within_data=bool(t["within_data"]),
-        outstanding=t.get("outstanding"),
-        samples=int(t.get("samples", 0)),
-        defined=float(t.get("defined", 1.0)),
+        meaning=t.meaning,
+        channel=names.get(t.channel, t.channel),
+        estimate=_estimate(t, t.unit),
+        within_data=t.within_data,
+        outstanding=t.outstanding,
+        samples=t.samples,
+        defined=t.defined,
     )
 
 
-def _nearest(name: str, p: Mapping[str, Any], names: Mapping[str, str]) -> NearestParameter:
-    return NearestParameter(
-        name, names.get(p["channel"], p["channel"]), _estimate(p, p["unit"]), float(p["defined"])
-    )
+def _nearest(name: str, p: NearestSummary, names: Mapping[str, str]) -> NearestParameter:
+    return NearestParameter(name, names.get(p.channel, p.channel), _estimate(p, p.unit), p.defined)
 
 
-def _missed(channel: str, m: Mapping[str, Any]) -> Missed:
-    gain = m["ln_bayes_factor"]
+def _missed(channel: str, m: DiscrepancySummary) -> Missed:
     return Missed(
-        channel,
-        m["unit"],
-        m["rms"],
-        m["largest"],
-        m["at"],
-        m["share"],
-        float("nan") if gain is None else gain,
+        channel, m.unit, _number(m.rms), _number(m.largest), m.at, m.share, _number(m.ln_bayes_factor)
     )
 
 
-def _check(c: Mapping[str, Any], names: Mapping[str, str]) -> PredictiveCheck:
+def _check(c: CheckSummary, names: Mapping[str, str]) -> PredictiveCheck:
     return PredictiveCheck(
-        channel=names.get(c["channel"], c["channel"]),
-        statistic=STATISTICS.get(c["statistic"], c["statistic"]),
-        meaning=c.get("meaning", ""),
-        measured=c["measured"],
-        replicated=(c["q05"], c["q95"]),
-        p_value=c["p_value"],
+        channel=names.get(c.channel, c.channel),
+        statistic=STATISTICS.get(c.statistic, c.statistic),
+        meaning=c.meaning,
+        measured=_number(c.measured),
+        replicated=(_number(c.q05), _number(c.q95)),
+        p_value=c.p_value,
     )
 
 
-def _noise(noise: Mapping[str, Any], names: Mapping[str, str]) -> Noise:
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def _noise(noise: NoiseSummary, names: Mapping[str, str]) -> Noise:
     return Noise(
-        name=noise.get("name", ""),
-        title=noise.get("title", ""),
-        chosen_by=noise.get("chosen_by", ""),
-        reason=_renamed(noise.get("reason", ""), names),
-        lag1={names.get(c, c): v for c, v in noise.get("lag1", {}).items()},
-        ln_evidence=dict(noise.get("ln_evidence", {})),
+        name=noise.name,
+        title=noise.title,
+        chosen_by=noise.chosen_by,
+        reason=_renamed(noise.reason, names),
+        lag1={names.get(c, c): v for c, v in noise.lag1.items() if v is not None},
+        ln_evidence={n: v for n, v in noise.ln_evidence.items() if v is not None},
     )
 
 
-def _sampler(r: Mapping[str, Any]) -> Sampler:
-    s = r.get("sampler", {})
+def _sampler(r: RecordSummary) -> Sampler:
+    s = r.sampler
     return Sampler(
-        method=s.get("method", ""),
-        acceptance=s.get("acceptance"),
-        efficiency=s.get("efficiency"),
-        greatest_weight=s.get("greatest_weight"),
-        modes=int(s.get("modes", 1)),
-        draws=int(s.get("draws", 0)),
-        evaluations=int(r.get("log_likelihood_evaluations", 0)),
-        wall_s=float(r.get("wall_s") or 0.0),
-        ln_evidence=r.get("ln_evidence"),
-        ln_evidence_sd=r.get("ln_evidence_sd"),
+        method=s.method,
+        acceptance=s.acceptance,
+        efficiency=s.efficiency,
+        greatest_weight=s.greatest_weight,
+        modes=s.modes,
+        draws=s.draws,
+        evaluations=r.log_likelihood_evaluations,
+        wall_s=r.wall_s or 0.0,
+        ln_evidence=r.ln_evidence,
+        ln_evidence_sd=r.ln_evidence_sd,
     )
 
 
-def _finding(f: Mapping[str, Any]) -> Finding:
-    return Finding(
-        kind=f.get("kind", ""),
-        message=f.get("message", ""),
-        file=f.get("file", ""),
-        rows=tuple(f.get("rows", ())),
-        count=int(f.get("count", 0)),
-        dropped=int(f.get("dropped", 0)),
-        condition=f.get("condition", ""),
-        branch=f.get("branch", ""),
-        column=f.get("column", ""),
-    )
+def _finding(f: schema.Finding) -> Finding:
+    return Finding(f.kind, f.message, f.file, f.rows, f.count, f.dropped, f.condition, f.branch, f.column)
 
 
 def _printed(records: Iterable[RecordContent]) -> tuple[PrintedComparison, ...]:
@@ -329,30 +315,31 @@ def _printed(records: Iterable[RecordContent]) -> tuple[PrintedComparison, ...]:
 
 def _provenance(run: StoredRun) -> Provenance:
     s = run.summary
-    options = {str(k): str(v) for k, v in s.get("options", {}).items()}
     return Provenance(
-        seed=int(s["seed"]),
-        options=options,
-        versions={str(k): str(v) for k, v in s.get("versions", {}).items()},
-        data_sha256=str(s.get("data_sha256", "")),
+        seed=s.seed,
+        options={k: str(v) for k, v in s.options.as_json().items()},
+        versions=s.versions,
+        data_sha256=s.data_sha256 or "",
         priors=run.priors,
-        command=_command(s, options),
+        command=_command(s),
     )
 
 
-def _command(summary: Mapping[str, Any], options: Mapping[str, str]) -> str:
-    common = [f"--seed {summary['seed']}", f"--noise {options.get('noise', 'auto')}"]
-    if summary.get("data_dir"):
-        common.insert(0, f"--data {_quoted(str(summary['data_dir']))}")
-    if is_twin(summary) and options.get("pool", "none") == "none":
+def _command(summary: FitFindings) -> str:
+    options = summary.options
+    common = [f"--seed {summary.seed}", f"--noise {options.noise}"]
+    if summary.data_dir:
+        common.insert(0, f"--data {_quoted(summary.data_dir)}")
+    if is_twin(summary) and options.pool == "none":
         return " ".join(("sma-bayes demo --out NEW", *common))
-    if options.get("model", DEFAULT_MODEL) != DEFAULT_MODEL:
-        common.append(f"--model {options['model']}")
-    if float(options.get("extrapolate") or 0.0):
-        common.append(f"--extrapolate {options['extrapolate']}")
-    source = _quoted(str(summary.get("source", "PATH")))
-    pool = f"--pool {options.get('pool', 'none')}"
-    return " ".join((f"sma-bayes fit {source} --out NEW", *common, pool, "--priors priors.toml"))
+    if options.model != DEFAULT_MODEL:
+        common.append(f"--model {options.model}")
+    if options.extrapolate:
+        common.append(f"--extrapolate {options.extrapolate}")
+    source = _quoted(summary.source or "PATH")
+    return " ".join(
+        (f"sma-bayes fit {source} --out NEW", *common, f"--pool {options.pool}", "--priors priors.toml")
+    )
 
 
 def _quoted(path: str) -> str:

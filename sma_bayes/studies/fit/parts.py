@@ -6,7 +6,7 @@ import json
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 from zipfile import BadZipFile
 
 import numpy as np
@@ -15,6 +15,7 @@ from sma_bayes.account import Account
 from sma_bayes.assess.correlation import Agreement
 from sma_bayes.assess.correlation_average import Scored
 from sma_bayes.errors import OutputError
+from sma_bayes.runs.fit_document import QuantitySummary, RecordSummary
 from sma_bayes.runs.store import write_file
 
 FOLDER: Final = "parts"
@@ -28,16 +29,16 @@ class Part:
 
     Attributes
     ----------
-    records, loops : list of dict
-        As in `summary.json`.
+    records : list of RecordSummary
+    loops : list of QuantitySummary
     scored : list of Scored
         Draws of the correlation factors, for their averages.
     account : Account
         Of the stages; empty for what an earlier call has finished.
     """
 
-    records: list[dict[str, Any]]
-    loops: list[dict[str, Any]]
+    records: list[RecordSummary]
+    loops: list[QuantitySummary]
     scored: list[Scored]
     account: Account = field(default_factory=Account)
 
@@ -50,8 +51,8 @@ def part_path(folder: Path, condition: str) -> Path:
 def write_part(folder: Path, condition: str, part: Part) -> None:
     """Write the part of a condition, whole or not at all; see `write_file`."""
     document = {
-        "records": part.records,
-        "loops": part.loops,
+        "records": [r.as_json() for r in part.records],
+        "loops": [q.as_json() for q in part.loops],
         "scored": [
             {**{name: getattr(s, name) for name in _NAMES}, "n": s.agreement.n, "p": s.agreement.parameters}
             for s in part.scored
@@ -85,7 +86,11 @@ def read_part(folder: Path, condition: str) -> Part:
                 )
                 for i, s in enumerate(document["scored"])
             ]
-        return Part(document["records"], document["loops"], scored)
+        return Part(
+            [RecordSummary.model_validate(r) for r in document["records"]],
+            [QuantitySummary.model_validate(q) for q in document["loops"]],
+            scored,
+        )
     except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
         raise OutputError(
             f"can't be read: {error}",

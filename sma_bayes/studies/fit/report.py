@@ -47,7 +47,7 @@ def build_report(folder: Path, wanted: Wanted) -> None:
     figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         tables = report_tables(content) | {t.name: t for t in answer_tables(content)}
-        tables = written_tables(tables, stored.summary, folder, wanted)
+        tables = written_tables(tables, stored.summary.as_json(), folder, wanted)
         write_text(folder / "methods.md", methods_text(content))
         write_text(folder / "references.bib", bibliography(content))
         write_report(folder, content, tables, figures)
@@ -115,7 +115,7 @@ class _DiscrepancyTask:
 
     def drawings(self) -> Iterator[Callable[[], Drawing]]:
         stored = read_run(self.folder)
-        summary = next(r for r in stored.summary["records"] if r["key"] == self.record.key)
+        summary = next(r for r in stored.summary.records if r.key == self.record.key)
         yield partial(discrepancy_figure, self.record, draws_of(stored, summary))
 
 

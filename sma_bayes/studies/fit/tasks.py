@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from sma_bayes.assess.bands import band_channels, credible_band, overall_band
 from sma_bayes.assess.correlation import correlation_factors
 from sma_bayes.assess.correlation_average import Scored
 from sma_bayes.assess.loops import loop_quantities
-from sma_bayes.assess.summary import record_summary
 from sma_bayes.checksum import file_checksum
 from sma_bayes.errors import OutputError, SmaBayesError
 from sma_bayes.fitting.fit import Fit
@@ -23,10 +21,12 @@ from sma_bayes.progress import lines_about
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import MARK
+from sma_bayes.runs.fit_document import QuantitySummary, RecordSummary
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.store import plain, write_csv, write_posterior
+from sma_bayes.runs.store import write_csv, write_posterior
 from sma_bayes.sampling.moves import SAMPLERS
 from sma_bayes.studies.fit.parts import Part, part_path, read_part, write_part
+from sma_bayes.studies.fit.summary import record_summary
 from sma_bayes.studies.options import DEFAULT_SAMPLER, FitOptions, models_of, plan_for
 
 WHOLE_CONDITIONS = 20
@@ -60,7 +60,7 @@ class FitTask:
 @dataclass(frozen=True, eq=False)
 class _Assessed:
     fit: Fit
-    summaries: list[dict[str, Any]]
+    summaries: list[RecordSummary]
     scored: list[Scored]
     account: Account
 
@@ -121,7 +121,7 @@ def fitted(
     for found in run(_assess_task, tasks, jobs, account=account, light=all(t.light for t in tasks)):
         assessed.append(found.fit)
         yield Part(found.summaries, [], found.scored, found.account)
-    yield Part([], plain(_loops(assessed)), [])
+    yield Part([], _loops(assessed), [])
 
 
 def _by_condition(tasks: Iterable[FitTask]) -> dict[str, tuple[FitTask, ...]]:
@@ -160,7 +160,7 @@ def _condition_task(tasks: tuple[FitTask, ...]) -> Part:
         loops = _loops([a.fit for a in assessed])
     part = Part(
         [s for a in assessed for s in a.summaries],
-        plain(loops),
+        loops,
         [s for a in assessed for s in a.scored],
         account,
     )
@@ -190,23 +190,28 @@ def _assess_task(task: FitTask) -> _Assessed:
     found = sample_task(task)
     account = Account()
     account.take(found.account.document())
-    summaries: list[dict[str, Any]] = []
+    summaries: list[RecordSummary] = []
     scored: list[Scored] = []
     for i, record in enumerate(found.records):
         own = Account()
         summary, agreements = _assess_record(found, i, record, task, task.folder, own)
         account.take(own.document())
-        for key, stages in own.document().items():
-            summary[key] |= stages
-        summary["wall_s"] += sum(own.wall.values())
-        summaries.append(plain(summary))
+        summaries.append(
+            summary.model_copy(
+                update={
+                    "stages_s": {**summary.stages_s, **own.wall},
+                    "stages_cpu_s": {**summary.stages_cpu_s, **own.cpu},
+                    "wall_s": (summary.wall_s or 0.0) + sum(own.wall.values()),
+                }
+            )
+        )
         scored += agreements
     return _Assessed(found, summaries, scored, account)
 
 
 def _assess_record(
     found: Fit, i: int, record: Record, task: FitTask, folder: Path, account: Account
-) -> tuple[dict[str, Any], list[Scored]]:
+) -> tuple[RecordSummary, list[Scored]]:
     options = task.options
     with account.timed("diagnose"):
         rng = np.random.default_rng(np.random.SeedSequence([options.seed, 4, *record.key.encode()]))
@@ -221,7 +226,7 @@ def _assess_record(
     with account.timed("write"):
         path = folder / "posterior" / f"{record.key}.nc"
         write_posterior(path, found, i, replicated)
-        summary["posterior_sha256"] = file_checksum(path)
+        summary = summary.model_copy(update={"posterior_sha256": file_checksum(path)})
         for channel, band in bands.items():
             columns = band.columns(record.units["temperature"])
             write_csv(folder / "bands" / f"{record.key}-{channel}.csv", columns)
@@ -242,7 +247,7 @@ def _assess_record(
     ]
 
 
-def _loops(fits: Sequence[Fit]) -> list[dict[str, Any]]:
+def _loops(fits: Sequence[Fit]) -> list[QuantitySummary]:
     place = {r.key: (f, i) for f in fits for i, r in enumerate(f.records)}
     out = []
     for key, (heating, i) in place.items():
@@ -250,5 +255,8 @@ def _loops(fits: Sequence[Fit]) -> list[dict[str, Any]]:
         other = f"{record.condition.id}-{Branch.COOLING.value}"
         if record.branch is Branch.HEATING and other in place and key != other:
             cooling, j = place[other]
-            out += [asdict(q) for q in loop_quantities(heating, cooling, (i, j))]
+            out += [
+                QuantitySummary.model_validate(q, from_attributes=True)
+                for q in loop_quantities(heating, cooling, (i, j))
+            ]
     return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.screen import SHOWN, screen, show_end
 from sma_bayes.response import AUTO_MODEL
+from sma_bayes.runs.fit_document import FitSummary, RecordSummary
 
 COLUMNS = (
     "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
@@ -31,16 +32,17 @@ OTHERS = 10
 
 def show_fit(summary: dict[str, Any], out: Path) -> None:
     """Tell what `summary.json` says."""
+    found = FitSummary.model_validate(summary)
     console = screen()
     narrow = console.width < WIDE
     table = Table(
-        title=f"{summary['campaign']}, seed {summary['seed']}",
+        title=f"{found.campaign}, seed {found.seed}",
         title_justify="left",
         box=SIMPLE_HEAD if narrow else HEAVY_HEAD,
         padding=(0, 1 if not narrow else 0),
     )
-    records = _worth_a_row(summary["records"])
-    names = _columns_beside([r["key"] for r in records], console.width)
+    records = _worth_a_row(found.records)
+    names = _columns_beside([r.key for r in records], console.width)
     for name in names:
         words = name in ("record", "noise", "not identified", "r")
         table.add_column(
@@ -50,55 +52,51 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
             no_wrap=name in UNBROKEN,
         )
     for r in records:
-        sampled = [p for p in r["parameters"].values() if p["rhat"] is not None]
-        prior_driven = [n for n, p in r["parameters"].items() if not p["identified"] and not p["fixed"]]
-        factors = ", ".join(
-            f"{r['quantities'][c]['name']} {f['r']['median']:.4f}" for c, f in r["correlation"].items()
-        )
+        sampled = [p for p in r.parameters.values() if p.rhat is not None]
+        prior_driven = [n for n, p in r.parameters.items() if p.prior_driven]
+        factors = ", ".join(f"{r.quantities[c].name} {f['r'].median:.4f}" for c, f in r.correlation.items())
         cells = (
-            r["key"],
-            str(r["n"]),
-            r["noise"]["name"],
-            "yes" if r["converged"] else "NO",
-            "yes" if r["adequate"] else "NO",
-            f"{max((p['rhat'] for p in sampled), default=float('nan')):.4f}",
-            f"{min((min(p['ess_bulk'], p['ess_tail']) for p in sampled), default=float('nan')):.0f}",
+            r.key,
+            str(r.n),
+            r.noise.name,
+            "yes" if r.converged else "NO",
+            "yes" if r.adequate else "NO",
+            f"{max((p.rhat or 0.0 for p in sampled), default=float('nan')):.4f}",
+            f"{min((p.ess or 0.0 for p in sampled), default=float('nan')):.0f}",
             factors,
             ", ".join(prior_driven) or "-",
         )
         table.add_row(*(cell for name, cell in zip(COLUMNS, cells, strict=True) if name in names))
     console.print(table)
-    if len(summary["records"]) > table.row_count:
-        converged = sum(r["converged"] for r in summary["records"])
-        console.print(
-            f"{len(summary['records'])} records, {converged} converged; above are the worst by R-hat"
+    if len(found.records) > table.row_count:
+        converged = sum(r.converged for r in found.records)
+        console.print(f"{len(found.records)} records, {converged} converged; above are the worst by R-hat")
+    alone = [f for f in found.findings if f.kind == "one-branch"]
+    doubtful = [f for f in found.findings if f.kind in DOUBTS]
+    for finding in (*alone[:SHOWN], *doubtful[:SHOWN]):
+        console.print(f"{finding.condition}: {finding.message}", soft_wrap=True)
+    if found.findings:
+        findings, rows = (
+            many(len(found.findings), "finding"),
+            many(sum(f.dropped for f in found.findings), "row"),
         )
-    alone = [f for f in summary["findings"] if f["kind"] == "one-branch"]
-    for finding in alone[:SHOWN]:
-        console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
-    doubtful = [f for f in summary["findings"] if f["kind"] in DOUBTS]
-    for finding in doubtful[:SHOWN]:
-        console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
-    dropped = sum(f["dropped"] for f in summary["findings"])
-    if summary["findings"]:
-        findings, rows = many(len(summary["findings"]), "finding"), many(dropped, "row")
         console.print(f"{findings} about the data, {rows} kept out: see the report or `sma-bayes inspect`")
-    if not summary["converged"]:
-        names = [r["key"] for r in summary["records"] if not r["converged"]]
+    if not found.converged:
+        names = [r.key for r in found.records if not r.converged]
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         console.print(
             f"NOT CONVERGED: {', '.join(names[:SHOWN])}{more}. Their numbers must not be relied on."
         )
         unseen = [
             f
-            for f in summary["findings"]
-            if f["kind"] == "no-transformation" and f"{f['condition']}-{f['branch']}" in names
+            for f in found.findings
+            if f.kind == "no-transformation" and f"{f.condition}-{f.branch}" in names
         ]
         for finding in unseen[:SHOWN]:
-            console.print(f"{finding['condition']}: {finding['message']}", soft_wrap=True)
-    for sentence in thermometer_sentences(summary["records"]):
+            console.print(f"{finding.condition}: {finding.message}", soft_wrap=True)
+    for sentence in thermometer_sentences(found.records):
         console.print(sentence, soft_wrap=True)
-    for sentence in adequacy_sentences(summary["records"], summary["options"]["model"]):
+    for sentence in adequacy_sentences(found.records, found.options.model):
         console.print(sentence, soft_wrap=True)
     show_end(console, summary, out)
 
@@ -128,32 +126,32 @@ NAMED = 3
 """Records that such a sentence names."""
 
 
-def adequacy_sentences(records: Sequence[Mapping[str, Any]], model: str) -> list[str]:
+def adequacy_sentences(records: Sequence[RecordSummary], model: str) -> list[str]:
     """What to say where fits are not adequate: one sentence for each kind of first reason, empty where all are.
 
     Parameters
     ----------
-    records : sequence of mapping
-        Of `summary.json`.
+    records : sequence of RecordSummary
     model : str
         Name of the response model that was asked for; what was tried already is not advised.
     """
-    kinds: dict[str, list[Mapping[str, Any]]] = {}
+    kinds: dict[str, list[RecordSummary]] = {}
     for r in records:
-        if r["why"]:
-            kinds.setdefault(r["why"][0]["kind"], []).append(r)
+        if r.why:
+            kinds.setdefault(r.why[0].kind, []).append(r)
     return [_adequacy_sentence(kind, found, model) for kind, found in kinds.items()]
 
 
-def thermometer_sentences(records: Sequence[Mapping[str, Any]]) -> list[str]:
+def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
     """What to say where the scatter follows the slope of the curve, as an error of the thermometer makes it."""
-    seen = [r for r in records if r["noise"]["name"].endswith("+temperature_error")]
+    seen = [r for r in records if r.noise.name.endswith("+temperature_error")]
     if not seen:
         return []
-    sizes = [float(r["parameters"]["temperature_sd"]["median"]) for r in seen]
-    unit = unit_text(seen[0]["parameters"]["temperature_sd"]["unit"])
+    estimated = [r.parameters["temperature_sd"] for r in seen]
+    sizes = [p.median or 0.0 for p in estimated]
+    unit = unit_text(estimated[0].unit)
     size = f"{min(sizes):.2g}" if len(sizes) == 1 else f"{min(sizes):.2g} to {max(sizes):.2g}"
-    named = ", ".join(r["key"] for r in seen[:NAMED])
+    named = ", ".join(r.key for r in seen[:NAMED])
     more = f" and {len(seen) - NAMED} more" if len(seen) > NAMED else ""
     return [
         f"The scatter of {named}{more} follows the slope of the curve, as an error of the thermometer of {size} {unit} "
@@ -162,23 +160,23 @@ def thermometer_sentences(records: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def _adequacy_sentence(kind: str, records: Sequence[Mapping[str, Any]], model: str) -> str:
-    named = ", ".join(r["key"] for r in records[:NAMED])
+def _adequacy_sentence(kind: str, records: Sequence[RecordSummary], model: str) -> str:
+    named = ", ".join(r.key for r in records[:NAMED])
     more = f" and {len(records) - NAMED} more" if len(records) > NAMED else ""
     remedy = REMEDIES[kind]
     if model == AUTO_MODEL:
         remedy = remedy.replace("`--model auto` or ", "").replace("`--model auto`, ", "")
-    which = f"{records[0]['key']}: " if len(records) > 1 else ""
-    message = unit_text(records[0]["why"][0]["message"])
+    which = f"{records[0].key}: " if len(records) > 1 else ""
+    message = unit_text(records[0].why[0].message)
     return f"{SUBJECTS[kind].format(records=named + more)}: {which}{message}; {remedy}."
 
 
-def _worth_a_row(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _worth_a_row(records: Sequence[RecordSummary]) -> Sequence[RecordSummary]:
     """All records, or of very many those that converged worst."""
 
-    def worst_rhat(r: dict[str, Any]) -> float:
-        return max((p["rhat"] or 0.0 for p in r["parameters"].values()), default=0.0)
+    def worst_rhat(r: RecordSummary) -> float:
+        return max((p.rhat or 0.0 for p in r.parameters.values()), default=0.0)
 
     if len(records) <= MANY:
         return records
-    return sorted(records, key=lambda r: (r["converged"], -worst_rhat(r)))[:SHOWN]
+    return sorted(records, key=lambda r: (r.converged, -worst_rhat(r)))[:SHOWN]

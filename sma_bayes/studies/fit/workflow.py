@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -21,8 +20,16 @@ from sma_bayes.report.choice import REPORT, Wanted, figures_for
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.arrangement import BiasSpring
 from sma_bayes.runs.documents import FIT
+from sma_bayes.runs.fit_document import (
+    BiasSpringSummary,
+    FitFindings,
+    OptionsSummary,
+    QuantitySummary,
+    RecordSummary,
+)
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.output_folder import claimed_folder
+from sma_bayes.runs.schema import CorrelationAverage, Finding
 from sma_bayes.runs.store import write_text
 from sma_bayes.studies.fit.fitted import Fits, by_record, shown_progress
 from sma_bayes.studies.fit.parts import remove_parts
@@ -187,33 +194,36 @@ def fit_campaign(
         records, averages, loops = _fitted(groups, options, folder, work)
     with work.account.timed("write"):
         write_text(folder / "priors.toml", options.priors.whole_text)
-    summary = {
-        "schema": FIT.schema,
-        "campaign": campaign.name,
-        "source": campaign.source,
-        **({"data_dir": campaign.data_dir} if campaign.data_dir else {}),
-        "seed": seed,
-        "options": {
-            "model": model,
-            "noise": noise,
-            "pool": pool,
-            "sampler": sampler,
-            "extrapolate": extrapolate,
-            "priors": options.priors.title,
-            "bias_spring": None if bias is None else asdict(bias),
-        },
-        "versions": all_versions(),
-        "data_sha256": campaign.sha256,
-        "converged": all(r["converged"] for r in records),
-        "adequate": all(r["adequate"] for r in records),
-        "records": records,
-        "correlation_average": averages,
-        "loops": loops,
-        "findings": [finding_document(f) for f in campaign.findings],
-    }
-    summary = work.end(folder, summary)
+    summary = FitFindings(
+        schema=FIT.schema,
+        campaign=campaign.name,
+        source=campaign.source,
+        seed=seed,
+        options=OptionsSummary(
+            model=model,
+            noise=noise,
+            pool=pool,
+            sampler=sampler,
+            extrapolate=extrapolate,
+            priors=options.priors.title,
+            bias_spring=None
+            if bias is None
+            else BiasSpringSummary.model_validate(bias, from_attributes=True),
+        ),
+        versions=all_versions(),
+        data_sha256=campaign.sha256,
+        converged=all(r.converged for r in records),
+        adequate=all(r.adequate for r in records),
+        records=tuple(records),
+        correlation_average=tuple(averages),
+        loops=tuple(loops),
+        findings=tuple(Finding.model_validate(finding_document(f)) for f in campaign.findings),
+    )
+    if campaign.data_dir:
+        summary = summary.model_copy(update={"data_dir": campaign.data_dir})
+    stated = work.end(folder, summary.as_json())
     remove_parts(folder)
-    return summary
+    return stated
 
 
 def _build_report(folder: Path, wanted: Wanted) -> None:
@@ -227,12 +237,12 @@ def _fitted(
     options: FitOptions,
     folder: Path,
     work: UnderWay,
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
+) -> tuple[list[RecordSummary], list[CorrelationAverage], list[QuantitySummary]]:
     """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
     total = sum(len(group) for group in groups)
     work.tell(0, total, "sampling")
-    records: list[dict[str, Any]] = []
-    loops: list[dict[str, Any]] = []
+    records: list[RecordSummary] = []
+    loops: list[QuantitySummary] = []
     averages = {"measured": Averages(), "replicated": Averages()}
     for part in fitted(groups, options, folder, work.jobs, work.account, lines_inside(work.tell)):
         records += part.records
@@ -243,5 +253,10 @@ def _fitted(
         if not part.records:
             continue
         lost = f" ({len(work.account.lost)} workers lost)" if work.account.lost else ""
-        work.tell(len(records), total, f"sampled {', '.join(s['key'] for s in part.records)}{lost}")
-    return records, [{"data": d, **e} for d, found in averages.items() for e in found.entries()], loops
+        work.tell(len(records), total, f"sampled {', '.join(r.key for r in part.records)}{lost}")
+    averaged = [
+        CorrelationAverage.model_validate({"data": data, **entry})
+        for data, found in averages.items()
+        for entry in found.entries()
+    ]
+    return records, averaged, loops

@@ -12,13 +12,13 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from sma_bayes.assess.checks import CHANCE
-from sma_bayes.assess.summary import record_summary
 from sma_bayes.assess.sweeps import LeftOutSweep, _distance, left_out_sweeps, sweep_checks
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.noise import NOISE_MODELS, Steps
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.studies.fit.summary import record_summary
 
 PRIORS = read_priors("modified_sigmoid")
 SAMPLES = 40
@@ -138,5 +138,5 @@ def test_the_distance_is_that_of_the_predictive_distribution() -> None:
 def test_the_summary_has_every_sweep() -> None:
     fit = fitted(0, 3)
     found = record_summary(fit, 0, {}, {})
-    assert [s["sweep"] for s in found["left_out_sweeps"]] == [1, 2, 3]
-    assert "left_out_sweeps" in [c["statistic"] for c in found["checks"]]
+    assert [s.sweep for s in found.left_out_sweeps] == [1, 2, 3]
+    assert "left_out_sweeps" in [c.statistic for c in found.checks]

@@ -12,6 +12,7 @@ import pytest
 
 from sma_bayes.paper.twin import truth
 from sma_bayes.report.content import Content, Number, ParameterResult
+from sma_bayes.runs.fit_document import read_fit
 from sma_bayes.runs.outputs import read_run
 from sma_bayes.studies.fit.gather import is_twin, report_content
 
@@ -139,7 +140,7 @@ def test_other_campaigns_are_not(run_copy: Path, edit_summary: Edit) -> None:
         summary["records"][0]["key"] = "x"
 
     stranger = edit_summary(run_copy, rename)
-    assert not is_twin(json.loads((stranger / "summary.json").read_text(encoding="utf-8")))
+    assert not is_twin(read_fit(stranger))
 
 
 def test_the_command_gives_the_same_run_again(run_copy: Path, edit_summary: Edit) -> None:

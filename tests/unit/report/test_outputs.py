@@ -19,7 +19,7 @@ Edit = Callable[..., Path]
 
 def test_a_finished_run_is_read(finished: Path) -> None:
     run = read_run(finished)
-    assert [r["key"] for r in run.summary["records"]] == [KEY, "100g-10mHz-cooling"]
+    assert [r.key for r in run.summary.records] == [KEY, "100g-10mHz-cooling"]
     assert run.priors.startswith("#")
 
 

@@ -9,12 +9,39 @@ import pytest
 from rich.console import Console
 
 from sma_bayes.assess.adequacy import REMEDIES, SENTENCES
+from sma_bayes.runs.fit_document import (
+    FitSummary,
+    Measure,
+    NoiseSummary,
+    ParameterSummary,
+    ReasonSummary,
+    RecordSummary,
+    TemperatureSummary,
+)
+from sma_bayes.runs.schema import Factor, Workers
 from sma_bayes.studies.fit import terminal as fit
 from sma_bayes.studies.fit.terminal import SUBJECTS, adequacy_sentences
 
 
-def record(key: str, *why: tuple[str, str]) -> dict[str, Any]:
-    return {"key": key, "why": [{"kind": kind, "channel": "", "message": text} for kind, text in why]}
+def record(key: str, *why: tuple[str, str], **more: Any) -> RecordSummary:
+    condition, _, branch = key.partition("-")
+    return RecordSummary(
+        condition=condition,
+        branch=branch,
+        key=key,
+        n=140,
+        channels=("displacement",),
+        quantities={"displacement": Measure(name="strain", unit="1")},
+        temperature=TemperatureSummary(unit="degC", lowest=20.0, highest=90.0),
+        converged=True,
+        adequate=not why,
+        why=tuple(ReasonSummary(kind=kind, channel="", message=text) for kind, text in why),
+        model="modified_sigmoid",
+        nearest={},
+        discrepancy={},
+        parameters=more.pop("parameters", {}),
+        **more,
+    )
 
 
 def test_an_adequate_run_says_nothing() -> None:
@@ -58,25 +85,25 @@ def test_a_narrow_screen_cuts_no_word_off(
 ) -> None:
     monkeypatch.setattr(fit, "screen", lambda: Console(width=width, markup=False, emoji=False))
     why = ("curve", "the curve misses displacement by up to 5.0% of its range, at 60 degC")
-    parameter = {
-        "rhat": 1.0012,
-        "ess_bulk": 4000.0,
-        "ess_tail": 3500.0,
-        "identified": False,
-        "fixed": False,
-        "median": 0.2,
-        "unit": "degC",
-    }
-    good = record("100MPa-cooling") | {
-        "n": 140, "noise": {"name": "independent+temperature_error"}, "converged": True, "adequate": True,
+    parameter = ParameterSummary(
+        unit="degC",
+        channel="displacement",
+        role="noise",
+        median=0.2,
+        rhat=1.0012,
+        ess_bulk=4000.0,
+        ess_tail=3500.0,
+    )
+    told: dict[str, Any] = {
+        "noise": NoiseSummary(name="independent+temperature_error"),
         "parameters": {"displacement_sd": parameter, "temperature_sd": parameter},
-        "correlation": {"displacement": {"r": {"median": 0.9999}}},
-        "quantities": {"displacement": {"name": "strain"}},
-    }  # fmt: skip
-    summary = {
-        "campaign": "wire", "seed": 0, "records": [good, good | record("100MPa-heating", why) | {"adequate": False}],
-        "options": {"model": "modified_sigmoid"}, "findings": [], "converged": True, "wall_s": 1.0,
-    }  # fmt: skip
+        "correlation": {"displacement": {"r": Factor(q05=0.9998, median=0.9999, q95=0.9999, undefined=0.0)}},
+    }
+    summary = FitSummary(
+        campaign="wire", seed=0, records=(record("100MPa-cooling", **told), record("100MPa-heating", why, **told)),
+        converged=True, adequate=False, figures="none", stages_s={}, stages_cpu_s={},
+        workers=Workers(where="", lost=()), wall_s=1.0,
+    ).as_json()  # fmt: skip
     fit.show_fit(summary, Path("out"))
     shown = capsys.readouterr().out
     assert "…" not in shown

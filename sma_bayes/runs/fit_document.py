@@ -1,0 +1,480 @@
+"""What a fit found: `summary.json` is written from these models, read into them and described by them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from sma_bayes.errors import OutputError
+from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.runs.documents import FIT
+from sma_bayes.runs.schema import (
+    DocumentPart,
+    CorrelationAverage,
+    Factor,
+    Finding,
+    Items,
+    ModelChoice,
+    Number,
+    NumberOrNull,
+    RunAccount,
+)
+from sma_bayes.sampling.convergence import Target
+
+NOISE: Final = "noise"
+"""Role of the parameters of the noise."""
+TARGET: Final = Target()
+"""What convergence asks for."""
+
+
+Q05 = Annotated[NumberOrNull, Field(description="5 % quantile [unit]")]
+Median = Annotated[NumberOrNull, Field(description="median [unit]")]
+Q95 = Annotated[NumberOrNull, Field(description="95 % quantile [unit]")]
+Unit = Annotated[str, Field(description="unit of its numbers")]
+
+
+class Measure(DocumentPart):
+    """A channel under the name that it has in this campaign."""
+
+    name: str = Field(description="what it is called: strain for the displacement of a specimen")
+    unit: Unit
+
+
+class TemperatureSummary(DocumentPart):
+    """Temperatures of a record."""
+
+    unit: Unit
+    lowest: Number = Field(description="lowest measured [unit]")
+    highest: Number = Field(description="highest measured [unit]")
+    sd: NumberOrNull = Field(
+        default=None,
+        description="standard deviation of the error of a reading [unit]",
+    )
+
+
+class HeldSummary(DocumentPart):
+    """A channel that the rig kept constant."""
+
+    mean: Number = Field(description="mean [unit]")
+    sd: Number = Field(description="standard deviation [unit]")
+    unit: str = Field(default="", description="unit of both")
+
+
+class CalibrationSummary(DocumentPart):
+    """What is known of the calibration of a channel or of the thermometer."""
+
+    relative_scale_sd: Number = Field(description="standard deviation of the scale over the scale [1]")
+    offset: Number = Field(
+        description="value at which the error is `offset_sd` alone [that of the channel]",
+    )
+    offset_sd: Number = Field(description="standard deviation of the offset [that of the channel]")
+
+
+class ReasonSummary(DocumentPart):
+    """One reason why a fit is not adequate."""
+
+    kind: str = Field(
+        description="`curve` (it misses more than 2 % of the range and three standard deviations of the noise "
+        "somewhere), `check` (p-value of a predictive check below 0.002 or above 0.998), `noise` (its standard "
+        "deviation is more than a quarter of the range of the curve), `tempered` (`effective_samples`: no density of "
+        "the data), `prior` (contraction of a midpoint or rate below 0.75; no stiffness is given then) or `conflict` "
+        "(the prior hardly allows what the data say)"
+    )
+    channel: str = Field(description="empty where it concerns all")
+    message: str = Field(description="the reason in words")
+
+
+class NearestSummary(DocumentPart):
+    """A parameter of the published curve nearest to the fitted one: least mean square where it was measured."""
+
+    unit: Unit
+    channel: str = Field(description="that it belongs to")
+    q05: Q05
+    median: Median
+    q95: Q95
+    defined: Number = Field(description="share of the draws that have one [1]")
+
+
+class DiscrepancySummary(DocumentPart):
+    """What the curve of a channel misses, as far as a discrepancy beside it tells."""
+
+    unit: Unit
+    rms: NumberOrNull = Field(description="root mean square over the samples, posterior median [unit]")
+    largest: NumberOrNull = Field(description="value where the median discrepancy is largest [unit]")
+    at: Number = Field(description="temperature there [that of temperature]")
+    share: Number = Field(description="magnitude of `largest` over the range of the channel [1]")
+    ln_bayes_factor: NumberOrNull = Field(description="what it gains in ln evidence at the warm start [1]")
+
+
+class ParameterSummary(DocumentPart):
+    """Prior and posterior of a parameter."""
+
+    unit: Unit
+    meaning: str = Field(default="", description="in words")
+    channel: str = Field(description="that it belongs to, empty for none")
+    role: str = Field(
+        description="`span`, `rate`, `midpoint`, `offset`, `cold_slope`, `hot_slope`, `skew`, `tail`, `share`, `gap`, "
+        "`second_rate`; `noise` for those of the noise"
+    )
+    warm_start: NumberOrNull = Field(default=None, description="least-squares fit [unit]")
+    warm_start_sd: NumberOrNull = Field(default=None, description="its standard deviation [unit]")
+    mean: NumberOrNull = Field(default=None, description="mean [unit]")
+    sd: NumberOrNull = Field(default=None, description="standard deviation [unit]")
+    q05: Q05 = None
+    median: Median = None
+    q95: Q95 = None
+    rhat: NumberOrNull = Field(default=None, description="R-hat; null where fixed [1]")
+    ess_bulk: NumberOrNull = Field(
+        default=None, description="bulk effective sample size; null where fixed [1]"
+    )
+    ess_tail: NumberOrNull = Field(
+        default=None, description="tail effective sample size; null where fixed [1]"
+    )
+    contraction: NumberOrNull = Field(
+        default=None,
+        description="one less the ratio of posterior to prior variance [1]",
+    )
+    identified: bool = Field(default=False, description="whether the contraction is at least 0.9")
+    fixed: bool = Field(default=False, description="whether it was not sampled")
+    prior: dict[str, NumberOrNull | str] = Field(
+        default_factory=dict, description="`family`, its numbers by name, `source`: why this prior"
+    )
+
+    @property
+    def of_noise(self) -> bool:
+        """Whether it is one of the noise."""
+        return self.role == NOISE
+
+    @property
+    def prior_driven(self) -> bool:
+        """Whether the parameter was sampled and the data moved it little."""
+        return not self.fixed and not self.identified
+
+    @property
+    def ess(self) -> float | None:
+        """The lesser effective sample size of bulk and tail [1]."""
+        return None if self.ess_bulk is None or self.ess_tail is None else min(self.ess_bulk, self.ess_tail)
+
+    @property
+    def short_of_target(self) -> bool:
+        """Whether R-hat or an effective sample size misses what convergence asks for."""
+        if self.fixed:
+            return False
+        if self.rhat is None or self.ess is None:
+            return True
+        return self.rhat > TARGET.rhat or self.ess < TARGET.ess
+
+
+class GoodnessSummary(DocumentPart):
+    """Least squares of a channel."""
+
+    sse: NumberOrNull = Field(description="sum of squared errors [unit² of the channel]")
+    rmse: NumberOrNull = Field(description="sqrt(sse/(n − p)) [that of the channel]")
+    r2: NumberOrNull = Field(description="coefficient of determination [1]")
+    adj_r2: NumberOrNull = Field(description="the same, adjusted for p parameters [1]")
+    n: int = Field(description="samples")
+    p: int = Field(description="parameters of the channel")
+
+
+class DirectionSummary(DocumentPart):
+    """A combination of parameters that the data leave to the prior."""
+
+    text: str = Field(description="the combination, in units of each prior's standard deviation")
+    contraction: NumberOrNull = Field(description="of its variance [1]")
+
+
+class PathSummary(DocumentPart):
+    """What dF/dX means on this rig."""
+
+    kind: str = Field(
+        default="",
+        description="`constant_load`, `constant_displacement`, `straight_path`, `path_slope` or `not_observed`",
+    )
+    message: str = Field(default="", description="in words")
+
+
+class QuantitySummary(DocumentPart):
+    """A quantity of a branch, or of the loop that both branches make."""
+
+    name: str = Field(description="such as `greatest_stiffness`, `hysteresis_width`, `loop_area`")
+    condition: str = Field(description="id of the condition")
+    branch: str = Field(default="", description="empty where both make it")
+    channel: str = Field(description="of whose curve it is")
+    unit: Unit
+    q05: Q05
+    median: Median
+    q95: Q95
+    meaning: str = Field(default="", description="in words")
+
+
+class TransformationSummary(DocumentPart):
+    """Start or finish of the transformation by the tangent rule."""
+
+    unit: Unit
+    meaning: str = Field(default="", description="in words")
+    channel: str = Field(description="whose curve was used")
+    q05: Q05
+    median: Median
+    q95: Q95
+    within_data: bool = Field(
+        description="false where the measurements do not support both tangents: the value is extrapolated"
+    )
+    outstanding: NumberOrNull = Field(
+        default=None,
+        description="share of the transformation that the sweep leaves out at that end [1]",
+    )
+    samples: int = Field(default=0, description="measurements between start and finish")
+    defined: Number = Field(
+        default=1.0,
+        description="share of the draws for which the rule gives a value [1]",
+    )
+
+
+class CheckSummary(DocumentPart):
+    """A posterior predictive check: a statistic of the residuals, measured and replicated."""
+
+    channel: str = Field(description="whose residuals")
+    statistic: str = Field(description="its name")
+    measured: NumberOrNull = Field(description="median over the posterior [1]")
+    q05: Q05
+    q95: Q95
+    p_value: Number = Field(description="share of the replications that exceed the measurement [1]")
+    meaning: str = Field(default="", description="what it would show")
+
+
+class SweepSummary(DocumentPart):
+    """A sweep, predicted from the others."""
+
+    sweep: int = Field(description="its number, from 1")
+    channel: str = Field(description="whose samples")
+    distance: NumberOrNull = Field(
+        description="distance along the tangents of the curve, over its expected square; null where it can't be "
+        "told [1]",
+    )
+    pit: NumberOrNull = Field(
+        description="its place in what is predicted; null where it can't be told [1]",
+    )
+    r: int = Field(description="degrees of freedom")
+    spare: int = Field(description="degrees of freedom of what is left")
+    pareto_k: NumberOrNull = Field(description="of the weights of the draws [1]")
+    refitted: bool = Field(description="whether the others were fitted again")
+
+
+class NoiseSummary(DocumentPart):
+    """The noise model of a record and why it was taken."""
+
+    name: str = Field(default="", description="of the noise model")
+    title: str = Field(default="", description="the same for people")
+    chosen_by: str = Field(default="", description="`evidence` or `the user`")
+    reason: str = Field(default="", description="why it was chosen, empty where it was asked for")
+    lag1: dict[str, NumberOrNull] = Field(
+        default_factory=dict,
+        description="correlation of neighbouring residuals of the warm start, by channel [1]",
+    )
+    ln_evidence: dict[str, NumberOrNull] = Field(
+        default_factory=dict,
+        description="by noise model that was looked at, less that of the best [1]",
+    )
+
+
+class SamplerSummary(DocumentPart):
+    """How a record was sampled."""
+
+    method: str = Field(default="", description="name of the sampler")
+    acceptance: NumberOrNull = Field(default=None, description="share of accepted proposals [1]")
+    efficiency: NumberOrNull = Field(default=None, description="importance efficiency of the proposal [1]")
+    greatest_weight: NumberOrNull = Field(
+        default=None, description="greatest importance weight, times the mean [1]"
+    )
+    modes: int = Field(default=1, description="modes that were found")
+    draws: int = Field(default=0, description="draws of all ensembles")
+
+
+class SamplingSummary(DocumentPart):
+    """The audit of the proposal; all null where moves made the draws that do not depend on one."""
+
+    method: str = Field(default="", description="name of the sampler")
+    pareto_k: NumberOrNull = Field(default=None, description="Pareto exponent of the weights [1]")
+    outside: NumberOrNull = Field(
+        default=None,
+        description="share of the posterior where the proposal hardly draws [1]",
+    )
+    outside_sd: NumberOrNull = Field(default=None, description="its standard error [1]")
+    greatest_met: NumberOrNull = Field(default=None, description="greatest weight met, times the mean [1]")
+    passed: bool | None = Field(
+        default=None, description="whether draws of the proposal may be called converged"
+    )
+
+
+class RecordSummary(DocumentPart):
+    """All that is said of one condition and branch."""
+
+    condition: str = Field(description="id of the condition")
+    branch: str = Field(description="`heating`, `cooling` or `both`")
+    key: str = Field(description="`<condition>-<branch>`: files are named after it")
+    settings: dict[str, Number] = Field(
+        default_factory=dict,
+        description="what was set: `current` [A], `load` [N, of a specimen Pa], `frequency` [Hz], `duty_cycle` [1]",
+    )
+    n: int = Field(description="samples")
+    rows_averaged: int = Field(default=1, description="source rows that a sample stands for, at most")
+    segments: int = Field(default=1, description="sweeps")
+    channels: Items[str] = Field(description="observed channels")
+    quantities: dict[str, Measure] = Field(
+        description="by channel, observed or not: what it is called, and its unit"
+    )
+    temperature: TemperatureSummary = Field(description="temperatures")
+    held: dict[str, HeldSummary] = Field(
+        default_factory=dict, description="channels that the rig kept constant"
+    )
+    calibration: dict[str, CalibrationSummary] = Field(
+        default_factory=dict,
+        description="by channel, and `temperature` where that of the thermometer was declared",
+    )
+    converged: bool = Field(description="whether every parameter reached the target")
+    adequate: bool = Field(description="whether curve and noise describe the data")
+    why: Items[ReasonSummary] = Field(description="reasons why not")
+    model: str = Field(description="name of the response model")
+    rung: int | None = Field(
+        default=None,
+        description="its place on the ladder: 1 for the published curve, 0 for one beside the ladder",
+    )
+    model_choice: ModelChoice | None = Field(default=None, description="of `--model auto`; else null")
+    nearest: dict[str, NearestSummary] = Field(
+        description="A1 to A4, B1 to B4 of the published curve nearest to the fitted one"
+    )
+    discrepancy: dict[str, DiscrepancySummary] = Field(
+        description="what the curve misses, by channel that has a [discrepancy](../explanation/discrepancy.md)"
+    )
+    parameters: dict[str, ParameterSummary] = Field(
+        description="A1 to A4, B1 to B4 and what else the model has, then those of the noise, such as `force_sd`"
+    )
+    fit: dict[str, GoodnessSummary] = Field(default_factory=dict, description="least squares, by channel")
+    jacobian_rank: int | None = Field(default=None, description="rank of the Jacobian of least squares")
+    free_at_warm_start: Items[str] = Field(
+        default=(), description="directions that least squares leaves open"
+    )
+    at_bound: Items[str] = Field(default=(), description="parameters at a bound of the search")
+    correlation: dict[str, dict[str, Factor]] = Field(
+        default_factory=dict,
+        description="by channel `r`, `r2`, `adj_r2` [1] and `rmse` = sqrt(sse/n) [unit]: posterior curves against the "
+        "data ([definitions](../explanation/correlation.md))",
+    )
+    correlation_replicated: dict[str, dict[str, Factor]] = Field(
+        default_factory=dict, description="the same against data replicated from the posterior"
+    )
+    free_directions: Items[DirectionSummary] = Field(
+        default=(), description="combinations that are left to the prior"
+    )
+    shape: dict[str, Number] = Field(
+        default_factory=dict,
+        description="posterior probability that the stiffness is a `hump`, `unbounded` or a `sigmoid` (bounded, not "
+        "zero at both ends); empty where the model gives no limits of it [1]",
+    )
+    path: PathSummary = Field(default=PathSummary(), description="what dF/dX means on this rig")
+    quantities_of_branch: Items[QuantitySummary] = Field(
+        default=(), description="least and greatest stiffness and their ratio"
+    )
+    transformation: dict[str, TransformationSummary] = Field(
+        default_factory=dict,
+        description="`As` and `Af` or `Mf` and `Ms`, with two stages `Rs` and `Rf` as well ([what they mean]"
+        "(../explanation/transformation_temperatures.md)); empty where only stiffness was measured",
+    )
+    checks: Items[CheckSummary] = Field(default=(), description="predictive checks")
+    left_out_sweeps: Items[SweepSummary] = Field(
+        default=(), description="each sweep, predicted from the others; empty with fewer than three"
+    )
+    noise: NoiseSummary = Field(default=NoiseSummary(), description="the noise model")
+    sampler: SamplerSummary = Field(default=SamplerSummary(), description="how it was sampled")
+    sampling: SamplingSummary = Field(
+        default=SamplingSummary(), description="the [audit](../explanation/sampling.md#the-audit)"
+    )
+    ln_evidence: NumberOrNull = Field(
+        default=None,
+        description="log of likelihood times prior integrated; not comparable with `effective_samples` [1]",
+    )
+    ln_evidence_sd: NumberOrNull = Field(default=None, description="its standard error [1]")
+    shares_parameters_with: Items[str] = Field(
+        default=(), description="keys of records that share A and B (`--pool campaign`)"
+    )
+    log_likelihood_evaluations: int = Field(default=0, description="evaluations of the log likelihood")
+    wall_s: NumberOrNull = Field(default=None, description="time [s]")
+    stages_s: dict[str, Number] = Field(default_factory=dict, description="time by the clock, by stage [s]")
+    stages_cpu_s: dict[str, Number] = Field(
+        default_factory=dict, description="time of the processor, by stage [s]"
+    )
+    posterior_sha256: str | None = Field(
+        default=None,
+        description="SHA-256 of the file of its posterior, which readers compare before they open it",
+    )
+
+
+class BiasSpringSummary(DocumentPart):
+    """A bias spring and how it is arranged."""
+
+    arrangement: str = Field(description="`published_difference`, `parallel` or `series`")
+    stiffness: Number = Field(description="stiffness K2 [N/m]")
+    sd: Number = Field(description="its standard deviation [N/m]")
+
+
+class OptionsSummary(DocumentPart):
+    """Options that decide the numbers."""
+
+    model: str = Field(default=DEFAULT_MODEL, description="name of the response model, or `auto`")
+    noise: str = Field(default="auto", description="name of the noise model, or `auto`")
+    pool: str = Field(default="none", description="`none` or `campaign`")
+    sampler: str = Field(default="independence", description="name of the sampler")
+    extrapolate: Number = Field(default=0.0, description="how far bands go beyond the observed temperatures")
+    priors: str = Field(default="", description="title of the priors")
+    bias_spring: BiasSpringSummary | None = Field(default=None, description="of `--arrangement`; else null")
+
+
+class FitFindings(DocumentPart):
+    """What a fit found."""
+
+    schema_: str = Field(default=FIT.schema, alias="schema", description="name and version of this schema")
+    campaign: str = Field(default="", description="name of the campaign")
+    source: str = Field(default="", description="where the measurements come from")
+    data_dir: str | None = Field(
+        default=None, description="folder of the data, only where `--data` was given"
+    )
+    seed: int = Field(description="that decides every draw")
+    options: OptionsSummary = Field(default=OptionsSummary(), description="options")
+    versions: dict[str, str] = Field(default_factory=dict, description="of what computed and drew")
+    data_sha256: str | None = Field(default=None, description="SHA-256 of the data")
+    converged: bool = Field(description="whether all records converged")
+    adequate: bool = Field(description="whether all records are adequate")
+    records: Items[RecordSummary] = Field(description="one for each condition and branch")
+    correlation_average: Items[CorrelationAverage] = Field(
+        default=(), description="averages of the correlation factors, one a channel, branch and kind of data"
+    )
+    loops: Items[QuantitySummary] = Field(
+        default=(), description="hysteresis width and loop area of conditions with both branches"
+    )
+    findings: Items[Finding] = Field(default=(), description="what the quality checks saw")
+
+
+class FitSummary(RunAccount, FitFindings):
+    """What a fit found and what it took: `summary.json`."""
+
+
+def read_fit(folder: Path) -> FitSummary:
+    """What a finished fit found.
+
+    Raises
+    ------
+    OutputError
+        If the run is not finished, or its document can't be read, was changed, is of another version, or holds no
+        records.
+    """
+    found, path = FIT.read(folder), folder / FIT.file
+    if not found["records"]:
+        raise OutputError(
+            "holds no records",
+            file=path,
+            expected="at least one record",
+            remedy="name the output folder of a fit, made by this version of sma_bayes",
+        )
+    return FitSummary.read_as(found, path, FIT.as_declared, FIT.in_another_folder)

@@ -1,0 +1,256 @@
+"""Everything that is said of one record, with its units: an entry of `summary.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+
+import numpy as np
+
+from sma_bayes.assess.adequacy import missed, reasons
+from sma_bayes.assess.bands import band_channels
+from sma_bayes.assess.checks import predictive_checks
+from sma_bayes.assess.correlation import Agreement, factors
+from sma_bayes.assess.identifiability import IDENTIFIED, contraction, free_directions
+from sma_bayes.assess.loops import branch_quantities
+from sma_bayes.assess.nearest import nearest_parameters
+from sma_bayes.assess.path import path_remark
+from sma_bayes.assess.sweeps import left_out_sweeps, sweep_checks
+from sma_bayes.assess.transformation import transformation_temperatures
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.parameters.distributions import family_name, numbers
+from sma_bayes.response.base import ResponseModel
+from sma_bayes.response.modified_sigmoid import channel_unit
+from sma_bayes.runs.fit_document import (
+    NOISE,
+    CalibrationSummary,
+    CheckSummary,
+    DirectionSummary,
+    DiscrepancySummary,
+    GoodnessSummary,
+    HeldSummary,
+    Measure,
+    NearestSummary,
+    NoiseSummary,
+    ParameterSummary,
+    PathSummary,
+    QuantitySummary,
+    ReasonSummary,
+    RecordSummary,
+    SamplerSummary,
+    SamplingSummary,
+    SweepSummary,
+    TemperatureSummary,
+    TransformationSummary,
+)
+from sma_bayes.runs.schema import Factor, ModelChoice
+from sma_bayes.sampling.audit import Audit
+
+
+def record_summary(
+    fit: Fit, record: int, measured: Mapping[str, Agreement], again: Mapping[str, Agreement]
+) -> RecordSummary:
+    """Summary of one record.
+
+    Parameters
+    ----------
+    fit : Fit
+    record : int
+        Which of the records that share the posterior.
+    measured, again : mapping of str to Agreement
+        Of each channel with the measured and with replicated data; see `correlation_factors`.
+    """
+    r = fit.records[record]
+    start = fit.warm_start
+    sweeps, of_curve = left_out_sweeps(fit, record), missed(fit, record)
+    checks = [*predictive_checks(fit, record), *sweep_checks(sweeps)]
+    why = reasons(fit, record, checks, of_curve)
+    noise_sd = {
+        c: float(np.median(fit.flat[:, at[0]])) for c, at in fit.posterior.layout[record].noise.items()
+    }
+    return RecordSummary(
+        condition=r.condition.id,
+        branch=r.branch.value,
+        key=r.key,
+        settings={k: v for k, v in asdict(r.condition).items() if k != "id" and v is not None},
+        n=r.n,
+        rows_averaged=r.rows_averaged,
+        segments=int(np.unique(r.inputs["segment"]).size),
+        channels=r.channels,
+        quantities={c: Measure(name=r.quantity(c), unit=channel_unit(r.units, c)) for c in band_channels(r)},
+        temperature=TemperatureSummary(
+            unit=r.units["temperature"],
+            lowest=float(r.temperature.min()),
+            highest=float(r.temperature.max()),
+            sd=r.temperature_sd,
+        ),
+        held={c: HeldSummary(mean=h.mean, sd=h.sd, unit=r.units.get(c, "")) for c, h in r.held.items()},
+        calibration={
+            c: CalibrationSummary.model_validate(k, from_attributes=True) for c, k in r.calibration.items()
+        },
+        converged=fit.converged,
+        adequate=not why,
+        why=tuple(ReasonSummary.model_validate(reason, from_attributes=True) for reason in why),
+        model=fit.posterior.model.name,
+        rung=fit.posterior.model.rung,
+        model_choice=None
+        if fit.model_choice is None
+        else ModelChoice.model_validate(fit.model_choice, from_attributes=True),
+        nearest=_nearest(fit, record),
+        discrepancy={m.channel: DiscrepancySummary.model_validate(m, from_attributes=True) for m in of_curve},
+        parameters=_parameters(fit, record),
+        fit={
+            c: GoodnessSummary.model_validate(g, from_attributes=True) for c, g in start.fit[record].items()
+        },
+        jacobian_rank=start.rank,
+        free_at_warm_start=start.free_directions,
+        at_bound=start.at_bound,
+        correlation=_factors(measured),
+        correlation_replicated=_factors(again),
+        free_directions=tuple(
+            DirectionSummary.model_validate(d, from_attributes=True) for d in free_directions(fit)
+        ),
+        shape=_shape(fit, record),
+        path=PathSummary.model_validate(path_remark(r, noise_sd), from_attributes=True),
+        quantities_of_branch=tuple(
+            QuantitySummary.model_validate(q, from_attributes=True) for q in branch_quantities(fit, record)
+        ),
+        transformation=_transformation(fit, record),
+        checks=tuple(CheckSummary.model_validate(c, from_attributes=True) for c in checks),
+        left_out_sweeps=tuple(SweepSummary.model_validate(s, from_attributes=True) for s in sweeps),
+        noise=_noise(fit),
+        sampler=_sampler(fit),
+        sampling=_audit(fit),
+        ln_evidence=fit.draws.ln_evidence,
+        ln_evidence_sd=fit.draws.ln_evidence_sd,
+        shares_parameters_with=tuple(x.key for i, x in enumerate(fit.records) if i != record),
+        log_likelihood_evaluations=fit.draws.evaluations,
+        wall_s=float(sum(fit.account.wall.values())),
+        stages_s=fit.account.wall,
+        stages_cpu_s=fit.account.cpu,
+    )
+
+
+def _factors(found: Mapping[str, Agreement]) -> dict[str, dict[str, Factor]]:
+    return {
+        channel: {name: Factor.model_validate(values) for name, values in factors(a).items()}
+        for channel, a in found.items()
+    }
+
+
+def _noise(fit: Fit) -> NoiseSummary:
+    noise, choice = fit.posterior.noise, fit.noise_choice
+    return NoiseSummary(
+        name=noise.name,
+        title=noise.title,
+        chosen_by="evidence" if fit.chosen else "the user",
+        reason=choice.reason if choice else "",
+        lag1=dict(choice.lag1) if choice else {},
+        ln_evidence=dict(choice.ln_evidence) if choice else {},
+    )
+
+
+def _sampler(fit: Fit) -> SamplerSummary:
+    return SamplerSummary(
+        method=fit.draws.method,
+        acceptance=fit.draws.acceptance,
+        efficiency=fit.draws.efficiency,
+        greatest_weight=fit.draws.greatest_weight,
+        modes=len(fit.draws.modes),
+        draws=int(np.prod(fit.draws.z.shape[:3])),
+    )
+
+
+def _audit(fit: Fit) -> SamplingSummary:
+    """What the audit of a proposal found; nothing but null where there was none to be audited."""
+    audit = fit.draws.audit
+    found = dict.fromkeys((f.name for f in fields(Audit)), None) if audit is None else asdict(audit)
+    return SamplingSummary.model_validate({"method": fit.draws.method, **found})
+
+
+def _parameters(fit: Fit, record: int) -> dict[str, ParameterSummary]:
+    space = fit.posterior.space
+    theta = fit.calibrated(record)
+    moved = dict(zip(space.free_index.tolist(), contraction(fit).tolist(), strict=True))
+    diagnostics = dict(zip(space.free_index.tolist(), range(space.dimension), strict=True))
+    place = fit.posterior.layout[record]
+    out = {}
+    parts = dict(zip(place.model.tolist(), _parts(fit.posterior.model), strict=True))
+    parts |= {int(k): (channel, NOISE) for channel, at in place.noise.items() for k in at}
+    parts |= {k: (channel, NOISE) for channel, k in place.size.items()}
+    if place.temperature_sd is not None:
+        parts[place.temperature_sd] = ("temperature", NOISE)
+    for i, (channel, role) in parts.items():
+        p = space.parameters[i]
+        q05, median, q95 = (float(v) for v in np.quantile(theta[:, i], (0.05, 0.5, 0.95)))
+        k = diagnostics.get(i)
+        c = fit.draws.convergence
+        out[p.name.partition("[")[0]] = ParameterSummary(
+            unit=p.unit,
+            meaning=p.meaning,
+            channel=channel,
+            role=role,
+            warm_start=float(fit.start[i]),
+            warm_start_sd=float(fit.warm_start.sd[i]) if i < fit.warm_start.sd.size else None,
+            mean=float(theta[:, i].mean()),
+            sd=float(theta[:, i].std(ddof=1)),
+            q05=q05,
+            median=median,
+            q95=q95,
+            rhat=None if k is None else float(c.rhat[k]),
+            ess_bulk=None if k is None else float(c.ess_bulk[k]),
+            ess_tail=None if k is None else float(c.ess_tail[k]),
+            contraction=moved.get(i),
+            identified=moved.get(i, 0.0) >= IDENTIFIED,
+            fixed=p.fixed is not None,
+            prior={"family": family_name(p.prior), **numbers(p.prior), "source": p.source},
+        )
+    return out
+
+
+def _nearest(fit: Fit, record: int) -> dict[str, NearestSummary]:
+    """Published parameters of the nearest curves: least mean square over the measured temperatures."""
+    found = {}
+    for n in nearest_parameters(fit, record):
+        q05, median, q95 = n.interval
+        found[n.name] = NearestSummary(
+            unit=n.unit, channel=n.channel, q05=q05, median=median, q95=q95, defined=n.defined
+        )
+    return found
+
+
+def _parts(model: ResponseModel) -> list[tuple[str, str]]:
+    """Channel and role of each parameter of a model, in its order."""
+    return [(f.channel, str(f.role or "")) for f in model.facts]
+
+
+def _transformation(fit: Fit, record: int) -> dict[str, TransformationSummary]:
+    """Transformation temperatures by name, each with what supports it."""
+    found = {}
+    for t in transformation_temperatures(fit, record):
+        q05, median, q95 = t.interval
+        found[t.name] = TransformationSummary(
+            unit=t.unit,
+            meaning=t.meaning,
+            channel=t.channel,
+            q05=q05,
+            median=median,
+            q95=q95,
+            within_data=t.within_data,
+            outstanding=t.outstanding,
+            samples=t.samples,
+            defined=t.defined,
+        )
+    return found
+
+
+def _shape(fit: Fit, record: int) -> dict[str, float]:
+    """Posterior probability of each behaviour of the stiffness far from the transformation."""
+    theta = fit.flat[:, fit.posterior.layout[record].model]
+    limits = fit.posterior.model.limits(theta).get("stiffness")
+    if limits is None:
+        return {}
+    ends = np.abs(np.stack([line.value for line in limits]))
+    hump, unbounded = np.all(ends == 0.0, axis=0), np.any(np.isinf(ends), axis=0)
+    share = {"hump": hump, "unbounded": unbounded, "sigmoid": ~(hump | unbounded)}
+    return {kind: float(np.mean(found)) for kind, found in share.items()}
