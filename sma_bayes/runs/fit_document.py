@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -11,8 +11,8 @@ from sma_bayes.errors import OutputError
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.documents import FIT
 from sma_bayes.runs.schema import (
-    DocumentPart,
     CorrelationAverage,
+    DocumentPart,
     Factor,
     Finding,
     Items,
@@ -434,7 +434,7 @@ class OptionsSummary(DocumentPart):
 class FitFindings(DocumentPart):
     """What a fit found."""
 
-    schema_: str = Field(default=FIT.schema, alias="schema", description="name and version of this schema")
+    schema_: Literal["sma-bayes/fit/1"] = Field(alias="schema", description="name and version of this schema")
     campaign: str = Field(default="", description="name of the campaign")
     source: str = Field(default="", description="where the measurements come from")
     data_dir: str | None = Field(

@@ -267,6 +267,7 @@ class Fits(dict[str, RecordFit]):
         first = next(iter(self.values()))
         records = tuple(fit.summarised for fit in self.values())
         summary = FitFindings(
+            schema="sma-bayes/fit/1",
             seed=first.seed,
             converged=all(r.converged for r in records),
             adequate=all(r.adequate for r in records),

@@ -1,5 +1,7 @@
-"""The document of a fit among those that are declared; it stands in `sma_bayes.runs.fit_document`, for all its readers."""
+"""The document of a fit, as the registry finds it; it is declared below the verbs, which all read it."""
+
+from typing import Final
 
 from sma_bayes.runs.fit_document import FitSummary
 
-DOCUMENTS = {"fit": FitSummary}
+DOCUMENTS: Final = {"fit": FitSummary}

@@ -195,7 +195,7 @@ def fit_campaign(
     with work.account.timed("write"):
         write_text(folder / "priors.toml", options.priors.whole_text)
     summary = FitFindings(
-        schema=FIT.schema,
+        schema="sma-bayes/fit/1",
         campaign=campaign.name,
         source=campaign.source,
         seed=seed,

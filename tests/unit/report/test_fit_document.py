@@ -32,7 +32,7 @@ def test_the_schema_describes_what_is_written(finished: Path) -> None:
     assert [e.message for e in validator.iter_errors(summary)] == ["'role' is a required property"]
 
 
-def test_every_key_is_declared_and_described(finished: Path) -> None:
+def test_every_key_is_declared(finished: Path) -> None:
     def undeclared(part: Any) -> list[str]:
         extra = list(part.model_extra or ())
         for name in part.model_fields_set:
@@ -46,9 +46,6 @@ def test_every_key_is_declared_and_described(finished: Path) -> None:
         return extra
 
     assert undeclared(read_fit(finished)) == []
-    for name, part in json_schema(FitSummary)["$defs"].items():
-        for key, stated in part["properties"].items():
-            assert stated.get("description"), f"{name}.{key}"
 
 
 def test_a_key_of_a_later_version_is_no_obstacle(run_copy: Path, edit_summary: Edit) -> None:

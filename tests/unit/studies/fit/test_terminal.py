@@ -100,7 +100,8 @@ def test_a_narrow_screen_cuts_no_word_off(
         "correlation": {"displacement": {"r": Factor(q05=0.9998, median=0.9999, q95=0.9999, undefined=0.0)}},
     }
     summary = FitSummary(
-        campaign="wire", seed=0, records=(record("100MPa-cooling", **told), record("100MPa-heating", why, **told)),
+        schema="sma-bayes/fit/1", campaign="wire", seed=0,
+        records=(record("100MPa-cooling", **told), record("100MPa-heating", why, **told)),
         converged=True, adequate=False, figures="none", stages_s={}, stages_cpu_s={},
         workers=Workers(where="", lost=()), wall_s=1.0,
     ).as_json()  # fmt: skip
