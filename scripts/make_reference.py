@@ -115,7 +115,7 @@ def main() -> None:
         if not path.is_file() or path.read_text(encoding="utf-8") != text
     }
     if "--check" in sys.argv:
-        raise SystemExit("\n".join(f"{path} is not as declared" for path in wrong))
+        raise SystemExit("\n".join(f"{path} is not as declared" for path in wrong) or 0)
     for path, text in wrong.items():
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
