@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,6 +33,18 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("real measurements are not at ../shared/data beside the checkout")
     return folder
+
+
+@pytest.fixture(scope="session")
+def published() -> Callable[[str], Any]:
+    """Validator of another library with the published JSON Schema of what a verb writes or prints, by the verb."""
+    from jsonschema import Draft202012Validator
+
+    def validator(verb: str) -> Any:
+        schema = ROOT / "docs" / "reference" / "schemas" / f"{verb}.schema.json"
+        return Draft202012Validator(json.loads(schema.read_text(encoding="utf-8")))
+
+    return validator
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -34,12 +34,15 @@ def folders(make_campaign: Callable[..., Path], tmp_path_factory: pytest.TempPat
     return {name: place / name for name in ("a", "b", "warmer")}
 
 
-def test_another_seed_gives_the_same(run: Callable[..., Any], folders: dict[str, Path]) -> None:
+def test_another_seed_gives_the_same(
+    run: Callable[..., Any], folders: dict[str, Path], published: Callable[[str], Any]
+) -> None:
     outcome = run("diff", folders["a"], folders["b"], "--json")
     assert (outcome.status, outcome.err) == (0, "")
     found = json.loads(outcome.out)
     assert found["schema"] == "sma-bayes/diff/1"
     assert found == sma_bayes.diff(folders["a"], folders["b"])
+    published("diff").validate(found)
     assert found["same"]
     assert found["inputs"] == {"seed": [0, 1]}
     assert all(0.0 < abs(p["shift"]) < 0.25 for r in found["records"] for p in r["parameters"].values())

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from typer.testing import CliRunner
@@ -10,7 +13,7 @@ from typer.testing import CliRunner
 from sma_bayes.cli import command_line
 
 
-def test_inspect_shows_units(tmp_path: Path) -> None:
+def test_inspect_shows_units(tmp_path: Path, published: Callable[[str], Any]) -> None:
     t = np.linspace(20.0, 80.0, 40)
     force = 1.0 / (1.0 + np.exp(-0.4 * (t - 50.0))) + 0.01 * np.sin(7.0 * t)
     rows = "\n".join(f"{a:.3f},{b:.5f}" for a, b in zip(t, force, strict=True))
@@ -19,3 +22,5 @@ def test_inspect_shows_units(tmp_path: Path) -> None:
     shown = CliRunner().invoke(command_line(), ["inspect", str(data)])
     assert shown.exit_code == 0
     assert "force [N]" in shown.stdout
+    told = CliRunner().invoke(command_line(), ["inspect", str(data), "--json"])
+    published("inspect").validate(json.loads(told.stdout))

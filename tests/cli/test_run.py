@@ -42,7 +42,9 @@ def document(folder: Path) -> Any:
     return json.loads((folder / "results" / "study.json").read_text(encoding="utf-8"))
 
 
-def test_steps_are_run_resumed_and_added(run: Callable[..., Any], study: Path) -> None:
+def test_steps_are_run_resumed_and_added(
+    run: Callable[..., Any], study: Path, published: Callable[[str], Any]
+) -> None:
     folder = study.parent
     first = run("run", study, "--json")
     assert (first.status, first.err) == (0, "")
@@ -66,6 +68,7 @@ def test_steps_are_run_resumed_and_added(run: Callable[..., Any], study: Path) -
     more = run("run", study, "--resume")
     assert more.status == 2
     found = document(folder)
+    published("run").validate(found)
     assert found["exit_status"] == 2
     assert not found["converged"]
     assert {s["step"]: s["status"] for s in found["steps"]} == {

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from jsonschema import Draft202012Validator
 
 import sma_bayes
 from sma_bayes.records.types import Branch, Campaign, Record
@@ -57,7 +56,7 @@ def test_names_and_kinds_are_those_of_the_contract(found: Any) -> None:
         assert sum(m["weight"] for m in record["models"].values()) == pytest.approx(1.0)
 
 
-def test_the_published_schema_takes_it(found: Any, published: Callable[[str], Draft202012Validator]) -> None:
+def test_the_published_schema_takes_it(found: Any, published: Callable[[str], Any]) -> None:
     published("compare").validate(found)
     del found["records"][0]["models"]["modified_sigmoid"]["elpd"]
     assert not published("compare").is_valid(found)

@@ -10,30 +10,32 @@ from rich.table import Table
 
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.screen import SHOWN, screen
+from sma_bayes.studies.diff.schema import ComparedRecords, DifferenceDocument, ParameterOfRun
 
 
-def show_diff(found: Mapping[str, Any]) -> None:
+def show_diff(told: Mapping[str, Any]) -> None:
     """Tell what went in differently, which records differ, and by how much."""
+    found = DifferenceDocument.model_validate(told)
     console = screen()
-    console.print(f"a: {found['a']}\nb: {found['b']}", soft_wrap=True)
-    if found["inputs"]:
+    console.print(f"a: {found.a}\nb: {found.b}", soft_wrap=True)
+    if found.inputs:
         table = Table(title="what went in differently", title_justify="left")
         for name in ("", "a", "b"):
             table.add_column(name, overflow="fold")
-        for key, (a, b) in found["inputs"].items():
+        for key, (a, b) in found.inputs.items():
             table.add_row(key.replace("_", " "), _short(a), _short(b))
         console.print(table)
     else:
         console.print("the same data, options and versions")
-    differing = [r for r in found["records"] if not r["same"]]
+    differing = [r for r in found.records if not r.same]
     for r in differing[:SHOWN]:
-        _show_record(console, r, found["tolerance"])
+        _show_record(console, r, found.tolerance)
     if len(differing) > SHOWN:
         console.print(f"and {len(differing) - SHOWN} more records that differ")
-    alike = len(found["records"]) - len(differing)
-    level = f"{found['tolerance']:g} standard deviations"
-    verdict = "the same" if found["same"] else "DIFFERENT"
-    counted = f"{alike} of {len(found['records'])} records agree"
+    alike = len(found.records) - len(differing)
+    level = f"{found.tolerance:g} standard deviations"
+    verdict = "the same" if found.same else "DIFFERENT"
+    counted = f"{alike} of {len(found.records)} records agree"
     console.print(f"{verdict}: {counted}, medians of parameters and bands within {level}", soft_wrap=True)
 
 
@@ -42,47 +44,46 @@ def _short(value: object) -> str:
         return "-"
     if isinstance(value, Mapping):
         return ", ".join(f"{k} {_short(v)}" for k, v in value.items())
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return ", ".join(map(_short, value))
     text = f"{value:.6g}" if isinstance(value, float) else str(value)
     return text if len(text) <= 60 else text[:12] + "..."
 
 
-def _show_record(console: Console, r: Mapping[str, Any], tolerance: float) -> None:
+def _show_record(console: Console, r: ComparedRecords, tolerance: float) -> None:
     console.print()
-    if r["in"] != "both":
-        console.print(f"{r['key']}: only in {r['in']}")
+    if r.in_ != "both":
+        console.print(f"{r.key}: only in {r.in_}")
         return
-    console.print(f"{r['key']}:")
-    for name, (a, b) in r["changed"].items():
+    console.print(f"{r.key}:")
+    for name, (a, b) in r.changed.items():
         console.print(f"  {name.replace('_', ' ')}: {_short(a)} in a, {_short(b)} in b", soft_wrap=True)
-    for side, why in zip("ab", r["why"], strict=True):
-        for message in why if r["adequate"][0] != r["adequate"][1] else ():
+    for side, why in zip("ab", r.why, strict=True):
+        for message in why if r.adequate[0] != r.adequate[1] else ():
             console.print(f"  not adequate in {side}: {unit_text(message)}", soft_wrap=True)
-    if r["priors"]:
-        console.print(f"  other priors of {', '.join(r['priors'])}", soft_wrap=True)
+    if r.priors:
+        console.print(f"  other priors of {', '.join(r.priors)}", soft_wrap=True)
     table = Table()
     for name in ("", "a: median (90 %)", "b: median (90 %)", "b - a [sd]"):
         table.add_column(name, justify="left" if not name else "right")
-    for name, p in r["parameters"].items():
-        if p["shift"] is None or abs(p["shift"]) > tolerance:
-            title = f"{name} [{unit_text(p['unit']) or '1'}]"
-            table.add_row(title, _interval(p["a"]), _interval(p["b"]), _sds(p["shift"]))
-    for band in (band for band in r["bands"].values() if band is not None):
-        if band["shift"] is None or abs(band["shift"]) > tolerance:
-            unit = unit_text(band["unit"]) or "1"
-            title = f"{band['name']} at {band['at']:.4g} [{unit}]"
-            table.add_row(title, "", f"a {band['difference']:+.3g}", _sds(band["shift"]))
+    for name, p in r.parameters.items():
+        if p.shift is None or abs(p.shift) > tolerance:
+            title = f"{name} [{unit_text(p.unit) or '1'}]"
+            table.add_row(title, _interval(p.a), _interval(p.b), _sds(p.shift))
+    for band in (band for band in r.bands.values() if band is not None):
+        if band.shift is None or abs(band.shift) > tolerance:
+            title = f"{band.name} at {band.at:.4g} [{unit_text(band.unit) or '1'}]"
+            table.add_row(title, "", f"a {band.difference:+.3g}", _sds(band.shift))
     if table.row_count:
         console.print(table)
 
 
-def _interval(p: Mapping[str, Any] | None) -> str:
+def _interval(p: ParameterOfRun | None) -> str:
     if p is None:
         return "-"
-    if p["q05"] is None:
-        return f"{p['median']:.4g}"
-    return f"{p['median']:.4g} ({p['q05']:.4g} to {p['q95']:.4g})"
+    if p.q05 is None:
+        return f"{p.median:.4g}"
+    return f"{p.median:.4g} ({p.q05:.4g} to {p.q95:.4g})"
 
 
 def _sds(shift: float | None) -> str:

@@ -11,9 +11,8 @@ import numpy as np
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary
 from sma_bayes.runs.outputs import StoredBand, StoredRun, band_path, read_band, read_run
-from sma_bayes.runs.store import plain
+from sma_bayes.studies.diff.schema import DifferenceDocument
 
-SCHEMA: Final = "sma-bayes/diff/1"
 TOLERANCE: Final = 0.25
 """Standard deviations of the posterior up to which two results are the same: draws of two seeds differ by less, as
 converged medians are known to some 0.05 of them."""
@@ -52,8 +51,8 @@ def diff(a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE) -> dict[
     records = [{r.key: r for r in run.summary.records} for run in runs]
     keys = list(dict.fromkeys([*records[0], *records[1]]))
     compared = [_record(runs, key, records[0].get(key), records[1].get(key), tolerance) for key in keys]
-    document: dict[str, Any] = plain({
-        "schema": SCHEMA,
+    return DifferenceDocument.model_validate({
+        "schema": "sma-bayes/diff/1",
         "a": str(a),
         "b": str(b),
         "tolerance": tolerance,
@@ -62,8 +61,7 @@ def diff(a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE) -> dict[
         "converged": [run.summary.converged for run in runs],
         "adequate": [run.summary.adequate for run in runs],
         "records": compared,
-    })  # fmt: skip
-    return document
+    }).as_json()  # fmt: skip
 
 
 def _inputs(runs: Sequence[StoredRun]) -> dict[str, Any]:

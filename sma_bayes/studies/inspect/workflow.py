@@ -14,7 +14,16 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
-from sma_bayes.runs.store import plain
+from sma_bayes.runs.schema import Finding
+from sma_bayes.studies.inspect.schema import (
+    HeldChannel,
+    InspectedChannel,
+    InspectedNoise,
+    InspectedRecord,
+    InspectionDocument,
+    LeastSquares,
+    TemperatureRange,
+)
 
 
 def inspect_campaign(campaign: Campaign) -> dict[str, Any]:
@@ -25,44 +34,43 @@ def inspect_campaign(campaign: Campaign) -> dict[str, Any]:
     dict
         What `sma-bayes inspect --json` prints (`sma-bayes/inspect/1`).
     """
-    document: dict[str, Any] = plain({
-        "schema": "sma-bayes/inspect/1",
-        "campaign": campaign.name,
-        "source": campaign.source,
-        "data_sha256": campaign.sha256,
-        "records": [_described(r) for r in campaign.records],
-        "findings": [finding_document(f) for f in campaign.findings],
-    })  # fmt: skip
-    return document
+    return InspectionDocument(
+        schema="sma-bayes/inspect/1",
+        campaign=campaign.name,
+        source=campaign.source,
+        data_sha256=campaign.sha256,
+        records=tuple(_described(r) for r in campaign.records),
+        findings=tuple(Finding(**finding_document(f)) for f in campaign.findings),
+    ).as_json()
 
 
-def _described(record: Record) -> dict[str, Any]:
+def _described(record: Record) -> InspectedRecord:
     priors = RESPONSE_MODELS[DEFAULT_MODEL].default_priors()
     posterior = build_posterior([record], NOISE_MODELS["independent"], priors)
     start = warm_start(posterior, np.random.default_rng(0))
     choice = choose_noise(posterior, start, priors)
-    return {
-        "key": record.key,
-        "condition": record.condition.id,
-        "branch": record.branch.value,
-        "source": record.source,
-        "n": record.n,
-        "rows": [int(record.row.min()), int(record.row.max())],
-        "rows_averaged": record.rows_averaged,
-        "segments": int(np.unique(record.inputs["segment"]).size),
-        "temperature": {
-            "unit": record.units["temperature"],
-            "lowest": float(record.temperature.min()),
-            "highest": float(record.temperature.max()),
-        },
-        "channels": {
-            c: {"name": record.quantity(c), "unit": record.units[c], "noise_sd": start.fit[0][c].rmse}
+    return InspectedRecord(
+        key=record.key,
+        condition=record.condition.id,
+        branch=record.branch.value,
+        source=record.source,
+        n=record.n,
+        rows=(int(record.row.min()), int(record.row.max())),
+        rows_averaged=record.rows_averaged,
+        segments=int(np.unique(record.inputs["segment"]).size),
+        temperature=TemperatureRange(
+            unit=record.units["temperature"],
+            lowest=float(record.temperature.min()),
+            highest=float(record.temperature.max()),
+        ),
+        channels={
+            c: InspectedChannel(name=record.quantity(c), unit=record.units[c], noise_sd=start.fit[0][c].rmse)
             for c in record.channels
         },
-        "held": {
-            c: {"name": record.quantity(c), "unit": record.units.get(c, ""), "mean": h.mean, "sd": h.sd}
+        held={
+            c: HeldChannel(name=record.quantity(c), unit=record.units.get(c, ""), mean=h.mean, sd=h.sd)
             for c, h in record.held.items()
         },
-        "noise": {"name": choice.name, "reason": choice.reason, "lag1": dict(choice.lag1)},
-        "fit": {c: asdict(g) for c, g in start.fit[0].items()},
-    }
+        noise=InspectedNoise(name=choice.name, reason=choice.reason, lag1=dict(choice.lag1)),
+        fit={c: LeastSquares(**asdict(g)) for c, g in start.fit[0].items()},
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -19,7 +19,7 @@ from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
 from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, STUDY, sealed
 from sma_bayes.runs.output_folder import claimed_folder
-from sma_bayes.runs.store import plain, write_json
+from sma_bayes.runs.store import write_json
 from sma_bayes.studies.ask.workflow import AT_SCHEMA, WANTED, ask
 from sma_bayes.studies.compare.workflow import compare
 from sma_bayes.studies.condition_text import condition_at
@@ -35,6 +35,7 @@ from sma_bayes.studies.options import (
     plan_with,
     prior_set,
 )
+from sma_bayes.studies.run.schema import StatedStep, StudyDocument
 from sma_bayes.studies.run.study_file import Study, read_study
 
 DONE, NOT_CONVERGED, WRONG = 0, 1, 2
@@ -124,12 +125,13 @@ def run_study(
     folder = Path(out) if out is not None else study.out
     tell = progress or silent
     steps = _steps(study, campaign, folder, jobs if jobs is not None else study.jobs, resume)
-    results: list[dict[str, Any]] = []
+    results: list[StatedStep] = []
     document: dict[str, Any] = {}
     with claimed_folder(folder, _identity(campaign), resume):
         for step in steps:
             results.append(_result(step, results, tell, strict=study.strict if strict is None else strict))
-            document = sealed(_document(study, campaign, results, len(results) == len(steps), clock))
+            found = _document(study, campaign, results, len(results) == len(steps), clock)
+            document = sealed(found.as_json())
             write_json(folder / STUDY.file, document)
     return document
 
@@ -226,14 +228,14 @@ def _asked(fit: Path, summary: Path, asked: Mapping[str, Any], tell: Progress) -
     return found
 
 
-def _result(step: _Step, before: list[dict[str, Any]], tell: Progress, *, strict: bool) -> dict[str, Any]:
+def _result(step: _Step, before: Sequence[StatedStep], tell: Progress, *, strict: bool) -> StatedStep:
     clock = time.perf_counter()
-    failed = next((r for r in before if r["step"] == step.needs and r["exit_status"] == WRONG), None)
+    failed = next((r for r in before if r.step == step.needs and r.exit_status == WRONG), None)
     word, status = "", WRONG
-    stated = {"step": step.name, "summary": None, "schema": None, "told": None, "error": None}
+    stated: dict[str, Any] = {"step": step.name, "summary": None, "schema": None, "told": None, "error": None}
     if failed:
-        stated["error"] = f"{failed['step']} failed"
-        return {**stated, "status": SKIPPED, "exit_status": WRONG, "wall_s": 0.0}
+        stated["error"] = f"{failed.step} failed"
+        return StatedStep(**stated, status=SKIPPED, exit_status=WRONG, wall_s=0.0)
     try:
         found = step.run(lambda done, total, message: tell(done, total, f"{step.name}: {message}"))
     except ResumeError:  # options were changed under results that are there: the call is wrong, not the step
@@ -245,12 +247,12 @@ def _result(step: _Step, before: list[dict[str, Any]], tell: Progress, *, strict
         status = DONE if found["converged"] else NOT_CONVERGED
         if strict and found["converged"] and not found.get("adequate", True):
             word, status = INADEQUATE, NOT_CONVERGED
-    return {
+    return StatedStep(
         **stated,
-        "status": word or STATUS[status],
-        "exit_status": status,
-        "wall_s": time.perf_counter() - clock,
-    }
+        status=word or STATUS[status],
+        exit_status=status,
+        wall_s=time.perf_counter() - clock,
+    )
 
 
 def _told(kind: str, found: Mapping[str, Any]) -> str:
@@ -277,23 +279,22 @@ def _told(kind: str, found: Mapping[str, Any]) -> str:
 
 
 def _document(
-    study: Study, campaign: Campaign, results: list[dict[str, Any]], finished: bool, clock: float
-) -> dict[str, Any]:
-    document: dict[str, Any] = plain({
-        "schema": STUDY.schema,
-        "study": study.file,
-        "campaign": campaign.name,
-        "source": campaign.source,
-        "seed": study.seed,
-        "versions": all_versions(),
-        "data_sha256": campaign.sha256,
-        "finished": finished,
-        "converged": all(r["status"] in (STATUS[DONE], INADEQUATE) for r in results),
-        "exit_status": max(r["exit_status"] for r in results),
-        "steps": results,
-        "wall_s": time.perf_counter() - clock,
-    })  # fmt: skip
-    return document
+    study: Study, campaign: Campaign, results: Sequence[StatedStep], finished: bool, clock: float
+) -> StudyDocument:
+    return StudyDocument(
+        schema="sma-bayes/study/1",
+        study=str(study.file),
+        campaign=campaign.name,
+        source=campaign.source,
+        seed=study.seed,
+        versions=all_versions(),
+        data_sha256=campaign.sha256,
+        finished=finished,
+        converged=all(r.status in (STATUS[DONE], INADEQUATE) for r in results),
+        exit_status=max(r.exit_status for r in results),
+        steps=tuple(results),
+        wall_s=time.perf_counter() - clock,
+    )
 
 
 def _verdict(found: Mapping[str, Any]) -> str:

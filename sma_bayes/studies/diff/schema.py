@@ -1,0 +1,84 @@
+"""What `diff --json` prints."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal
+
+from pydantic import Field
+
+from sma_bayes.runs.schema import DocumentPart, Items, Number, NumberOrNull
+
+
+class ParameterOfRun(DocumentPart):
+    """A parameter in one of the runs, in its unit."""
+
+    median: NumberOrNull = Field(description="median")
+    q05: NumberOrNull = Field(description="lower end of the 90 % interval; null where it is fixed")
+    q95: NumberOrNull = Field(description="upper end")
+    sd: NumberOrNull = Field(description="standard deviation")
+
+
+class ComparedParameter(DocumentPart):
+    """A parameter in both runs."""
+
+    unit: str = Field(description="its unit")
+    a: ParameterOfRun | None = Field(description="in a; null where it has no such parameter")
+    b: ParameterOfRun | None = Field(description="in b; null where it has no such parameter")
+    shift: NumberOrNull = Field(
+        description="b less a, in standard deviations of the wider posterior; null where it can't be told"
+    )
+
+
+class ComparedBand(DocumentPart):
+    """Where the medians of two bands are furthest apart, in standard deviations of the wider one."""
+
+    name: str = Field(description="what the channel is called")
+    unit: str = Field(description="its unit")
+    shift: NumberOrNull = Field(description="b less a there [sd]")
+    at: Number = Field(description="temperature there [unit of the record]")
+    difference: Number = Field(description="b less a there [`unit`]")
+    width_ratio: NumberOrNull = Field(description="how many times as wide b is [1]")
+    compared: Items[Number] = Field(description="lowest and highest temperature that both have")
+
+
+class ComparedRecords(DocumentPart):
+    """A record in both runs; where one has none, all after `same` is missing."""
+
+    key: str = Field(description="the record")
+    in_: Literal["a", "b", "both"] = Field(
+        alias="in", description="which has it: `both`, or `a` or `b` where the other has none"
+    )
+    same: bool = Field(
+        description="converged, adequate, model and channels as in the other, all shifts within the tolerance"
+    )
+    converged: Items[bool] = Field(default=(), description="in a, in b")
+    adequate: Items[bool] = Field(default=(), description="in a, in b")
+    why: Items[Items[str]] = Field(default=(), description="reasons of inadequacy in a, in b")
+    changed: dict[str, Items[Any]] = Field(
+        default={},
+        description="what of samples, temperatures, settings, noise, model and so on differs: in a, in b",
+    )
+    priors: Items[str] = Field(default=(), description="parameters whose priors differ")
+    parameters: dict[str, ComparedParameter] = Field(default={}, description="parameters, by name")
+    bands: dict[str, ComparedBand | None] = Field(
+        default={}, description="bands, by channel; null where they share no temperature"
+    )
+
+
+class DifferenceDocument(DocumentPart):
+    """What `sma-bayes diff A B --json` prints; it writes nothing."""
+
+    schema_: Literal["sma-bayes/diff/1"] = Field(alias="schema", description="name and version")
+    a: str = Field(description="folder of the one fit")
+    b: str = Field(description="folder of the other")
+    tolerance: Number = Field(description="up to how many standard deviations results are the same [sd]")
+    same: bool = Field(description="whether all records agree")
+    inputs: dict[str, Items[Any]] = Field(
+        description="what of campaign, data, seed, options and versions differs: in a, in b"
+    )
+    converged: Items[bool] = Field(description="all records, in a, in b")
+    adequate: Items[bool] = Field(description="all records, in a, in b")
+    records: Items[ComparedRecords] = Field(description="one for each record of either")
+
+
+DOCUMENTS: Final = {"diff": DifferenceDocument}

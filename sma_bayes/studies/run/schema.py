@@ -1,0 +1,47 @@
+"""What `study.json` holds."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from pydantic import Field
+
+from sma_bayes.runs.schema import DocumentPart, Items, Number
+
+
+class StatedStep(DocumentPart):
+    """A step of a study."""
+
+    step: str = Field(description="`fit`, `compare`, `gap`, `conditions`, `ask 1` and so on")
+    summary: str | None = Field(
+        description="its JSON file, below the folder of the study; null where it failed"
+    )
+    schema_: str | None = Field(alias="schema", description="schema of that file; null where it failed")
+    told: str | None = Field(description="what was found, in a few words; null where it failed")
+    error: str | None = Field(description="the message where it failed; else null")
+    status: str = Field(description="`done`, `not converged`, `not adequate`, `failed` or `skipped`")
+    exit_status: int = Field(description="0, 1 or 2, as on the command line")
+    wall_s: Number = Field(description="time that it took [s]")
+
+
+class StudyDocument(DocumentPart):
+    """What `study.json` holds; it is written anew after each step."""
+
+    schema_: Literal["sma-bayes/study/1"] = Field(alias="schema", description="name and version")
+    study: str = Field(description="the study file")
+    campaign: str = Field(description="name of the campaign")
+    source: str = Field(description="where its measurements come from")
+    seed: int = Field(description="decides every draw")
+    versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
+    data_sha256: str = Field(description="SHA-256 of the measurements")
+    finished: bool = Field(description="whether all steps have been run")
+    converged: bool = Field(description="whether all are done and converged")
+    exit_status: int = Field(description="the worst of their statuses")
+    steps: Items[StatedStep] = Field(description="one for each step, in order")
+    wall_s: Number = Field(description="time that went by [s]")
+    content_sha256: str = Field(
+        default="", description="checksum of all else in the document, which every reader compares"
+    )
+
+
+DOCUMENTS: Final = {"run": StudyDocument}
