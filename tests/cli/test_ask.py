@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,12 +23,16 @@ def folder(make_campaign: Callable[..., Path], tmp_path_factory: pytest.TempPath
     return place / "out"
 
 
-def test_json_is_what_python_gives(run: Callable[..., object], folder: Path) -> None:
+def test_json_is_what_python_gives(
+    run: Callable[..., object], folder: Path, published: Callable[[str], Any]
+) -> None:
     outcome = run("ask", folder, "--stiffness", "0.12 N/mm", "--branch", "heating", "--json")
     assert (outcome.status, outcome.err) == (0, "")
     document = json.loads(outcome.out)
     assert document == sma_bayes.ask(folder, stiffness="0.12 N/mm", branch="heating")
     assert document["schema"] == "sma-bayes/ask/1"
+    published("ask").validate(document)
+    published("ask-at").validate(sma_bayes.ask(folder, at=["45 degC", "500 degC"]))
     (answer,) = document["answers"]
     assert (answer["target"], answer["unit"]) == (0.12, "N/mm")
 

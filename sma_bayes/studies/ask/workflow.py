@@ -32,6 +32,7 @@ from sma_bayes.runs.fit_document import FitFindings, RecordSummary
 from sma_bayes.runs.outputs import read_run
 from sma_bayes.runs.store import plain
 from sma_bayes.runs.stored_draws import draws_of
+from sma_bayes.studies.ask.schema import AnswersDocument, ValuesDocument
 
 SCHEMA: Final = "sma-bayes/ask/1"
 AT_SCHEMA: Final = "sma-bayes/ask-at/1"
@@ -247,7 +248,7 @@ def answer(
             expected=f"one of {', '.join(_has(run, records))}",
         )
     answers = [_answer(run, r, question) for r in able]
-    document: dict[str, Any] = plain({
+    found = AnswersDocument.model_validate(plain({
         "schema": SCHEMA,
         "campaign": run.summary.campaign,
         "seed": run.summary.seed,
@@ -261,8 +262,8 @@ def answer(
         "converged": all(a["converged"] for a in answers),
         "answers": answers,
         "without": {r.key: _lacking(run, r, channel) for r in records if r not in able},
-    })  # fmt: skip
-    return document
+    }))  # fmt: skip
+    return found.as_json()
 
 
 def _ask_at(
@@ -286,7 +287,7 @@ def _ask_at(
         _answer_at(run, r, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
         for r in records
     ]
-    document: dict[str, Any] = plain({
+    found = ValuesDocument.model_validate(plain({
         "schema": AT_SCHEMA,
         "campaign": run.summary.campaign,
         "seed": run.summary.seed,
@@ -297,8 +298,8 @@ def _ask_at(
         "temperature_sd": temperature_sd,
         "converged": all(a["converged"] for a in answers),
         "answers": answers,
-    })  # fmt: skip
-    return document
+    }))  # fmt: skip
+    return found.as_json()
 
 
 def _converts(unit: str, to: str) -> bool:
