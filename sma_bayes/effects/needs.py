@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.effects.types import Effect, Scales
+from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.quantities import CHANNELS, Floats
 from sma_bayes.records.history import History
 
@@ -31,8 +32,6 @@ LEAST_CUT = 10
 """Readings at the end of a range by which it is seen."""
 NEARLY = 0.3
 """Range of these, over the noise from reading to reading, up to which they count as cut off."""
-MEDIAN_OF_NORMAL = 0.6744897501960817
-"""Median of the magnitude of a standard normal variable."""
 FLAT = 0.05
 """Greatest change over a tenth of the temperatures on a plateau, in spans."""
 
@@ -234,7 +233,7 @@ def _flat_tops(histories: Sequence[History]) -> str:
     usual = float(np.quantile(count[:-1], 0.99)) if count.size > 1 else 0.0
     below = force < 0.5 * (force.min() + force.max())
     bends = np.diff(force, 2)[below[1:-1] & below[2:] & below[:-2]]
-    noise = float(np.median(np.abs(bends))) / (MEDIAN_OF_NORMAL * np.sqrt(6.0)) if bends.size else 0.0
+    noise = MAD_TO_SD * float(np.median(np.abs(bends))) / np.sqrt(6.0) if bends.size else 0.0
     if bends[1:] @ bends[:-1] >= 0.0:  # a curve bends the same way for a while, noise does not
         noise = 0.0
     highest = np.sort(force)[-max(LEAST_CUT, force.size // 100) :]

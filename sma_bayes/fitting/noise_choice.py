@@ -21,6 +21,7 @@ from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.noise.base import lag1
 from sma_bayes.noise.effective_samples import memory_of
 from sma_bayes.noise.heteroscedastic import temperature_sd_fact
+from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parameters.scales import RecordScales
@@ -589,7 +590,7 @@ def _scatter(residual: Floats, steps: Steps) -> float:
     second = (residual[2:] - 2.0 * residual[1:-1] + residual[:-2])[usable]
     if second.size < 4:
         return float(np.std(residual))
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+    return float(MAD_TO_SD * np.median(np.abs(second)) / np.sqrt(6.0))
 
 
 def _orthonormal(tangents: Floats) -> Floats:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.noise.base import HALF_LN_2PI, NoiseModel, Steps, sd_fact
+from sma_bayes.noise.base import NoiseModel, Steps, sd_fact
+from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 

@@ -13,7 +13,6 @@ from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 
-HALF_LN_2PI = 0.9189385332046727
 ABSCISSAE: Floats = np.sinh(np.linspace(-12.0, 12.0, 801))
 """Innovations at which densities are tabulated whose integrals nobody has worked out; the middle one is zero."""
 DIFFERENCE = 1e-5

@@ -28,7 +28,8 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from sma_bayes.noise.ar1 import MemoryNoise
-from sma_bayes.noise.base import HALF_LN_2PI, Steps, sd_fact
+from sma_bayes.noise.base import Steps, sd_fact
+from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 

@@ -18,7 +18,8 @@ from functools import cache
 import numpy as np
 from scipy.special import erfcx, ndtr, ndtri
 
-from sma_bayes.noise.base import HALF_LN_2PI, NoiseModel, Steps
+from sma_bayes.noise.base import NoiseModel, Steps
+from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln, ndtri, stdtr
 
-from sma_bayes.noise.base import HALF_LN_2PI, NoiseModel, Steps
+from sma_bayes.noise.base import NoiseModel, Steps
 from sma_bayes.noise.independent import Independent
+from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 

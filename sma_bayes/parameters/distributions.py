@@ -16,12 +16,12 @@ from scipy.special import betaincinv, gammaincinv, gammaln, log_ndtr, ndtri, ndt
 
 from sma_bayes.catalogue import Catalogue
 from sma_bayes.errors import PriorError
+from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.transforms import Identity, Log, Logit, Transform
 from sma_bayes.quantities import Floats
 
 LEAST_DF = 0.25
 """Degrees of freedom below which draws of Student's t are beyond what floating-point numbers can be reckoned with."""
-_HALF_LN_2PI = 0.5 * math.log(2.0 * math.pi)
 
 
 @runtime_checkable
@@ -82,7 +82,7 @@ class Normal:
 
     def log_density(self, x: Floats) -> Floats:
         u = (x - self.mean) / self.sd
-        return np.asarray(-0.5 * u * u - math.log(self.sd) - _HALF_LN_2PI)
+        return np.asarray(-0.5 * u * u - math.log(self.sd) - HALF_LN_2PI)
 
     def quantile(self, p: Floats) -> Floats:
         return np.asarray(self.mean + self.sd * ndtri(p))
@@ -123,7 +123,7 @@ class LogNormal:
         magnitude = self.sign * np.asarray(x)
         with np.errstate(divide="ignore", invalid="ignore"):
             u = (np.log(magnitude) - math.log(self.median)) / self.sigma
-            value = -0.5 * u * u - math.log(self.sigma) - _HALF_LN_2PI - np.log(magnitude)
+            value = -0.5 * u * u - math.log(self.sigma) - HALF_LN_2PI - np.log(magnitude)
         return np.where(magnitude > 0.0, value, -np.inf)
 
     def quantile(self, p: Floats) -> Floats:
@@ -150,7 +150,7 @@ class HalfNormal:
 
     def log_density(self, x: Floats) -> Floats:
         u = np.asarray(x) / self.sd
-        return np.where(u >= 0, -0.5 * u * u - math.log(self.sd) - _HALF_LN_2PI + math.log(2.0), -np.inf)
+        return np.where(u >= 0, -0.5 * u * u - math.log(self.sd) - HALF_LN_2PI + math.log(2.0), -np.inf)
 
     def quantile(self, p: Floats) -> Floats:
         return np.asarray(self.sd * ndtri(0.5 * (1.0 + np.asarray(p))))
@@ -246,7 +246,7 @@ class TruncatedNormal:
         log_mass = log_ndtr(b) + math.log1p(-math.exp(log_ndtr(a) - log_ndtr(b)))
         u = (np.asarray(x) - self.mean) / self.sd
         inside = (np.asarray(x) >= self.low) & (np.asarray(x) <= self.high)
-        return np.where(inside, -0.5 * u * u - _HALF_LN_2PI - math.log(self.sd) - log_mass, -np.inf)
+        return np.where(inside, -0.5 * u * u - HALF_LN_2PI - math.log(self.sd) - log_mass, -np.inf)
 
     def quantile(self, p: Floats) -> Floats:
         a, b, side = self._bounds()

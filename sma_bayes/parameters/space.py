@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.errors import PriorError, near_matches
+from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.distributions import Distribution, LogNormal, Normal
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import Floats
-
-_HALF_LN_2PI = 0.9189385332046727
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +107,7 @@ class ParameterSpace:
                    for d in priors if isinstance(d, Normal | LogNormal)]  # fmt: skip
         set_(self, "_mean", np.array([m for m, _ in moments]))
         set_(self, "_sd", np.array([s for _, s in moments]))
-        set_(self, "_log_norm", float(np.log(self._sd).sum()) + _HALF_LN_2PI * self._sd.size)
+        set_(self, "_log_norm", float(np.log(self._sd).sum()) + HALF_LN_2PI * self._sd.size)
         signs = {i: d.sign for i, d in enumerate(priors) if isinstance(d, LogNormal)}
         set_(self, "_log_plus", np.array([i for i, s in signs.items() if s > 0], dtype=np.intp))
         set_(self, "_log_minus", np.array([i for i, s in signs.items() if s < 0], dtype=np.intp))

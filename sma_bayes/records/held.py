@@ -23,6 +23,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import isotonic_regression
 
+from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.quantities import CHANNELS, Floats
 from sma_bayes.records.cleaning import SPARSE
 from sma_bayes.records.ledger import Ledger
@@ -242,7 +243,7 @@ def keep_out_load_off(ledger: Ledger, legs: Sequence[Leg]) -> None:
         return
     usual = float(np.median(load))
     away = np.abs(load - usual)
-    on = np.flatnonzero(away <= max(LOAD_OFF * abs(usual), LOAD_OFF_SDS * 1.4826 * float(np.median(away))))
+    on = np.flatnonzero(away <= max(LOAD_OFF * abs(usual), LOAD_OFF_SDS * MAD_TO_SD * float(np.median(away))))
     name = ledger.quantity("force")
     why = f"{name} is far from its usual {ledger.amount('force', usual)} at the beginning or end of the run"
     ends = np.r_[rows[: on[0]], rows[on[-1] + 1 :]] if on.size else rows[:0]

@@ -22,6 +22,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import median_filter
 
+from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.quantities import Floats
 from sma_bayes.records.segmentation import Mask, first_of_each_reading, noise_sd
 from sma_bayes.records.types import Ints
@@ -180,10 +181,10 @@ def spikes(values: Floats, window: int, against: Floats | None = None) -> Mask:
     if readings.size < 2 * window:
         return np.zeros(values.size, dtype=bool)
     off = np.abs(readings - median_filter(readings, size=window, mode="mirror"))
-    overall = max(1.4826 * float(np.median(off)), digit(values), noise_sd(values))
+    overall = max(MAD_TO_SD * float(np.median(off)), digit(values), noise_sd(values))
     candidate = np.flatnonzero(off > SPIKE_SDS * overall)
     around = np.clip(candidate[:, None] + np.arange(-12, 13), 0, readings.size - 1)
-    local = 1.4826 * np.median(off[around], axis=1)
+    local = MAD_TO_SD * np.median(off[around], axis=1)
     pace = np.percentile(np.abs(np.diff(readings[around], axis=1)), 60, axis=1)
     least = np.maximum(SPIKE_SDS * np.maximum(local, overall), 0.5 * window * pace)
     length = np.diff(np.r_[first, values.size])

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
 
+from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Ints
 
@@ -47,7 +48,6 @@ NEAR_AT_MOST = 0.15
 DRIVE_ON = 0.05
 """The drive is on above this share of its usual full value (the 90th percentile of its positive values)."""
 
-_MAD_TO_SD = 1.4826  # of a Gaussian
 _THIRD_DIFFERENCE_NORM = math.sqrt(20.0)  # of the weights 1, -3, 3, -1
 
 
@@ -139,7 +139,7 @@ def noise_sd(values: Floats) -> float:
     if readings.size < 8:
         return 0.0
     third = np.abs(np.diff(readings, 3))
-    return float(_MAD_TO_SD * np.median(third) / _THIRD_DIFFERENCE_NORM)
+    return float(MAD_TO_SD * np.median(third) / _THIRD_DIFFERENCE_NORM)
 
 
 def smooth(temperature: Floats, turn_fraction: float = 0.2) -> Smoothed:

@@ -11,11 +11,11 @@ from scipy.linalg import cho_factor, cho_solve
 
 from sma_bayes.batches import batches
 from sma_bayes.effects.types import Effect
+from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.quantities import Floats
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.noise import Block, BlockNoise, Noise, blocks_of, noise_of, whiten
 
-HALF_LN_2PI = 0.9189385332046727
 SETTLED = 5e-3
 """Gain of the log posterior in a step below which the mode is found; evidence is not known better than that."""
 STEP = 1e-4

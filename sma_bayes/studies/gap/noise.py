@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from sma_bayes.noise.ar1 import memory_innovations, memory_log_scale, memory_series
+from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, starts
 from sma_bayes.studies.gap.hypothesis import Hypothesis
@@ -29,8 +30,6 @@ MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 2
 """Correlations of neighbouring samples that are tried."""
 PROBABLE = 1e-3
 """A memory that is less likely than the likeliest one by more than this factor is left out of account."""
-MEDIAN_OF_NORMAL = 0.6744897501960817
-"""Median of the magnitude of a standard normal variable."""
 DEGREES = (2.0, 3.0, 5.0, 9.0)
 """Degrees of freedom of Student's t that are tried where tails are heavier than normal."""
 HEAVY = 10.0
@@ -341,7 +340,7 @@ def scatter(residual: Floats, block: Block) -> float:
     block : Block
     """
     steps = np.diff(residual)[~block.first[1:]]
-    return float(np.median(np.abs(steps)) / (MEDIAN_OF_NORMAL * np.sqrt(2.0))) if steps.size else 0.0
+    return float(MAD_TO_SD * np.median(np.abs(steps)) / np.sqrt(2.0)) if steps.size else 0.0
 
 
 def _squares(residual: Floats, noise: BlockNoise, columns: Floats) -> float:
