@@ -88,3 +88,10 @@ def test_a_folder_without_a_run_stays_as_it_is(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="holds no run"):
         build_report(tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ['"ask"', '"report"', '["gap"]', "null"])
+def test_a_mark_of_what_has_no_report_is_taken_for_that_of_a_fit(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "run.json").write_text(f'{{"kind": {kind}}}', encoding="utf-8")
+    with pytest.raises(OutputError, match="holds a run that is not finished"):
+        build_report(tmp_path)
