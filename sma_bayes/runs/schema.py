@@ -27,6 +27,8 @@ M = TypeVar("M", bound="DocumentPart")
 
 def _finite(value: object) -> Any:
     """Number of Python; a whole one stays whole, so that it is written as it came."""
+    if type(value) is float and math.isfinite(value):  # nearly all are, in documents of thousands of records
+        return value
     found = plain(value)
     if isinstance(found, bool | str) or not isinstance(found, int | float):
         raise ValueError("a finite number")

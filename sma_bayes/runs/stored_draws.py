@@ -21,7 +21,7 @@ from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel,
 from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.runs.documents import FINISH
 from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary
-from sma_bayes.runs.outputs import StoredRecord, StoredRun, posterior_of, posterior_path, read_run
+from sma_bayes.runs.outputs import StoredRecord, posterior_of, posterior_path, read_run
 
 
 def stored_draws(folder: str | Path) -> tuple[RecordDraws, ...]:
@@ -45,25 +45,28 @@ def stored_draws(folder: str | Path) -> tuple[RecordDraws, ...]:
             expected="parameters of their own for each condition, from which their differences are learnt",
             remedy="fit again without --pool campaign",
         )
-    return tuple(draws_of(run, r) for r in run.summary.records)
+    return tuple(draws_of(run.folder, r, run.summary.seed) for r in run.summary.records)
 
 
-def draws_of(run: StoredRun, summary: RecordSummary) -> RecordDraws:
+def draws_of(folder: Path, summary: RecordSummary, seed: int) -> RecordDraws:
     """Draws of one record of a fit.
 
     Parameters
     ----------
-    run : StoredRun
+    folder : Path
+        Of the fit.
     summary : RecordSummary
-        Its entry in the ``records`` of ``summary.json``.
+        The record's entry in ``summary.json``.
+    seed : int
+        Of the fit.
 
     Raises
     ------
     OutputError
         If its posterior is damaged or does not belong to the summary.
     """
-    path = posterior_path(run.folder, summary.key)
-    stored = posterior_of(run.folder, summary.key, summary.posterior_sha256)
+    path = posterior_path(folder, summary.key)
+    stored = posterior_of(folder, summary.key, summary.posterior_sha256)
     try:
         posterior = _posterior(summary, stored)
         theta = np.stack([stored.draws[n].reshape(-1) for n in posterior.space.names], axis=-1)
@@ -75,7 +78,7 @@ def draws_of(run: StoredRun, summary: RecordSummary) -> RecordDraws:
             remedy=FINISH,
         ) from None
     record = posterior.records[0]
-    errors = calibration_errors(calibrations_of(record), run.summary.seed, record.key, len(theta))
+    errors = calibration_errors(calibrations_of(record), seed, record.key, len(theta))
     weights = {c: w for c, (_, _, w) in stored.discrepancy.items()}
     return RecordDraws(posterior, theta, summary.converged, weights, errors)
 

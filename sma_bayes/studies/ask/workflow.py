@@ -171,7 +171,7 @@ def ask(
         If the folder holds no finished fit.
     """
     run = read_run(Path(folder))
-    source = Source(folder, run.summary, partial(draws_of, run))
+    source = Source(folder, run.summary, partial(draws_of, run.folder, seed=run.summary.seed))
     return answer(
         source,
         at=at,

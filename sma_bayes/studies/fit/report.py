@@ -14,8 +14,9 @@ from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.drawn import FigureTask, draw_all
 from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles
 from sma_bayes.report.tables import report_tables
+from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.outputs import band_path, posterior_of, read_band, read_run
+from sma_bayes.runs.outputs import StoredRun, band_path, posterior_of, read_band, read_run
 from sma_bayes.runs.store import write_text
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.fit.answer import answer_tables
@@ -43,7 +44,7 @@ def build_report(folder: Path, wanted: Wanted) -> None:
     with spent.timed("report"):
         stored = read_run(folder)
         content = report_content(stored)
-    tasks = _tasks(folder, content, wanted.drawn)
+    tasks = _tasks(stored, content, wanted.drawn)
     figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         tables = report_tables(content) | {t.name: t for t in answer_tables(content)}
@@ -108,15 +109,15 @@ class _DiscrepancyTask:
 
     folder: Path
     record: RecordContent
+    summary: RecordSummary
+    seed: int
 
     @property
     def title(self) -> str:
         return self.record.key
 
     def drawings(self) -> Iterator[Callable[[], Drawing]]:
-        stored = read_run(self.folder)
-        summary = next(r for r in stored.summary.records if r.key == self.record.key)
-        yield partial(discrepancy_figure, self.record, draws_of(stored, summary))
+        yield partial(discrepancy_figure, self.record, draws_of(self.folder, self.summary, self.seed))
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,9 +167,10 @@ class _CampaignTask:
                 yield partial(overview_figure, channel.channel, branches, number)
 
 
-def _tasks(folder: Path, content: Content, drawn: Drawn) -> list[FigureTask]:
+def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask]:
     if drawn == "none":
         return []
+    folder, summaries = stored.folder, {r.key: r for r in stored.summary.records}
     everything = drawn == "all"
     tasks: list[FigureTask] = [_CampaignTask(folder, content, everything)]
     if everything or (not content.paged and len(content.conditions) <= FEW):
@@ -177,7 +179,7 @@ def _tasks(folder: Path, content: Content, drawn: Drawn) -> list[FigureTask]:
     if not everything:
         worst = sorted(missed, key=lambda r: max(m.share for m in r.missed), reverse=True)
         missed = [] if content.paged else worst[:FEW]
-    tasks += [_DiscrepancyTask(folder, r) for r in missed]
+    tasks += [_DiscrepancyTask(folder, r, summaries[r.key], stored.summary.seed) for r in missed]
     if everything:
         tasks += [_RecordTask(folder, r) for r in content.records]
     return tasks

@@ -109,7 +109,9 @@ def test_stiffness_that_is_withheld_is_told(steps: Content) -> None:
 def test_the_figure_shows_what_is_missed(run: StoredRun, steps: Content, tmp_path: Path) -> None:
     """Its data tell the step that was put in, as far as no sigmoid can take it up."""
     for content, summary in zip(steps.records, run.summary.records, strict=True):
-        files = save(partial(discrepancy_figure, content, draws_of(run, summary)), tmp_path)
+        files = save(
+            partial(discrepancy_figure, content, draws_of(run.folder, summary, run.summary.seed)), tmp_path
+        )
         assert {p.suffix for p in tmp_path.glob(f"{files.stem}.*")} == {".pdf", ".png", ".csv"}
         with (tmp_path / f"{files.stem}.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -127,7 +129,9 @@ def test_the_figure_shows_what_is_missed(run: StoredRun, steps: Content, tmp_pat
 
 def test_nothing_of_it_lies_beyond_the_sheet(run: StoredRun, steps: Content) -> None:
     with mpl.rc_context(STYLE):
-        figure = discrepancy_figure(steps.records[0], draws_of(run, run.summary.records[0])).figure
+        figure = discrepancy_figure(
+            steps.records[0], draws_of(run.folder, run.summary.records[0], run.summary.seed)
+        ).figure
         figure.canvas.draw()
         width, height = figure.canvas.get_width_height()
         for part in (*figure.axes, *figure.texts, *figure.legends):
