@@ -299,6 +299,39 @@ class NoiseModel(ABC):
         return None
 
 
+class OfSeries(NoiseModel):
+    """A noise model made of that of a series: its samples depend on each other as those of the series do.
+
+    Attributes
+    ----------
+    series : NoiseModel
+    """
+
+    series: NoiseModel
+
+    @property
+    def needs_time(self) -> bool:  # type: ignore[override]
+        """As the series."""
+        return self.series.needs_time
+
+    @property
+    def remembers(self) -> bool:  # type: ignore[override]
+        """As the series."""
+        return self.series.remembers
+
+    def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.decorrelate(e, shape, steps)
+
+    def memory(self, shape: Floats, steps: Steps) -> float:
+        return self.series.memory(shape, steps)
+
+    def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.decorrelate_adjoint(series, shape, steps)
+
+    def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
+        return self.series.correlate(innovation, shape, steps)
+
+
 def lag1(residual: Floats, steps: Steps) -> Floats:
     """Correlation of neighbouring residuals (..., n) within sweeps; 0 where all are."""
     after = np.flatnonzero(~steps.first)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.noise.base import NoiseModel, Steps
+from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
 from sma_bayes.parameters.space import ParameterFact
 from sma_bayes.quantities import Floats
 
@@ -21,7 +21,7 @@ FURTHEST = 1.5
 
 
 @dataclass(frozen=True)
-class Wrapped(NoiseModel):
+class Wrapped(OfSeries):
     """A noise model of a series, and something beside it.
 
     Attributes
@@ -45,16 +45,6 @@ class Wrapped(NoiseModel):
     def title(self) -> str:  # type: ignore[override]
         """For people."""
         return f"{self.series.title}{self.clause}"
-
-    @property
-    def needs_time(self) -> bool:  # type: ignore[override]
-        """As the series."""
-        return self.series.needs_time
-
-    @property
-    def remembers(self) -> bool:  # type: ignore[override]
-        """As the series."""
-        return self.series.remembers
 
     @property
     def is_density(self) -> bool:  # type: ignore[override]
@@ -90,18 +80,6 @@ class Wrapped(NoiseModel):
 
     def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.total_log_density(e, shape, steps)
-
-    def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        return self.series.decorrelate(e, shape, steps)
-
-    def memory(self, shape: Floats, steps: Steps) -> float:
-        return self.series.memory(shape, steps)
-
-    def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
-        return self.series.decorrelate_adjoint(series, shape, steps)
-
-    def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
-        return self.series.correlate(innovation, shape, steps)
 
     def score(self, innovation: Floats, shape: Floats) -> Floats:
         return self.series.score(innovation, shape)

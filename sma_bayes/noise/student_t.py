@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln, ndtri, stdtr
 
-from sma_bayes.noise.base import NoiseModel, Steps
+from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
 from sma_bayes.noise.independent import Independent
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import ParameterFact
@@ -19,7 +19,7 @@ from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)
-class StudentT(NoiseModel):
+class StudentT(OfSeries):
     """Innovations scatter as Student's t with ``nu`` degrees of freedom; ``sd`` is their scale.
 
     Suited to records with occasional outliers that the quality checks let pass. The scale equals the standard
@@ -46,16 +46,6 @@ class StudentT(NoiseModel):
             if not self.series.remembers
             else f"{self.series.title} with Student t innovations"
         )
-
-    @property
-    def needs_time(self) -> bool:  # type: ignore[override]
-        """As the series."""
-        return self.series.needs_time
-
-    @property
-    def remembers(self) -> bool:  # type: ignore[override]
-        """As the series."""
-        return self.series.remembers
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
         nu = ParameterFact(
@@ -86,18 +76,6 @@ class StudentT(NoiseModel):
             density = density + self.series.log_density(np.zeros_like(e), shape, steps) + HALF_LN_2PI
             density = np.where(np.isnan(density), -np.inf, density)
         return np.asarray(density)
-
-    def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        return self.series.decorrelate(e, shape, steps)
-
-    def memory(self, shape: Floats, steps: Steps) -> float:
-        return self.series.memory(shape, steps)
-
-    def decorrelate_adjoint(self, series: Floats, shape: Floats, steps: Steps) -> Floats:
-        return self.series.decorrelate_adjoint(series, shape, steps)
-
-    def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
-        return self.series.correlate(innovation, shape, steps)
 
     def score(self, innovation: Floats, shape: Floats) -> Floats:
         nu = self._nu(shape)
