@@ -27,7 +27,7 @@ from sma_bayes.noise import Steps
 APART = 1e-6
 """Greatest correlation, along common axes, that what one channel tells may have left."""
 
-ONE = np.ones((1, 1))
+_ONE = np.ones((1, 1))
 """A series of one sample: noise without memory weighs all alike."""
 
 
@@ -257,7 +257,7 @@ class _Axes:
         noise = equations.posterior.noise
         weights = np.empty((len(theta), len(self.squares)))
         for c, (_, at, steps) in enumerate(equations.channels()):
-            of_one = noise.weighted_gram(ONE, noise.shape_of(theta[:, at]), steps)[:, 0, 0]
+            of_one = noise.weighted_gram(_ONE, noise.shape_of(theta[:, at]), steps)[:, 0, 0]
             np.divide(of_one, theta[:, at[0]] ** 2, out=weights[:, c])
         pull = weights @ self.pulls[:-1] + self.pulls[-1]
         precision = 1.0 + weights @ self.information

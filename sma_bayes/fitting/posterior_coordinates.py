@@ -25,6 +25,7 @@ from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.sampling.proposals import Coordinates
 
 ITERATIONS = 8
+"""Of Newton's method for the parameters behind predictions, at most."""
 TOLERANCE = 1e-8
 """Step of Newton's method, in prior sds, after which no other is made; the next would be about its square."""
 PIVOT = 1e-3

@@ -73,12 +73,13 @@ PROBES: Final = 512
 LOOKED_AT: Final = 768
 """Draws of the run, at most, from which the shape of the posterior is taken."""
 WALKERS, STEPS = 96, 6
-"""Of differential evolution."""
+"""Of differential evolution from the outermost draws."""
 MENDED_DRAWS: Final = 2048
 """To which a mixture is fitted that mends a proposal; by as many the mended one is judged, and its run begins there."""
 MENDED_SHARES: Final = np.array([0.45, 0.35, 0.2])
 """Of the proposal before, of that mixture, and of the needles, in a mended proposal."""
 FITTED_ROUNDS: Final = 6
+"""Of fitting that mixture."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,6 +28,7 @@ GOOD_ERROR = 0.03
 COMPONENTS, ROUNDS = 6, 10
 """Of that proposal, and rounds of fitting it."""
 ITERATIONS = 200
+"""Of the fixed point that is the evidence, at most."""
 
 
 @dataclass(frozen=True, slots=True)

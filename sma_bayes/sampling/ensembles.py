@@ -154,15 +154,14 @@ which it reaches far enough."""
 
 MENDINGS = 3
 """How often a proposal that does not pass its audit is mended."""
-BRIDGED = 8000
-FEWEST = 500
+BRIDGED, FEWEST = 8000, 500
 """Draws, at most and at least, from which the evidence is bridged."""
 EXPLORED_BLOCKS, TRIED_AT = 4, (1, 2, 4)
 """Blocks of steps that explore, at most, and after which of them a proposal is fitted to what they have met."""
 EXPLORED_RHAT = 1.05
-EXPLORED_TIMES, SEEN_TIMES = 10.0, 1.0
-MIXED_TIMES = 20.0
-"""Autocorrelation times that each walker must have moved for, to have explored and to have converged.
+"""R-hat at which walkers have explored."""
+EXPLORED_TIMES, SEEN_TIMES, MIXED_TIMES = 10.0, 1.0, 20.0
+"""Autocorrelation times that each walker must have moved for, to have explored, to have seen and to have converged.
 
 Walkers that start near a mode and creep along a bent ridge agree with each other long before they have come to its
 ends, and the more walkers there are the sooner they add up to the target: of 20 runs on a narrow banana all had

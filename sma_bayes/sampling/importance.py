@@ -30,12 +30,14 @@ from sma_bayes.sampling.proposals import Source
 from sma_bayes.sampling.weighted import Weighed, Weights, tempered
 
 DRAWS: Final = 4000
+"""Importance draws of a proposal."""
 ENOUGH: Final = 200.0
 """Effective draws that a posterior needs."""
 COMPONENTS, ROUNDS, POPULATION, RESAMPLED = 12, 5, 8000, 2000
 """Of the mixtures that are fitted to draws: components, how often they are fitted, draws each time, and how many of
 them they are fitted to."""
 MOST_MODES: Final = 3
+"""Modes that a proposal is fitted to."""
 LOWER: Final = 12.0
 """A mode whose mass is lower than that of the best one by this power of e is left out."""
 
