@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import struct
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
 import numpy as np
 import openpyxl
 import pytest
+import scipy.io
+from nptdms import ChannelObject, TdmsWriter
 
 import sma_bayes
 from sma_bayes import fit_campaign
@@ -191,6 +195,45 @@ def test_a_workbook(
     assert megabytes < LARGEST_MB
 
 
+MATLAB_HEAD = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+
+
+def write_bomb(path: Path) -> None:
+    """400 MB of nought, packed into less than half a megabyte."""
+    packer = zlib.compressobj()
+    begin = struct.pack("<7I", 14, 400_000_000, 6, 8, 6, 0, 5)
+    packed = packer.compress(begin) + b"".join(packer.compress(bytes(4_000_000)) for _ in range(100))
+    packed += packer.flush()
+    path.write_bytes(MATLAB_HEAD + struct.pack("<2I", 15, len(packed)) + packed)
+
+
+def write_many_numbers(path: Path) -> None:
+    """As single bytes, which take eight times as much when they are numbers."""
+    scipy.io.savemat(path, {"force": np.zeros(31_000_000, dtype=np.uint8)}, do_compression=True)
+
+
+def write_many_samples(path: Path) -> None:
+    with TdmsWriter(path) as writer:
+        writer.write_segment([ChannelObject("g", "force_N", np.zeros(31_000_000, dtype=np.uint8))])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no resource limits")
+@pytest.mark.parametrize(
+    ("name", "write", "told"),
+    [
+        ("a.mat", write_bomb, "more than 256000000 bytes when unpacked"),
+        ("a.mat", write_many_numbers, "more than 30000000 numbers"),
+        ("a.tdms", write_many_samples, "more than 30000000 numbers"),
+    ],
+)
+def test_a_binary_file(tmp_path: Path, name: str, write: Callable[[Path], None], told: str) -> None:
+    write(tmp_path / name)
+    status, err, megabytes = limited("inspect", tmp_path / name)
+    assert status == 2, err
+    assert told in err
+    assert megabytes < LARGEST_MB
+
+
 def test_rows_beyond_what_a_workbook_says_of_itself_are_read(
     run: Run, make_sweep: Callable[..., list[str]], tmp_path: Path
 ) -> None:
@@ -312,21 +355,34 @@ def test_every_limit_is_documented() -> None:
     assert rows == [f"| {limit.of} | {limit.value:,.15g} |" for limit in LIMITS]
 
 
-@pytest.mark.skipif(not hasattr(os, "setuid") or os.geteuid() != 0, reason="only root can be another user")
-def test_what_a_user_may_not_read_or_write_is_named(measured: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def no_entry(measured: Path, tmp_path: Path) -> Iterator[Path]:
+    """A folder with a measurement that `nobody` may not enter, nor the user who runs this, unless that is root."""
     secret = tmp_path / "secret"
-    secret.mkdir(mode=0o700)
+    secret.mkdir()
     shutil.copy(measured, secret / "run.csv")
-    for path in (tmp_path, *tmp_path.parents):
-        if path != secret and path.stat().st_uid == os.geteuid() and path != Path("/"):
-            path.chmod(path.stat().st_mode | 0o055)
+    secret.chmod(0)
+    if os.geteuid() == 0:
+        for path in (tmp_path, *tmp_path.parents):
+            if path.stat().st_uid == 0 and path != Path("/"):
+                path.chmod(path.stat().st_mode | 0o055)
+    else:
+        tmp_path.chmod(0o555)
+    yield secret
+    tmp_path.chmod(0o755)
+    secret.chmod(0o755)
+
+
+@pytest.mark.skipif(not hasattr(os, "setuid"), reason="no users")
+def test_what_a_user_may_not_read_or_write_is_named(measured: Path, tmp_path: Path, no_entry: Path) -> None:
+    secret = no_entry
     program = (
         "import contextlib, importlib, io, os, pkgutil, sys\nimport sma_bayes\nfrom sma_bayes import cli\n"
         "for module in pkgutil.walk_packages(sma_bayes.__path__, 'sma_bayes.'):\n"
         "    if module.name != 'sma_bayes.__main__': importlib.import_module(module.name)\n"
         f"given, sys.argv = sys.argv, ['sma-bayes', 'inspect', {str(measured)!r}]\n"
         "with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):\n    cli.main()\n"
-        "sys.argv = given\nos.setgid(65534)\nos.setuid(65534)\ncli.main()"
+        "sys.argv = given\nif os.geteuid() == 0:\n    os.setgid(65534)\n    os.setuid(65534)\ncli.main()"
     )  # Python itself may lie where only root reads
     for given in (
         ("inspect", secret / "run.csv"),

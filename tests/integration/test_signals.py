@@ -282,7 +282,7 @@ def test_a_run_goes_on_to_the_same_bits_after_each_signal(
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("number", [*ASKED, signal.SIGKILL])
+@pytest.mark.parametrize("number", [*ASKED, signal.SIGKILL], ids=lambda number: number.name)
 def test_two_hundred_instants_of_each_signal_over_all_verbs(
     campaign: Path, whole: Path, tmp_path: Path, number: signal.Signals
 ) -> None:

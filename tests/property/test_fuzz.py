@@ -1,8 +1,8 @@
 """Every reader, given files that were changed at random: a result, or one of our errors; never another.
 
 Each example starts from one of the files of the corpus: good ones that are made here, and those in `corpus/` that
-once failed. ``SMA_BAYES_FUZZ_S`` says for how many seconds each reader is tried; the suite takes a few, a night ten
-minutes.
+once failed. ``SMA_BAYES_FUZZ_S`` says for how many seconds each reader is tried, by default 3; a night takes ten minutes
+each, and another ``SMA_BAYES_FUZZ_SEED``, which decides the changes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from sma_bayes.studies.run.study_file import read_study
 
 SECONDS = float(os.environ.get("SMA_BAYES_FUZZ_S", "3"))
 CORPUS = Path(__file__).parent / "corpus"
-SEED = 20
+SEED = int(os.environ.get("SMA_BAYES_FUZZ_SEED", "20"))
 TOKENS = (
     b"", b"0", b"-1", b"1e308", b"1e-320", b"nan", b"inf", b"9" * 40, b"9" * 5000, b"\0", b"\xff\xfe", b"\xef\xbb\xbf",
     b"\n", b"\r", b'"', b"'", b",", b";", b"\t", b"=", b"[", b"]", b"{", b"}", b"[" * 200, b"{a=" * 200, b"." * 50,

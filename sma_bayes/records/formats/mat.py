@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import struct
 import subprocess
 import sys
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.errors import MeasurementError
+from sma_bayes.limits import BINARY_NUMBERS, MATLAB_BYTES
 from sma_bayes.quantities import Floats
-from sma_bayes.records.formats.table import Format, Reading, Table, sample_rows
+from sma_bayes.records.formats.table import Format, Reading, Table, sample_rows, too_large
 
 
 def recognises(path: Path, head: bytes) -> bool:
@@ -40,14 +43,19 @@ def read(path: Path, reading: Reading) -> Table:
     Raises
     ------
     MeasurementError
-        If the file is of version 7.3, damaged, or holds no array of numbers.
+        If the file is of version 7.3, damaged, too large, or holds no array of numbers.
     """
-    columns = {
-        name: array
-        for key, value in _variables(path).items()
-        if not key.startswith("__")
-        for name, array in _columns(key, value)
-    }
+    _require_bytes(path)
+    columns: dict[str, Floats] = {}
+    numbers = 0
+    for key, value in _variables(path).items():
+        if key.startswith("__"):
+            continue
+        for name, array in _columns(key, value):
+            columns[name] = array
+            numbers += array.size
+            if numbers > BINARY_NUMBERS.value:
+                raise too_large(f"the file has more than {BINARY_NUMBERS.value} numbers", path)
     if not columns:
         raise MeasurementError(
             "no array of numbers",
@@ -58,6 +66,39 @@ def read(path: Path, reading: Reading) -> Table:
     return Table(
         tuple(columns), tuple(columns.values()), sample_rows(max(len(values) for values in columns.values()))
     )
+
+
+_COMPRESSED, _CHUNK = 15, 1 << 20
+"""Type of a compressed element, and bytes that are unpacked at a time."""
+
+
+def _require_bytes(path: Path) -> None:
+    """Refuse a file that unpacks to more than the limit, without keeping what it unpacks to."""
+    left = int(MATLAB_BYTES.value)
+    with path.open("rb") as file:
+        head = file.read(128)
+        order = {b"IM": "<", b"MI": ">"}.get(head[126:])
+        if order is None:  # version 4, which has no compression
+            left -= path.stat().st_size
+        while left >= 0 and order and len(tag := file.read(8)) == 8:
+            kind, size = struct.unpack(f"{order}II", tag)
+            if kind == _COMPRESSED:
+                left = _left_after(zlib.decompressobj(), file.read(size), left)
+            else:
+                left -= size
+                file.seek(size, 1)
+    if left < 0:
+        raise too_large(f"the file has more than {MATLAB_BYTES.value} bytes when unpacked", path)
+
+
+def _left_after(unpacker: Any, packed: bytes, left: int) -> int:
+    while packed and left >= 0:
+        try:
+            left -= len(unpacker.decompress(packed, _CHUNK))
+        except zlib.error:  # damaged, of which the parser tells
+            break
+        packed = unpacker.unconsumed_tail
+    return left
 
 
 PROBE = "import sys, scipy.io; scipy.io.loadmat(sys.argv[1], squeeze_me=True, struct_as_record=False)"

@@ -200,3 +200,13 @@ def limited(table: Table, reading: Reading, file: Path) -> Table:
 
 def _taken(cells: Cells, keep: NDArray[np.bool_]) -> Cells:
     return cells[keep] if isinstance(cells, np.ndarray) else list(compress(cells, keep))
+
+
+def too_large(found: str, path: Path) -> MeasurementError:
+    """Error for a binary file that exceeds a limit."""
+    return MeasurementError(
+        found,
+        file=path,
+        expected="measurements and little else",
+        remedy="save the channels that are needed, or fewer samples of them",
+    )

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.errors import MeasurementError, near_matches
+from sma_bayes.limits import BINARY_NUMBERS
 from sma_bayes.quantities import Floats
-from sma_bayes.records.formats.table import Cells, Format, Reading, Table, sample_rows
+from sma_bayes.records.formats.table import Cells, Format, Reading, Table, sample_rows, too_large
 from sma_bayes.records.types import Finding
 
 WAVEFORM_TIME = "waveform time"
@@ -41,7 +42,7 @@ def read(path: Path, reading: Reading) -> Table:
     Raises
     ------
     MeasurementError
-        If the file is damaged, has no channels, or no such group.
+        If the file is damaged, too large, has no channels, or no such group.
     """
     groups, findings = _groups(path)
     if reading.group is not None and reading.group not in groups:
@@ -74,6 +75,9 @@ def _groups(path: Path) -> tuple[dict[str, dict[str, Cells]], tuple[Finding, ...
     from nptdms import TdmsFile
 
     try:
+        with TdmsFile.open(path) as file:  # reads what the file says of itself, no data
+            if sum(len(c) for group in file.groups() for c in group.channels()) > BINARY_NUMBERS.value:
+                raise too_large(f"the file has more than {BINARY_NUMBERS.value} numbers", path)
         with TdmsFile.read(path) as file:
             groups = {group.name: group.channels() for group in file.groups()}
             columns: dict[str, dict[str, Cells]] = {
@@ -82,6 +86,8 @@ def _groups(path: Path) -> tuple[dict[str, dict[str, Cells]], tuple[Finding, ...
                 if channels
             }
             return columns, _incomplete(file.file_status)
+    except MeasurementError:
+        raise
     except Exception as error:  # on a damaged file the parser raises whatever its fields lead to
         raise MeasurementError(
             f"the file is damaged: {error}",
