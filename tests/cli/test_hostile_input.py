@@ -340,6 +340,9 @@ def test_flipped_bits(run: Run, folder: Path, seed: int) -> None:
         ("--force", "1 N", "--extrapolate", "1e300"),
         ("--force", "1 N", "--temperature-sd", "1e300"),
         ("--force", "1 N", "--condition", "a" * 5000),
+        ("--at", "-300 degC"),
+        ("--at", "-1 kelvin"),
+        ("--at", "1e40 degC"),
     ],
 )
 def test_a_question(run: Run, finished: Path, question: tuple[str, ...]) -> None:

@@ -1,8 +1,8 @@
 """Every reader, given files that were changed at random: a result, or one of our errors; never another.
 
 Each example starts from one of the files of the corpus: good ones that are made here, and those in `corpus/` that
-once failed. ``SMA_BAYES_FUZZ_S`` says for how many seconds each reader is tried, by default 3; a night takes ten minutes
-each, and another ``SMA_BAYES_FUZZ_SEED``, which decides the changes.
+once failed. ``SMA_BAYES_FUZZ_S`` says for how many seconds each reader is tried, by default 3; a night takes ten
+minutes each, and another ``SMA_BAYES_FUZZ_SEED``, which decides the changes.
 """
 
 from __future__ import annotations

@@ -26,6 +26,7 @@ from sma_bayes.quantities import (
     number_and_unit,
     unit_text,
 )  # fmt: skip
+from sma_bayes.records.plausibility import ABSOLUTE_ZERO
 from sma_bayes.records.types import Branch
 from sma_bayes.response.arrangement import Arrangement, BiasSpring, overall_stiffness
 from sma_bayes.runs.fit_document import FitFindings, RecordSummary
@@ -324,7 +325,7 @@ def _answer_at(
     draws = run.draws(summary)
     stored = summary.temperature.unit
     degrees = temperature_unit or number_and_unit(asked[0], what="temperature")[1] or stored
-    given = np.array([_asked_temperature(text, stored, degrees) for text in asked])
+    given = np.array([asked_temperature(text, stored, degrees) for text in asked])
     low, high = (_temperature(t, stored, degrees) for t in (draws.coldest, draws.hottest))
     known = (given >= low - extrapolate) & (given <= high + extrapolate)
     beyond = (given < low) | (given > high)
@@ -359,14 +360,35 @@ def _answer_at(
     }
 
 
-def _asked_temperature(text: str, stored: str, degrees: str) -> float:
+def asked_temperature(text: str, stored: str, degrees: str) -> float:
+    """A temperature that is asked for, ``"60 degC"``, in a unit [degrees].
+
+    Parameters
+    ----------
+    text : str
+    stored : str
+        Unit of the temperature of the measurements.
+    degrees : str
+        Unit of the answer.
+
+    Raises
+    ------
+    QuantityError
+        If it is no temperature, has no unit, or lies below absolute zero or beyond `DEGREES`.
+    """
     number, unit = number_and_unit(text, what="temperature")
     if not unit and stored != ARBITRARY:
         raise QuantityError(
             f"temperature {text!r} has no unit",
             expected=f"a number with its unit, such as '{number:g} {degrees}'",
         )
-    return _converted(_temperature_back(number, unit or stored, stored), stored, degrees, "temperature")
+    value = _temperature_back(number, unit or stored, stored)
+    least = ABSOLUTE_ZERO if stored == "degC" else -DEGREES.value
+    if not least <= value <= DEGREES.value:
+        raise QuantityError(
+            f"temperature {text!r} is none that can be", expected=f"{least:g} to {DEGREES.value:g} {stored}"
+        )
+    return _converted(value, stored, degrees, "temperature")
 
 
 def _temperature_back(number: float, unit: str, stored: str) -> float:

@@ -20,7 +20,7 @@ from sma_bayes.records.types import Campaign
 from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, STUDY, sealed
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.store import write_json
-from sma_bayes.studies.ask.workflow import AT_SCHEMA, WANTED, ask
+from sma_bayes.studies.ask.workflow import AT_SCHEMA, WANTED, ask, asked_temperature
 from sma_bayes.studies.compare.workflow import compare
 from sma_bayes.studies.condition_text import condition_at
 from sma_bayes.studies.conditions.workflow import study_conditions
@@ -122,6 +122,7 @@ def run_study(
     study = read_study(Path(path))
     _check(study)
     campaign = read_campaign(study.campaign, data_dir=study.data)
+    _check_temperatures(study, campaign)
     folder = Path(out) if out is not None else study.out
     tell = progress or silent
     steps = _steps(study, campaign, folder, jobs if jobs is not None else study.jobs, resume)
@@ -166,9 +167,15 @@ def _check(study: Study) -> None:
             if asked[name] is not None:
                 with _place(study, f"ask {number}.{name}"):
                     number_and_unit(asked[name].rstrip("% "), what=name)
+
+
+def _check_temperatures(study: Study, campaign: Campaign) -> None:
+    """Refuse temperatures that no record could be asked for."""
+    unit = campaign.records[0].units["temperature"]
+    for number, asked in enumerate(study.asks, start=1):
         for text in asked["at"]:
             with _place(study, f"ask {number}.at"):
-                number_and_unit(text, what="temperature")
+                asked_temperature(text, unit, unit)
 
 
 @contextmanager
