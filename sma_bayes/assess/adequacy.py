@@ -37,15 +37,40 @@ SENTENCES = {
     "conflict": "prior and data contradict each other about {what}",
 }
 """Reasons why a fit is not adequate, by their kind."""
+WORTH_TRYING = {
+    "curve": ("`--model auto`", "`sma-bayes gap`"),
+    "check": ("`--model auto`", "`--noise auto`", "`sma-bayes gap`"),
+}
+"""What may describe the data better, by the kind of reason."""
 REMEDIES = {
-    "curve": "try `--model auto` or `sma-bayes gap`",
-    "check": "try `--model auto`, `--noise auto` or `sma-bayes gap`",
     "noise": "measure a greater response or with less noise",
     "tempered": "leave out `--noise effective_samples`",
     "prior": "measure through the whole transformation, or say in a priors file what is known of it",
     "conflict": "check units and numbers of the priors file, and the units of the measurements",
 }
-"""What to do about them."""
+"""What to do about the others."""
+
+
+def remedy(kind: str, model: str) -> str:
+    """What to do where a fit is not adequate for a reason of some kind, besides what was done.
+
+    Parameters
+    ----------
+    kind : str
+    model : str
+        The response model that was asked for, by name or ``auto``.
+
+    Examples
+    --------
+    >>> remedy("check", "modified_sigmoid")
+    'try `--model auto`, `--noise auto` or `sma-bayes gap`'
+    >>> remedy("check", "auto"), remedy("curve", "auto")
+    ('try `--noise auto` or `sma-bayes gap`', 'try `sma-bayes gap`')
+    """
+    if kind not in WORTH_TRYING:
+        return REMEDIES[kind]
+    *others, last = (way for way in WORTH_TRYING[kind] if way != f"`--model {model}`")
+    return f"try {' or '.join(filter(None, (', '.join(others), last)))}"
 
 
 @dataclass(frozen=True, slots=True)

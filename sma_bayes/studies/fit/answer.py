@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from sma_bayes.assess.adequacy import REMEDIES
+from sma_bayes.assess.adequacy import remedy
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.report.content import INTERVAL, Content, Estimate, RecordContent
 from sma_bayes.report.tables import Cell, Column, Table
-from sma_bayes.response import AUTO_MODEL
 from sma_bayes.studies.fit.findings import finding_groups
 
 LEAST, GREATEST = "least", "greatest"
@@ -115,16 +114,13 @@ def next_steps(content: Content) -> tuple[str, ...]:
 def _next_steps(content: Content) -> Iterator[str]:
     if content.unconverged:
         yield f"Don't use {_names(content.unconverged)}: not converged. Section 3.1 says which parameter"
-    tried = content.provenance.options.get("model") == AUTO_MODEL
+    model = str(content.provenance.options.get("model"))
     kinds: dict[str, list[RecordContent]] = {}
     for r in content.inadequate:
         if r.reasons:
             kinds.setdefault(r.reasons[0].kind, []).append(r)
     for kind, records in kinds.items():
-        remedy = REMEDIES[kind]
-        if tried:
-            remedy = remedy.replace("`--model auto` or ", "").replace("`--model auto`, ", "")
-        yield f"{_names(records)}: {records[0].reasons[0].message}; {remedy}"
+        yield f"{_names(records)}: {records[0].reasons[0].message}; {remedy(kind, model)}"
     extrapolated = [r for r in content.converged if any(not t.within_data for t in r.transformation)]
     if extrapolated:
         yield (

@@ -9,13 +9,12 @@ from typing import Any
 from rich.box import HEAVY_HEAD, SIMPLE_HEAD
 from rich.table import Table
 
-from sma_bayes.assess.adequacy import REMEDIES
+from sma_bayes.assess.adequacy import remedy
 from sma_bayes.errors import many
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.screen import SHOWN, screen, show_end
-from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.fit_document import FitSummary, RecordSummary
 
 COLUMNS = (
@@ -163,12 +162,9 @@ def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
 def _adequacy_sentence(kind: str, records: Sequence[RecordSummary], model: str) -> str:
     named = ", ".join(r.key for r in records[:NAMED])
     more = f" and {len(records) - NAMED} more" if len(records) > NAMED else ""
-    remedy = REMEDIES[kind]
-    if model == AUTO_MODEL:
-        remedy = remedy.replace("`--model auto` or ", "").replace("`--model auto`, ", "")
     which = f"{records[0].key}: " if len(records) > 1 else ""
     message = unit_text(records[0].why[0].message)
-    return f"{SUBJECTS[kind].format(records=named + more)}: {which}{message}; {remedy}."
+    return f"{SUBJECTS[kind].format(records=named + more)}: {which}{message}; {remedy(kind, model)}."
 
 
 def _worth_a_row(records: Sequence[RecordSummary]) -> Sequence[RecordSummary]:

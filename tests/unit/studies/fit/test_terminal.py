@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from sma_bayes.assess.adequacy import REMEDIES, SENTENCES
+from sma_bayes.assess.adequacy import SENTENCES, remedy
 from sma_bayes.runs.fit_document import (
     FitSummary,
     Measure,
@@ -119,7 +119,8 @@ def test_a_narrow_screen_cuts_no_word_off(
 @pytest.mark.parametrize("kind", SENTENCES)
 def test_every_kind_of_reason_has_its_words(kind: str) -> None:
     assert "{records}" in SUBJECTS[kind]
-    assert REMEDIES[kind]
+    assert remedy(kind, "modified_sigmoid")
+    assert "--model auto" not in remedy(kind, "auto"), "what was done is not advised"
 
 
 @pytest.mark.parametrize("length", [10, 30, 45, 60])
