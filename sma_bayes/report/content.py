@@ -13,6 +13,7 @@ from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.notation import compact
 from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.runs.schema import Finding
 from sma_bayes.sampling.convergence import Target
 
 LEVEL: Final = "90 %"
@@ -408,21 +409,6 @@ class RecordContent:
     def channel(self, channel: str) -> Channel | None:
         """The channel of that name, if this record has it."""
         return next((c for c in self.channels if c.channel == channel), None)
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """What the quality checks saw."""
-
-    kind: str
-    message: str
-    file: str
-    rows: tuple[int, ...]
-    count: int
-    dropped: int
-    condition: str
-    branch: str
-    column: str
 
 
 @dataclass(frozen=True, slots=True)

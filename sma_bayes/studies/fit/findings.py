@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sma_bayes.records.severity import SEVERITIES, Severity, severity
-from sma_bayes.report.content import Finding
+from sma_bayes.runs.schema import Finding
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ from sma_bayes.report.content import (
     Channel,
     Content,
     Estimate,
-    Finding,
     NearestParameter,
     Noise,
     Number,
@@ -29,7 +28,6 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.response import DEFAULT_MODEL
-from sma_bayes.runs import schema
 from sma_bayes.runs.fit_document import (
     CalibrationSummary,
     CheckSummary,
@@ -85,7 +83,7 @@ def report_content(run: StoredRun) -> Content:
         source=summary.source,
         records=records,
         loops=tuple(_quantity(q, names.get(q.condition, {})) for q in summary.loops),
-        findings=tuple(_finding(f) for f in summary.findings),
+        findings=summary.findings,
         printed=_printed(records) if is_twin(summary) else (),
         averages=tuple(f for e in summary.correlation_average for f in average_factors(e, e.data or "")),
         provenance=_provenance(run),
@@ -296,10 +294,6 @@ def _sampler(r: RecordSummary) -> Sampler:
         ln_evidence=r.ln_evidence,
         ln_evidence_sd=r.ln_evidence_sd,
     )
-
-
-def _finding(f: schema.Finding) -> Finding:
-    return Finding(f.kind, f.message, f.file, f.rows, f.count, f.dropped, f.condition, f.branch, f.column)
 
 
 def _printed(records: Iterable[RecordContent]) -> tuple[PrintedComparison, ...]:

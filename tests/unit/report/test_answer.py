@@ -5,13 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sma_bayes.assess.adequacy import Reason
-from sma_bayes.report.content import Content, Finding
+from sma_bayes.report.content import Content
+from sma_bayes.runs.schema import Finding
 from sma_bayes.studies.fit.answer import answer_tables, belief, next_steps
 from sma_bayes.studies.fit.findings import finding_groups, severity
 
 
 def finding(kind: str, condition: str, dropped: int = 0) -> Finding:
-    return Finding(kind, f"what {kind} means", "run.csv", (), dropped, dropped, condition, "", "")
+    return Finding(
+        kind=kind, message=f"what {kind} means", file="run.csv", rows=(), count=dropped, dropped=dropped,
+        condition=condition, branch="", column="", severity=severity(kind),
+    )  # fmt: skip
 
 
 def test_the_table_has_a_row_a_record_with_the_numbers_of_the_run(content: Content) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sma_bayes.report.content import Content, Estimate, Finding, Number
+from sma_bayes.report.content import Content, Estimate, Number
 from sma_bayes.report.tables import (
     OF_ROW,
     Column,
@@ -24,6 +24,7 @@ from sma_bayes.report.tables import (
     tex,
     write_tables,
 )
+from sma_bayes.runs.schema import Finding
 
 TABLES = (
     "parameters", "goodness_of_fit", "correlation", "loops", "transformation", "diagnostics", "noise", "checks",
@@ -122,8 +123,9 @@ def test_latex_is_balanced_and_rectangular(written: Path, name: str) -> None:
 
 def test_user_text_can_not_break_latex(content: Content) -> None:
     nasty = Finding(
-        "spike", r"100 % & \end{longtable} $x_1$ {", "a_b.csv", (1, 2), 2, 2, "c#1", "heating", "σ"
-    )
+        kind="spike", message=r"100 % & \end{longtable} $x_1$ {", file="a_b.csv", rows=(1, 2), count=2, dropped=2,
+        condition="c#1", branch="heating", column="σ", severity="look",
+    )  # fmt: skip
     text = tex(report_tables(replace(content, findings=(nasty,)))["findings"])
     assert r"100 \% \& \textbackslash{}end\{longtable\} \$x\_1\$ \{" in text
     assert text.count(r"\end{longtable}") == 1
