@@ -31,11 +31,11 @@ def memory_log_density(e: Floats, phi: Floats) -> Floats:
     return np.where(variance > 0.0, value, -np.inf)
 
 
-def memory_innovations(e: Floats, phi: Floats) -> Floats:
-    """Series with its memory taken out, of unit variance."""
+def memory_innovations(e: Floats, phi: Floats, scale: Floats | float = 1.0) -> Floats:
+    """Series with its memory taken out, of unit variance where innovations have these scales over the usual one."""
     step = _less_memory(e, phi)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(step / np.sqrt(1.0 - phi * phi))
+        return np.asarray(step / (np.sqrt(1.0 - phi * phi) * scale))
 
 
 def _less_memory(e: Floats, phi: Floats) -> Floats:
@@ -50,12 +50,11 @@ def memory_log_scale(phi: Floats) -> Floats:
     return np.asarray(0.5 * np.log1p(-(phi**2)))
 
 
-def memory_series(innovation: Floats, phi: Floats) -> Floats:
+def memory_series(innovation: Floats, phi: Floats, scale: Floats | float = 1.0) -> Floats:
     """Stationary series with memory `phi` (..., n) from its innovations (..., n); inverts `memory_innovations`."""
-    e = np.array(np.broadcast_to(innovation, np.broadcast_shapes(innovation.shape, phi.shape)))
-    scale = np.sqrt(1.0 - phi * phi)
+    e = innovation * np.sqrt(1.0 - phi * phi) * scale
     for i in range(1, phi.shape[-1]):
-        e[..., i] = phi[..., i] * e[..., i - 1] + scale[..., i] * e[..., i]
+        e[..., i] += phi[..., i] * e[..., i - 1]
     return e
 
 

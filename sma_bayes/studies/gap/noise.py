@@ -103,7 +103,7 @@ class BlockNoise:
 
     def whiten(self, x: Floats) -> Floats:
         """Series (..., n) as innovations of unit variance."""
-        out = memory_innovations(x / self.sd, self.memory) / self.scale
+        out = memory_innovations(x / self.sd, self.memory, self.scale)
         return np.asarray(out if self.switching is None else self.switching.whiten(out))
 
     def as_likely(self, innovations: Floats, rng: np.random.Generator) -> Floats:
@@ -112,7 +112,7 @@ class BlockNoise:
         which = rng.choice(len(others), size=innovations.shape[1], p=[p for p, _ in others])
         memory = np.stack([o.memory for _, o in others], axis=1)[:, which]
         sd = np.array([o.sd for _, o in others])[which]
-        out = memory_series((innovations * np.reshape(self.scale, (-1, 1))).T, memory.T).T * sd
+        out = memory_series(innovations.T, memory.T, self.scale).T * sd
         return np.asarray(out if self.switching is None else out + self.switching.drawn(rng, out.shape[1]))
 
     def scale_on(self, kept: NDArray[np.bool_]) -> Floats | float:
