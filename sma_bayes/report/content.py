@@ -307,6 +307,8 @@ class RecordContent:
     key, condition, branch : str
     checksum : str or None
         Of the content of its posterior; None where an earlier version wrote it.
+    band_checksums : mapping of str to str
+        Of the files of its bands, by channel.
     converged, adequate : bool
     reasons : tuple of Reason
         Why it is not adequate; empty where it is.
@@ -345,6 +347,7 @@ class RecordContent:
 
     key: str
     checksum: str | None
+    band_checksums: Mapping[str, str]
     condition: str
     branch: str
     converged: bool

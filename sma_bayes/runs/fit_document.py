@@ -409,6 +409,9 @@ class RecordSummary(DocumentPart):
         default=None,
         description="SHA-256 of the file of its posterior, which readers compare before they open it",
     )
+    band_sha256: dict[str, str] = Field(
+        default_factory=dict, description="the same of the files of its bands, by channel"
+    )
 
 
 class BiasSpringSummary(DocumentPart):

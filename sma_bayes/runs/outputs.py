@@ -208,6 +208,25 @@ def _missing(folder: Path, summary: FitSummary) -> list[str]:
     return [str(path.relative_to(folder)) for path in wanted if not path.is_file()]
 
 
+def band_of(folder: Path, key: str, channel: str, checksum: str | None) -> StoredBand:
+    """Read the bands of a channel that belong to an entry of ``summary.json``, by its key and checksum.
+
+    Raises
+    ------
+    OutputError
+        If the file is not, byte by byte, the one that the run wrote; and as `read_band`.
+    """
+    path = band_path(folder, key, channel)
+    if path.is_file() and file_checksum(path) != checksum:
+        raise OutputError(
+            "is not the band that summary.json tells of, or was changed since",
+            file=path,
+            expected="the file that the same run wrote",
+            remedy="take both from one run; or fit again into another folder",
+        )
+    return read_band(path)
+
+
 def read_band(path: Path) -> StoredBand:
     """Read a band.
 

@@ -297,6 +297,12 @@ def test_the_posterior_of_another_branch(run: Run, folder: Path) -> None:
     read_by_all(run, folder, "is not the posterior that summary.json tells of")
 
 
+def test_the_band_of_another_branch(run: Run, folder: Path) -> None:
+    shutil.copy(folder / "bands" / "a-cooling-force.csv", folder / "bands" / "a-heating-force.csv")
+    for call in (("report", folder, "--jobs", 1), ("diff", folder, folder)):
+        assert "is not the band that summary.json tells of" in refused(run, *call)
+
+
 def test_the_posterior_of_another_run(
     run: Run, folder: Path, make_campaign: Callable[..., Path], tmp_path: Path
 ) -> None:

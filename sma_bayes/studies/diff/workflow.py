@@ -10,7 +10,7 @@ import numpy as np
 
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary
-from sma_bayes.runs.outputs import StoredBand, StoredRun, band_path, read_band, read_run
+from sma_bayes.runs.outputs import StoredBand, StoredRun, band_of, read_run
 from sma_bayes.studies.diff.schema import DifferenceDocument
 
 TOLERANCE: Final = 0.25
@@ -97,7 +97,7 @@ def _record(
         return {"key": key, "in": "b" if a is None else "a", "same": False}
     names = list(dict.fromkeys([*a.parameters, *b.parameters]))
     parameters = {n: _parameter(a.parameters.get(n), b.parameters.get(n)) for n in names}
-    bands = {c: _band(runs, key, c) for c in a.quantities if c in b.quantities}
+    bands = {c: _band(runs, (a, b), c) for c in a.quantities if c in b.quantities}
     shifts = [p["shift"] for p in parameters.values() if p["shift"] is not None]
     shifts += [band["shift"] for band in bands.values() if band is not None]
     first, second = a.as_json(), b.as_json()
@@ -158,12 +158,15 @@ def _shift(difference: float, sd: float) -> float:
     )
 
 
-def _band(runs: Sequence[StoredRun], key: str, channel: str) -> dict[str, Any] | None:
+def _band(runs: Sequence[StoredRun], records: Sequence[RecordSummary], channel: str) -> dict[str, Any] | None:
     """Where the medians of two bands are furthest apart, in standard deviations of the wider band, and in their unit.
 
     None where they share no temperature.
     """
-    a, b = (read_band(band_path(run.folder, key, channel)) for run in runs)
+    a, b = (
+        band_of(run.folder, record.key, channel, record.band_sha256.get(channel))
+        for run, record in zip(runs, records, strict=True)
+    )
     low = max(float(a.temperature.min()), float(b.temperature.min()))
     high = min(float(a.temperature.max()), float(b.temperature.max()))
     if not low < high:
@@ -177,7 +180,7 @@ def _band(runs: Sequence[StoredRun], key: str, channel: str) -> dict[str, Any] |
     at, difference, sd = at[known], difference[known], sd[known]
     shift = np.array([_shift(float(d), float(s)) for d, s in zip(difference, sd, strict=True)])
     worst = int(np.argmax(np.abs(shift)))
-    quantity = next(r for r in runs[0].summary.records if r.key == key).quantities[channel]
+    quantity = records[0].quantities[channel]
     return {
         "name": quantity.name,
         "unit": quantity.unit,

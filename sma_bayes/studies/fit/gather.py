@@ -103,6 +103,7 @@ def _record(r: RecordSummary) -> RecordContent:
     return RecordContent(
         key=r.key,
         checksum=r.posterior_sha256,
+        band_checksums=r.band_sha256,
         condition=r.condition,
         branch=r.branch,
         converged=r.converged,

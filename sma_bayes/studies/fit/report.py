@@ -16,7 +16,7 @@ from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles
 from sma_bayes.report.tables import report_tables
 from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.outputs import StoredRun, band_path, posterior_of, read_band, read_run
+from sma_bayes.runs.outputs import StoredRun, band_of, posterior_of, read_run
 from sma_bayes.runs.store import write_text
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.fit.answer import answer_tables
@@ -187,5 +187,8 @@ def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask
 
 def _branch_data(folder: Path, record: RecordContent) -> BranchData:
     stored = posterior_of(folder, record.key, record.checksum)
-    bands = {c.channel: read_band(band_path(folder, record.key, c.channel)) for c in record.channels}
+    bands = {
+        c.channel: band_of(folder, record.key, c.channel, record.band_checksums.get(c.channel))
+        for c in record.channels
+    }
     return BranchData(record, stored, bands, median_curves(stored))

@@ -23,6 +23,7 @@ from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import MARK
 from sma_bayes.runs.fit_document import QuantitySummary, RecordSummary
 from sma_bayes.runs.jobs import run
+from sma_bayes.runs.outputs import band_path
 from sma_bayes.runs.store import write_csv, write_posterior
 from sma_bayes.sampling.moves import SAMPLERS
 from sma_bayes.studies.fit.parts import Part, part_path, read_part, write_part
@@ -227,9 +228,12 @@ def _assess_record(
         path = folder / "posterior" / f"{record.key}.nc"
         write_posterior(path, found, i, replicated)
         summary = summary.model_copy(update={"posterior_sha256": file_checksum(path)})
+        written = {}
         for channel, band in bands.items():
-            columns = band.columns(record.units["temperature"])
-            write_csv(folder / "bands" / f"{record.key}-{channel}.csv", columns)
+            place = band_path(folder, record.key, channel)
+            write_csv(place, band.columns(record.units["temperature"]))
+            written[channel] = file_checksum(place)
+        summary = summary.model_copy(update={"band_sha256": written})
     return summary, [
         Scored(
             record.key,
