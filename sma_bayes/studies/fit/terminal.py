@@ -53,7 +53,9 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     for r in records:
         sampled = [p for p in r.parameters.values() if p.rhat is not None]
         prior_driven = [n for n, p in r.parameters.items() if p.prior_driven]
-        factors = ", ".join(f"{r.quantities[c].name} {f['r'].median:.4f}" for c, f in r.correlation.items())
+        factors = ", ".join(
+            f"{r.quantities[c].name} {_number(f['r'].median)}" for c, f in r.correlation.items()
+        )
         cells = (
             r.key,
             str(r.n),
@@ -98,6 +100,11 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     for sentence in adequacy_sentences(found.records, found.options.model):
         console.print(sentence, soft_wrap=True)
     show_end(console, summary, out)
+
+
+def _number(value: float | None) -> str:
+    """Four decimals, or a dash where a constant curve gives none."""
+    return "-" if value is None else f"{value:.4f}"
 
 
 def _columns_beside(keys: Sequence[str], width: int) -> list[str]:
