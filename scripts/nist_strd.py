@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import sma_bayes
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch
 from sma_bayes.response import ResponseModel
@@ -113,8 +113,8 @@ class Regression(ResponseModel):
     def parameter_names(self) -> tuple[str, ...]:
         return tuple(f"b{k + 1}" for k in range(self.count))
 
-    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
-        return tuple(ParameterFact(name, "1", name, name, "force") for name in self.parameter_names)
+    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterSpec, ...]:
+        return tuple(ParameterSpec(name, "1", name, name, "force") for name in self.parameter_names)
 
     def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         b = [np.asarray(theta)[..., k, None] for k in range(self.count)]

@@ -28,7 +28,7 @@ from scipy.optimize import brentq, minimize
 from scipy.special import expit, ndtr
 
 import sma_bayes
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch
 from sma_bayes.response import ResponseModel
@@ -109,9 +109,9 @@ class Growth(ResponseModel):
     def parameter_names(self) -> tuple[str, ...]:
         return self.names
 
-    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
+    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterSpec, ...]:
         return tuple(
-            ParameterFact(n, "1", n, n, "" if len(self.channels) > 1 else "force") for n in self.names
+            ParameterSpec(n, "1", n, n, "" if len(self.channels) > 1 else "force") for n in self.names
         )
 
     def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:

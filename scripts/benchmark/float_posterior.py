@@ -50,7 +50,7 @@ class FloatPosterior:
             )
         self.temperature = record.temperature
         self.observed = {channel: record.observed[channel] for channel in record.channels}
-        self.remembers = posterior.noise.name == "ar1"
+        self.autocorrelated = posterior.noise.name == "ar1"
         self.scales = tuple(_scale(p.prior) for p in posterior.space.free)
         self.position = {p.name: i for i, p in enumerate(posterior.space.parameters)}
         if len(self.scales) != len(self.position):
@@ -99,7 +99,7 @@ class FloatPosterior:
             e = self.residual[channel](theta)
             sd = theta[self.position[f"{channel}_sd"]]
             total -= e.size * (math.log(sd) + HALF_LN_2PI)
-            if self.remembers:
+            if self.autocorrelated:
                 total += _remembering(e, sd, theta[self.position[f"{channel}_phi"]])
             else:
                 total -= 0.5 * float(e.dot(e)) / (sd * sd)

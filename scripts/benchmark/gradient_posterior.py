@@ -29,7 +29,7 @@ class Form:
     names : tuple of str
         Parameters, in the order of ``z``.
     channels : tuple of str
-    remembers : bool
+    autocorrelated : bool
         Whether the noise is AR(1); independent otherwise.
     logarithmic : tuple of bool
         Which parameters are sampled as logarithms.
@@ -39,7 +39,7 @@ class Form:
 
     names: tuple[str, ...]
     channels: tuple[str, ...]
-    remembers: bool
+    autocorrelated: bool
     logarithmic: tuple[bool, ...]
     bounded: tuple[bool, ...]
 
@@ -118,7 +118,7 @@ def log_prob(xp: Any, form: Form, z: Any, data: dict[str, Any]) -> Any:
         sd = theta[f"{channel}_sd"]
         squares = (e * e).sum()
         total = total - n * (xp.log(sd) + HALF_LN_2PI)
-        if form.remembers:
+        if form.autocorrelated:
             phi = theta[f"{channel}_phi"]
             left = 1.0 - phi * phi
             start, end = e[0] ** 2, (data["last"] * e * e).sum()

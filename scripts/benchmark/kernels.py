@@ -42,7 +42,7 @@ def numexpr_kernel(posterior: Posterior) -> Kernel:
 
     def log_prob(z: Floats) -> Floats:
         total = space.log_prior(z)
-        theta = space.to_physical(z)
+        theta = space.constrain(z)
         values = {name: theta[:, i, None] for name, i in column.items()}
         for channel in record.channels:
             sd = values[f"{channel}_sd"]
@@ -73,13 +73,13 @@ def numba_kernel(posterior: Posterior) -> Kernel:
     for channel in form.channels:
         letter = "B" if channel == "force" else "A"
         names = ["A1", "A2", "A3", "B1", "B2", "B3"] if stiffness else [f"{letter}{i}" for i in (1, 2, 3, 4)]
-        noise = [f"{channel}_sd", f"{channel}_phi"] if form.remembers else [f"{channel}_sd"]
+        noise = [f"{channel}_sd", f"{channel}_phi"] if form.autocorrelated else [f"{channel}_sd"]
         places.append([at[name] for name in names + noise])
     observed = np.stack([data[channel] for channel in form.channels])
     loop = _compiled_loop()
     arguments = (
         np.array(places), kind, data["first_of_prior"], data["second_of_prior"], data["sign"],
-        data["temperature"], observed, stiffness, form.remembers,
+        data["temperature"], observed, stiffness, form.autocorrelated,
     )  # fmt: skip
     return lambda z: np.asarray(loop(np.ascontiguousarray(z), *arguments))
 

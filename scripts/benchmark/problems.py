@@ -21,7 +21,7 @@ from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.convergence import Target
 from sma_bayes.sampling.ensembles import Draws, Plan, sample
-from sma_bayes.sampling.laplace import Mode, climb
+from sma_bayes.sampling.laplace import Mode, find_mode
 
 CHANNEL_SETS = {
     "S": ("stiffness",),
@@ -118,7 +118,7 @@ class Problem:
     @cached_property
     def mode(self) -> Mode:
         """Mode and Laplace covariance: where the walkers of other samplers start."""
-        mode = climb(self.posterior, self.start, self.posterior.space.prior_sd())
+        mode = find_mode(self.posterior, self.start, self.posterior.space.prior_sd())
         if mode is None:
             raise ValueError(f"{self.posterior.records[0].key}: the density is zero at the warm start")
         return mode

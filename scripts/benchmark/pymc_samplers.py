@@ -110,7 +110,7 @@ def _model(form: Form, length: int) -> Any:
     import pymc
     import pytensor.tensor as pt
 
-    last = ("last",) if form.remembers else ()
+    last = ("last",) if form.autocorrelated else ()
     dimension = len(form.names)
     shapes = dict.fromkeys(("temperature", "weight", *last, *form.channels), length)
     shapes |= dict.fromkeys(("first_of_prior", "second_of_prior", "sign"), dimension)

@@ -297,6 +297,6 @@ def interval(study: GapStudy, effect: str) -> tuple[float, float]:
     i = list(space.free_index).index(at)
     sd = float(np.sqrt(final.covariance[i, i]))
     ends = [
-        space.free[i].prior.transform.to_physical(np.array(final.z[i] + q * sd)) for q in ndtri((0.05, 0.95))
+        space.free[i].prior.transform.constrain(np.array(final.z[i] + q * sd)) for q in ndtri((0.05, 0.95))
     ]
     return float(min(ends)), float(max(ends))

@@ -21,7 +21,7 @@ NOTICED = 3.0
 """Standard deviations of the noise that it must miss there, too, to count: below, nobody would see it."""
 SWALLOWED = 0.25
 """Standard deviation of the noise over the range of the curve; beyond, it has swallowed the response."""
-LED = 0.75
+PRIOR_LED = 0.75
 """Contraction below which a parameter is led by its prior: more than half of the prior's standard deviation is left."""
 CONFLICT = 0.001
 """Prior probability, both tails together, outside of which a posterior median contradicts the prior: by the prior's own
@@ -235,6 +235,6 @@ def led_by_prior(fit: Fit, record: int = 0) -> tuple[str, ...]:
     ):
         fact = facts[name]
         telling = fact.role in (Role.MIDPOINT, Role.RATE) and fact.channel in fit.records[record].channels
-        if telling and moved.get(position, 1.0) < LED:
+        if telling and moved.get(position, 1.0) < PRIOR_LED:
             led[fact.channel] = None
     return tuple(led)

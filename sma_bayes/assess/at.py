@@ -15,7 +15,7 @@ Curve = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, eq=False)
-class Interval:
+class IntervalAt:
     """Median and equal-tailed interval at each of m temperatures.
 
     Attributes
@@ -28,13 +28,13 @@ class Interval:
     high: Floats
 
 
-def interval(draws: Floats, level: float) -> Interval:
+def interval(draws: Floats, level: float) -> IntervalAt:
     """Median and equal-tailed interval that holds a probability, over the draws of the first axis (S, m)."""
     tail = 0.5 * (1.0 - level)
-    return Interval(*quantiles(draws, (tail, 0.5, 1.0 - tail), axis=0))
+    return IntervalAt(*quantiles(draws, (tail, 0.5, 1.0 - tail), axis=0))
 
 
-def credible_at(curve: Curve, temperature: Floats, level: float, error: Floats | float = 0.0) -> Interval:
+def credible_at(curve: Curve, temperature: Floats, level: float, error: Floats | float = 0.0) -> IntervalAt:
     """Interval of the curve at given temperatures.
 
     Parameters
@@ -58,7 +58,7 @@ def predictive_at(
     level: float,
     seed: int,
     error: Floats | float = 0.0,
-) -> Interval | None:
+) -> IntervalAt | None:
     """Interval of a new measurement at given temperatures; None where the channel was not measured itself.
 
     Parameters

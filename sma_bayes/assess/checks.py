@@ -29,7 +29,7 @@ CHANCE: Final = 0.002
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Series:
+class CheckedSeries:
     """What the statistics look at beside the innovations.
 
     Attributes
@@ -49,14 +49,14 @@ class Series:
     response: Floats
 
     @staticmethod
-    def of(fit: Fit, record: int, channel: str, theta: Floats) -> Series:
+    def of(fit: Fit, record: int, channel: str, theta: Floats) -> CheckedSeries:
         """Of a channel of a record; the curve is taken over some of the draws (N, D)."""
         r = fit.records[record]
         order = np.argsort(r.temperature, kind="stable")
         count = max(FEWEST_BLOCKS, min(MOST_BLOCKS, r.n // SAMPLES_OF_A_BLOCK))
         number = r.inputs["segment"] if "segment" in r.inputs else np.zeros(r.n)
         curve = fit.posterior.predict(theta, r.inputs, record=record)[channel]
-        return Series(
+        return CheckedSeries(
             fit.posterior.steps[record],
             np.array_split(order, count),
             [np.flatnonzero(number == s) for s in np.unique(number)],
@@ -79,7 +79,7 @@ class Statistic:
     """
 
     meaning: str
-    value: Callable[[Floats, Series], Floats]
+    value: Callable[[Floats, CheckedSeries], Floats]
     two_sided: bool = False
 
 
@@ -88,14 +88,14 @@ def _means(e: Floats, groups: list[Ints]) -> Floats:
     return np.asarray(np.sum([g.size * np.mean(e[:, g], axis=1) ** 2 for g in groups], axis=0))
 
 
-def _uneven(e: Floats, series: Series) -> Floats:
+def _uneven(e: Floats, series: CheckedSeries) -> Floats:
     """Greatest ratio, as a logarithm, of the mean square in a block to that of all."""
     square = np.square(e)
     blocks = np.log(np.stack([square[:, b].mean(axis=1) for b in series.blocks]))
     return np.asarray(np.abs(blocks - np.log(square.mean(axis=1))).max(axis=0))
 
 
-def _growing(e: Floats, series: Series) -> Floats:
+def _growing(e: Floats, series: CheckedSeries) -> Floats:
     """Correlation of the magnitude with the response; nought where the response is level."""
     size = np.abs(e) - np.abs(e).mean(axis=1, keepdims=True)
     response = series.response - series.response.mean()
@@ -103,7 +103,7 @@ def _growing(e: Floats, series: Series) -> Floats:
     return np.asarray(np.divide(size @ response, norm, out=np.zeros(len(e)), where=norm > 0.0))
 
 
-def _uneven_pit(e: Floats, series: Series) -> Floats:
+def _uneven_pit(e: Floats, series: CheckedSeries) -> Floats:
     """Greatest distance of the probability integral transforms from a uniform distribution."""
     u = np.sort(ndtr(e), axis=1)
     n = e.shape[1]
@@ -195,7 +195,7 @@ def predictive_checks(fit: Fit, record: int = 0) -> list[Check]:
         scale = posterior.noise_scale(theta, record, channel, response[channel])
         again = posterior.readings(rng, theta, record, channel, response[channel], scale, steps)
         replicated = noise.innovations((again - response[channel]) / scale, shape, steps)
-        series = Series.of(fit, record, channel, theta)
+        series = CheckedSeries.of(fit, record, channel, theta)
         for name, statistic in STATISTICS.items():
             if name == "sweep_means" and len(series.sweeps) < 2:
                 continue

@@ -142,7 +142,7 @@ def missed_by(posterior: Posterior, theta: Floats, seed: np.random.SeedSequence)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HeldOut:
+class HeldOutPredictions:
     """Predictions of samples that had no part in the fit.
 
     Attributes
@@ -214,7 +214,7 @@ class Predictor:
         trust: float = RELIABLE,
         *,
         curves: int = 0,
-    ) -> HeldOut:
+    ) -> HeldOutPredictions:
         """Predict each of several parts of the record from the rest.
 
         Parameters
@@ -231,7 +231,7 @@ class Predictor:
             of those of another.
         """
         record = self.record
-        theta = self.posterior.space.to_physical(self.draws.z)
+        theta = self.posterior.space.constrain(self.draws.z)
         full, share = density_of(self.posterior, theta, self.weights, record)
         left = np.stack([(full[:, t] * share[:, None]).sum(axis=1) for t in targets], axis=1)
         log_weight, k = smoothed_weights(self.draws.log_weight[:, None] - left)
@@ -253,7 +253,9 @@ class Predictor:
                 data = record.observed[record.channels[0]][target]
                 agreements.append(agreement(data, of_target[resampled(w, curves, rng)]))
         k_anew = np.array([f.k for f in fits])
-        return HeldOut(density, median, k, k_anew, sum(not f.converged for f in fits), tuple(agreements))
+        return HeldOutPredictions(
+            density, median, k, k_anew, sum(not f.converged for f in fits), tuple(agreements)
+        )
 
     def _anew(self, targets: Sequence[Mask], k: Floats, trust: float) -> Mask:
         anew = ~np.asarray(k <= trust)
@@ -270,7 +272,7 @@ class Predictor:
         draws = importance_draws(
             posterior, starts, posterior.space.prior_sd(), seed, others=[self.draws.proposal]
         )
-        theta = posterior.space.to_physical(draws.z)
+        theta = posterior.space.constrain(draws.z)
         weights = missed_by(posterior, theta, seed.spawn(1)[0])
         test = part(self.record, target)
         full, _ = density_of(posterior, theta, weights, test)

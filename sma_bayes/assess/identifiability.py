@@ -42,7 +42,7 @@ def contraction(fit: Fit) -> Floats:
     for i, parameter in enumerate(space.free):
         transform = parameter.prior.transform
         if isinstance(transform, Logit):  # near a bound the logit stretches what is a narrow interval
-            out[i] = 1.0 - transform.to_physical(z[:, i]).var() / parameter.prior.quantile(slices).var()
+            out[i] = 1.0 - transform.constrain(z[:, i]).var() / parameter.prior.quantile(slices).var()
     return np.asarray(out)
 
 

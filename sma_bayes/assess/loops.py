@@ -16,7 +16,7 @@ from sma_bayes.response.modified_sigmoid import channel_unit
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
+class QuantityInterval:
     """A quantity with its 90 % interval.
 
     Attributes
@@ -38,7 +38,7 @@ class Interval:
     meaning: str
 
 
-def branch_quantities(fit: Fit, record: int = 0) -> list[Interval]:
+def branch_quantities(fit: Fit, record: int = 0) -> list[QuantityInterval]:
     """Least and greatest stiffness over the observed temperatures, and their ratio."""
     r = fit.records[record]
     if "stiffness" not in band_channels(r) or led_by_prior(fit, record):
@@ -58,7 +58,7 @@ def branch_quantities(fit: Fit, record: int = 0) -> list[Interval]:
     ]
 
 
-def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0)) -> list[Interval]:
+def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0)) -> list[QuantityInterval]:
     """Hysteresis width and loop area of one condition.
 
     The width is the distance of the midpoints, heating less cooling; the area is the integral of heating less
@@ -108,8 +108,8 @@ def _interval(
     meaning: str,
     *,
     branch: str | None = None,
-) -> Interval:
+) -> QuantityInterval:
     r = fit.records[record]
     q05, median, q95 = (float(v) for v in quantiles(draws, (0.05, 0.5, 0.95)))
     shown = r.branch.value if branch is None else branch
-    return Interval(name, r.condition.id, shown, channel, unit, q05, median, q95, meaning)
+    return QuantityInterval(name, r.condition.id, shown, channel, unit, q05, median, q95, meaning)

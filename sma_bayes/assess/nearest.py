@@ -37,7 +37,7 @@ SURE = 0.95
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Nearest:
+class NearestPublished:
     """A parameter of the nearest published curve of one channel.
 
     Attributes
@@ -67,7 +67,7 @@ class Nearest:
         return q05, median, q95
 
 
-def nearest_parameters(fit: Fit, record: int = 0) -> tuple[Nearest, ...]:
+def nearest_parameters(fit: Fit, record: int = 0) -> tuple[NearestPublished, ...]:
     """Parameters of the nearest published curves of one record, for force and displacement where they were measured.
 
     Parameters
@@ -79,7 +79,7 @@ def nearest_parameters(fit: Fit, record: int = 0) -> tuple[Nearest, ...]:
     return nearest_of(fit.curves(record))
 
 
-def nearest_of(curves: CurveDraws) -> tuple[Nearest, ...]:
+def nearest_of(curves: CurveDraws) -> tuple[NearestPublished, ...]:
     """Parameters of the nearest published curves of the draws of a record; see `nearest_parameters`."""
     record = curves.posterior.records[curves.record]
     out = []
@@ -100,7 +100,7 @@ def nearest_of(curves: CurveDraws) -> tuple[Nearest, ...]:
         order = [Role.SPAN, Role.RATE, Role.MIDPOINT, Role.OFFSET]
         for fact in facts:
             if fact.role in order:
-                out.append(Nearest(fact.name, fact.unit, channel, theta[:, order.index(fact.role)]))
+                out.append(NearestPublished(fact.name, fact.unit, channel, theta[:, order.index(fact.role)]))
     return tuple(out)
 
 

@@ -193,6 +193,6 @@ def _without(fit: Fit, sweep: Ints) -> tuple[dict[str, Floats], Floats] | None:
     draws = importance_draws(rest, [start], rest.space.prior_sd(), seed)
     if not draws.converged:
         return None
-    theta = rest.space.to_physical(draws.z)
+    theta = rest.space.constrain(draws.z)
     weights = missed_by(rest, theta, missed_seed)
     return _innovations(evaluated_on(rest, record), theta, weights, 0), draws.log_weight

@@ -46,7 +46,7 @@ def moved(response: Response, inputs: Inputs, by: Floats) -> dict[str, Floats]:
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class ChannelCurve:
     """A channel along a history, and what it would be if the transformation were not under way.
 
     Attributes
@@ -69,7 +69,7 @@ class Curve:
         return np.clip((self.value - self.cold) / span, 0.0, 1.0)
 
 
-def curves(response: Response, inputs: Inputs) -> tuple[dict[str, Floats], dict[str, Curve]]:
+def curves(response: Response, inputs: Inputs) -> tuple[dict[str, Floats], dict[str, ChannelCurve]]:
     """Response, and the curves of force and displacement in it.
 
     Stiffness has no curve: it is the ratio of the slopes of the two, and what alters their shapes or spans alike
@@ -78,7 +78,7 @@ def curves(response: Response, inputs: Inputs) -> tuple[dict[str, Floats], dict[
     out = response(inputs)
     cold, hot = (_phase(response, inputs, by) for by in (-FAR, FAR))
     names = [c for c in ("force", "displacement") if c in out]
-    return out, {c: Curve(out[c], cold[c], hot[c] - cold[c]) for c in names}
+    return out, {c: ChannelCurve(out[c], cold[c], hot[c] - cold[c]) for c in names}
 
 
 def _phase(response: Response, inputs: Inputs, by: float) -> dict[str, Floats]:
@@ -90,13 +90,13 @@ def _phase(response: Response, inputs: Inputs, by: float) -> dict[str, Floats]:
     return {c: 2.0 * there[c] - beyond[c] for c in there}
 
 
-def stretched(out: Mapping[str, Floats], curve: Curve, fixed: Floats, by: Floats) -> dict[str, Floats]:
+def stretched(out: Mapping[str, Floats], curve: ChannelCurve, fixed: Floats, by: Floats) -> dict[str, Floats]:
     """Response with a longer stroke; the stiffness, dF/dX, falls by the same factor.
 
     Parameters
     ----------
     out : mapping of str to ndarray, shape (..., n)
-    curve : Curve
+    curve : ChannelCurve
         Of the displacement.
     fixed : ndarray, shape (..., n)
         The plateau that stays.

@@ -13,7 +13,7 @@ from sma_bayes.fitting.posterior_coordinates import NoiseScaledCoordinates, Pred
 from sma_bayes.sampling.density import Linearised
 from sma_bayes.sampling.proposals import Coordinates, FactorisedMixture, PlainCoordinates
 
-LED = 0.5
+PRIOR_LED = 0.5
 """Posterior over prior sd from which a parameter is led by the prior: it lies on a ridge."""
 LED_BACK = 0.99
 """Least share of draws to which predictive coordinates must lead back."""
@@ -66,7 +66,7 @@ class LinearisedPosterior(LinearisedResponse, Linearised):
 
     def determined(self, covariance: Floats) -> bool:
         sd = np.sqrt(np.diag(covariance)) / self.posterior.space.prior_sd()
-        return bool(np.all(sd[: self.count] <= LED))
+        return bool(np.all(sd[: self.count] <= PRIOR_LED))
 
     @property
     def joint(self) -> bool:

@@ -31,7 +31,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 
 from sma_bayes.noise import NoiseModel, Steps
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 
 FUNCTIONS = 30
@@ -47,9 +47,9 @@ STEPS = 6
 """Steps of Fisher scoring to the likeliest weights under noise that is not normal."""
 
 
-def size_fact(channel: str, unit: str) -> ParameterFact:
+def size_fact(channel: str, unit: str) -> ParameterSpec:
     """The size of the discrepancy of a channel, a parameter beside those of its noise."""
-    return ParameterFact(
+    return ParameterSpec(
         f"{channel}_discrepancy",
         unit,
         f"root mean square of what the curve of {channel} misses",
@@ -262,7 +262,7 @@ class Whitened:
         count = noise.location_information(shape)
         inverse = 1.0 / self.scale
         even = self.scale.shape[1] == 1
-        if even and not noise.remembers:
+        if even and not noise.autocorrelated:
             power = np.einsum("mn,mn->m", self.rows, self.rows)
             return _Apart(self, a, inverse, count[:, None] * (self.size * inverse) ** 2 * power)
         if even:

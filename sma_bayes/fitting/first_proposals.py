@@ -184,6 +184,6 @@ class PriorOfCurve:
         value = self.space.log_prior(z) + self.noise.log_density(z[:, self.at])
         for i in self.at:
             prior = self.space.free[i].prior
-            x = prior.transform.to_physical(z[:, i])
+            x = prior.transform.constrain(z[:, i])
             value = value - prior.log_density(x) - prior.transform.log_jacobian(z[:, i])
         return np.asarray(value)

@@ -66,7 +66,7 @@ class Fit:
         keep = np.linspace(0, joined.shape[1] - 1, min(KEPT, joined.shape[1])).round().astype(int)
         z = joined[:, keep]
         object.__setattr__(self, "z", z)
-        object.__setattr__(self, "theta", self.posterior.space.to_physical(z))
+        object.__setattr__(self, "theta", self.posterior.space.constrain(z))
 
     @property
     def records(self) -> tuple[Record, ...]:

@@ -105,7 +105,7 @@ def fit_records(
     return Fit(
         posterior,
         start,
-        posterior.space.to_physical(z),
+        posterior.space.constrain(z),
         draws,
         choice,
         seed,

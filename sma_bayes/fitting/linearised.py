@@ -37,7 +37,7 @@ class LinearisedResponse:
     @np.errstate(all="ignore")  # what overflows is left out by who asks
     def at(cls, posterior: Posterior, z: Floats) -> Self:
         """Linearise at a point."""
-        theta, chain = posterior.space.to_physical(z), posterior.space.derivative(z)
+        theta, chain = posterior.space.constrain(z), posterior.space.derivative(z)
         sampled = posterior.sampled_model
         slopes = []
         for record, place in zip(posterior.records, posterior.layout, strict=True):

@@ -22,7 +22,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
-from sma_bayes.sampling.laplace import climb
+from sma_bayes.sampling.laplace import find_mode
 
 EARNED = 3.0
 """What a richer curve must gain in ln evidence: odds of 20 to 1."""
@@ -127,7 +127,7 @@ def log_evidence(prepared: Prepared) -> float:
     if choice is None:
         return -np.inf
     posterior = posterior_with(choice.name, prepared.posterior, prepared.start, prepared.priors, choice)
-    mode = climb(posterior, noise_start(posterior, prepared.start, choice), posterior.space.prior_sd())
+    mode = find_mode(posterior, noise_start(posterior, prepared.start, choice), posterior.space.prior_sd())
     if mode is None:
         return -np.inf
     return mode.log_prob + 0.5 * float(np.linalg.slogdet(2.0 * np.pi * mode.covariance)[1])
@@ -185,13 +185,13 @@ def held_out(prepared: Prepared) -> float:
     space, free = posterior.space, posterior.sampled_model
     if not free.size:
         return float(np.mean([np.mean(np.abs(r[c])) for r in start.residual for c in r]))
-    centre = space.to_sampled(_with_model(posterior, start.theta))
+    centre = space.unconstrain(_with_model(posterior, start.theta))
     width = space.prior_sd()[: free.size]
     folds = [_folds(r.temperature) for r in posterior.records]
     squares = [{c: np.zeros(r.n) for c in r.channels} for r in posterior.records]
     for fold in range(FOLDS):
         z = _refitted(posterior, centre, width, [f != fold for f in folds])
-        theta = space.to_physical(z)[: start.theta.size]
+        theta = space.constrain(z)[: start.theta.size]
         for i, record in enumerate(posterior.records):
             with np.errstate(all="ignore"):
                 curve = posterior.model.predict(theta, record.inputs)
@@ -208,7 +208,7 @@ def held_out(prepared: Prepared) -> float:
 
 def _with_model(posterior: Posterior, theta: Floats) -> Floats:
     """All parameters (P,): those of the model as given, the others at the centre of their priors."""
-    whole = posterior.space.to_physical(posterior.space.prior_centre())
+    whole = posterior.space.constrain(posterior.space.prior_centre())
     whole[: theta.size] = theta
     return whole
 
@@ -240,7 +240,7 @@ def _refitted(
         return z
 
     def residual(x: Floats) -> Floats:
-        theta = space.to_physical(full(x))[:size]
+        theta = space.constrain(full(x))[:size]
         parts = [hold * (x - centre[:m])]
         for i, record in enumerate(posterior.records):
             with np.errstate(all="ignore"):
@@ -250,7 +250,7 @@ def _refitted(
 
     def jacobian(x: Floats) -> Floats:
         z = full(x)
-        theta, chain = space.to_physical(z)[:size], space.derivative(z)[:m]
+        theta, chain = space.constrain(z)[:size], space.derivative(z)[:m]
         parts = [np.diag(hold)]
         for i, record in enumerate(posterior.records):
             with np.errstate(all="ignore"):

@@ -28,7 +28,7 @@ from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.laplace import climb
+from sma_bayes.sampling.laplace import find_mode
 
 EVEN = 0.05
 """Relative spread of the time steps below which samples count as evenly spaced."""
@@ -144,7 +144,7 @@ def choose_noise(
             if model.is_density
             and not model.stands_alone
             and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
-            and (signs.memory or not model.remembers)
+            and (signs.memory or not model.autocorrelated)
             and (model.is_gaussian or (signs.tails and not residuals.bent))
         ]
         best = max(names, key=lambda n: look(n).ln_evidence - EARNED * _features(NOISE_MODELS[n]))
@@ -181,7 +181,7 @@ def choose_noise(
 
 def _features(noise: NoiseModel) -> int:
     """How many of memory and heavy tails a noise model has."""
-    return int(noise.remembers) + int(not noise.is_gaussian)
+    return int(noise.autocorrelated) + int(not noise.is_gaussian)
 
 
 def _without_what_is_not_needed(name: str, series: Sequence[str], ln_evidence: Callable[[str], float]) -> str:
@@ -394,7 +394,7 @@ class _Residuals:
 
     def _is_noise(self, noise: NoiseModel, i: int, found: _Found) -> bool:
         """Whether a memory is shorter than half a sweep; one as long as the sweep is misfit, whatever it is called."""
-        if not noise.remembers:
+        if not noise.autocorrelated:
             return True
         steps = self.posterior.steps[i]
         longest = np.diff(np.append(np.flatnonzero(steps.first), steps.first.size)).max()
@@ -413,19 +413,19 @@ class _Residuals:
         )  # fmt: skip
         best: _Found | None = None
         for z in density.starts():
-            mode = climb(density, z, space.prior_sd())
+            mode = find_mode(density, z, space.prior_sd())
             if mode is None:
                 continue
             volume = float(np.linalg.slogdet(2.0 * np.pi * mode.covariance)[1])
             value = mode.log_prob + 0.5 * volume
             if best is None or value > best.ln_evidence:
-                theta = space.to_physical(mode.z)
+                theta = space.constrain(mode.z)
                 felt_at = slots.temperature_sd
                 own = theta if felt_at is None else np.delete(theta, felt_at)
                 felt = 0.0 if felt_at is None else float(theta[felt_at])
                 best = _Found(value, own, felt, *density.explained(mode.z))
         if best is None:
-            centre = space.to_physical(space.prior_centre())
+            centre = space.constrain(space.prior_centre())
             return _Found(-np.inf, centre, 0.0, None, residual)
         return best
 
@@ -521,14 +521,14 @@ class _ResidualDensity:
 
     def log_prob(self, z: Floats) -> Floats:
         """Log of the density (W,); never NaN."""
-        theta = self.space.to_physical(np.atleast_2d(z))
+        theta = self.space.constrain(np.atleast_2d(z))
         with np.errstate(all="ignore"):
             value = self.space.log_prior(z) + self._whitened(theta).marginal_log_density()
         return np.where(np.isnan(value), -np.inf, value)
 
     def explained(self, z: Floats) -> tuple[Floats | None, Floats]:
         """Likeliest weights (m,) of the discrepancy at a point (D,), if there is one, and innovations (n,)."""
-        theta = self.space.to_physical(z[None])
+        theta = self.space.constrain(z[None])
         with np.errstate(all="ignore"):
             whitened = self._whitened(theta)
             found = whitened.likeliest_weights()
@@ -562,9 +562,9 @@ class _ResidualDensity:
         smooth = max(float(np.mean(self.residual**2)) - small**2, (0.1 * small) ** 2) ** 0.5
         found = []
         for sd, size, felt in ((float(own[0]), 0.2 * float(own[0]), 0.1), (small, smooth, 1.0)):
-            theta = self.space.to_physical(self.space.prior_centre())
+            theta = self.space.constrain(self.space.prior_centre())
             theta[: own.size] = own
-            if size == smooth and self.noise.remembers:  # the memory was that of what is smooth
+            if size == smooth and self.noise.autocorrelated:  # the memory was that of what is smooth
                 theta[1 : own.size] = _forgetful(self.noise, self.steps, own)
             theta[0] = sd
             if self.slots.size is not None:
@@ -572,7 +572,7 @@ class _ResidualDensity:
             if self.slots.temperature_sd is not None:
                 steepest = float(np.max(np.abs(self.slope))) or 1.0
                 theta[self.slots.temperature_sd] = felt * own[0] / steepest
-            z = self.space.to_sampled(theta)
+            z = self.space.unconstrain(theta)
             found.append(np.asarray(np.where(np.isfinite(z), z, self.space.prior_centre())))
         return found
 
@@ -687,7 +687,7 @@ def neighbour_correlation(posterior: Posterior, start: WarmStart) -> dict[str, f
 def noise_start(posterior: Posterior, start: WarmStart, choice: NoiseChoice | None = None) -> Floats:
     """Sampled coordinates (D,) of the warm start, with what stands beside the curve as estimated from its residuals."""
     space = posterior.space
-    theta = space.to_physical(space.prior_centre())
+    theta = space.constrain(space.prior_centre())
     theta[: start.theta.size] = start.theta
     for i, (record, place, steps, residual) in enumerate(
         zip(posterior.records, posterior.layout, posterior.steps, start.residual, strict=True)
@@ -704,7 +704,7 @@ def noise_start(posterior: Posterior, start: WarmStart, choice: NoiseChoice | No
                 )
         if place.temperature_sd is not None and choice is not None and choice.temperature_sd:
             theta[place.temperature_sd] = choice.temperature_sd[i]
-    z = space.to_sampled(theta)
+    z = space.unconstrain(theta)
     return np.where(np.isfinite(z), z, space.prior_centre())
 
 

@@ -154,7 +154,7 @@ class NormalEquations:
     ) -> tuple[Floats, Floats]:
         """Inner products (W, m + 1, m + 1) of rows with the weights of a basis integrated out; see `_eliminated`."""
         noise = self.posterior.noise
-        if noise.remembers:
+        if noise.autocorrelated:
             gram = noise.weighted_gram(np.concatenate([rows, basis]), shape, steps)
             return _eliminated(gram, len(rows), ratio)
         # without memory one set of axes serves all values of the noise
@@ -225,7 +225,7 @@ class _Axes:
     @staticmethod
     def of(equations: NormalEquations) -> _Axes | None:
         """Find them; None where noise remembers, or where there are none."""
-        if equations.posterior.noise.remembers or equations.count == 0 or any(equations.bases):
+        if equations.posterior.noise.autocorrelated or equations.count == 0 or any(equations.bases):
             return None
         m = equations.count
         grams = np.stack([rows @ rows.T for rows, _, _ in equations.channels()])

@@ -36,7 +36,7 @@ from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.noise.heteroscedastic import temperature_sd_fact
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parameters.scales import RecordScales
-from sma_bayes.parameters.space import Parameter, ParameterFact, ParameterSpace
+from sma_bayes.parameters.space import Parameter, ParameterSpace, ParameterSpec
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
@@ -60,7 +60,7 @@ Weights = tuple[Mapping[str, Floats], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class ParameterIndex:
     """Where the parameters of one record stand in the parameter vector.
 
     Attributes
@@ -96,7 +96,7 @@ class Posterior:
     model : ResponseModel
     noise : NoiseModel
     space : ParameterSpace
-    layout : tuple of Place
+    layout : tuple of ParameterIndex
         One for each record.
     discrepancy : tuple of mapping
         For each record, channel to the basis of what the curve misses; empty where nothing stands beside the curve.
@@ -108,7 +108,7 @@ class Posterior:
     model: ResponseModel
     noise: NoiseModel
     space: ParameterSpace
-    layout: tuple[Place, ...]
+    layout: tuple[ParameterIndex, ...]
     discrepancy: tuple[Mapping[str, DiscrepancyBasis], ...] = ()
     steps: tuple[Steps, ...] = field(init=False, repr=False)
     _range: tuple[Mapping[str, tuple[float, float]], ...] = field(init=False, repr=False)
@@ -166,7 +166,7 @@ class Posterior:
     @property
     def near_least_squares(self) -> bool:
         """Whether the mode is all but the least-squares optimum: nothing beside the curve but noise without memory."""
-        alone = not (self.noise.remembers or self.noise.feels_temperature or self.has_discrepancy)
+        alone = not (self.noise.autocorrelated or self.noise.feels_temperature or self.has_discrepancy)
         return alone and self.noise.is_plain
 
     def linearised(self, z: Floats) -> LinearisedPosterior:
@@ -204,7 +204,7 @@ class Posterior:
         """
         z = np.atleast_2d(z)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            value = self.log_prior(z) + self.log_likelihood(self.space.to_physical(z))
+            value = self.log_prior(z) + self.log_likelihood(self.space.constrain(z))
         return np.where(np.isnan(value), -np.inf, value)
 
     def log_likelihood(self, theta: Floats) -> Floats:
@@ -502,7 +502,9 @@ class Posterior:
     def _is_latent(self, record: int) -> bool:
         """Whether each sample has a true temperature of its own to be integrated out: no memory joins the samples."""
         felt = self.layout[record].temperature_sd is not None or self.records[record].temperature_sd > 0.0
-        return felt and not self.noise.remembers and self.noise.is_density and not self.discrepancy[record]
+        return (
+            felt and not self.noise.autocorrelated and self.noise.is_density and not self.discrepancy[record]
+        )
 
     def _latent_log_density(self, theta: Floats, record: int) -> tuple[Floats, dict[str, Floats]]:
         """Log density of the samples of a record with their true temperatures integrated out, by Laplace's method.
@@ -729,7 +731,7 @@ def build_posterior(
         bases = discrepancy[i] if discrepancy is not None else {}
         places, sizes = {}, {}
 
-        def add(fact: ParameterFact, record: Record = record, own: RecordScales = own) -> int:
+        def add(fact: ParameterSpec, record: Record = record, own: RecordScales = own) -> int:
             parameter = priors.parameter(fact, record.branch, own, noise=True)
             name = f"{fact.name}[{record.condition.id}]" if len(records) > 1 else fact.name
             parameters.append(replace(parameter, name=name))
@@ -741,7 +743,7 @@ def build_posterior(
             if channel in bases:
                 sizes[channel] = add(size_fact(channel, record.units[channel]))
         felt = add(temperature_sd_fact(record.units["temperature"])) if noise.feels_temperature else None
-        layout.append(Place(shared, places, sizes, felt))
+        layout.append(ParameterIndex(shared, places, sizes, felt))
     own_bases = tuple(dict(b) for b in discrepancy) if discrepancy is not None else ()
     return Posterior(
         tuple(records), model, noise, ParameterSpace(tuple(parameters)), tuple(layout), own_bases

@@ -116,7 +116,7 @@ class PredictiveCoordinates:
         space, model = self.posterior.space, self.posterior.model
         z = np.tile(self.centre, (len(model_z), 1))
         z[:, : self.count] = model_z
-        theta = space.to_physical(z)
+        theta = space.constrain(z)
         chain = space.derivative(z)[:, None, : self.count]
         free = space.free_index[: self.count]
         values, slopes = [], []
@@ -272,7 +272,7 @@ class NoiseScaledCoordinates:
     def _physical(self, noise_z: Floats) -> tuple[Floats, Floats]:
         """Points with the model's coordinates at zero, sampled (W, D) and as parameters (W, P)."""
         z = np.concatenate([np.zeros((len(noise_z), self.count)), noise_z], axis=1)
-        return z, self.equations.posterior.space.to_physical(z)
+        return z, self.equations.posterior.space.constrain(z)
 
     def log_noise_marginal(self, noise_z: Floats) -> Floats:
         """Log posterior of the noise parameters (W,), the model's integrated out of the linearised posterior.

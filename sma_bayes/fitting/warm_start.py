@@ -165,7 +165,7 @@ class _Problem:
         return full
 
     def theta(self, z: Floats) -> Floats:
-        return np.asarray(self.posterior.space.to_physical(self._full(z))[: len(self.model.parameter_names)])
+        return np.asarray(self.posterior.space.constrain(self._full(z))[: len(self.model.parameter_names)])
 
     def residuals(self, theta: Floats) -> tuple[dict[str, Floats], ...]:
         out = []
@@ -287,7 +287,7 @@ def _screen(posterior: Posterior, rng: np.random.Generator) -> list[Floats]:
     """Starting points: the best of many prior draws, once the model has improved them."""
     model, space = posterior.model, posterior.space
     count = len(model.parameter_names)
-    theta = space.to_physical(space.draw(rng, SCREENED))[:, :count]
+    theta = space.constrain(space.draw(rng, SCREENED))[:, :count]
     fixed = np.array([p.fixed is not None for p in space.parameters[:count]], dtype=bool)
     records = posterior.records
     shared = [name for name in records[0].inputs if all(name in r.inputs for r in records)]
@@ -296,6 +296,6 @@ def _screen(posterior: Posterior, rng: np.random.Generator) -> list[Floats]:
         series[channel] = np.concatenate([r.observed[channel] for r in records])
     stride = max(1, series["temperature"].size // SCREEN_SAMPLES)
     series = {k: v[::stride] for k, v in series.items()}
-    start = np.tile(space.to_physical(space.prior_centre()), (STARTS, 1))
+    start = np.tile(space.constrain(space.prior_centre()), (STARTS, 1))
     start[:, :count] = model.screen(theta, fixed, series)[:STARTS]
-    return list(space.to_sampled(start)[:, : posterior.sampled_model.size])
+    return list(space.unconstrain(start)[:, : posterior.sampled_model.size])

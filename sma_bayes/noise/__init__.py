@@ -11,7 +11,7 @@ from sma_bayes.noise.effective_samples import EffectiveSamples
 from sma_bayes.noise.heteroscedastic import WRAPPERS
 from sma_bayes.noise.independent import Independent
 from sma_bayes.noise.rounded import Rounded
-from sma_bayes.noise.student_t import StudentT
+from sma_bayes.noise.student_t import StudentTNoise
 
 
 class NoiseCatalogue(Catalogue[NoiseModel]):
@@ -51,9 +51,9 @@ NOISE_MODELS = NoiseCatalogue(
             Independent(),
             AR1(),
             AR1Time(),
-            StudentT(),
-            StudentT(AR1()),
-            StudentT(AR1Time()),
+            StudentTNoise(),
+            StudentTNoise(AR1()),
+            StudentTNoise(AR1Time()),
             Rounded(),
             EffectiveSamples(),
         )

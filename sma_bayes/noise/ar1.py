@@ -9,7 +9,7 @@ import numpy as np
 
 from sma_bayes.noise.base import NoiseModel, Steps, sd_fact
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 
 
@@ -70,7 +70,7 @@ def best_memory(noise: NoiseModel, residual: Floats, shape: Floats, steps: Steps
 class MemoryNoise(NoiseModel):
     """Gaussian series whose samples remember the one before: ``corr(e[i], e[i-1]) = phi[i]``."""
 
-    remembers = True
+    autocorrelated = True
     is_gaussian = True
 
     @abstractmethod
@@ -131,8 +131,8 @@ class AR1(MemoryNoise):
     name = "ar1"
     title = "AR(1) in sample index"
 
-    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
-        phi = ParameterFact(
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
+        phi = ParameterSpec(
             f"{channel}_phi", "1", f"correlation of neighbouring noise of {channel}", "phi", channel
         )
         return (sd_fact(channel, unit), phi)

@@ -8,7 +8,7 @@ import numpy as np
 
 from sma_bayes.noise.ar1 import MemoryNoise
 from sma_bayes.noise.base import Steps, sd_fact
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 
 
@@ -24,8 +24,8 @@ class AR1Time(MemoryNoise):
     title = "AR(1) in time"
     needs_time = True
 
-    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
-        tau = ParameterFact(
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
+        tau = ParameterSpec(
             f"{channel}_tau",
             time_unit,
             f"correlation time of the noise of {channel}",

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 
@@ -64,7 +64,7 @@ class NoiseModel(ABC):
     the standardised series ``e``. Its first parameter is always ``sd``; the others shape the series.
 
     A new noise model needs `name`, `title`, `log_density` and `draw`; if it has parameters other than ``sd`` also
-    `parameters` and `shape_candidates`; where samples depend on each other also `remembers`, `decorrelate`,
+    `parameters` and `shape_candidates`; where samples depend on each other also `autocorrelated`, `decorrelate`,
     `decorrelate_adjoint` and `correlate` (`sma_bayes.noise.ar1.MemoryNoise` has them for a Gaussian series). The other
     methods have defaults, by numerical integration where need be, which a model overrides where it knows better.
 
@@ -74,7 +74,7 @@ class NoiseModel(ABC):
         As an option, and for people.
     needs_time : bool
         Whether time must have been recorded.
-    remembers : bool
+    autocorrelated : bool
         Whether a sample depends on the one before it.
     is_density : bool
         Whether the likelihood is a density of the data, so that evidences and criteria can be compared.
@@ -87,7 +87,7 @@ class NoiseModel(ABC):
     name: str
     title: str
     needs_time: bool = False
-    remembers: bool = False
+    autocorrelated: bool = False
     is_density: bool = True
     is_gaussian: bool = False
     stands_alone: bool = False
@@ -102,7 +102,7 @@ class NoiseModel(ABC):
         """Whether all samples have the same standard deviation."""
         return True
 
-    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters of one channel, ``sd`` first.
 
         A fact may bring the `prior` of its parameter, which is in force where a priors file does not speak of it.
@@ -232,7 +232,7 @@ class NoiseModel(ABC):
             ``rows @ inv(R) @ rows.T`` for Gaussian noise of correlation R; its expectation under the noise's own
             density otherwise.
         """
-        if not self.remembers:
+        if not self.autocorrelated:
             return np.asarray(self.location_information(shape)[:, None, None] * (rows @ rows.T))
         white = self.decorrelate(np.broadcast_to(rows, (len(shape), *rows.shape)), shape[:, None, :], steps)
         return np.asarray(
@@ -315,9 +315,9 @@ class OfSeries(NoiseModel):
         return self.series.needs_time
 
     @property
-    def remembers(self) -> bool:  # type: ignore[override]
+    def autocorrelated(self) -> bool:  # type: ignore[override]
         """As the series."""
-        return self.series.remembers
+        return self.series.autocorrelated
 
     def decorrelate(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.decorrelate(e, shape, steps)
@@ -340,8 +340,8 @@ def lag1(residual: Floats, steps: Steps) -> Floats:
     return np.asarray(near / np.where(total > 0, total, 1.0))
 
 
-def sd_fact(channel: str, unit: str) -> ParameterFact:
+def sd_fact(channel: str, unit: str) -> ParameterSpec:
     """The parameter that every noise model begins with."""
-    return ParameterFact(
+    return ParameterSpec(
         f"{channel}_sd", unit, f"standard deviation of the noise of {channel}", "sd", channel, positive=True
     )

@@ -30,7 +30,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from sma_bayes.noise.ar1 import MemoryNoise
 from sma_bayes.noise.base import Steps, sd_fact
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 
 
@@ -47,8 +47,8 @@ class EffectiveSamples(MemoryNoise):
     is_density = False
     is_gaussian = False
 
-    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
-        memory = ParameterFact(
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
+        memory = ParameterSpec(
             f"{channel}_memory",
             "1",
             f"samples of {channel} that count as one",

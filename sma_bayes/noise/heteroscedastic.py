@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 
 FURTHEST = 1.5
@@ -66,7 +66,7 @@ class Wrapped(OfSeries):
         """As the series."""
         return self.series.is_plain
 
-    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
         return self.series.parameters(channel, unit, time_unit)
 
     def shape_of(self, values: Floats) -> Floats:
@@ -135,8 +135,8 @@ class Growing(Wrapped):
         """It is not."""
         return False
 
-    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
-        growth = ParameterFact(
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
+        growth = ParameterSpec(
             f"{channel}_growth",
             "1",
             f"ln of the ratio of the noise of {channel} at the top of its range to that at the bottom",
@@ -180,9 +180,9 @@ class TemperatureError(Wrapped):
         return True
 
 
-def temperature_sd_fact(unit: str) -> ParameterFact:
+def temperature_sd_fact(unit: str) -> ParameterSpec:
     """The standard deviation of an error of the thermometer that was not declared."""
-    return ParameterFact(
+    return ParameterSpec(
         "temperature_sd",
         unit,
         "standard deviation of the error of the thermometer",

@@ -20,7 +20,7 @@ from scipy.special import erfcx, ndtr, ndtri
 
 from sma_bayes.noise.base import NoiseModel, Steps
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 
 FINE = 1e-4
@@ -47,8 +47,8 @@ class Rounded(NoiseModel):
     title = "independent Gaussian, rounded to steps"
     stands_alone = True
 
-    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
-        step = ParameterFact(
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
+        step = ParameterSpec(
             f"{channel}_step",
             unit,
             f"step to which readings of {channel} are rounded",

@@ -14,12 +14,12 @@ from scipy.special import gammaln, ndtri, stdtr
 from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
 from sma_bayes.noise.independent import Independent
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)
-class StudentT(OfSeries):
+class StudentTNoise(OfSeries):
     """Innovations scatter as Student's t with ``nu`` degrees of freedom; ``sd`` is their scale.
 
     Suited to records with occasional outliers that the quality checks let pass. The scale equals the standard
@@ -36,19 +36,19 @@ class StudentT(OfSeries):
     @property
     def name(self) -> str:  # type: ignore[override]
         """``student_t``, or that of the series before it."""
-        return "student_t" if not self.series.remembers else f"{self.series.name}_student_t"
+        return "student_t" if not self.series.autocorrelated else f"{self.series.name}_student_t"
 
     @property
     def title(self) -> str:  # type: ignore[override]
         """For people."""
         return (
             "independent Student t"
-            if not self.series.remembers
+            if not self.series.autocorrelated
             else f"{self.series.title} with Student t innovations"
         )
 
-    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterFact, ...]:
-        nu = ParameterFact(
+    def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
+        nu = ParameterSpec(
             f"{channel}_nu",
             "1",
             f"degrees of freedom of the noise of {channel}",
@@ -71,7 +71,7 @@ class StudentT(OfSeries):
         norm = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(np.pi * nu)
         a = self.decorrelate(e, shape, steps)
         density = norm - 0.5 * (nu + 1.0) * np.log1p(a * a / nu)
-        if self.series.remembers:
+        if self.series.autocorrelated:
             # the Jacobian: what the Gaussian density of a series of zeros has beyond that of its innovations
             density = density + self.series.log_density(np.zeros_like(e), shape, steps) + HALF_LN_2PI
             density = np.where(np.isnan(density), -np.inf, density)

@@ -33,7 +33,7 @@ from sma_bayes.errors import PriorError, QuantityError, near_matches
 from sma_bayes.limits import MAGNITUDE
 from sma_bayes.parameters.distributions import FAMILIES, Distribution
 from sma_bayes.parameters.scales import RecordScales
-from sma_bayes.parameters.space import Parameter, ParameterFact
+from sma_bayes.parameters.space import Parameter, ParameterSpec
 from sma_bayes.quantities import CHANNELS, convert
 from sma_bayes.records.toml_table import declared_bytes, parsed_toml
 from sma_bayes.records.types import Branch
@@ -112,7 +112,7 @@ class PriorSet:
         return replace(self, entries=entries)
 
     def parameter(
-        self, fact: ParameterFact, branch: Branch, scales: RecordScales, *, noise: bool = False
+        self, fact: ParameterSpec, branch: Branch, scales: RecordScales, *, noise: bool = False
     ) -> Parameter:
         """Parameter with the prior that is in force for a branch.
 
@@ -146,7 +146,7 @@ class PriorSet:
         )
 
     def _build(
-        self, fact: ParameterFact, belief: PriorEntry, scales: RecordScales, scale: float, shift: float
+        self, fact: ParameterSpec, belief: PriorEntry, scales: RecordScales, scale: float, shift: float
     ) -> Parameter:
         if not belief.unit and not belief.relative_to and fact.unit != "1" and belief.fixed != 0.0:
             raise PriorError(
@@ -203,7 +203,7 @@ class PriorSet:
             ) from None
         within = prior.quantile(np.array([0.01, 0.25, 0.75, 0.99]))
         with np.errstate(divide="ignore", over="ignore"):
-            inside = np.isfinite(prior.transform.to_sampled(within)).all()
+            inside = np.isfinite(prior.transform.unconstrain(within)).all()
         if not inside:
             raise PriorError(
                 f"{prior!r} holds a hundredth or more at an end of its range, as floating-point numbers have it",
@@ -222,7 +222,7 @@ class PriorSet:
             )
         return Parameter(fact.name, fact.unit, fact.meaning, prior, belief.source)
 
-    def _sign(self, belief: PriorEntry, fact: ParameterFact, scales: RecordScales) -> float:
+    def _sign(self, belief: PriorEntry, fact: ParameterSpec, scales: RecordScales) -> float:
         if isinstance(belief.sign, float):
             return belief.sign
         kind, _, rest = belief.sign.partition("(")
@@ -421,5 +421,5 @@ def _refuse_unknown(file: str, where: str, belief: Mapping[str, Any], known: Seq
             )
 
 
-def _yardstick(belief: PriorEntry, fact: ParameterFact, scales: RecordScales) -> tuple[float, float]:
+def _yardstick(belief: PriorEntry, fact: ParameterSpec, scales: RecordScales) -> tuple[float, float]:
     return scales.resolve(belief.relative_to, fact.channel) if belief.relative_to else (1.0, 0.0)

@@ -17,7 +17,7 @@ from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterFact:
+class ParameterSpec:
     """What a model states about one of its parameters; belief about it is a prior's business.
 
     Attributes
@@ -139,14 +139,14 @@ class ParameterSpace:
         except ValueError:
             raise PriorError(f"no parameter {name!r}", expected=near_matches(name, self.names)) from None
 
-    def to_physical(self, z: Floats) -> Floats:
+    def constrain(self, z: Floats) -> Floats:
         """Parameters ``theta`` (..., P) at the sampled coordinates ``z`` (..., D)."""
         z = np.asarray(z, dtype=float)
         x = z.copy()
         with np.errstate(over="ignore"):
             self._set_exponentials(x, z)
             for i in self._other:
-                x[..., i] = self.free[i].prior.transform.to_physical(z[..., i])
+                x[..., i] = self.free[i].prior.transform.constrain(z[..., i])
         if self._free.size == len(self.parameters):
             return x
         theta = np.empty((*z.shape[:-1], len(self.parameters)))
@@ -163,11 +163,14 @@ class ParameterSpace:
         if self._log_minus.size:
             x[..., self._log_minus] = -np.exp(z[..., self._log_minus])
 
-    def to_sampled(self, theta: Floats) -> Floats:
+    def unconstrain(self, theta: Floats) -> Floats:
         """Sampled coordinates (..., D) of the parameters ``theta`` (..., P)."""
         theta = np.asarray(theta, dtype=float)
         return np.stack(
-            [p.prior.transform.to_sampled(theta[..., i]) for i, p in zip(self._free, self.free, strict=True)],
+            [
+                p.prior.transform.unconstrain(theta[..., i])
+                for i, p in zip(self._free, self.free, strict=True)
+            ],
             axis=-1,
         )
 
@@ -189,16 +192,14 @@ class ParameterSpace:
             prior = self.free[i].prior
             transform = prior.transform
             value = (
-                value
-                + prior.log_density(transform.to_physical(z[..., i]))
-                + transform.log_jacobian(z[..., i])
+                value + prior.log_density(transform.constrain(z[..., i])) + transform.log_jacobian(z[..., i])
             )
         return np.asarray(value)
 
     def draw(self, rng: np.random.Generator, size: int) -> Floats:
         """Draws from the prior in sampled coordinates, shape (size, D)."""
         p = rng.random((size, self.dimension))
-        columns = [d.prior.transform.to_sampled(d.prior.quantile(p[:, i])) for i, d in enumerate(self.free)]
+        columns = [d.prior.transform.unconstrain(d.prior.quantile(p[:, i])) for i, d in enumerate(self.free)]
         return np.stack(columns, axis=-1) if columns else np.empty((size, 0))
 
     def prior_sd(self) -> Floats:
@@ -212,7 +213,7 @@ class ParameterSpace:
         sd[self._gaussian] = self._sd
         for i in self._other:
             prior = self.free[i].prior
-            sd[i] = np.std(prior.transform.to_sampled(prior.quantile(p)))
+            sd[i] = np.std(prior.transform.unconstrain(prior.quantile(p)))
         return sd
 
     def prior_centre(self) -> Floats:
@@ -221,7 +222,7 @@ class ParameterSpace:
         centre[self._gaussian] = self._mean
         for i in self._other:
             prior = self.free[i].prior
-            centre[i] = prior.transform.to_sampled(prior.quantile(np.array(0.5)))
+            centre[i] = prior.transform.unconstrain(prior.quantile(np.array(0.5)))
         return centre
 
 

@@ -15,11 +15,11 @@ from sma_bayes.quantities import Floats
 class Transform(Protocol):
     """A smooth map from the real line onto the support of a parameter."""
 
-    def to_physical(self, z: Floats) -> Floats:
+    def constrain(self, z: Floats) -> Floats:
         """Parameter at the sampled coordinate `z`."""
         ...
 
-    def to_sampled(self, x: Floats) -> Floats:
+    def unconstrain(self, x: Floats) -> Floats:
         """Sampled coordinate of the parameter `x`; not finite outside the support."""
         ...
 
@@ -32,10 +32,10 @@ class Transform(Protocol):
 class Identity:
     """``x = z``."""
 
-    def to_physical(self, z: Floats) -> Floats:
+    def constrain(self, z: Floats) -> Floats:
         return np.asarray(z, dtype=float)
 
-    def to_sampled(self, x: Floats) -> Floats:
+    def unconstrain(self, x: Floats) -> Floats:
         return np.asarray(x, dtype=float)
 
     def log_jacobian(self, z: Floats) -> Floats:
@@ -48,10 +48,10 @@ class Log:
 
     sign: float = 1.0
 
-    def to_physical(self, z: Floats) -> Floats:
+    def constrain(self, z: Floats) -> Floats:
         return np.asarray(self.sign * np.exp(z))
 
-    def to_sampled(self, x: Floats) -> Floats:
+    def unconstrain(self, x: Floats) -> Floats:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.log(self.sign * np.asarray(x)))
 
@@ -66,10 +66,10 @@ class Logit:
     low: float
     high: float
 
-    def to_physical(self, z: Floats) -> Floats:
+    def constrain(self, z: Floats) -> Floats:
         return np.asarray(self.low + (self.high - self.low) * expit(z))
 
-    def to_sampled(self, x: Floats) -> Floats:
+    def unconstrain(self, x: Floats) -> Floats:
         x = np.asarray(x)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.log((x - self.low) / (self.high - x)))

@@ -43,7 +43,7 @@ _NOT_IN_FILE_NAMES = re.compile(r'[\x00-\x1f<>:"/\\|?*]|^[ .]|[ .]$')
 _DEVICE_NAMES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
-class Column(StrictTable):
+class ColumnDeclaration(StrictTable):
     """One entry of ``[columns]``: where a quantity stands in the file and how it becomes a quantity.
 
     A reading becomes ``offset + scale * reading`` in the unit `to`; without scale and offset it is in `unit`.
@@ -93,7 +93,7 @@ class Column(StrictTable):
     file: str | None = None
 
     @model_validator(mode="after")
-    def _consistent(self) -> Column:
+    def _consistent(self) -> ColumnDeclaration:
         if sum(value is not None for value in (self.name, self.column, self.row_interval)) != 1:
             raise ValueError("exactly one of name, column, row_interval")
         if self.scale == 0:
@@ -220,7 +220,7 @@ class DeclaredCondition:
         Data files.
     names : tuple of str
         The same as the campaign names them.
-    columns : mapping of str to tuple of Column
+    columns : mapping of str to tuple of ColumnDeclaration
         Empty where the columns are to be known by their default names. A quantity has several entries where the files
         call it differently.
     reading : Reading
@@ -233,7 +233,7 @@ class DeclaredCondition:
     where: str
     paths: tuple[Path, ...]
     names: tuple[str, ...]
-    columns: Mapping[str, tuple[Column, ...]]
+    columns: Mapping[str, tuple[ColumnDeclaration, ...]]
     reading: Reading
     window: TimeWindow
     settings: SplitSettings
@@ -502,7 +502,7 @@ def _place(table: str, own: Mapping[str, object], where: str) -> str:
     return f"{where}.{table}" if own else table
 
 
-def _columns(tables: Mapping[str, Any], path: Path, where: str) -> dict[str, tuple[Column, ...]]:
+def _columns(tables: Mapping[str, Any], path: Path, where: str) -> dict[str, tuple[ColumnDeclaration, ...]]:
     found = {}
     for name, values in tables.items():
         entries = values if isinstance(values, list) else [values]
@@ -517,7 +517,7 @@ def _columns(tables: Mapping[str, Any], path: Path, where: str) -> dict[str, tup
     return found
 
 
-def _column(name: str, values: Any, path: Path, where: str) -> Column:
+def _column(name: str, values: Any, path: Path, where: str) -> ColumnDeclaration:
     if name not in QUANTITIES and name not in SETTING_COLUMNS:
         known = (*QUANTITIES, *SETTING_COLUMNS)
         raise CampaignError(
@@ -530,14 +530,14 @@ def _column(name: str, values: Any, path: Path, where: str) -> Column:
             column=where,
             expected='a table such as { name = "header in the file", unit = "N" }',
         )
-    column = checked(Column, values, file=path, where=where)
+    column = checked(ColumnDeclaration, values, file=path, where=where)
     wrong = _misplaced(name, column)
     if wrong:
         raise CampaignError(wrong[0], file=path, column=where, expected=wrong[1])
     return column
 
 
-def _misplaced(name: str, column: Column) -> tuple[str, str] | None:
+def _misplaced(name: str, column: ColumnDeclaration) -> tuple[str, str] | None:
     """What in a column's table doesn't suit its quantity: what was found, what was expected."""
     uncertain = column.scale_sd is not None or column.offset_sd is not None
     if column.unit is None and name not in UNITLESS:

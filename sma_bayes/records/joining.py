@@ -12,7 +12,7 @@ import numpy as np
 
 from sma_bayes.errors import MeasurementError, many
 from sma_bayes.quantities import CHANNELS, Floats
-from sma_bayes.records.declaration import CHANNEL_OF, Column
+from sma_bayes.records.declaration import CHANNEL_OF, ColumnDeclaration
 from sma_bayes.records.types import Finding, Ints
 
 GAP_STEPS: Final = 10.0
@@ -33,7 +33,7 @@ class FileColumns:
         As the campaign names it.
     row : ndarray of int, shape (n,)
         Source lines.
-    columns : mapping of str to Column
+    columns : mapping of str to ColumnDeclaration
     values : mapping of str to ndarray, shape (n,)
         In canonical units.
     clock : bool
@@ -44,7 +44,7 @@ class FileColumns:
     path: Path
     name: str
     row: Ints
-    columns: Mapping[str, Column]
+    columns: Mapping[str, ColumnDeclaration]
     values: Mapping[str, Floats]
     clock: bool = False
     findings: tuple[Finding, ...] = ()

@@ -14,12 +14,12 @@ from sma_bayes.records.clock import clock_seconds, is_clock
 from sma_bayes.records.declaration import (
     CHANNEL_OF,
     SETTING_COLUMNS,
-    Column,
+    ColumnDeclaration,
     DeclaredCondition,
     require_channels,
 )
 from sma_bayes.records.default_names import EXAMPLES, described, recognised
-from sma_bayes.records.formats import Table, read_table
+from sma_bayes.records.formats import RawTable, read_table
 from sma_bayes.records.formats.numbers import numbers
 from sma_bayes.records.formats.table import Cells, rows_finding
 from sma_bayes.records.guesses import near_quantity
@@ -69,7 +69,7 @@ def read_run(declared: DeclaredCondition) -> tuple[Run, tuple[Finding, ...]]:
     return run_of_tables(declared, [read_table(path, declared.reading) for path in declared.paths])
 
 
-def run_of_tables(declared: DeclaredCondition, tables: Sequence[Table]) -> tuple[Run, tuple[Finding, ...]]:
+def run_of_tables(declared: DeclaredCondition, tables: Sequence[RawTable]) -> tuple[Run, tuple[Finding, ...]]:
     """The same from what the files hold, one table for each; see `read_run`."""
     parts = zip(declared.of_each_file(), tables, strict=True)
     files = [_file_columns(part, table, alone=len(tables) == 1) for part, table in parts]
@@ -102,10 +102,10 @@ def run_of_tables(declared: DeclaredCondition, tables: Sequence[Table]) -> tuple
     return run, tuple(replace(finding, condition=declared.table.id) for finding in seen)
 
 
-def _file_columns(declared: DeclaredCondition, table: Table, *, alone: bool) -> FileColumns:
+def _file_columns(declared: DeclaredCondition, table: RawTable, *, alone: bool) -> FileColumns:
     """Columns of one file of a condition; where there are others it need not have all."""
     findings = list(table.findings)
-    columns: Mapping[str, Column] = {q: entries[0] for q, entries in declared.columns.items()}
+    columns: Mapping[str, ColumnDeclaration] = {q: entries[0] for q, entries in declared.columns.items()}
     if not columns:
         columns, seen = _by_default_names(table, declared, alone=alone)
         findings += (seen, *_nearly_named(columns, table))
@@ -131,7 +131,7 @@ def _file_columns(declared: DeclaredCondition, table: Table, *, alone: bool) -> 
     return FileColumns(declared.path, declared.names[0], row, columns, values, clock, tuple(findings))
 
 
-def _holds(column: Column, table: Table) -> bool:
+def _holds(column: ColumnDeclaration, table: RawTable) -> bool:
     """Whether a file has a column."""
     if column.name is not None:
         return " ".join(column.name.split()) in (table.names or ())
@@ -153,7 +153,7 @@ def _require_all(files: Sequence[FileColumns], declared: DeclaredCondition) -> N
         require_channels(there, file=declared.declared_in, where=f"{declared.where}.file")
 
 
-def _clock(column: Column, table: Table, declared: DeclaredCondition) -> Floats:
+def _clock(column: ColumnDeclaration, table: RawTable, declared: DeclaredCondition) -> Floats:
     """Time by the clock, shifted by the declared offset [s]."""
     index = _index("time", column, table, declared)
     cells = table.columns[index]
@@ -163,7 +163,7 @@ def _clock(column: Column, table: Table, declared: DeclaredCondition) -> Floats:
     return seconds + float(convert(column.offset or 0.0, column.to or column.unit or "s", "s", what="time"))
 
 
-def _nearly_named(columns: Mapping[str, Column], table: Table) -> tuple[Finding, ...]:
+def _nearly_named(columns: Mapping[str, ColumnDeclaration], table: RawTable) -> tuple[Finding, ...]:
     """Finding about columns that are not used, although they are nearly called as a quantity that is not there."""
     specimen = not CHANNEL_OF.keys().isdisjoint(columns)
     absent = (
@@ -216,7 +216,7 @@ def _with_columns(
     return condition, tuple(findings)
 
 
-def canonical_unit(quantity: str, column: Column) -> str:
+def canonical_unit(quantity: str, column: ColumnDeclaration) -> str:
     """Unit in which a quantity is kept: canonical, or as declared where there is nothing to convert."""
     unit = column.calibrated_unit
     if quantity in SETTING_COLUMNS:
@@ -225,10 +225,10 @@ def canonical_unit(quantity: str, column: Column) -> str:
 
 
 def _by_default_names(
-    table: Table, declared: DeclaredCondition, *, alone: bool
-) -> tuple[dict[str, Column], Finding]:
+    table: RawTable, declared: DeclaredCondition, *, alone: bool
+) -> tuple[dict[str, ColumnDeclaration], Finding]:
     """Columns known by their default names, and a finding that says which."""
-    columns: dict[str, Column] = {}
+    columns: dict[str, ColumnDeclaration] = {}
     found: list[tuple[str, str, str]] = []
     for header, cells in zip(table.names or (), table.columns, strict=table.names is not None):
         known = recognised(header) or (
@@ -244,7 +244,7 @@ def _by_default_names(
                 expected=f"one {quantity}",
                 remedy="rename one of them, or write a campaign.toml that says which to take",
             )
-        columns[quantity] = Column(name=header, unit=unit)
+        columns[quantity] = ColumnDeclaration(name=header, unit=unit)
         found.append((header, quantity, unit))
     if alone:
         _require_named(columns, table, declared)
@@ -252,7 +252,9 @@ def _by_default_names(
     return columns, Finding("recognised", described(found, unused))
 
 
-def _require_named(columns: Mapping[str, Column], table: Table, declared: DeclaredCondition) -> None:
+def _require_named(
+    columns: Mapping[str, ColumnDeclaration], table: RawTable, declared: DeclaredCondition
+) -> None:
     """Check that the columns that are known by their names make a record."""
     try:
         require_channels(columns, file=declared.path, where="header")
@@ -270,7 +272,7 @@ def _require_named(columns: Mapping[str, Column], table: Table, declared: Declar
         ) from None
 
 
-def _headless(table: Table) -> str:
+def _headless(table: RawTable) -> str:
     """What a file without a header has: how many columns, and its first rows."""
     width = len(table.columns)
     rows = [
@@ -282,7 +284,7 @@ def _headless(table: Table) -> str:
 
 
 def _canonical(
-    quantity: str, column: Column, table: Table, declared: DeclaredCondition
+    quantity: str, column: ColumnDeclaration, table: RawTable, declared: DeclaredCondition
 ) -> tuple[Floats, tuple[Finding, ...]]:
     """Values of one quantity in canonical unit, shape (n,)."""
     findings: tuple[Finding, ...] = ()
@@ -335,7 +337,7 @@ def _weight(value: Floats, unit: str, declared: DeclaredCondition) -> Floats:
         return convert(value, unit, "N", what="load")
 
 
-def _index(quantity: str, column: Column, table: Table, declared: DeclaredCondition) -> int:
+def _index(quantity: str, column: ColumnDeclaration, table: RawTable, declared: DeclaredCondition) -> int:
     """Which column of the file a declared column is, from 0."""
     there = ", ".join(repr(name) for name in table.shown_names)
     where = _place(quantity, declared)
@@ -400,7 +402,7 @@ def _require_signs(values: Floats, row: Ints, declared: DeclaredCondition, title
 
 
 def _within_limits(
-    reading: Floats, row: Ints, column: Column, title: str
+    reading: Floats, row: Ints, column: ColumnDeclaration, title: str
 ) -> tuple[Floats, tuple[Finding, ...]]:
     """Readings, NaN where outside the declared limits."""
     if column.valid is None:
@@ -417,19 +419,19 @@ def _within_limits(
     )
 
 
-def _affine(quantity: str, column: Column) -> tuple[float, float]:
+def _affine(quantity: str, column: ColumnDeclaration) -> tuple[float, float]:
     """Slope and intercept of the conversion from the calibrated to the canonical unit."""
     unit, to = column.calibrated_unit, canonical_unit(quantity, column)
     zero, one = (float(v) for v in convert(np.array([0.0, 1.0]), unit, to, what=quantity))
     return one - zero, zero
 
 
-def _temperature_sd(column: Column) -> float:
+def _temperature_sd(column: ColumnDeclaration) -> float:
     """Error of a temperature reading [canonical unit]."""
     return 0.0 if column.sd is None else column.sd * _affine("temperature", column)[0]
 
 
-def _calibration(quantity: str, column: Column) -> Calibration | None:
+def _calibration(quantity: str, column: ColumnDeclaration) -> Calibration | None:
     """Uncertainty of a calibration line, in canonical unit.
 
     The line is F = offset + scale r for a reading r. At the reference reading r0 the errors of scale and

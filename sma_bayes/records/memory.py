@@ -14,7 +14,7 @@ import pandas as pd
 
 from sma_bayes.errors import MeasurementError
 from sma_bayes.records.declaration import CAMPAIGN_FILE, declared_condition
-from sma_bayes.records.formats.table import Cells, Table, sample_rows
+from sma_bayes.records.formats.table import Cells, RawTable, sample_rows
 from sma_bayes.records.mapping import run_of_tables
 from sma_bayes.records.split import SplitSettings, split_run
 from sma_bayes.records.types import Campaign, Finding, Record
@@ -132,7 +132,7 @@ def _is_frame(value: object) -> bool:
     return is_table or (hasattr(value, "__dataframe__") and not isinstance(value, pd.Series))
 
 
-def _table(frame: Frame, key: str) -> Table:
+def _table(frame: Frame, key: str) -> RawTable:
     named = _columns(frame, key)
     lengths = {len(values) for values in named.values()}
     if len(lengths) != 1 or not lengths.pop():
@@ -143,7 +143,7 @@ def _table(frame: Frame, key: str) -> Table:
             expected="columns of one length, at least one row",
         )
     columns = tuple(named.values())
-    return Table(tuple(" ".join(n.split()) for n in named), columns, sample_rows(len(columns[0])))
+    return RawTable(tuple(" ".join(n.split()) for n in named), columns, sample_rows(len(columns[0])))
 
 
 def _columns(frame: Any, key: str) -> dict[str, Cells]:
@@ -189,7 +189,7 @@ def _cells(values: np.ndarray[Any, Any], name: str, key: str) -> Cells:
     return [None if value is None or value is pd.NA or value != value else value for value in values.tolist()]
 
 
-def _content(key: str, table: Table) -> bytes:
+def _content(key: str, table: RawTable) -> bytes:
     """What the digest of a condition is made of: names and values."""
     parts = [key.encode(), repr(table.names).encode()]
     parts += [c.tobytes() if isinstance(c, np.ndarray) else repr(c).encode() for c in table.columns]

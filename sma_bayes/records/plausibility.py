@@ -23,7 +23,7 @@ from sma_bayes.quantities import (
     convert,
     unit_text,
 )
-from sma_bayes.records.declaration import Column, DeclaredCondition
+from sma_bayes.records.declaration import ColumnDeclaration, DeclaredCondition
 from sma_bayes.records.default_names import recognised
 from sma_bayes.records.run import Run
 from sma_bayes.records.types import Finding
@@ -263,7 +263,7 @@ def named_otherwise(condition: DeclaredCondition) -> tuple[Finding, ...]:
     )
 
 
-def _told_otherwise(quantity: str, column: Column) -> str:
+def _told_otherwise(quantity: str, column: ColumnDeclaration) -> str:
     told = recognised(column.name or "")
     if told is None or told[0] not in QUANTITIES:  # a load may be measured as a force
         return ""

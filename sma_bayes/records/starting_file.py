@@ -16,7 +16,7 @@ from sma_bayes.errors import CampaignError, MeasurementError, OutputError, SmaBa
 from sma_bayes.quantities import Floats
 from sma_bayes.records.clock import is_clock
 from sma_bayes.records.declaration import CAMPAIGN_FILE, CHANNEL_OF, FILES_SHOWN, parse_declaration
-from sma_bayes.records.formats import Reading, Table, read_table, recognise
+from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
 from sma_bayes.records.formats.numbers import is_blank, looks_numeric, numbers
 from sma_bayes.records.formats.xlsx import sheet_titles
 from sma_bayes.records.guesses import Guess, Guesses, guess_named, guess_unnamed, one_kind, settings_in
@@ -205,7 +205,7 @@ def _sources(path: Path, file: str, left_out: dict[str, str]) -> Iterator[_Sourc
         left_out[file] = error.found
 
 
-def _first_readable(path: Path, attempts: Sequence[dict[str, Any]]) -> tuple[dict[str, Any], Table]:
+def _first_readable(path: Path, attempts: Sequence[dict[str, Any]]) -> tuple[dict[str, Any], RawTable]:
     error: SmaBayesError | None = None
     for reading in attempts:
         try:
@@ -215,7 +215,7 @@ def _first_readable(path: Path, attempts: Sequence[dict[str, Any]]) -> tuple[dic
     raise error or MeasurementError("can't be read", file=path)
 
 
-def _source(path: Path, file: str, reading: Mapping[str, Any], table: Table) -> _Source:
+def _source(path: Path, file: str, reading: Mapping[str, Any], table: RawTable) -> _Source:
     values: dict[int, Floats] = {}
     codes: dict[int, tuple[str, ...]] = {}
     for i, cells in enumerate(table.columns):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from sma_bayes.account import Account
-from sma_bayes.report.choice import Wanted
+from sma_bayes.report.choice import ReportOptions
 from sma_bayes.report.drawn import OneFigure, draw_all
 from sma_bayes.report.figures.sheet import Drawing, FigureFiles
 from sma_bayes.report.tables import Table, write_tables
@@ -33,7 +33,7 @@ S = TypeVar("S", bound=Stored)
 
 def assemble(
     stored: S,
-    wanted: Wanted,
+    wanted: ReportOptions,
     drawings: Sequence[Callable[[S], Drawing]],
     tables: Callable[[S], dict[str, Table]],
     write_page: Callable[[S, Mapping[str, Table], Mapping[str, FigureFiles]], None],
@@ -43,7 +43,7 @@ def assemble(
     Parameters
     ----------
     stored : Stored
-    wanted : Wanted
+    wanted : ReportOptions
     drawings : sequence of callable
         One for each figure.
     tables : callable
@@ -61,7 +61,7 @@ def assemble(
 
 
 def written_tables(
-    tables: dict[str, Table], found: Mapping[str, Any], folder: Path, wanted: Wanted
+    tables: dict[str, Table], found: Mapping[str, Any], folder: Path, wanted: ReportOptions
 ) -> dict[str, Table]:
     """Write tables, with what the run took beside them; return all."""
     everything = tables | {"account": account_table(found, wanted.account or Account())}

@@ -25,7 +25,7 @@ FORMATS = ("pdf", "svg", "png")
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ReportOptions:
     """What a report is to be written with.
 
     Attributes
@@ -52,7 +52,7 @@ class Wanted:
     account: Account | None = None
 
 
-ReportBuilder = Callable[[Path, Wanted], None]
+ReportBuilder = Callable[[Path, ReportOptions], None]
 """Writes ``figures/``, ``tables/`` and ``report.html`` of a finished run, from what its folder holds."""
 
 

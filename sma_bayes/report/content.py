@@ -13,7 +13,7 @@ from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.notation import compact
 from sma_bayes.response import DEFAULT_MODEL
-from sma_bayes.runs.schema import Finding
+from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.sampling.convergence import Target
 
 LEVEL: Final = "90 %"
@@ -158,7 +158,7 @@ class ParameterResult:
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class QuantityRow:
     """A quantity of a branch or of a loop.
 
     Attributes
@@ -272,7 +272,7 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True)
-class Sampler:
+class SamplingRow:
     """How a record was sampled.
 
     Attributes
@@ -335,12 +335,12 @@ class RecordContent:
     path_kind, path_message : str
     shape : mapping of str to float
         Posterior probability of each behaviour of Eq. (7) [1].
-    quantities : tuple of Quantity
+    quantities : tuple of QuantityRow
     transformation : tuple of TransformationTemperature
         The lower temperature first; empty where neither displacement nor force was measured.
     checks : tuple of PredictiveCheck
     noise : Noise
-    sampler : Sampler
+    sampler : SamplingRow
     shares_with : tuple of str
         Records with the same parameters.
     """
@@ -373,11 +373,11 @@ class RecordContent:
     path_kind: str
     path_message: str
     shape: Mapping[str, float]
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[QuantityRow, ...]
     transformation: tuple[TransformationTemperature, ...]
     checks: tuple[PredictiveCheck, ...]
     noise: Noise
-    sampler: Sampler
+    sampler: SamplingRow
     shares_with: tuple[str, ...]
 
     @property
@@ -515,8 +515,8 @@ class Content:
     ----------
     campaign, source : str
     records : tuple of RecordContent
-    loops : tuple of Quantity
-    findings : tuple of Finding
+    loops : tuple of QuantityRow
+    findings : tuple of FindingDocument
     printed : tuple of PrintedComparison
         Empty but for the twin of the paper.
     averages : tuple of AverageFactor
@@ -526,8 +526,8 @@ class Content:
     campaign: str
     source: str
     records: tuple[RecordContent, ...]
-    loops: tuple[Quantity, ...]
-    findings: tuple[Finding, ...]
+    loops: tuple[QuantityRow, ...]
+    findings: tuple[FindingDocument, ...]
     printed: tuple[PrintedComparison, ...]
     averages: tuple[AverageFactor, ...]
     provenance: Provenance
@@ -593,7 +593,7 @@ class Content:
             self, records=(r,), loops=self.loops_of(r.condition), findings=(), printed=(), averages=()
         )
 
-    def loops_of(self, condition: str) -> tuple[Quantity, ...]:
+    def loops_of(self, condition: str) -> tuple[QuantityRow, ...]:
         """Loop quantities of a condition, where all of its branches converged."""
         if not all(r.converged for r in self.branches(condition)):
             return ()

@@ -23,7 +23,7 @@ _SUPERSCRIPT: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸�
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class ScaledNumbers:
     """Numbers with a common power of ten.
 
     Attributes
@@ -50,7 +50,7 @@ def write(
     digits: int = 4,
     *,
     exponent: int | None = None,
-) -> Written:
+) -> ScaledNumbers:
     """Write numbers that belong together with the same power of ten and the same last place.
 
     Parameters
@@ -80,12 +80,12 @@ def write(
     if exponent is None:
         exponent = 0 if top in FIXED else top
     decimals = max(0, exponent - last)
-    return Written(tuple(_digits(v, exponent, decimals, last) for v in values), exponent)
+    return ScaledNumbers(tuple(_digits(v, exponent, decimals, last) for v in values), exponent)
 
 
 def write_interval(
     median: float | None, low: float | None, high: float | None, *, exponent: int | None = None
-) -> Written:
+) -> ScaledNumbers:
     """Median and ends of a 90 % interval, with the digits that its width bears.
 
     An interval no wider than the last of `MOST_DIGITS` is one of rounding: what it holds does not depend on anything

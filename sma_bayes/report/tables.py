@@ -23,7 +23,7 @@ from sma_bayes.report.content import (
     Number,
     ParameterResult,
     PredictiveCheck,
-    Quantity,
+    QuantityRow,
     RecordContent,
     TransformationTemperature,
 )
@@ -386,7 +386,7 @@ def quantity_table(content: Content) -> Table:
     )
 
 
-def _quantity_cells(q: Quantity) -> tuple[Cell, ...]:
+def _quantity_cells(q: QuantityRow) -> tuple[Cell, ...]:
     return q.name, q.channel, unit_label(q.estimate.unit) or "1", q.estimate, q.meaning
 
 

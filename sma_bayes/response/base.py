@@ -20,7 +20,7 @@ from sma_bayes.arrays import Bools
 from sma_bayes.errors import MeasurementError
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors, read_priors
 from sma_bayes.parameters.roles import Role
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import CHANNELS, Floats
 from sma_bayes.records.types import Record
 
@@ -179,7 +179,7 @@ class ResponseModel(ABC):
         """In the order of ``theta``."""
 
     @abstractmethod
-    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
+    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters, for the units of temperature and of the observed channels."""
 
     @abstractmethod
@@ -307,7 +307,7 @@ class ResponseModel(ABC):
         return slope, "where it is steepest over the measured temperatures"
 
     @property
-    def facts(self) -> tuple[ParameterFact, ...]:
+    def facts(self) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters in canonical units, for what does not depend on units: roles and channels."""
         return self.parameters(_UNITS)
 

@@ -18,7 +18,7 @@ from scipy.special import expit
 
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.scales import RecordScales
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats, per
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel, Variant
@@ -51,7 +51,7 @@ class BoundedLogistic(ResponseModel):
         channels = records[0].channels
         return cls(channels, RecordScales.of(records).trend.get(next(iter(channels), ""), 1.0))
 
-    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
+    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters, for the units of temperature and of the channel."""
         (channel,) = self.channels
         rows = (
@@ -60,7 +60,7 @@ class BoundedLogistic(ResponseModel):
             ("rate", per(units["temperature"]), "rate of the transition", Role.RATE),
             ("midpoint", units["temperature"], "temperature of the midpoint", Role.MIDPOINT),
         )
-        return tuple(ParameterFact(n, u, m, prior_key=n, channel=channel, role=r) for n, u, m, r in rows)
+        return tuple(ParameterSpec(n, u, m, prior_key=n, channel=channel, role=r) for n, u, m, r in rows)
 
     def _share(self, theta: Floats, inputs: Mapping[str, Floats]) -> tuple[Floats, Floats, Floats]:
         """Parameters (P, ..., 1), distance from the midpoint, and the share of the span that has passed."""

@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Bools
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 from sma_bayes.records.drive import delivered_in_steps
 from sma_bayes.records.history import starts
@@ -47,15 +47,15 @@ class JouleHeating:
     name = "joule_heating"
     parameter_names = ("gain", "loss", "ambient", "switching")
 
-    def parameters(self) -> tuple[ParameterFact, ...]:
+    def parameters(self) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters."""
         return (
-            ParameterFact(
+            ParameterSpec(
                 "gain", "K/(s A^2)", "heating rate of 1 A without losses, R/(m c)", channel="temperature"
             ),
-            ParameterFact("loss", "1/s", "rate of cooling, h A/(m c)", channel="temperature"),
-            ParameterFact("ambient", "degC", "temperature of the surroundings", channel="temperature"),
-            ParameterFact(
+            ParameterSpec("loss", "1/s", "rate of cooling, h A/(m c)", channel="temperature"),
+            ParameterSpec("ambient", "degC", "temperature of the surroundings", channel="temperature"),
+            ParameterSpec(
                 "switching", "1", "share of a step before the current changes", channel="temperature"
             ),
         )

@@ -23,7 +23,7 @@ from scipy.special import expit
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.scales import RecordScales
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.response.base import ResponseModel, Variant
@@ -63,7 +63,7 @@ class Logistic(ResponseModel):
         channels = records[0].channels
         return cls(channels, RecordScales.of(records).trend.get(next(iter(channels), ""), 1.0))
 
-    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
+    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters, for the units of temperature and of the channel."""
         (channel,) = self.channels
         meaning = (
@@ -75,7 +75,7 @@ class Logistic(ResponseModel):
         unit = (units[channel], units[channel], units["temperature"], units["temperature"])
         role = (Role.LEVEL, Role.LEVEL, Role.MIDPOINT, Role.WIDTH)
         return tuple(
-            ParameterFact(name, u, m, prior_key=name, channel=channel, role=r)
+            ParameterSpec(name, u, m, prior_key=name, channel=channel, role=r)
             for name, u, m, r in zip(self.parameter_names, unit, meaning, role, strict=True)
         )
 

@@ -26,7 +26,7 @@ from scipy.special import expit
 
 from sma_bayes.arrays import Bools
 from sma_bayes.parameters.roles import Role
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import ARBITRARY, CHANNELS, Floats, per
 from sma_bayes.response.base import Asymptote, ResponseModel, Variant, in_order
 
@@ -167,7 +167,7 @@ class ModifiedSigmoid(ResponseModel):
         needed = {name for channel in self.channels for name in _NEEDS[channel]}
         return tuple(name for name in _MEANING if name in needed)
 
-    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
+    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters.
 
         Parameters
@@ -184,7 +184,7 @@ class ModifiedSigmoid(ResponseModel):
             "4": lambda letter: channel_unit(units, "displacement" if letter == "A" else "force"),
         }
         return tuple(
-            ParameterFact(
+            ParameterSpec(
                 name,
                 of[name[1]](name[0]),
                 _MEANING[name],

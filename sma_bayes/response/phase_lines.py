@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import expit
 
 from sma_bayes.parameters.roles import Role
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats, per, quotient
 from sma_bayes.response.base import Asymptote, ResponseModel
 from sma_bayes.response.modified_sigmoid import channel_unit, log_cosh_squared
@@ -140,7 +140,7 @@ class PhaseLines(ResponseModel):
             for end, _ in self._roles
         )  # fmt: skip
 
-    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
+    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters."""
         degrees = units["temperature"]
         facts = []
@@ -163,7 +163,7 @@ class PhaseLines(ResponseModel):
                 )  # fmt: skip
                 name = f"{letter}{end}"
                 facts.append(
-                    ParameterFact(name, its_unit, meaning, prior_key=name, channel=channel, role=role)
+                    ParameterSpec(name, its_unit, meaning, prior_key=name, channel=channel, role=role)
                 )
         return tuple(facts)
 

@@ -24,7 +24,7 @@ from typing import Final, Self
 import numpy as np
 
 from sma_bayes.parameters.roles import Role
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats, quotient
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel, Variant
@@ -81,7 +81,7 @@ class Polynomial(ResponseModel):
         """All coefficients, also where too few frequencies determine them."""
         return frozenset(_NAMES)
 
-    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
+    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters, for the units of temperature and of the channel."""
         (channel,) = self.channels
         unit, kelvin = units[channel], units["temperature"]
@@ -97,7 +97,7 @@ class Polynomial(ResponseModel):
             "square": (Role.EFFECT, unit, f"curvature of {channel} over the range of frequencies"),
         }
         return tuple(
-            ParameterFact(name, *rows[name][1:], prior_key=name, channel=channel, role=rows[name][0])
+            ParameterSpec(name, *rows[name][1:], prior_key=name, channel=channel, role=rows[name][0])
             for name in self.parameter_names
         )
 

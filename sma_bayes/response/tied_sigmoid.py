@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import CHANNELS, Floats
 from sma_bayes.response.base import Asymptote, ResponseModel, Variant
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
@@ -53,7 +53,7 @@ class TiedSigmoid(ResponseModel):
         names = self.free.parameter_names
         return tuple(n for n in names if n != "B2" or "A2" not in names)
 
-    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterFact, ...]:
+    def parameters(self, units: Mapping[str, str]) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters; see `ModifiedSigmoid.parameters`."""
         return tuple(f for f in self.free.parameters(units) if f.name in self.parameter_names)
 

@@ -14,9 +14,9 @@ from sma_bayes.runs.schema import (
     CorrelationAverage,
     DocumentPart,
     Factor,
-    Finding,
+    FindingDocument,
     Items,
-    ModelChoice,
+    ModelChoiceDocument,
     Number,
     NumberOrNull,
     RunAccount,
@@ -341,7 +341,7 @@ class RecordSummary(DocumentPart):
         default=None,
         description="its place on the ladder: 1 for the published curve, 0 for one beside the ladder",
     )
-    model_choice: ModelChoice | None = Field(default=None, description="of `--model auto`; else null")
+    model_choice: ModelChoiceDocument | None = Field(default=None, description="of `--model auto`; else null")
     nearest: dict[str, NearestSummary] = Field(
         description="A1 to A4, B1 to B4 of the published curve nearest to the fitted one"
     )
@@ -456,7 +456,7 @@ class FitFindings(DocumentPart):
     loops: Items[QuantitySummary] = Field(
         default=(), description="hysteresis width and loop area of conditions with both branches"
     )
-    findings: Items[Finding] = Field(default=(), description="what the quality checks saw")
+    findings: Items[FindingDocument] = Field(default=(), description="what the quality checks saw")
 
 
 class FitSummary(RunAccount, FitFindings):

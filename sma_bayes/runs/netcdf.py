@@ -38,7 +38,7 @@ class Variable:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Group:
+class VariableGroup:
     """Variables that share dimensions.
 
     Attributes
@@ -69,14 +69,14 @@ def axes(**lengths: Any) -> dict[str, Variable]:
     return {name: Variable((name,), np.asarray(values)) for name, values in lengths.items()}
 
 
-def write_groups(path: Path, groups: Mapping[str, Group], packed: Collection[str] = ()) -> None:
+def write_groups(path: Path, groups: Mapping[str, VariableGroup], packed: Collection[str] = ()) -> None:
     """Write groups, what stands under ``/`` at the root, and the checksum of all of it.
 
     Parameters
     ----------
     path : Path
         File, written over where it exists.
-    groups : mapping of str to Group
+    groups : mapping of str to VariableGroup
     packed : collection of str
         Names of groups whose variables are compressed, such as ``log_likelihood``.
     """
@@ -88,7 +88,7 @@ def write_groups(path: Path, groups: Mapping[str, Group], packed: Collection[str
         file.attrs[KEY] = netcdf_checksum(file)
 
 
-def _write_group(place: Any, group: Group, options: dict[str, Any]) -> None:
+def _write_group(place: Any, group: VariableGroup, options: dict[str, Any]) -> None:
     scales = {}
     for name, variable in group.coords.items():
         if variable.dims == (name,):

@@ -20,11 +20,11 @@ def claimed_folder(folder: Path, identity: dict[str, Any], resume: bool) -> Iter
         with nothing_unfinished(folder):
             yield
     except BaseException:
-        give_back(folder, made)
+        release(folder, made)
         raise
 
 
-def give_back(folder: Path, made: Sequence[Path]) -> None:
+def release(folder: Path, made: Sequence[Path]) -> None:
     """Undo a claim, unless files besides its mark have been written.
 
     Parameters
@@ -81,7 +81,7 @@ def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> tuple[
     try:
         write_json(folder / MARK, identity)
     except OutputError:
-        give_back(folder, made)
+        release(folder, made)
         raise
     return made
 

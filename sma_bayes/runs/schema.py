@@ -146,7 +146,7 @@ class RunAccount(DocumentPart):
     )
 
 
-class Finding(DocumentPart):
+class FindingDocument(DocumentPart):
     """What was found about the measurements."""
 
     kind: str = Field(description="name of what was found, such as `clipped`")
@@ -163,7 +163,7 @@ class Finding(DocumentPart):
     )
 
 
-class Interval(DocumentPart):
+class IntervalDocument(DocumentPart):
     """Equal-tailed 90 % interval and median; null where not told."""
 
     q05: NumberOrNull = Field(description="lower end")
@@ -171,7 +171,7 @@ class Interval(DocumentPart):
     q95: NumberOrNull = Field(description="upper end")
 
 
-class ModelChoice(DocumentPart):
+class ModelChoiceDocument(DocumentPart):
     """Why a response model was taken (`--model auto`)."""
 
     name: str = Field(description="name of the model")
@@ -184,7 +184,7 @@ class ModelChoice(DocumentPart):
     )
 
 
-class Factor(Interval):
+class Factor(IntervalDocument):
     """A correlation factor over draws of a curve."""
 
     undefined: Number = Field(description="share of the draws in which it is not defined [1]")

@@ -21,7 +21,7 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.posterior import versions
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
-from sma_bayes.runs.netcdf import Group, Variable, axes, write_groups
+from sma_bayes.runs.netcdf import Variable, VariableGroup, axes, write_groups
 from sma_bayes.runs.workers import stop_workers
 
 PRIOR_DRAWS = 500
@@ -191,7 +191,7 @@ def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, 
     )
 
 
-def _groups(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> dict[str, Group]:
+def _groups(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> dict[str, VariableGroup]:
     r = fit.records[record]
     chains, kept, _ = fit.theta.shape
     dims = ("chain", "draw")
@@ -214,16 +214,16 @@ def _groups(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> dict[str
     }
     prior, prior_predictive = _prior_groups(fit, record, own)
     return {
-        "/": Group(attributes=_attributes(fit, r)),
-        "posterior": Group(posterior, coords),
-        "sample_stats": Group(
+        "/": VariableGroup(attributes=_attributes(fit, r)),
+        "posterior": VariableGroup(posterior, coords),
+        "sample_stats": VariableGroup(
             {name: Variable(dims, values) for name, values in densities.items()}
             | _discrepancy_weights(fit, record),
             coords | _functions(fit, record),
         ),
         **_pointwise_groups(fit, record, replicated, points),
-        "log_prior": Group({"log_prior": Variable(dims, log_prior)}, coords),
-        "observed_data": Group(
+        "log_prior": VariableGroup({"log_prior": Variable(dims, log_prior)}, coords),
+        "observed_data": VariableGroup(
             {
                 c: Variable(("obs",), v, {"unit": r.units[c], "quantity": r.quantity(c)})
                 for c, v in r.observed.items()
@@ -238,7 +238,7 @@ def _groups(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> dict[str
 
 def _pointwise_groups(
     fit: Fit, record: int, replicated: Mapping[str, Floats], points: dict[str, Variable]
-) -> dict[str, Group]:
+) -> dict[str, VariableGroup]:
     """Log likelihood of each sample and replicated data, for every n-th draw; rounded, as they are most of the file."""
     r = fit.records[record]
     chains, kept, _ = fit.theta.shape
@@ -260,7 +260,10 @@ def _pointwise_groups(
         drawn = replicated[channel].reshape(chains, kept, r.n)[:, ::stride]
         step = NOISE_STEP * float(drawn.std(axis=(0, 1)).min())
         data[channel] = Variable(dims, _rounded(drawn, step), {"rounded_to": step})
-    return {"log_likelihood": Group(densities, coords), "posterior_predictive": Group(data, coords)}
+    return {
+        "log_likelihood": VariableGroup(densities, coords),
+        "posterior_predictive": VariableGroup(data, coords),
+    }
 
 
 def _rounded(values: Floats, step: float) -> Any:
@@ -309,7 +312,7 @@ def _functions(fit: Fit, record: int) -> dict[str, Variable]:
     return axes(**{f"{channel}{FUNCTION}": np.arange(basis.count) for channel, basis in bases.items()})
 
 
-def _constants(fit: Fit, record: int, points: Mapping[str, Variable]) -> Group:
+def _constants(fit: Fit, record: int, points: Mapping[str, Variable]) -> VariableGroup:
     """Inputs of the model, and the functions of temperature of which what a curve misses is made."""
     r, bases = fit.records[record], fit.posterior.discrepancy[record]
     coords = axes(obs=points["obs"].values) | _functions(fit, record)
@@ -320,14 +323,14 @@ def _constants(fit: Fit, record: int, points: Mapping[str, Variable]) -> Group:
     values = {
         f"{c}{FUNCTIONS}": Variable((f"{c}{NODE}", f"{c}{FUNCTION}"), b.values) for c, b in bases.items()
     }
-    return Group({name: v for name, v in points.items() if name != "obs"} | values, coords)
+    return VariableGroup({name: v for name, v in points.items() if name != "obs"} | values, coords)
 
 
-def _prior_groups(fit: Fit, record: int, own: Mapping[str, int]) -> tuple[Group, Group]:
+def _prior_groups(fit: Fit, record: int, own: Mapping[str, int]) -> tuple[VariableGroup, VariableGroup]:
     """Draws from the prior, and the curves that they give over the observed temperatures."""
     r = fit.records[record]
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 3, *r.key.encode()]))
-    theta = fit.posterior.space.to_physical(fit.posterior.draw_prior(rng, PRIOR_DRAWS))
+    theta = fit.posterior.space.constrain(fit.posterior.draw_prior(rng, PRIOR_DRAWS))
     grid = np.linspace(r.temperature.min(), r.temperature.max(), PRIOR_GRID)
     curve = fit.posterior.predict(theta, {"temperature": grid}, record=record)
     coords = axes(chain=[0], draw=np.arange(PRIOR_DRAWS))
@@ -336,7 +339,7 @@ def _prior_groups(fit: Fit, record: int, own: Mapping[str, int]) -> tuple[Group,
         c: Variable(("chain", "draw", "temperature"), _significant(v[None], CURVE_BITS))
         for c, v in curve.items()
     }
-    return Group(draws, coords), Group(curves, coords | axes(temperature=grid))
+    return VariableGroup(draws, coords), VariableGroup(curves, coords | axes(temperature=grid))
 
 
 def _own_parameters(fit: Fit, record: int) -> dict[str, int]:

@@ -11,7 +11,7 @@ from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.errors import OutputError
 from sma_bayes.fitting.discrepancy import size_fact
 from sma_bayes.fitting.fit import calibration_errors, calibrations_of
-from sma_bayes.fitting.posterior import Place, Posterior
+from sma_bayes.fitting.posterior import ParameterIndex, Posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.noise.heteroscedastic import temperature_sd_fact
 from sma_bayes.parameters.distributions import FAMILIES
@@ -102,7 +102,7 @@ def _posterior(summary: RecordSummary, stored: StoredRecord) -> Posterior:
         felt = len(names)
         names.append(temperature_sd_fact(record.units["temperature"]).name)
     space = ParameterSpace(tuple(_parameter(n, summary.parameters[n]) for n in names))
-    place = Place(np.arange(len(model.parameter_names)), noises, sizes, felt)
+    place = ParameterIndex(np.arange(len(model.parameter_names)), noises, sizes, felt)
     return Posterior((record,), model, noise, space, (place,), (bases,))
 
 

@@ -21,7 +21,7 @@ from sma_bayes.sampling.proposals import (
     StudentMixture,
 )
 from sma_bayes.sampling.shape import one_component, spread
-from sma_bayes.sampling.weighted import LEAST, Weighed, Weights, tempered
+from sma_bayes.sampling.weighted import LEAST, ImportanceSample, Weights, tempered
 
 DRAWS = 500
 """Importance draws of one round."""
@@ -45,7 +45,7 @@ ROUNDS = 6
 """Greatest number of rounds for one set of coordinates."""
 GOOD = 0.7
 """Efficiency at which refining stops. At 0.6 a mild banana still passes, whose tail has weights that end a run."""
-AROUND = (64, 60)
+WALKERS_AND_STEPS = (64, 60)
 """Walkers and steps that look for what a proposal does not reach."""
 USABLE = 0.3
 """Efficiency below which a proposal does not carry a run alone."""
@@ -60,7 +60,7 @@ class Adapted:
     Attributes
     ----------
     proposal : Proposal or MixedProposal
-    last : Weighed
+    last : ImportanceSample
         The last round of draws.
     evaluations : int
     greatest_seen : float
@@ -75,7 +75,7 @@ class Adapted:
     """
 
     proposal: AnyProposal
-    last: Weighed
+    last: ImportanceSample
     evaluations: int
     greatest_seen: float = 0.0
     acceptance: float = math.nan
@@ -132,7 +132,7 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator) -> 
 
 
 @np.errstate(all="ignore")  # where the density is zero nothing of this is a number, and it is not good
-def at_a_look(
+def screen_proposal(
     density: Density, linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0
 ) -> Adapted | None:
     """Proposal as linearising a density at a mode, or near one, gives it, and draws that tell how good it is.
@@ -245,7 +245,7 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
     """
     own = weigh(density, adapted.proposal, rng, DRAWS)
     dimension = own.z.shape[1]
-    walkers = max(AROUND[0], 2 * dimension + 2)
+    walkers = max(WALKERS_AND_STEPS[0], 2 * dimension + 2)
     if np.count_nonzero(own.weights.normalised) < walkers:
         return adapted
     start = own.z[rng.choice(len(own.z), size=walkers, replace=False, p=own.weights.normalised)]
@@ -253,8 +253,8 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
     sampler = emcee.EnsembleSampler(walkers, dimension, density.log_prob, moves=moves, vectorize=True)
     stream = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
     state = State(start, random_state=stream.get_state())
-    sampler.run_mcmc(state, AROUND[1], skip_initial_state_check=True)
-    evaluations = adapted.evaluations + DRAWS + walkers * (AROUND[1] + 1)
+    sampler.run_mcmc(state, WALKERS_AND_STEPS[1], skip_initial_state_check=True)
+    evaluations = adapted.evaluations + DRAWS + walkers * (WALKERS_AND_STEPS[1] + 1)
     met = Adapted(adapted.proposal, own, 0).judged(
         sampler.get_chain(flat=True), sampler.get_log_prob(flat=True)
     )
@@ -270,14 +270,14 @@ def _refine(
     are not, and stand on their last round alone: the better they fit draws of their own, the more they lose of a
     bent density that they hardly reach.
     """
-    nothing = Weighed(proposal.wide.mean, np.full(1, -np.inf), np.zeros(1))
+    nothing = ImportanceSample(proposal.wide.mean, np.full(1, -np.inf), np.zeros(1))
     best = Adapted(proposal, nothing, 0)
     evaluations = worse = 0
     rounds = _Rounds()
     several = proposal.narrow.components > 1
     for _ in range(ROUNDS):
         z, log_q, u, back = proposal.draw_with_coordinates(rng, draws)
-        last = Weighed.of(density.log_prob, z, log_q)
+        last = ImportanceSample.of(density.log_prob, z, log_q)
         weights = last.weights
         evaluations += draws
         worse = 0 if weights.efficiency > 1.1 * best.weights.efficiency else worse + 1
@@ -304,7 +304,7 @@ class _Rounds:
         self.u: list[Floats] = []
         self.weight: list[Floats] = []
 
-    def add(self, drawn: Weighed, u: Floats, back: Bools, alone: bool) -> None:
+    def add(self, drawn: ImportanceSample, u: Floats, back: Bools, alone: bool) -> None:
         """Add a round with its coordinates; if it is to stand alone, or needs tempering, those before are forgotten."""
         weights = drawn.weights
         if alone or weights.efficiency < LEAST:
@@ -341,6 +341,6 @@ def _widened(wide: StudentMixture, z: Floats, weight: Floats) -> StudentMixture:
     return StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], wide.df)
 
 
-def weigh(density: Density, proposal: AnyProposal, rng: np.random.Generator, size: int) -> Weighed:
+def weigh(density: Density, proposal: AnyProposal, rng: np.random.Generator, size: int) -> ImportanceSample:
     """Draw from a proposal, and weigh the draws."""
-    return Weighed.of(density.log_prob, *proposal.draw(rng, size))
+    return ImportanceSample.of(density.log_prob, *proposal.draw(rng, size))

@@ -26,7 +26,7 @@ from sma_bayes.errors import ResumeError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Block:
+class StepBlock:
     """Consecutive steps of one ensemble.
 
     Attributes
@@ -89,7 +89,7 @@ class Checkpoint:
                 remedy="resume with what the run was started with, or choose another --out",
             )
 
-    def blocks(self, name: str) -> Iterator[Block]:
+    def blocks(self, name: str) -> Iterator[StepBlock]:
         """Blocks that are stored for one ensemble, in order.
 
         They are read at once: while the file is open for reading, another ensemble couldn't append to it.
@@ -97,7 +97,7 @@ class Checkpoint:
         with h5py.File(self.path, "r") as file:
             return iter(_blocks(file[name]) if name in file else [])
 
-    def append(self, name: str, block: Block) -> None:
+    def append(self, name: str, block: StepBlock) -> None:
         """Add a block to one ensemble's chain.
 
         What an interrupted call has left behind the last whole block is written over.
@@ -145,7 +145,7 @@ class Checkpoint:
             file.flush()
 
 
-def _blocks(group: h5py.Group) -> list[Block]:
+def _blocks(group: h5py.Group) -> list[StepBlock]:
     chain, log_prob = group["chain"][()], group["log_prob"][()]
     ends = group["block_end"][()].astype(int) if "block_end" in group else np.empty(0, dtype=int)
     out = []
@@ -154,7 +154,7 @@ def _blocks(group: h5py.Group) -> list[Block]:
         random_state = (
             "MT19937", group["random_keys"][i], int(position), int(has_gauss), float(group["random_gauss"][i])
         )  # fmt: skip
-        block = Block(
+        block = StepBlock(
             chain[start:end],
             log_prob[start:end],
             group["block_accepted"][i],
@@ -168,7 +168,7 @@ def _blocks(group: h5py.Group) -> list[Block]:
     return out
 
 
-def _digest(block: Block) -> NDArray[np.uint8]:
+def _digest(block: StepBlock) -> NDArray[np.uint8]:
     """SHA-256 of all that a block holds, shape (32,)."""
     _, keys, position, has_gauss, gauss = block.random_state
     rest = [position, has_gauss, gauss, block.evaluations]

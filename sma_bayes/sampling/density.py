@@ -17,8 +17,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.sampling.proposals import Coordinates, Mixture, Source
-from sma_bayes.sampling.shape import Shape
+from sma_bayes.sampling.proposals import Coordinates, DrawSource, Mixture
+from sma_bayes.sampling.shape import NormalShape
 
 
 class Density(Protocol):
@@ -42,7 +42,7 @@ class Density(Protocol):
 class Shaped(Density, Protocol):
     """A density that knows its shape."""
 
-    def shape(self) -> Shape:
+    def shape(self) -> NormalShape:
         """Coordinates for proposals, and what is known of the density in them."""
         ...
 
@@ -81,7 +81,7 @@ class Linearised(ABC):
         """Coordinates for draws (N, D) that reach farther than those of `proposals`; None where there are no others."""
         return None
 
-    def prior_proposal(self, covariance: Floats) -> Source | None:
+    def prior_proposal(self, covariance: Floats) -> DrawSource | None:
         """The prior, but for parameters that any data determine; None where it can't be drawn from.
 
         It is what the density is like where data tell little. For the others it is about the point, with their part of
@@ -123,6 +123,6 @@ def linearised_at(density: Density, z: Floats) -> Linearised | None:
     return density.linearised(z) if isinstance(density, Linearisable) else None
 
 
-def shape_of(density: Density, covariance: Floats) -> Shape:
+def shape_of(density: Density, covariance: Floats) -> NormalShape:
     """What a density says of its shape; if nothing, all of it may be bent, with the covariance (D, D) of its mode."""
-    return density.shape() if isinstance(density, Shaped) else Shape.unknown(covariance)
+    return density.shape() if isinstance(density, Shaped) else NormalShape.unknown(covariance)

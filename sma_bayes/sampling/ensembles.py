@@ -41,15 +41,15 @@ from sma_bayes.sampling.adaptation import (
     USABLE,
     Adapted,
     adapt,
-    at_a_look,
+    screen_proposal,
     with_wide_share,
 )
 from sma_bayes.sampling.audit import Audit, Audited, audited, reaching_further
 from sma_bayes.sampling.bridge import Evidence, bridge_evidence
-from sma_bayes.sampling.checkpoint import Block, Checkpoint
+from sma_bayes.sampling.checkpoint import Checkpoint, StepBlock
 from sma_bayes.sampling.convergence import PUBLISHED, Convergence, Target, assess
 from sma_bayes.sampling.density import Density, Linearisable
-from sma_bayes.sampling.laplace import Mode, climb, near
+from sma_bayes.sampling.laplace import Mode, find_mode, laplace_at
 from sma_bayes.sampling.moves import (
     SAMPLERS,
     IndependenceMove,
@@ -58,7 +58,7 @@ from sma_bayes.sampling.moves import (
     differential_evolution,
 )
 from sma_bayes.sampling.refitting import adapt_to_draws
-from sma_bayes.sampling.weighted import Weighed, Weights
+from sma_bayes.sampling.weighted import ImportanceSample, Weights
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,10 +174,10 @@ LONGEST = 384
 other moves would take a hundred times as long to make."""
 HEAVIER_FROM = 48
 """Steps from which the greatest weight that is let pass grows with their number."""
-HOPED = 1.37
+DRAWS_PER_EFFECTIVE = 1.37
 """Draws that must count for each effective one that is asked for, so that the first block of steps mostly does: each of
 some thirty effective sample sizes is an estimate, and the least of them decides."""
-IN_HAND = 1.15
+SPARE_DRAWS = 1.15
 """What is asked for beyond the effective draws that lack, whose number is itself an estimate."""
 MOST_BLOCKS = 3
 """Blocks at once, at most."""
@@ -257,7 +257,7 @@ def _steps_hoped(efficiency: float, chains: int, plan: Plan) -> int:
 
     `MOST_BLOCKS` times the least number at most: what is lost with a run that is killed is the block that it is at.
     """
-    hoped = math.ceil(HOPED * plan.target.draws / (chains * efficiency))
+    hoped = math.ceil(DRAWS_PER_EFFECTIVE * plan.target.draws / (chains * efficiency))
     return min(MOST_BLOCKS * plan.block, max(plan.block, hoped))
 
 
@@ -269,7 +269,7 @@ def _steps_lacking(convergence: Convergence, length: int, plan: Plan) -> int:
     )
     if not (least > 0.0 and short > 1.0):  # it is R-hat that lacks, or there is no telling
         return plan.block
-    lacking = length * (IN_HAND * short - 1.0)
+    lacking = length * (SPARE_DRAWS * short - 1.0)
     return min(length, max(LEAST_STEPS, math.ceil(lacking)))
 
 
@@ -346,10 +346,10 @@ class _Run:
         if isinstance(start, Mode):
             return None
         linearised = density.linearised(start)
-        mode = near(linearised, self.width)
+        mode = laplace_at(linearised, self.width)
         chains = self.plan.groups * self.walkers
         ahead = chains * _steps_hoped(LINEAR, chains, self.plan)
-        adapted = at_a_look(density, linearised, mode, np.random.default_rng(seed), ahead)
+        adapted = screen_proposal(density, linearised, mode, np.random.default_rng(seed), ahead)
         if adapted is None:
             return None
         self.evaluations += adapted.evaluations
@@ -368,7 +368,7 @@ class _Run:
     def _modes(self, starts: Sequence[Floats] | Sequence[Mode]) -> tuple[Mode, ...]:
         found = []
         for start in starts:
-            mode = start if isinstance(start, Mode) else climb(self.density, start, self.width)
+            mode = start if isinstance(start, Mode) else find_mode(self.density, start, self.width)
             if mode is not None:
                 found.append(mode)
                 self.evaluations += mode.evaluations
@@ -642,7 +642,7 @@ class _Group:
             if independence > 0.0:
                 chosen.append((self.move, independence))
         self.sampler = _Sampler(self.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True)
-        self._ready: Weighed | None = None  # proposals of the first block, if they have been made
+        self._ready: ImportanceSample | None = None  # proposals of the first block, if they have been made
         self._log_q: Floats | None = None  # log density of the proposal at the starts, if it is known
         start_seed, chain_seed = seed.spawn(2)
         self.sampler.seed_stream(chain_seed)
@@ -658,7 +658,7 @@ class _Group:
             coords, log_prob = start, run.log_prob(start)
         # without a state of random numbers those of the sampler go on
         self.state = State(coords, log_prob=log_prob)
-        self._blocks: list[Block] = []
+        self._blocks: list[StepBlock] = []
         self._stored = iter(()) if run.checkpoint is None else run.checkpoint.blocks(name)
 
     def _dispersed(
@@ -700,7 +700,7 @@ class _Group:
         self._blocks.append(block)
         self.state = State(block.chain[-1], log_prob=block.log_prob[-1], random_state=block.random_state)
 
-    def _sample(self, steps: int) -> Block:
+    def _sample(self, steps: int) -> StepBlock:
         known = (None, None) if self._blocks else (self._log_q, self._ready)
         self.move.start_block(self.state.coords, *known)
         self.move.log_weights.clear()
@@ -709,7 +709,7 @@ class _Group:
         for _ in self.sampler.sample(self.state, iterations=steps, skip_initial_state_check=True):
             pass
         weights = self.move.log_weights
-        return Block(
+        return StepBlock(
             np.asarray(self.sampler.get_chain(), dtype=float),
             np.asarray(self.sampler.get_log_prob(), dtype=float),
             np.asarray(self.sampler.backend.accepted, dtype=float),

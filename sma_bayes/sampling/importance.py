@@ -24,10 +24,10 @@ from sma_bayes.arrays import Floats
 from sma_bayes.sampling.adaptation import adapt
 from sma_bayes.sampling.bridge import Evidence, fitted_proposal
 from sma_bayes.sampling.density import Density, linearised_at
-from sma_bayes.sampling.laplace import Mode, climb
+from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
-from sma_bayes.sampling.proposals import Source
-from sma_bayes.sampling.weighted import Weighed, Weights, tempered
+from sma_bayes.sampling.proposals import DrawSource
+from sma_bayes.sampling.weighted import ImportanceSample, Weights, tempered
 
 DRAWS: Final = 4000
 """Importance draws of a proposal."""
@@ -58,7 +58,7 @@ class WeightedDraws:
     method : str
         ``importance`` or ``population Monte Carlo``.
     converged : bool
-    proposal : Source
+    proposal : DrawSource
         From which they were drawn.
     modes : tuple of Mode
     """
@@ -69,7 +69,7 @@ class WeightedDraws:
     k: float
     method: str
     converged: bool
-    proposal: Source
+    proposal: DrawSource
     modes: tuple[Mode, ...]
 
     @property
@@ -84,7 +84,7 @@ def importance_draws(
     width: Floats,
     seed: np.random.SeedSequence,
     *,
-    others: Sequence[Source] = (),
+    others: Sequence[DrawSource] = (),
 ) -> WeightedDraws:
     """Sample a density.
 
@@ -96,7 +96,7 @@ def importance_draws(
     width : ndarray, shape (D,)
         Greatest plausible standard deviation of each coordinate: that of the prior.
     seed : numpy.random.SeedSequence
-    others : sequence of Source
+    others : sequence of DrawSource
         Those of similar densities, to be tried before one is fitted.
     """
     adapt_seed, draw_seed = seed.spawn(2)
@@ -106,20 +106,20 @@ def importance_draws(
         found = drawn(density, source, modes, rng, DRAWS)
         if found.converged:
             return found
-    modes = distinct_modes([m for m in (climb(density, s, width) for s in starts) if m is not None])
+    modes = distinct_modes([m for m in (find_mode(density, s, width) for s in starts) if m is not None])
     own = adapt(density, modes, np.random.default_rng(adapt_seed)).proposal
     found = drawn(density, own, modes, rng, DRAWS)
     return found if found.converged else _population(density, own, modes, rng, found)
 
 
 def _population(
-    density: Density, own: Source, modes: tuple[Mode, ...], rng: np.random.Generator, first: WeightedDraws
+    density: Density, own: DrawSource, modes: tuple[Mode, ...], rng: np.random.Generator, first: WeightedDraws
 ) -> WeightedDraws:
     """Fit mixtures to draws until they are good; the best of all rounds where they never are."""
     linearised = linearised_at(density, modes[0].z)
     prior = None if linearised is None else linearised.prior_proposal(modes[0].covariance)
     wide = own if prior is None else prior
-    best, found = first, drawn(density, HalfAndHalf(own, wide), modes, rng, POPULATION)
+    best, found = first, drawn(density, EqualMixture(own, wide), modes, rng, POPULATION)
     for _ in range(ROUNDS):
         if found.effective > best.effective:
             best = found
@@ -130,16 +130,16 @@ def _population(
             break
         chosen = found.z[rng.choice(len(found.z), RESAMPLED, p=weight / weight.sum())]
         fitted = fitted_proposal(chosen, np.full(RESAMPLED, 1.0 / RESAMPLED), COMPONENTS, rng)
-        found = drawn(density, HalfAndHalf(fitted, wide), modes, rng, POPULATION)
+        found = drawn(density, EqualMixture(fitted, wide), modes, rng, POPULATION)
     best = found if found.converged or found.effective > best.effective else best
     return replace(best, method="population Monte Carlo")
 
 
 def drawn(
-    density: Density, proposal: Source, modes: Sequence[Mode], rng: np.random.Generator, size: int
+    density: Density, proposal: DrawSource, modes: Sequence[Mode], rng: np.random.Generator, size: int
 ) -> WeightedDraws:
     """Importance draws from a proposal."""
-    found = Weighed.of(density.log_prob, *proposal.draw(rng, size))
+    found = ImportanceSample.of(density.log_prob, *proposal.draw(rng, size))
     z, weights, log_weight = found.z, found.weights, found.weights.log_weight
     evidence = Evidence(*weights.log_evidence())
     kept = np.isfinite(log_weight)
@@ -155,16 +155,16 @@ def drawn(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HalfAndHalf:
+class EqualMixture:
     """Two sources in equal parts.
 
     Attributes
     ----------
-    one, other : Source
+    one, other : DrawSource
     """
 
-    one: Source
-    other: Source
+    one: DrawSource
+    other: DrawSource
 
     def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
         """Points (size, D) and their log density (size,); see `Source.draw`."""

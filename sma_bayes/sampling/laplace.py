@@ -28,7 +28,7 @@ against its promise tells how much is left. On a bend the two may agree by chanc
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mode:
-    """A local maximum, or a point near one (`near`).
+    """A local maximum, or a point near one (`laplace_at`).
 
     Attributes
     ----------
@@ -46,15 +46,15 @@ class Mode:
     evaluations: int
 
 
-def near(linearised: Linearised, width: Floats) -> Mode:
-    """Normal approximation at a point near a mode, by the response linearised there; `width` is that of `climb`.
+def laplace_at(linearised: Linearised, width: Floats) -> Mode:
+    """Normal approximation at a point near a mode, by the response linearised there; `width` is that of `find_mode`.
 
     The density there is not asked for.
     """
     return Mode(linearised.z, np.nan, _covariance(linearised, width), 0)
 
 
-def climb(density: Density, start: Floats, width: Floats, *, steps: int = 40) -> Mode | None:
+def find_mode(density: Density, start: Floats, width: Floats, *, steps: int = 40) -> Mode | None:
     """Climb to the mode nearest to a start.
 
     Parameters

@@ -17,7 +17,7 @@ from emcee.state import State
 
 from sma_bayes.arrays import Floats
 from sma_bayes.sampling.proposals import AnyProposal
-from sma_bayes.sampling.weighted import Weighed, resampled_columns
+from sma_bayes.sampling.weighted import ImportanceSample, resampled_columns
 
 
 class _Proposing(Move):  # type: ignore[misc]
@@ -39,7 +39,7 @@ class _Proposing(Move):  # type: ignore[misc]
         self.start_block()
 
     def start_block(
-        self, coords: Floats | None = None, log_q: Floats | None = None, ready: Weighed | None = None
+        self, coords: Floats | None = None, log_q: Floats | None = None, ready: ImportanceSample | None = None
     ) -> None:
         """Forget what is left of the last batch, so that a block does not depend on how the run got here.
 
@@ -59,8 +59,8 @@ class _Proposing(Move):  # type: ignore[misc]
             # what legacy streams draw takes three times as long
             seed = model.random.randint(1 << 32, size=4, dtype=np.uint64)
             z, log_q = self.proposal.draw(np.random.Generator(np.random.PCG64(seed)), lacking)
-            parts.append(Weighed.of(model.log_prob_fn, z, log_q))
-        drawn = parts[0] if len(parts) == 1 else Weighed.joined(parts)
+            parts.append(ImportanceSample.of(model.log_prob_fn, z, log_q))
+        drawn = parts[0] if len(parts) == 1 else ImportanceSample.joined(parts)
         self.log_weights.append(drawn.log_weight)
         shape = (self.steps, walkers)
         return drawn.z.reshape(*shape, -1), drawn.log_prob.reshape(shape), drawn.log_q.reshape(shape)

@@ -19,7 +19,7 @@ from sma_bayes.arrays import Bools, Floats, Ints
 
 DEGREES_OF_FREEDOM = (5.0, 10.0, 20.0, 50.0)
 """What a fit of a single component chooses from: never so many that a tail is drawn no more."""
-TELLING = 0.6
+TAILS_FROM_SHARE = 0.6
 """Effective share of weighted draws from which they tell the degrees of freedom: below, they know little of tails."""
 
 
@@ -167,7 +167,7 @@ class StudentMixture:
         centred = x - mean
         root, distance = self.root[0], self._distance(x, 0)
         for _ in range(rounds):
-            if effective >= TELLING * len(x):
+            if effective >= TAILS_FROM_SHARE * len(x):
                 df = _likeliest_df(distance, weight, d)
             tail = (df + d) / (df + distance) * weight
             scale = (centred * tail[:, None]).T @ centred
@@ -331,7 +331,7 @@ class MixedProposal:
         return _log_sum((parts + np.log(self.weight)[:, None]).T)
 
 
-class Source(Protocol):
+class DrawSource(Protocol):
     """What importance draws come from, such as a `Proposal`."""
 
     def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:

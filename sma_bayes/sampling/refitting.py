@@ -12,10 +12,10 @@ from sma_bayes.sampling.adaptation import DRAWS, Adapted, weigh
 from sma_bayes.sampling.density import Density, linearised_at, shape_of
 from sma_bayes.sampling.laplace import Mode
 from sma_bayes.sampling.proposals import Mixture, Proposal, StudentMixture
-from sma_bayes.sampling.shape import DF, Shape
+from sma_bayes.sampling.shape import DF, NormalShape
 from sma_bayes.sampling.weighted import Weights, tempered
 
-REACHES = 3
+REFIT_ROUNDS = 3
 """Rounds in which a proposal is fitted to its own draws and those of another move together."""
 
 
@@ -37,7 +37,7 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
     fit, rest = np.array_split(chosen, 2)
     log_prob = density.log_prob(rest)
 
-    def mixtures(shape: Shape) -> Iterator[Adapted]:
+    def mixtures(shape: NormalShape) -> Iterator[Adapted]:
         u, _, back = shape.coordinates.forward(fit)
         for components in (1, 4, 12, 32):
             proposal = Proposal(shape.coordinates, _fitted_mixture(shape, u[back], components, rng), wide)
@@ -55,14 +55,14 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
     return replace(best, evaluations=len(rest) + sum(f.evaluations for f in found))
 
 
-def _shape_over(density: Density, z: Floats) -> Shape | None:
+def _shape_over(density: Density, z: Floats) -> NormalShape | None:
     """Shape of draws (N, D) in the coordinates that a density has for them; None where it has none."""
     linearised = linearised_at(density, np.median(z, axis=0))
     coordinates = None if linearised is None else linearised.coordinates_over(z)
     if coordinates is None:
         return None
     u, _, back = coordinates.forward(z)
-    return Shape(coordinates, np.cov(u[back].T), z.shape[1])
+    return NormalShape(coordinates, np.cov(u[back].T), z.shape[1])
 
 
 def _reaching_out(density: Density, first: Adapted, z: Floats, rng: np.random.Generator) -> Adapted:
@@ -74,7 +74,7 @@ def _reaching_out(density: Density, first: Adapted, z: Floats, rng: np.random.Ge
     if not isinstance(first.proposal, Proposal):
         return first
     proposal = first.proposal
-    for _ in range(REACHES):
+    for _ in range(REFIT_ROUNDS):
         own = weigh(density, proposal, rng, 32 * DRAWS)
         usable = np.isfinite(own.weights.log_weight)
         weight = 0.5 * tempered(Weights(own.weights.log_weight[usable]))
@@ -83,10 +83,10 @@ def _reaching_out(density: Density, first: Adapted, z: Floats, rng: np.random.Ge
         narrow = proposal.narrow.refitted(u[back], both / both.sum(), rounds=6)
         proposal = replace(proposal, narrow=narrow)
     last = weigh(density, proposal, rng, 4 * DRAWS)
-    return Adapted(proposal, last, REACHES * 32 * DRAWS + 4 * DRAWS)
+    return Adapted(proposal, last, REFIT_ROUNDS * 32 * DRAWS + 4 * DRAWS)
 
 
-def _fitted_mixture(shape: Shape, u: Floats, components: int, rng: np.random.Generator) -> Mixture:
+def _fitted_mixture(shape: NormalShape, u: Floats, components: int, rng: np.random.Generator) -> Mixture:
     """Mixture fitted to draws (N, D) in the coordinates of a shape, of several components for what is bent."""
     bent = shape.blocks()[-1]
     bend = np.cov(u[:, bent].T).reshape(bent.size, bent.size)

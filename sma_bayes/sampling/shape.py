@@ -15,7 +15,7 @@ DF = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shape:
+class NormalShape:
     """Where and how a density is nearly normal.
 
     Attributes
@@ -32,9 +32,9 @@ class Shape:
     bent: int
 
     @staticmethod
-    def unknown(covariance: Floats) -> Shape:
+    def unknown(covariance: Floats) -> NormalShape:
         """That of a density with a covariance (D, D), all of which may be bent."""
-        return Shape(PlainCoordinates(), covariance, len(covariance))
+        return NormalShape(PlainCoordinates(), covariance, len(covariance))
 
     def blocks(self) -> tuple[Ints, ...]:
         """Coordinates that belong together: those that are nearly normal, if any, and the bent ones."""

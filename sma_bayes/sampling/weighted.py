@@ -55,7 +55,7 @@ class Weights:
 
 
 @dataclass(frozen=True, eq=False)
-class Weighed:
+class ImportanceSample:
     """Draws from a proposal, and what they weigh.
 
     Attributes
@@ -72,21 +72,21 @@ class Weighed:
     log_q: Floats
 
     @staticmethod
-    def of(density: Callable[[Floats], Floats], z: Floats, log_q: Floats) -> Weighed:
+    def of(density: Callable[[Floats], Floats], z: Floats, log_q: Floats) -> ImportanceSample:
         """Evaluate a log density at points (n, D) of a proposal, where `log_q` (n,) is finite."""
         usable = np.isfinite(log_q)
         if usable.all():
-            return Weighed(z, density(z), log_q)
+            return ImportanceSample(z, density(z), log_q)
         log_prob = np.full(len(z), -np.inf)
         if usable.any():
             log_prob[usable] = density(z[usable])
-        return Weighed(z, log_prob, log_q)
+        return ImportanceSample(z, log_prob, log_q)
 
     @staticmethod
-    def joined(parts: Sequence[Weighed]) -> Weighed:
+    def joined(parts: Sequence[ImportanceSample]) -> ImportanceSample:
         """Draws of one proposal that were made one after the other."""
         z, log_prob, log_q = zip(*((p.z, p.log_prob, p.log_q) for p in parts), strict=True)
-        return Weighed(np.concatenate(z), np.concatenate(log_prob), np.concatenate(log_q))
+        return ImportanceSample(np.concatenate(z), np.concatenate(log_prob), np.concatenate(log_q))
 
     @cached_property
     def log_weight(self) -> Floats:
@@ -99,10 +99,10 @@ class Weighed:
         """Density over proposal."""
         return Weights(self.log_weight)
 
-    def split(self, count: int) -> tuple[Weighed, Weighed]:
+    def split(self, count: int) -> tuple[ImportanceSample, ImportanceSample]:
         """The first so many draws, and the rest."""
         first, rest = (
-            Weighed(self.z[part], self.log_prob[part], self.log_q[part])
+            ImportanceSample(self.z[part], self.log_prob[part], self.log_q[part])
             for part in (slice(count), slice(count, None))
         )
         return first, rest

@@ -58,7 +58,7 @@ BiasSd = Annotated[
     float | None,
     typer.Option(help="Standard deviation of that stiffness [N/m]; 6.5 by default."),
 ]
-Source = Annotated[
+SourceArgument = Annotated[
     Path, typer.Argument(metavar="PATH", help="Campaign folder, campaign.toml, or a data file.")
 ]
 Figures = Annotated[

@@ -10,14 +10,14 @@ from typing import Any
 
 from sma_bayes.account import Account
 from sma_bayes.progress import Progress, silent
-from sma_bayes.report.choice import Drawn, ReportBuilder, Wanted
+from sma_bayes.report.choice import Drawn, ReportBuilder, ReportOptions
 from sma_bayes.runs.documents import Document, sealed
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.store import nothing_unfinished, write_json
 
 
 @dataclass(frozen=True, slots=True)
-class UnderWay:
+class RunContext:
     """A run under way.
 
     Attributes
@@ -53,7 +53,7 @@ class UnderWay:
             "wall_s": time.perf_counter() - self.begun,
         }
 
-    def carry_out(
+    def execute(
         self,
         out: str | Path | None,
         identity: dict[str, Any],
@@ -103,5 +103,5 @@ class UnderWay:
     def _report(self, folder: Path) -> None:
         with nothing_unfinished(folder):
             self.build_report(
-                folder, Wanted(self.drawn, jobs=self.jobs, tell=self.tell, account=self.account)
+                folder, ReportOptions(self.drawn, jobs=self.jobs, tell=self.tell, account=self.account)
             )

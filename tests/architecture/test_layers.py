@@ -150,6 +150,15 @@ def test_names_that_others_rely_on_stay(name: str, public: set[str]) -> None:
     assert public <= set(importlib.import_module(name).__all__)
 
 
+def test_no_public_class_has_the_name_of_another() -> None:
+    places: dict[str, set[str]] = {}
+    for name in modules():
+        for item, value in vars(importlib.import_module(name)).items():
+            if inspect.isclass(value) and value.__module__ == name and not item.startswith("_"):
+                places.setdefault(value.__qualname__, set()).add(name)
+    assert not {item: sorted(found) for item, found in places.items() if len(found) > 1}
+
+
 def test_no_module_has_a_name_that_says_nothing() -> None:
     empty = {"utils", "util", "common", "helpers", "misc", "manager"}
     assert not [m for m in modules() if m.rpartition(".")[2] in empty]

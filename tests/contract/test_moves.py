@@ -17,7 +17,7 @@ import sma_bayes
 from sma_bayes.sampling.convergence import ess_bulk
 from sma_bayes.sampling.moves import IndependenceMove, MultipleProposalMove, differential_evolution
 from sma_bayes.sampling.proposals import MixedProposal, PlainCoordinates, Proposal, StudentMixture
-from sma_bayes.sampling.weighted import Weighed
+from sma_bayes.sampling.weighted import ImportanceSample
 
 WALKERS = 64
 ENSEMBLES = 20
@@ -60,7 +60,7 @@ def multiple(make: Callable[[int], Proposal | MixedProposal], steps: int):
 def begun(d: int):
     """Five of six proposals are there before the first step."""
     move = MultipleProposalMove(poor(d), 60)
-    move.start_block(ready=Weighed.of(gaussian, *move.proposal.draw(STREAM, 50 * WALKERS)))
+    move.start_block(ready=ImportanceSample.of(gaussian, *move.proposal.draw(STREAM, 50 * WALKERS)))
     return [(move, 1.0)]
 
 
@@ -169,7 +169,7 @@ def test_proposals_that_are_ready_are_not_made_again(kind, ready: int) -> None:
         return gaussian(z)
 
     move = kind(good(3), 8)
-    made = Weighed.of(gaussian, *move.proposal.draw(np.random.default_rng(0), ready * WALKERS))
+    made = ImportanceSample.of(gaussian, *move.proposal.draw(np.random.default_rng(0), ready * WALKERS))
     move.start_block(ready=made)
     ensemble(lambda _: [(move, 1.0)], 3, 16, 0, counted)
     assert sizes == [size * WALKERS for size in (1, 8 - ready, 8) if size]

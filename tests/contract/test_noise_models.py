@@ -39,7 +39,7 @@ NAMES = tuple(
 GAUSSIAN = tuple(n for n in NAMES if NOISE_MODELS[n].is_gaussian)
 DENSITIES = tuple(n for n in NAMES if NOISE_MODELS[n].is_density)
 HEAVY = tuple(n for n in DENSITIES if n not in GAUSSIAN)
-REMEMBER = tuple(n for n in NAMES if NOISE_MODELS[n].remembers)
+REMEMBER = tuple(n for n in NAMES if NOISE_MODELS[n].autocorrelated)
 
 
 def shapes_of(name: str) -> tuple[tuple[float, ...], ...]:
@@ -440,7 +440,7 @@ def test_a_model_that_remembers_says_so(name: str) -> None:
         not np.isclose(*(noise.innovations(x, np.array(shape), steps)[5] for x in (e, other)), rtol=1e-8)
         for shape in shapes_of(name)
     ]
-    assert any(found) == noise.remembers
+    assert any(found) == noise.autocorrelated
 
 
 def test_effective_samples_are_a_share_of_the_independent_likelihood() -> None:
@@ -458,7 +458,7 @@ def test_the_memory_is_one_sample_where_there_is_none(noise: NoiseModel, shape: 
     found = noise.memory(shape, steps_of(50))
     assert np.isfinite(found)
     assert found >= 1.0
-    assert noise.remembers or found == 1.0
+    assert noise.autocorrelated or found == 1.0
 
 
 def test_the_memory_counts_samples_as_one() -> None:

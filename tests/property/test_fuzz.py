@@ -26,7 +26,7 @@ from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.quantities import convert, number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.runs.documents import FIT, read_mark, sealed
-from sma_bayes.runs.netcdf import Group, Variable, axes, write_groups
+from sma_bayes.runs.netcdf import Variable, VariableGroup, axes, write_groups
 from sma_bayes.runs.outputs import posterior_of, posterior_path, read_columns
 from sma_bayes.studies.condition_text import condition_at
 from sma_bayes.studies.conditions.population import SCATTER
@@ -123,21 +123,23 @@ def tdms_file(path: Path) -> None:
 
 def posterior_file(path: Path) -> None:
     chains = axes(chain=np.arange(2), draw=np.arange(5))
-    draws = Group({"B3": Variable(("chain", "draw"), np.ones((2, 5)))}, chains)
+    draws = VariableGroup({"B3": Variable(("chain", "draw"), np.ones((2, 5)))}, chains)
     obs = {"obs": Variable(("obs",), np.arange(3))}
-    constant = Group({k: Variable(("obs",), np.arange(3.0)) for k in ("temperature", "row", "segment")}, obs)
-    curves = Group(
+    constant = VariableGroup(
+        {k: Variable(("obs",), np.arange(3.0)) for k in ("temperature", "row", "segment")}, obs
+    )
+    curves = VariableGroup(
         {"force": Variable(("chain", "draw", "temperature"), np.ones((1, 5, 3)))},
         axes(chain=[0], draw=np.arange(5), temperature=np.arange(3.0)),
     )
-    root = Group(
+    root = VariableGroup(
         attributes={"model": "modified_sigmoid", "noise": "ar1", "condition": "c", "branch": "heating"}
     )
     write_groups(
         path,
         {
             "/": root, "posterior": draws, "sample_stats": draws, "constant_data": constant,
-            "observed_data": Group({"force": Variable(("obs",), np.ones(3))}, obs), "prior_predictive": curves,
+            "observed_data": VariableGroup({"force": Variable(("obs",), np.ones(3))}, obs), "prior_predictive": curves,
         },
     )  # fmt: skip
 

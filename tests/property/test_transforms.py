@@ -20,12 +20,12 @@ coordinates = st.lists(st.floats(-12.0, 12.0), min_size=1, max_size=5).map(np.ar
 
 @given(transform=transforms, z=coordinates)
 def test_there_and_back(transform: Transform, z: np.ndarray) -> None:
-    x = transform.to_physical(z)
+    x = transform.constrain(z)
     if isinstance(transform, Logit):  # next to a bound far from zero a double has few digits left
         spare = np.minimum(x - transform.low, transform.high - x)
         z = z[spare > 1e-9 * max(abs(transform.low), abs(transform.high))]
-        x = transform.to_physical(z)
-    np.testing.assert_allclose(transform.to_sampled(x), z, rtol=1e-6, atol=1e-6)
+        x = transform.constrain(z)
+    np.testing.assert_allclose(transform.unconstrain(x), z, rtol=1e-6, atol=1e-6)
 
 
 @given(transform=transforms, z=coordinates)
@@ -38,18 +38,18 @@ def test_the_jacobian_is_the_derivative(transform: Transform, z: np.ndarray) -> 
         scale = transform.high - transform.low
         transform = Logit(0.0, scale)
         z = -np.abs(z)
-    slope = (transform.to_physical(z + h) - transform.to_physical(z - h)) / (2.0 * h)
+    slope = (transform.constrain(z + h) - transform.constrain(z - h)) / (2.0 * h)
     np.testing.assert_allclose(np.log(np.abs(slope)), transform.log_jacobian(z), rtol=1e-7, atol=1e-6)
 
 
 @given(z=coordinates, sign=st.sampled_from([-1.0, 1.0]))
 def test_a_logarithm_keeps_the_sign(z: np.ndarray, sign: float) -> None:
-    assert np.all(np.sign(Log(sign).to_physical(z)) == sign)
+    assert np.all(np.sign(Log(sign).constrain(z)) == sign)
 
 
 @given(transform=bounds, z=coordinates)
 def test_an_interval_is_never_left(transform: Logit, z: np.ndarray) -> None:
-    x = transform.to_physical(100.0 * z)
+    x = transform.constrain(100.0 * z)
     assert np.all((x >= transform.low) & (x <= transform.high))
 
 
@@ -57,7 +57,7 @@ def test_an_interval_is_never_left(transform: Logit, z: np.ndarray) -> None:
     ("transform", "outside"), [(Log(1.0), -1.0), (Log(-1.0), 1.0), (Logit(2.0, 3.0), 1.0), (Logit(2.0, 3.0), 4.0)]
 )  # fmt: skip
 def test_outside_the_support_there_is_no_coordinate(transform: Transform, outside: float) -> None:
-    assert not np.isfinite(transform.to_sampled(np.array(outside)))
+    assert not np.isfinite(transform.unconstrain(np.array(outside)))
 
 
 def space() -> ParameterSpace:
@@ -75,9 +75,9 @@ vectors = st.lists(st.floats(-4.0, 4.0), min_size=7, max_size=7).map(np.array)
 @given(z=vectors)
 def test_a_space_goes_there_and_back(z: np.ndarray) -> None:
     s = space()
-    theta = s.to_physical(z)
+    theta = s.constrain(z)
     assert theta[3] == 7.0
-    np.testing.assert_allclose(s.to_sampled(theta), z, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(s.unconstrain(theta), z, rtol=1e-9, atol=1e-9)
 
 
 @given(z=vectors)
@@ -85,7 +85,7 @@ def test_the_prior_of_a_space_is_the_sum_of_its_priors_with_their_jacobians(z: n
     s = space()
     expected = 0.0
     for p, value in zip(s.free, z, strict=True):
-        x = p.prior.transform.to_physical(value)
+        x = p.prior.transform.constrain(value)
         expected += float(p.prior.log_density(x) + p.prior.transform.log_jacobian(value))
     assert float(s.log_prior(z)) == pytest.approx(expected, rel=1e-10, abs=1e-10)
 
@@ -97,5 +97,5 @@ def test_the_derivative_of_a_space_is_that_of_its_map(z: np.ndarray) -> None:
     for i in range(7):
         step = np.zeros(7)
         step[i] = h
-        up, down = (s.to_physical(z + side * step)[s.free_index[i]] for side in (1, -1))
+        up, down = (s.constrain(z + side * step)[s.free_index[i]] for side in (1, -1))
         assert s.derivative(z)[i] == pytest.approx((up - down) / (2 * h), rel=1e-4)

@@ -166,7 +166,7 @@ def prior_of(case: Case, key: str) -> Posterior:
     left = [{c: NOISE * TYPICAL[c] for c in case.channels}]
     shipped = build_posterior([record], noise, model.default_priors(), model=model, residual=left)
     if case.discrepancy:
-        centre = shipped.space.to_physical(shipped.space.prior_centre())[: len(model.parameter_names)]
+        centre = shipped.space.constrain(shipped.space.prior_centre())[: len(model.parameter_names)]
         bases = discrepancy_bases(shipped, centre)
         shipped = build_posterior(
             [record], noise, model.default_priors(), model=model, residual=left, discrepancy=bases
@@ -181,7 +181,7 @@ def drawn(prior: Posterior, rng: np.random.Generator) -> tuple[Floats, Record]:
     """Parameters from the prior, in sampled coordinates, and a record from the model with them."""
     (record,) = prior.records
     z = prior.space.draw(rng, 1)[0]
-    theta = prior.space.to_physical(z)[None]
+    theta = prior.space.constrain(z)[None]
     size = prior.layout[0].size
     weights = (
         {c: theta[:, at] * rng.standard_normal((1, prior.discrepancy[0][c].count)) for c, at in size.items()},
@@ -204,7 +204,7 @@ def fitted(prior: Posterior, record: Record, seed: int) -> Fit:
         starts.append(z.copy())
         starts[-1][: other.size] = other
     draws = sample(posterior, starts, posterior.space.prior_sd(), second, PLAN)
-    return Fit(posterior, start, posterior.space.to_physical(z), draws, None, seed)
+    return Fit(posterior, start, posterior.space.constrain(z), draws, None, seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +243,7 @@ def outcomes(case: Case, seed: int) -> Outcomes:
 def share_below(fit: Fit, truth: Floats) -> float:
     """Share of draws of less likelihood than the truth."""
     posterior = fit.posterior
-    at_truth = posterior.log_likelihood(posterior.space.to_physical(truth)[None])[0]
+    at_truth = posterior.log_likelihood(posterior.space.constrain(truth)[None])[0]
     return float(np.mean(posterior.log_likelihood(fit.flat) < at_truth))
 
 

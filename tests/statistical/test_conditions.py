@@ -15,7 +15,7 @@ import pytest
 from scipy.stats import binom, kstest, multivariate_normal
 
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.fitting.posterior import Place, Posterior
+from sma_bayes.fitting.posterior import ParameterIndex, Posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter, ParameterSpace
@@ -23,7 +23,7 @@ from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid, sigmoid
 from sma_bayes.sampling.importance import importance_draws
-from sma_bayes.studies.conditions.coordinates import Coordinates
+from sma_bayes.studies.conditions.coordinates import CurveCoordinates
 from sma_bayes.studies.conditions.design import Design, designs
 from sma_bayes.studies.conditions.population import Population, population_of
 from sma_bayes.studies.conditions.prediction import predict
@@ -49,7 +49,7 @@ def posterior_of(record: Record) -> Posterior:
         for i, n in enumerate(MODEL.parameter_names)
     ]
     parameters.append(Parameter("displacement_sd", "m", "", Normal(NOISE, NOISE), fixed=NOISE))
-    place = Place(np.arange(4), {"displacement": np.array([4])})
+    place = ParameterIndex(np.arange(4), {"displacement": np.array([4])})
     return Posterior(
         (record,), MODEL, NOISE_MODELS["independent"], ParameterSpace(tuple(parameters)), (place,)
     )
@@ -66,7 +66,7 @@ def measured(condition: Condition, phi: Floats, rng: np.random.Generator, n: int
     posterior = posterior_of(record)
     found = importance_draws(posterior, [phi], WIDTH, np.random.SeedSequence(int(rng.integers(2**32))))
     z = found.z[rng.choice(len(found.z), 1000, p=np.exp(found.log_weight))]
-    return RecordDraws(posterior, posterior.space.to_physical(z), True)
+    return RecordDraws(posterior, posterior.space.constrain(z), True)
 
 
 def campaign(loads: Floats, rng: np.random.Generator) -> tuple[Design, Floats, Floats, Floats]:
@@ -86,7 +86,7 @@ def yardsticks() -> Floats:
 @pytest.fixture(autouse=True)
 def _known_yardsticks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take the yardsticks, the end for the level and thereby all priors from the law, not from the records."""
-    monkeypatch.setattr(Coordinates, "yardsticks", lambda self, records: yardsticks())
+    monkeypatch.setattr(CurveCoordinates, "yardsticks", lambda self, records: yardsticks())
     monkeypatch.setattr("sma_bayes.studies.conditions.coordinates._spread", lambda records, *names: 0.0)
 
 
@@ -122,7 +122,7 @@ def joint_run(design: Design, records: list[RecordDraws], rng: np.random.Generat
     walkers = 4 * (12 + 4 * count)
     x = np.empty((walkers, 12 + 4 * count))
     for w in range(walkers):
-        phi = np.stack([r.posterior.space.to_sampled(r.theta[rng.integers(r.size)]) for r in records])
+        phi = np.stack([r.posterior.space.unconstrain(r.theta[rng.integers(r.size)]) for r in records])
         x[w, :8] = ((np.linalg.lstsq(design.matrix, phi, rcond=None)[0] - start_of_level) / WIDTH).ravel()
         x[w, :8] += 0.1 * rng.standard_normal(8)
         x[w, 8:12] = np.log(SCATTER * yardsticks()) + 0.5 * rng.standard_normal(4)

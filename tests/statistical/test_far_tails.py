@@ -21,10 +21,10 @@ from scipy.special import logsumexp
 
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.posterior_coordinates import NoiseScaledCoordinates, PredictiveCoordinates
-from sma_bayes.sampling.adaptation import adapt, at_a_look, weigh
+from sma_bayes.sampling.adaptation import adapt, screen_proposal, weigh
 from sma_bayes.sampling.audit import reaching_further
 from sma_bayes.sampling.ensembles import sample
-from sma_bayes.sampling.laplace import Mode, near
+from sma_bayes.sampling.laplace import Mode, laplace_at
 from sma_bayes.sampling.proposals import AnyProposal, PlainCoordinates, Proposal
 from sma_bayes.sampling.weighted import weighted_quantiles
 
@@ -100,9 +100,9 @@ def test_what_is_bent_is_looked_at_in_predictions_where_the_prior_leads(
     problem = Problem.of(Case(channels, "independent").records()[record], "independent")
     posterior, width = problem.posterior, problem.posterior.space.prior_sd()
     linearised = posterior.linearised(problem.start)
-    mode = near(linearised, width)
+    mode = laplace_at(linearised, width)
     plain = NoiseScaledCoordinates.about(linearised, PlainCoordinates())
-    looks = [at_a_look(posterior, linearised, mode, np.random.default_rng(seed)) for seed in range(20)]
+    looks = [screen_proposal(posterior, linearised, mode, np.random.default_rng(seed)) for seed in range(20)]
     found = [look.proposal for look in looks if look is not None and isinstance(look.proposal, Proposal)]
     taken = [proposal.coordinates.inner for proposal in found]
     assert len(taken) == 20

@@ -132,7 +132,7 @@ def at_the_truth(posterior: Posterior) -> Floats:
         for channel, sd in recipe.noise_sd.items()
     }
     theta = np.array([known.get(name, 0.0) for name in posterior.space.names])  # the noise has no memory
-    return posterior.space.to_sampled(theta)
+    return posterior.space.unconstrain(theta)
 
 
 def bridge(log_prob: Callable[[Floats], Floats], chain: Floats, rng: np.random.Generator) -> float:
@@ -298,14 +298,14 @@ def test_agrees_with_nested_sampling(sampled: Sampled) -> None:
     with np.errstate(all="ignore"):
         same_posterior(posterior, by_hand, sampled)
         found = nested(by_hand.log_likelihood, by_hand.prior_transform, sampled.mean.size, seed=5)
-    agree(sampled.mean, sampled.sd, *found.moments(posterior.space.to_sampled(found.draws)))
+    agree(sampled.mean, sampled.sd, *found.moments(posterior.space.unconstrain(found.draws)))
     assert found.agrees(sampled.ln_evidence)
 
 
 def same_posterior(posterior: Posterior, by_hand: ByHand, sampled: Sampled) -> None:
     """What is written out here is the package's likelihood and priors, at 50 points."""
     rng = np.random.default_rng(3)
-    theta = posterior.space.to_physical(
+    theta = posterior.space.constrain(
         sampled.mean + 0.1 * sampled.sd * rng.standard_normal((50, sampled.mean.size))
     )
     values = np.array([by_hand.log_likelihood(t) for t in theta])

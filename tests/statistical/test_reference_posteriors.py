@@ -73,7 +73,7 @@ def standard_errors(x: Floats, reference: dict[str, float]) -> dict[str, float]:
 def check(name: str) -> Fit:
     fit = fit_of(name)
     assert fit.converged
-    theta = fit.posterior.space.to_physical(fit.draws.z)
+    theta = fit.posterior.space.constrain(fit.draws.z)
     far = {}
     for k, parameter in enumerate(fit.posterior.space.names):
         x, reference = theta[..., k], REFERENCES[name]["parameters"][parameter]

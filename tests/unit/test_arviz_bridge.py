@@ -9,15 +9,15 @@ import pytest
 
 from sma_bayes.arviz_bridge import arviz, open_posterior
 from sma_bayes.errors import OutputError
-from sma_bayes.runs.netcdf import Group, Variable, axes, write_groups
+from sma_bayes.runs.netcdf import Variable, VariableGroup, axes, write_groups
 
 DRAWS = np.random.default_rng(0).normal(50.0, 1.0, (4, 25))
 
 
 def write(path: Path, group: str) -> Path:
     chains = axes(chain=np.arange(4), draw=np.arange(25))
-    draws = Group({"B3": Variable(("chain", "draw"), DRAWS, {"unit": "degC"})}, chains)
-    write_groups(path, {"/": Group(attributes={"seed": 3}), group: draws, "sample_stats": draws})
+    draws = VariableGroup({"B3": Variable(("chain", "draw"), DRAWS, {"unit": "degC"})}, chains)
+    write_groups(path, {"/": VariableGroup(attributes={"seed": 3}), group: draws, "sample_stats": draws})
     return path
 
 

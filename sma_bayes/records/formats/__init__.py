@@ -7,9 +7,9 @@ from pathlib import Path
 from sma_bayes.catalogue import Catalogue
 from sma_bayes.errors import MeasurementError
 from sma_bayes.records.formats import delimited, lvm, mat, tdms, xlsx
-from sma_bayes.records.formats.table import Format, Reading, Table, limited
+from sma_bayes.records.formats.table import Format, RawTable, Reading, limited
 
-__all__ = ["FORMATS", "Format", "Reading", "Table", "read_table", "recognise"]
+__all__ = ["FORMATS", "Format", "RawTable", "Reading", "read_table", "recognise"]
 
 FORMATS: Catalogue[Format] = Catalogue(
     "data format",
@@ -56,7 +56,7 @@ def recognise(path: Path) -> str:
     )
 
 
-def read_table(path: Path, reading: Reading) -> Table:
+def read_table(path: Path, reading: Reading) -> RawTable:
     """Read a data file in the format that it has.
 
     Parameters
@@ -67,7 +67,7 @@ def read_table(path: Path, reading: Reading) -> Table:
 
     Returns
     -------
-    Table
+    RawTable
         Rows from ``first_row`` to ``last_row``.
 
     Raises

@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from sma_bayes.errors import MeasurementError
-from sma_bayes.records.formats.layout import Row, Shape, shape_of, spread, tabulate
+from sma_bayes.records.formats.layout import Row, RowShape, shape_of, spread, tabulate
 from sma_bayes.records.formats.numbers import has_decimal_commas
-from sma_bayes.records.formats.table import WHITESPACE, Format, Reading, Table
+from sma_bayes.records.formats.table import WHITESPACE, Format, RawTable, Reading
 from sma_bayes.records.types import Finding
 
 CANDIDATES = ("\t", ";", "|", ",", WHITESPACE)
@@ -32,7 +32,7 @@ def recognises(path: Path, head: bytes) -> bool:
     return b"\0" not in head or any(head.startswith(mark) for mark, _ in _BYTE_ORDER_MARKS[1:])
 
 
-def read(path: Path, reading: Reading) -> Table:
+def read(path: Path, reading: Reading) -> RawTable:
     """Read a delimited text file.
 
     Parameters
@@ -42,7 +42,7 @@ def read(path: Path, reading: Reading) -> Table:
 
     Returns
     -------
-    Table
+    RawTable
         Source lines are those of the file, whatever was skipped and however its lines end.
 
     Raises
@@ -73,7 +73,7 @@ def read(path: Path, reading: Reading) -> Table:
     return _with_decimal_mark(table, shape)
 
 
-def _with_decimal_mark(table: Table, shape: Shape) -> Table:
+def _with_decimal_mark(table: RawTable, shape: RowShape) -> RawTable:
     """Table with the decimal comma that its cells show, where they do."""
     some = spread(table.row.size)
     if not has_decimal_commas(table.columns[i][k] for i in shape.numeric for k in some):
@@ -147,7 +147,7 @@ def _rows(lines: Sequence[str], delimiter: str, skipped: int) -> Iterator[Row]:
         begin = skipped + reader.line_num + 1
 
 
-def _delimiter(lines: Sequence[str], reading: Reading, path: Path) -> tuple[str, Shape]:
+def _delimiter(lines: Sequence[str], reading: Reading, path: Path) -> tuple[str, RowShape]:
     """Delimiter that explains most of the file, and the shape of the rows under it."""
     sample = [lines[i] for i in spread(len(lines)) if lines[i].strip()]
     candidates = CANDIDATES if reading.delimiter is None else (reading.delimiter,)

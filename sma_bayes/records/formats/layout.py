@@ -15,7 +15,7 @@ import numpy as np
 
 from sma_bayes.errors import MeasurementError, many
 from sma_bayes.records.formats.numbers import NOT_AVAILABLE, is_blank, looks_numeric
-from sma_bayes.records.formats.table import Reading, Table, cut_findings, rows_finding
+from sma_bayes.records.formats.table import RawTable, Reading, cut_findings, rows_finding
 from sma_bayes.records.types import Finding, Ints
 
 Row: TypeAlias = tuple[int, Sequence[object]]
@@ -28,7 +28,7 @@ _UNIT = re.compile(r"\s*(\(.*\)|\[.*\])\s*")
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class RowShape:
     """What a row of data looks like.
 
     Attributes
@@ -54,7 +54,7 @@ def spread(n: int) -> range:
     return range(n - 1, -1, -max(1, n // SAMPLE))
 
 
-def shape_of(sample: Sequence[Sequence[object]], reading: Reading) -> Shape:
+def shape_of(sample: Sequence[Sequence[object]], reading: Reading) -> RowShape:
     """Shape of the rows of data, from a sample of the rows of a file.
 
     Parameters
@@ -66,13 +66,13 @@ def shape_of(sample: Sequence[Sequence[object]], reading: Reading) -> Shape:
 
     Returns
     -------
-    Shape
+    RowShape
         With score 0 where no row has a number.
     """
     numeric_of = [[_is_number(cell, reading) for cell in row] for row in sample]
     widths = Counter(len(row) for row, is_number in zip(sample, numeric_of, strict=True) if any(is_number))
     if not widths:
-        return Shape(0, 0, (), 0.0)
+        return RowShape(0, 0, (), 0.0)
     width = max(widths, key=lambda w: (widths[w], w))
     rows = [
         (row, is_number)
@@ -87,24 +87,24 @@ def shape_of(sample: Sequence[Sequence[object]], reading: Reading) -> Shape:
         int(i) for i in np.flatnonzero(2 * numbers.sum(axis=0) >= (~empty).sum(axis=0)) if i in ever_filled
     )
     filled = int(ever_filled[-1]) + 1
-    return Shape(
+    return RowShape(
         width, filled, numeric, len(rows) / len(sample) * float(numbers.sum() / max(1, (~empty).sum()))
     )
 
 
 def tabulate(
     rows: Iterable[Row],
-    shape: Shape,
+    shape: RowShape,
     reading: Reading,
     file: Path,
     resplit: Callable[[int], Iterable[Sequence[str]]] | None = None,
-) -> Table:
+) -> RawTable:
     """Table from rows of cells: finds the header, checks that the rows are equally long.
 
     Parameters
     ----------
     rows : iterable of (source line, cells)
-    shape : Shape
+    shape : RowShape
     reading : Reading
         ``first_row`` and ``last_row`` are applied here, so that lines outside may look as they like.
     file : Path
@@ -114,7 +114,7 @@ def tabulate(
 
     Returns
     -------
-    Table
+    RawTable
 
     Raises
     ------
@@ -133,10 +133,10 @@ def tabulate(
     names, findings = _header(above, shape, reading.header, file, resplit)
     cells, lines, more = _collect(chain([first], rows), shape, reading, file)
     columns = tuple(cells[i :: shape.width] for i in range(shape.width))
-    return Table(names, columns, lines, (*findings, *more))
+    return RawTable(names, columns, lines, (*findings, *more))
 
 
-def _until_data(rows: Iterator[Row], shape: Shape, reading: Reading) -> tuple[list[Row], Row | None]:
+def _until_data(rows: Iterator[Row], shape: RowShape, reading: Reading) -> tuple[list[Row], Row | None]:
     """Rows above the data (not the blank ones), and the first row of data."""
     above: list[Row] = []
     header = reading.header
@@ -154,7 +154,7 @@ def _follows(above: Sequence[Row], cells: Sequence[object], *, header: bool) -> 
     return not header or bool(above and not _is_units(cells))
 
 
-def _is_data(cells: Sequence[object], shape: Shape, reading: Reading) -> bool:
+def _is_data(cells: Sequence[object], shape: RowShape, reading: Reading) -> bool:
     if len(cells) < shape.filled:
         return False
     columns = [cells[i] for i in shape.numeric]
@@ -177,7 +177,7 @@ def _is_units(cells: Sequence[object]) -> bool:
 
 def _header(
     above: list[Row],
-    shape: Shape,
+    shape: RowShape,
     header: bool | None,
     file: Path,
     resplit: Callable[[int], Iterable[Sequence[str]]] | None,
@@ -213,7 +213,7 @@ def _header(
     return names, (*findings, rows_finding("preamble", message, skipped))
 
 
-def _names(cells: Sequence[object], shape: Shape) -> tuple[str, ...] | None:
+def _names(cells: Sequence[object], shape: RowShape) -> tuple[str, ...] | None:
     """Column names if the cells fit the columns; columns that are never filled need none."""
     names = ["" if cell is None else " ".join(str(cell).split()) for cell in cells]
     names[:1] = [name.lstrip("# ") for name in names[:1]]
@@ -225,7 +225,7 @@ def _names(cells: Sequence[object], shape: Shape) -> tuple[str, ...] | None:
 
 
 def _collect(
-    rows: Iterable[Row], shape: Shape, reading: Reading, file: Path
+    rows: Iterable[Row], shape: RowShape, reading: Reading, file: Path
 ) -> tuple[list[object], Ints, tuple[Finding, ...]]:
     """All cells one after the other, the line of each row, and what was left out."""
     first, last = reading.first_row or 0, reading.last_row or sys.maxsize
@@ -254,7 +254,7 @@ def _collect(
     return cells, kept, findings
 
 
-def _fitted(row: Sequence[object], shape: Shape, file: Path, line: int) -> Sequence[object]:
+def _fitted(row: Sequence[object], shape: RowShape, file: Path, line: int) -> Sequence[object]:
     """Row with as many cells as the others, where only empty cells at its end make the difference."""
     extra = row[shape.width :]
     if len(row) < shape.filled or not all(is_blank(cell) for cell in extra):

@@ -16,7 +16,7 @@ import numpy as np
 from sma_bayes.errors import MeasurementError
 from sma_bayes.quantities import Floats
 from sma_bayes.records.formats.delimited import text_lines
-from sma_bayes.records.formats.table import Cells, Format, Reading, Table
+from sma_bayes.records.formats.table import Cells, Format, RawTable, Reading
 from sma_bayes.records.types import Finding
 
 SIGNATURE = "LabVIEW Measurement"
@@ -43,7 +43,7 @@ def recognises(path: Path, head: bytes) -> bool:
     return head.removeprefix(b"\xef\xbb\xbf").startswith(SIGNATURE.encode())
 
 
-def read(path: Path, reading: Reading) -> Table:
+def read(path: Path, reading: Reading) -> RawTable:
     """Read a LabVIEW measurement file; its segments are joined in order.
 
     Separator and decimal mark are those that the file declares. Where it saved no x values
@@ -57,7 +57,7 @@ def read(path: Path, reading: Reading) -> Table:
 
     Returns
     -------
-    Table
+    RawTable
         Titles as in the file, without the comment column.
 
     Raises
@@ -103,7 +103,7 @@ def read(path: Path, reading: Reading) -> Table:
         if len(segments) > 1
         else ()
     )
-    return Table(tuple(titles), tuple(columns), row, findings, decimal)
+    return RawTable(tuple(titles), tuple(columns), row, findings, decimal)
 
 
 def _file_header(lines: Sequence[str], path: Path) -> dict[str, list[str]]:

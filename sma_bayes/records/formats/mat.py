@@ -15,7 +15,7 @@ import numpy as np
 from sma_bayes.errors import MeasurementError
 from sma_bayes.limits import BINARY_NUMBERS, MATLAB_BYTES
 from sma_bayes.quantities import Floats
-from sma_bayes.records.formats.table import Format, Reading, Table, sample_rows, too_large
+from sma_bayes.records.formats.table import Format, RawTable, Reading, sample_rows, too_large
 
 
 def recognises(path: Path, head: bytes) -> bool:
@@ -23,7 +23,7 @@ def recognises(path: Path, head: bytes) -> bool:
     return head.startswith(b"MATLAB ") or (path.suffix.lower() == ".mat" and b"\0" in head[:4])
 
 
-def read(path: Path, reading: Reading) -> Table:
+def read(path: Path, reading: Reading) -> RawTable:
     """Read the numeric arrays of a MATLAB file.
 
     Parameters
@@ -34,7 +34,7 @@ def read(path: Path, reading: Reading) -> Table:
 
     Returns
     -------
-    Table
+    RawTable
         A vector is a column under its name, a matrix ``M`` gives the columns ``M[1]``, ``M[2]``, ..., counted
         from 1. The fields of a structure are ``S.field``; a Simulink structure with time gives ``S.time`` and
         its signals ``S.<label>``, or ``S`` where the only signal has no label. Single numbers are parameters,
@@ -63,7 +63,7 @@ def read(path: Path, reading: Reading) -> Table:
             expected="vectors, matrices, structures of them, or a Simulink structure with time",
             remedy="save the measurements as plain arrays; a timeseries object can't be read",
         )
-    return Table(
+    return RawTable(
         tuple(columns), tuple(columns.values()), sample_rows(max(len(values) for values in columns.values()))
     )
 

@@ -87,7 +87,7 @@ class Reading(BaseModel):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class RawTable:
     """Content of one data file, cells not yet turned into numbers.
 
     Cells stay as they are because a column that nobody asks for may hold anything; `numbers` turns one column
@@ -140,7 +140,7 @@ class Format:
 
     title: str
     recognises: Callable[[Path, bytes], bool]
-    read: Callable[[Path, Reading], Table]
+    read: Callable[[Path, Reading], RawTable]
     plain: bool = False
 
 
@@ -177,7 +177,7 @@ def cut_findings(cut: Ints, kept: Ints, reading: Reading, file: Path) -> tuple[F
     return (rows_finding("cut", message, cut, dropped=cut.size),)
 
 
-def limited(table: Table, reading: Reading, file: Path) -> Table:
+def limited(table: RawTable, reading: Reading, file: Path) -> RawTable:
     """Table without the rows before ``first_row`` and after ``last_row``.
 
     Raises

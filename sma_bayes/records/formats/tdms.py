@@ -11,7 +11,7 @@ import numpy as np
 from sma_bayes.errors import MeasurementError, near_matches
 from sma_bayes.limits import BINARY_NUMBERS
 from sma_bayes.quantities import Floats
-from sma_bayes.records.formats.table import Cells, Format, Reading, Table, sample_rows, too_large
+from sma_bayes.records.formats.table import Cells, Format, RawTable, Reading, sample_rows, too_large
 from sma_bayes.records.types import Finding
 
 WAVEFORM_TIME = "waveform time"
@@ -23,7 +23,7 @@ def recognises(path: Path, head: bytes) -> bool:
     return head.startswith(b"TDSm")
 
 
-def read(path: Path, reading: Reading) -> Table:
+def read(path: Path, reading: Reading) -> RawTable:
     """Read a TDMS file.
 
     Parameters
@@ -34,7 +34,7 @@ def read(path: Path, reading: Reading) -> Table:
 
     Returns
     -------
-    Table
+    RawTable
         A column is called by its channel, and by ``group/channel`` where several groups are read. Time stamps
         become seconds since the first one. Where the channels of a group are waveforms with one common
         increment, a column `WAVEFORM_TIME` is added.
@@ -67,7 +67,7 @@ def read(path: Path, reading: Reading) -> Table:
             expected="at least one",
             remedy="check that the recording was written to its end, or export it as text",
         )
-    return Table(tuple(names), tuple(columns), sample_rows(max(map(len, columns))), findings)
+    return RawTable(tuple(names), tuple(columns), sample_rows(max(map(len, columns))), findings)
 
 
 def _groups(path: Path) -> tuple[dict[str, dict[str, Cells]], tuple[Finding, ...]]:

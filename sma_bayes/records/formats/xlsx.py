@@ -13,7 +13,7 @@ from sma_bayes.errors import MeasurementError, near_matches
 from sma_bayes.limits import WORKBOOK_BYTES, WORKBOOK_CELLS, WORKBOOK_ROWS
 from sma_bayes.records.formats.layout import shape_of, spread, tabulate
 from sma_bayes.records.formats.numbers import is_blank
-from sma_bayes.records.formats.table import Format, Reading, Table
+from sma_bayes.records.formats.table import Format, RawTable, Reading
 
 _Sheet: TypeAlias = list[list[object]]
 
@@ -29,7 +29,7 @@ def recognises(path: Path, head: bytes) -> bool:
         return path.suffix.lower() in (".xlsx", ".xlsm")
 
 
-def read(path: Path, reading: Reading) -> Table:
+def read(path: Path, reading: Reading) -> RawTable:
     """Read one sheet of a workbook; formulas give the values that were saved with them.
 
     Parameters
@@ -40,7 +40,7 @@ def read(path: Path, reading: Reading) -> Table:
 
     Returns
     -------
-    Table
+    RawTable
         Columns are counted from A, source lines are the rows of the sheet.
 
     Raises

@@ -11,7 +11,7 @@ from typing import Any, Final, TypedDict
 import numpy as np
 from scipy.special import ndtri
 
-from sma_bayes.assess.at import Interval, credible_at, predictive_at
+from sma_bayes.assess.at import IntervalAt, credible_at, predictive_at
 from sma_bayes.assess.bands import bias_draws
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, search_grid
@@ -73,7 +73,7 @@ class _Question:
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class FitSource:
     """A fit that is asked: one in a folder, or one in memory.
 
     Attributes
@@ -172,7 +172,7 @@ def ask(
         If the folder holds no finished fit.
     """
     run = read_run(Path(folder))
-    source = Source(folder, run.summary, partial(draws_of, run.folder, seed=run.summary.seed))
+    source = FitSource(folder, run.summary, partial(draws_of, run.folder, seed=run.summary.seed))
     return answer(
         source,
         at=at,
@@ -192,7 +192,7 @@ def ask(
 
 
 def answer(
-    run: Source,
+    run: FitSource,
     *,
     at: str | Sequence[str] | None = None,
     unit: str | Sequence[str] | None = None,
@@ -268,7 +268,7 @@ def answer(
 
 
 def _ask_at(
-    run: Source,
+    run: FitSource,
     records: Sequence[RecordSummary],
     asked: Sequence[str],
     units: Sequence[str],
@@ -312,7 +312,7 @@ def _converts(unit: str, to: str) -> bool:
 
 
 def _answer_at(
-    run: Source,
+    run: FitSource,
     summary: RecordSummary,
     asked: Sequence[str],
     units: Sequence[str],
@@ -398,7 +398,7 @@ def _temperature_back(number: float, unit: str, stored: str) -> float:
 
 
 def _told(
-    found: Interval | None, stored: str, unit: str, known: np.ndarray[Any, np.dtype[np.bool_]], prefix: str
+    found: IntervalAt | None, stored: str, unit: str, known: np.ndarray[Any, np.dtype[np.bool_]], prefix: str
 ) -> dict[str, Any]:
     """Interval in the unit of the answer; None at temperatures of which nothing is known."""
     out: dict[str, list[float | None]] = {}
@@ -411,7 +411,7 @@ def _told(
     return out
 
 
-def _selected(run: Source, condition: str | None, branch: str | None) -> list[RecordSummary]:
+def _selected(run: FitSource, condition: str | None, branch: str | None) -> list[RecordSummary]:
     records = list(run.summary.records)
     branches = [b.value for b in Branch]
     if branch is not None and branch not in branches:
@@ -444,12 +444,12 @@ def _named(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _has(run: Source, records: Sequence[RecordSummary]) -> list[str]:
+def _has(run: FitSource, records: Sequence[RecordSummary]) -> list[str]:
     names = [_name(r, c) for c in WANTED for r in records if not _lacking(run, r, c)]
     return [f"--{n.replace('_', '-')}" for n in dict.fromkeys(names)]
 
 
-def _lacking(run: Source, record: RecordSummary, channel: str) -> str:
+def _lacking(run: FitSource, record: RecordSummary, channel: str) -> str:
     """Why a record can't tell of a channel; empty where it can."""
     known = record.quantities
     if channel != OVERALL:
@@ -470,7 +470,7 @@ def _lacking(run: Source, record: RecordSummary, channel: str) -> str:
     return ""
 
 
-def _answer(run: Source, summary: RecordSummary, question: _Question) -> dict[str, Any]:
+def _answer(run: FitSource, summary: RecordSummary, question: _Question) -> dict[str, Any]:
     draws = run.draws(summary)
     channel = "stiffness" if question.channel == OVERALL else question.channel
     stored = (summary.temperature.unit, summary.quantities[channel].unit)
@@ -578,7 +578,7 @@ def _in_units(curve: Curve, stored: tuple[str, str], asked: tuple[str, str]) -> 
     return lambda temperature: convert(curve(convert(temperature, asked[0], stored[0])), stored[1], asked[1])
 
 
-def _curve(run: Source, draws: RecordDraws, channel: str, unit: str) -> Curve:
+def _curve(run: FitSource, draws: RecordDraws, channel: str, unit: str) -> Curve:
     if channel != OVERALL:
         return lambda temperature: draws.curve(channel, temperature)
     stated = run.summary.options.bias_spring

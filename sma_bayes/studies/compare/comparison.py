@@ -21,7 +21,15 @@ from scipy.special import logsumexp
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.assess.correlation import Agreement, agreement
-from sma_bayes.assess.held_out import Folds, HeldOut, Predictor, density_of, folds_of, missed_by, of_samples
+from sma_bayes.assess.held_out import (
+    Folds,
+    HeldOutPredictions,
+    Predictor,
+    density_of,
+    folds_of,
+    missed_by,
+    of_samples,
+)
 from sma_bayes.fitting.noise_choice import SIMPLEST, Bases, NoiseChoice, choose_noise, discrepancy_bases
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.warm_start import warm_start
@@ -35,7 +43,7 @@ from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.polynomial import FREQUENCY, least_squares
 from sma_bayes.sampling.bridge import Evidence, bridge_evidence
 from sma_bayes.sampling.importance import MOST_MODES, WeightedDraws, importance_draws
-from sma_bayes.sampling.laplace import Mode, climb
+from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.weighted import resampled, weighted_quantiles
 from sma_bayes.studies.compare.contenders import (
     PLUGGED_IN,
@@ -68,7 +76,7 @@ LEVELS: Final = {"q05": 0.05, "q50": 0.50, "q95": 0.95}
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class FittedContender:
     """A contender that was fitted and asked about what was held out.
 
     Attributes
@@ -76,7 +84,7 @@ class Fitted:
     contender : Contender
     posterior : Posterior
     draws : WeightedDraws
-    loo, folds : HeldOut
+    loo, folds : HeldOutPredictions
         Leaving out single samples, and whole folds.
     in_sample : ndarray, shape (n,)
         Log density of each sample with nothing left out.
@@ -91,8 +99,8 @@ class Fitted:
     contender: Contender
     posterior: Posterior
     draws: WeightedDraws
-    loo: HeldOut
-    folds: HeldOut
+    loo: HeldOutPredictions
+    folds: HeldOutPredictions
     in_sample: Floats
     bridge: Evidence
     curve: Mapping[str, Floats]
@@ -134,7 +142,7 @@ class Comparison:
     memory : float
         Samples that count as one, under `EffectiveSamples`; else one.
     folds : Folds
-    fitted : mapping of str to Fitted
+    fitted : mapping of str to FittedContender
         Those that were fitted; `copies` have the numbers of another, `unavailable` none.
     copies, unavailable : mapping of str to str
         Name of the other; why.
@@ -155,7 +163,7 @@ class Comparison:
     noise_choice: NoiseChoice | None
     memory: float
     folds: Folds
-    fitted: Mapping[str, Fitted]
+    fitted: Mapping[str, FittedContender]
     copies: Mapping[str, str]
     unavailable: Mapping[str, str]
     weights: Mapping[str, float]
@@ -263,7 +271,7 @@ def compare_record(
 _UNDECIDED: Final = Verdict("", "", False, 0.0, "", 0.0, (), "")
 
 
-def _standing(f: Fitted, comparison: Comparison) -> Standing:
+def _standing(f: FittedContender, comparison: Comparison) -> Standing:
     c = f.contender
     folds = comparison.fold_density(c.name)
     curve = curve_of(c, comparison.record)
@@ -283,9 +291,9 @@ def _modes(posterior: Posterior, rng: np.random.Generator) -> tuple[Mode, ...]:
             residual = record.observed[channel] - model.predict(theta[:, place.model], record.inputs)[channel]
             spread = np.sqrt(np.mean(residual**2, axis=1))
         theta[:, sd] = np.where(np.isfinite(spread), np.maximum(spread, 1e-300), 1e300)
-        return space.to_sampled(theta)
+        return space.unconstrain(theta)
 
-    z = with_noise(space.to_physical(space.draw(rng, SCREENED)))
+    z = with_noise(space.constrain(space.draw(rng, SCREENED)))
     z = z[np.isfinite(z).all(axis=1)]
     z = z[np.argsort(-posterior.log_prob(z), kind="stable")]
     starts: list[Floats] = []
@@ -294,13 +302,13 @@ def _modes(posterior: Posterior, rng: np.random.Generator) -> tuple[Mode, ...]:
         for optimum in found.optima:
             centre = space.prior_centre()
             centre[: optimum.size] = optimum
-            starts.append(with_noise(space.to_physical(centre)[None])[0])
+            starts.append(with_noise(space.constrain(centre)[None])[0])
     for point in z[:200]:
         if len(starts) >= STARTS:
             break
         if all(np.max(np.abs(point - other) / width) > APART for other in starts):
             starts.append(point)
-    modes = [m for m in (climb(posterior, s, width) for s in starts) if m is not None]
+    modes = [m for m in (find_mode(posterior, s, width) for s in starts) if m is not None]
     return tuple(sorted(modes, key=lambda m: -m.log_prob))
 
 
@@ -310,7 +318,7 @@ def _bases(contender: Contender, record: Record, priors: PriorSet, modes: Sequen
         mean = float(record.inputs[FREQUENCY].mean())
         record = replace(record, inputs={**record.inputs, FREQUENCY: np.full(record.n, mean)})
     posterior = posterior_of(contender, record, NOISE_MODELS[SIMPLEST], priors)
-    theta = posterior.space.to_physical(modes[0].z)[posterior.layout[0].model]
+    theta = posterior.space.constrain(modes[0].z)[posterior.layout[0].model]
     return discrepancy_bases(posterior, theta)
 
 
@@ -326,7 +334,7 @@ def _modes_beside(posterior: Posterior, alone: Sequence[Mode], choice: NoiseChoi
     for mode in alone[:MOST_MODES]:
         z = space.prior_centre()
         z[: posterior.sampled_model.size] = mode.z[: posterior.sampled_model.size]
-        theta = space.to_physical(z)
+        theta = space.constrain(z)
         left = record.observed[channel] - posterior.predict(theta, record.inputs)[channel]
         spread = max(float(np.sqrt(np.mean(left**2))), float(known[0]))
         theta[at] = known[: at.size]
@@ -336,9 +344,9 @@ def _modes_beside(posterior: Posterior, alone: Sequence[Mode], choice: NoiseChoi
             theta[at[0]] = sd
             if channel in place.size:
                 theta[place.size[channel]] = size
-            start = space.to_sampled(theta)
+            start = space.unconstrain(theta)
             starts.append(np.where(np.isfinite(start), start, z))
-    modes = [m for m in (climb(posterior, s, width) for s in starts) if m is not None]
+    modes = [m for m in (find_mode(posterior, s, width) for s in starts) if m is not None]
     return tuple(sorted(modes, key=lambda m: -m.log_prob))
 
 
@@ -371,7 +379,7 @@ def _best_fitting(
     found = []
     for c in contenders:
         posterior = posterior_of(c, record, noise, priors)
-        theta = posterior.space.to_physical(modes[c.name][0].z)
+        theta = posterior.space.constrain(modes[c.name][0].z)
         residual = record.observed[channel] - posterior.predict(theta, record.inputs)[channel]
         # as many parameters as were fitted are paid for, or the richest curve would always be taken
         spread = float(residual @ residual) / max(record.n - posterior.space.dimension, 1)
@@ -411,7 +419,9 @@ class _Task:
         t = self.record.temperature
         return np.linspace(t.min(), t.max(), GRID)
 
-    def fit(self, contender: Contender, modes: Sequence[Mode], seed: np.random.SeedSequence) -> Fitted:
+    def fit(
+        self, contender: Contender, modes: Sequence[Mode], seed: np.random.SeedSequence
+    ) -> FittedContender:
         sample_seed, bridge_seed, loo_seed, fold_seed, curve_seed, missed_seed = seed.spawn(6)
         posterior = posterior_of(
             contender,
@@ -423,7 +433,7 @@ class _Task:
         )
         width = posterior.space.prior_sd()
         draws = importance_draws(posterior, [m.z for m in modes], width, sample_seed)
-        theta = posterior.space.to_physical(draws.z)
+        theta = posterior.space.constrain(draws.z)
 
         def without(part: Record) -> Posterior:
             if contender.name not in PLUGGED_IN:
@@ -441,7 +451,7 @@ class _Task:
         pick = resampled(draws.log_weight, CURVES, np.random.default_rng(curve_seed))
         fitted = predictor.mean_curve(theta[pick], self.record)
         (data,) = self.record.observed.values()
-        return Fitted(
+        return FittedContender(
             contender,
             posterior,
             draws,
@@ -458,7 +468,7 @@ class _Task:
         inputs = {"temperature": self.grid}
         if FREQUENCY in self.record.inputs:
             inputs[FREQUENCY] = np.full(GRID, self.record.inputs[FREQUENCY].mean())
-        curve = posterior.predict(posterior.space.to_physical(draws.z), inputs)[self.record.channels[0]]
+        curve = posterior.predict(posterior.space.constrain(draws.z), inputs)[self.record.channels[0]]
         values = weighted_quantiles(curve, draws.log_weight, tuple(LEVELS.values()))
         return dict(zip(LEVELS, values, strict=True))
 

@@ -14,7 +14,7 @@ from sma_bayes.quantities import Floats
 from sma_bayes.runs.schema import CorrelationFactors
 from sma_bayes.sampling.pareto import RELIABLE
 from sma_bayes.sampling.weighted import weighted_quantiles
-from sma_bayes.studies.compare.comparison import Comparison, Fitted
+from sma_bayes.studies.compare.comparison import Comparison, FittedContender
 from sma_bayes.studies.compare.contenders import Contender, curve_of
 from sma_bayes.studies.compare.schema import (
     ComparedModel,
@@ -85,7 +85,7 @@ def _takes_part(comparison: Comparison, contender: Contender) -> bool:
     )
 
 
-def _resolved(comparison: Comparison, contender: Contender) -> Fitted | None:
+def _resolved(comparison: Comparison, contender: Contender) -> FittedContender | None:
     return comparison.fitted.get(comparison.copies.get(contender.name, contender.name))
 
 
@@ -118,7 +118,7 @@ def _model(comparison: Comparison, contender: Contender) -> ComparedModel:
     return ComparedModel(**head, weight=weight, **_numbers(comparison, found), **extra)
 
 
-def _numbers(comparison: Comparison, found: Fitted) -> dict[str, Any]:
+def _numbers(comparison: Comparison, found: FittedContender) -> dict[str, Any]:
     (y,) = comparison.record.observed.values()
     predicted = found.folds.median
     name, n, memory = found.contender.name, y.size, comparison.memory
@@ -155,7 +155,7 @@ def _numbers(comparison: Comparison, found: Fitted) -> dict[str, Any]:
     }
 
 
-def _correlation(found: Fitted) -> ModelFactors:
+def _correlation(found: FittedContender) -> ModelFactors:
     """Posteriors of the correlation factors, in sample and held out, and of each fold by itself."""
     folds = tuple(_factors(f) for f in found.folds.agreements)
     medians = [f.r2.median for f in folds]
@@ -179,8 +179,8 @@ def correlation(y: Floats, predicted: Floats) -> float | None:
     return float(np.corrcoef(y, predicted)[0, 1])
 
 
-def _parameters(found: Fitted) -> dict[str, StatedParameter]:
-    theta = found.posterior.space.to_physical(found.draws.z)
+def _parameters(found: FittedContender) -> dict[str, StatedParameter]:
+    theta = found.posterior.space.constrain(found.draws.z)
     low, median, high = weighted_quantiles(theta, found.draws.log_weight, (0.05, 0.5, 0.95))
     return {
         p.name: StatedParameter(
@@ -246,7 +246,7 @@ def _averages(name: str, group: Sequence[Comparison]) -> OverallAverages:
     )
 
 
-def _scored(comparison: Comparison, fitted: Fitted, agreement: Agreement) -> Scored:
+def _scored(comparison: Comparison, fitted: FittedContender, agreement: Agreement) -> Scored:
     record, channel = comparison.record, comparison.channel
     return Scored(
         record.key, record.branch.value, channel, record.quantity(channel), record.units[channel], record.key,

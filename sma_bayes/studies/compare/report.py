@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from sma_bayes.report.assembly import assemble
-from sma_bayes.report.choice import MANY, REPORT, Drawn, Wanted
+from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.studies.compare.figures.averages import model_average_figure
 from sma_bayes.studies.compare.figures.models import curves_figure, differences_figure, pages
@@ -16,7 +16,7 @@ from sma_bayes.studies.compare.page import write_comparison_report
 from sma_bayes.studies.compare.tables import comparison_tables, model_averages
 
 
-def build_report(folder: Path, wanted: Wanted) -> None:
+def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a comparison; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_comparison(folder)
     assemble(stored, wanted, _drawings(stored, wanted.drawn), comparison_tables, write_comparison_report)

@@ -11,10 +11,10 @@ from sma_bayes.runs.schema import (
     CorrelationAverage,
     CorrelationFactors,
     DocumentPart,
-    Finding,
-    Interval,
+    FindingDocument,
+    IntervalDocument,
     Items,
-    ModelChoice,
+    ModelChoiceDocument,
     Number,
     NumberOrNull,
     RunAccount,
@@ -98,7 +98,7 @@ class ParameterOfModel(DocumentPart):
     fixed: bool = Field(description="whether it is not estimated")
 
 
-class StatedParameter(Interval, ParameterOfModel):
+class StatedParameter(IntervalDocument, ParameterOfModel):
     """A parameter of a model, in its unit."""
 
 
@@ -258,13 +258,15 @@ class ComparisonFindings(DocumentPart):
     source: str = Field(description="where its measurements come from")
     seed: int = Field(description="decides every draw")
     options: ComparisonOptions = Field(description="with what models were compared")
-    model_choice: ModelChoice | None = Field(description="of `--model auto`: why the model; else null")
+    model_choice: ModelChoiceDocument | None = Field(
+        description="of `--model auto`: why the model; else null"
+    )
     versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
     data_sha256: str = Field(description="SHA-256 of the measurements")
     converged: bool = Field(description="whether every model converged on every record")
     overall: Items[Overall] = Field(description="one for each channel and unit")
     records: Items[ComparedRecord] = Field(description="one for each record and channel")
-    findings: Items[Finding] = Field(description="what was found about the measurements")
+    findings: Items[FindingDocument] = Field(description="what was found about the measurements")
 
 
 class ComparisonDocument(RunAccount, ComparisonFindings):

@@ -15,11 +15,11 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Branch, Campaign, Record
-from sma_bayes.report.choice import REPORT, Wanted, figures_for
+from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.documents import COMPARISON
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.schema import Finding, ModelChoice
+from sma_bayes.runs.schema import FindingDocument, ModelChoiceDocument
 from sma_bayes.runs.store import write_csv, write_text
 from sma_bayes.studies.compare.comparison import AUTO, Comparison, compare_record
 from sma_bayes.studies.compare.contenders import (
@@ -42,7 +42,7 @@ from sma_bayes.studies.compare.schema import ComparisonFindings, ComparisonOptio
 from sma_bayes.studies.identity import all_versions, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_model_and_noise, models_of, prior_set
 from sma_bayes.studies.shared_model import with_shared_model
-from sma_bayes.studies.under_way import UnderWay
+from sma_bayes.studies.under_way import RunContext
 
 FEWEST_CONDITIONS = 2
 """Conditions that can be left out in turn."""
@@ -111,14 +111,14 @@ def compare(
     records = units_of(campaign, pool)
     check(records, options)
     drawn = figures_for(figures)
-    work = UnderWay(COMPARISON, _build_report, jobs, drawn, progress or silent, account or Account())
+    work = RunContext(COMPARISON, _build_report, jobs, drawn, progress or silent, account or Account())
     identity = {**run_identity(campaign, options), "kind": COMPARISON.verb}
-    return work.carry_out(
+    return work.execute(
         out, identity, resume, lambda folder: _compared(campaign, records, folder, options, work)
     )
 
 
-def _build_report(folder: Path, wanted: Wanted) -> None:
+def _build_report(folder: Path, wanted: ReportOptions) -> None:
     from sma_bayes.studies.compare.report import build_report  # what draws takes long to import
 
     build_report(folder, wanted)
@@ -186,7 +186,7 @@ def _compared(
     records: Sequence[Record],
     folder: Path | None,
     options: FitOptions,
-    work: UnderWay,
+    work: RunContext,
 ) -> dict[str, Any]:
     work.tell(0, len(records), "choosing the model" if options.model == AUTO_MODEL else "comparing")
     chosen, choice = with_shared_model([(r,) for r in records], options, work.jobs, work.account)
@@ -207,13 +207,13 @@ def _compared(
         options=ComparisonOptions(
             model=options.model, noise=options.noise, pool=options.pool, priors=options.priors.title
         ),
-        model_choice=None if choice is None else ModelChoice(**asdict(choice)),
+        model_choice=None if choice is None else ModelChoiceDocument(**asdict(choice)),
         versions=all_versions(),
         data_sha256=campaign.sha256,
         converged=all(c.converged for c in comparisons),
         overall=overall(comparisons),
         records=tuple(record_document(c) for c in comparisons),
-        findings=tuple(Finding(**finding_document(f)) for f in campaign.findings),
+        findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
     )
     if folder is not None:
         write_text(folder / "priors.toml", options.priors.whole_text)

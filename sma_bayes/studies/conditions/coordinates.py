@@ -20,7 +20,7 @@ from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.errors import MeasurementError
 from sma_bayes.parameters.distributions import Distribution
 from sma_bayes.parameters.roles import Role
-from sma_bayes.parameters.space import ParameterFact
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.quantities import Floats
 from sma_bayes.response.base import ResponseModel
 
@@ -34,7 +34,7 @@ PRIOR_DRAWS = 4000
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
+class CurveCoordinates:
     """Map between parameters ``theta`` (..., P) and coordinates ``phi`` (..., P); volumes are kept but for logarithms.
 
     Attributes
@@ -123,7 +123,7 @@ class Coordinates:
             out[i] = out[j] = np.sqrt(single[i] * single[j])
         return out
 
-    def _yardstick(self, fact: ParameterFact, records: Sequence[RecordDraws]) -> float:
+    def _yardstick(self, fact: ParameterSpec, records: Sequence[RecordDraws]) -> float:
         def size(role: Role) -> float | None:
             name = self.model.with_role(role, fact.channel)
             return None if name is None else _typical(records, name)
@@ -168,7 +168,7 @@ def _levels(model: ResponseModel) -> dict[str, str]:
     return out
 
 
-def coordinates_for(records: Sequence[RecordDraws]) -> Coordinates:
+def coordinates_for(records: Sequence[RecordDraws]) -> CurveCoordinates:
     """Coordinates for records of several conditions.
 
     Parameters
@@ -196,7 +196,7 @@ def coordinates_for(records: Sequence[RecordDraws]) -> Coordinates:
             signs[i] = found.pop()
     spans = _levels(model)
     hot = tuple(n for n, span in spans.items() if _spread(records, n, span) < _spread(records, n))
-    return Coordinates(names, signs, hot, model)
+    return CurveCoordinates(names, signs, hot, model)
 
 
 def _spread(records: Sequence[RecordDraws], *names: str) -> float:

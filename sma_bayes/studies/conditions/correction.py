@@ -18,7 +18,7 @@ from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.quantities import Floats
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
 from sma_bayes.sampling.weighted import resampled
-from sma_bayes.studies.conditions.coordinates import Coordinates
+from sma_bayes.studies.conditions.coordinates import CurveCoordinates
 from sma_bayes.studies.conditions.scatter import ScatterDensity, Summary
 
 Places = NDArray[np.intp]
@@ -54,7 +54,7 @@ class Correction:
 
 def corrected(
     density: ScatterDensity,
-    coordinates: Coordinates,
+    coordinates: CurveCoordinates,
     records: Sequence[RecordDraws],
     coefficients: Floats,
     tau: Floats,
@@ -65,7 +65,7 @@ def corrected(
     Parameters
     ----------
     density : ScatterDensity
-    coordinates : Coordinates
+    coordinates : CurveCoordinates
     records : sequence of RecordDraws
         One for each condition of the density.
     coefficients : ndarray, shape (W, Q, P)
@@ -113,7 +113,11 @@ def corrected(
 
 
 def log_ratio(
-    summary: Summary, coordinates: Coordinates, record: RecordDraws, phi: Floats, rng: np.random.Generator
+    summary: Summary,
+    coordinates: CurveCoordinates,
+    record: RecordDraws,
+    phi: Floats,
+    rng: np.random.Generator,
 ) -> Floats:
     """Log of the likelihood of a record over its Gaussian form, up to a constant.
 
@@ -121,7 +125,7 @@ def log_ratio(
     ----------
     summary : Summary
         The Gaussian form.
-    coordinates : Coordinates
+    coordinates : CurveCoordinates
     record : RecordDraws
     phi : ndarray, shape (W, P)
         Where.
@@ -136,7 +140,7 @@ def log_ratio(
     """
     posterior, layout = record.posterior, record.posterior.layout[0]
     space = posterior.space
-    z = space.to_sampled(record.theta)
+    z = space.unconstrain(record.theta)
     noise = np.flatnonzero(space.free_index >= len(layout.model))
     nu, log_q = _given_curve(coordinates.to_coordinates(record.curve_theta), z[:, noise], phi, rng)
     theta = np.empty((len(phi), len(space.parameters)))
@@ -144,7 +148,7 @@ def log_ratio(
     log_p = np.zeros(len(phi))
     for at, values in zip(noise.tolist(), nu.T, strict=True):
         prior = space.free[at].prior
-        physical = prior.transform.to_physical(values)
+        physical = prior.transform.constrain(values)
         theta[:, space.free_index[at]] = physical
         log_p += prior.log_density(physical) + prior.transform.log_jacobian(values)
     for i, parameter in enumerate(space.parameters):

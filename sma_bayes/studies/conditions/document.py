@@ -13,9 +13,9 @@ from sma_bayes.fitting.curves import quantiles
 from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Condition, setting_unit
 from sma_bayes.studies.conditions.design import SETTINGS, Design
-from sma_bayes.studies.conditions.effects import Effect
+from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.conditions.features import Feature, interval
-from sma_bayes.studies.conditions.leave_out import HIERARCHICAL, HeldOut
+from sma_bayes.studies.conditions.leave_out import HIERARCHICAL, LeftOutChannel
 from sma_bayes.studies.conditions.population import Population
 from sma_bayes.studies.conditions.prediction import Prediction, predicted_features
 from sma_bayes.studies.conditions.study import ConditionStudy
@@ -81,7 +81,7 @@ def _feature(feature: Feature) -> dict[str, Any]:
     }
 
 
-def _effect(effect: Effect, study: ConditionStudy, specimen: bool) -> dict[str, Any]:
+def _effect(effect: SettingEffect, study: ConditionStudy, specimen: bool) -> dict[str, Any]:
     (design,) = [d for d in study.designs if d.ids == effect.conditions]
     return {
         "feature": effect.feature,
@@ -173,7 +173,7 @@ def _prediction(prediction: Prediction) -> dict[str, Any]:
     }
 
 
-def _held_out(held: HeldOut) -> dict[str, Any]:
+def _held_out(held: LeftOutChannel) -> dict[str, Any]:
     record = held.record
     return {
         "condition": record.condition.id,
@@ -202,7 +202,7 @@ def curve_columns(record: RecordDraws, channel: str) -> dict[str, Any]:
     return columns | _quantiles("own", own)
 
 
-def held_out_columns(held: HeldOut) -> dict[str, Any]:
+def held_out_columns(held: LeftOutChannel) -> dict[str, Any]:
     """Columns of the series of a condition that was left out."""
     columns: dict[str, Any] = {
         f"temperature_{held.record.units['temperature']}": held.temperature,
@@ -217,7 +217,7 @@ def _quantiles(name: str, values: Floats) -> dict[str, Floats]:
     return {f"{name}_{q}": v for q, v in zip(("q05", "q50", "q95"), values, strict=True)}
 
 
-def sample_columns(held: HeldOut) -> Mapping[str, Any]:
+def sample_columns(held: LeftOutChannel) -> Mapping[str, Any]:
     """Measured samples of a condition that was left out; none of a channel that was derived."""
     record = held.record.record
     if held.channel not in record.observed:

@@ -39,7 +39,7 @@ MATERIAL = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Effect:
+class SettingEffect:
     """What a setting does to a feature.
 
     Attributes
@@ -85,7 +85,7 @@ class Effect:
     confounders: tuple[Confounder, ...]
 
 
-def operating_effects(features: Sequence[Feature], *, seed: int = 0) -> tuple[Effect, ...]:
+def operating_effects(features: Sequence[Feature], *, seed: int = 0) -> tuple[SettingEffect, ...]:
     """Effects of all settings on all features.
 
     Parameters
@@ -97,11 +97,11 @@ def operating_effects(features: Sequence[Feature], *, seed: int = 0) -> tuple[Ef
 
     Returns
     -------
-    tuple of Effect
+    tuple of SettingEffect
         By group of conditions that state the same settings, feature, and setting that varies among them.
     """
     conditions = tuple(dict.fromkeys(f.condition for f in features))
-    out: list[Effect] = []
+    out: list[SettingEffect] = []
     for design in designs(conditions):
         if not design.varied:
             continue
@@ -130,7 +130,7 @@ def _came_about(design: Design, features: Sequence[Feature]) -> dict[str, Floats
 
 def _effects(
     design: Design, members: Sequence[Feature], along: Sequence[Confounder], rng: np.random.Generator
-) -> list[Effect]:
+) -> list[SettingEffect]:
     first = members[0]
     size = min(f.draws.size for f in members)
     y = np.stack([f.draws[:size] for f in members])
@@ -143,7 +143,7 @@ def _effects(
         aliased = design.aliased(setting)
         told = not aliased
         slope = general.slopes[:, place] if general is not None and told else None
-        out.append(Effect(
+        out.append(SettingEffect(
             feature=first.name, branch=first.branch, channel=first.channel, unit=first.unit,
             setting=setting, from_=float(design.low[place - 1]),
             to=float(design.low[place - 1] + design.range[place - 1]),

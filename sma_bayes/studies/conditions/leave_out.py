@@ -54,7 +54,7 @@ class Score:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HeldOut:
+class LeftOutChannel:
     """A channel of a condition that was left out.
 
     Attributes
@@ -94,7 +94,7 @@ def leave_out(
     seed: np.random.SeedSequence,
     *,
     scatter: float = SCATTER,
-) -> tuple[HeldOut, ...]:
+) -> tuple[LeftOutChannel, ...]:
     """Predict one condition from the others of its design.
 
     Parameters
@@ -110,7 +110,7 @@ def leave_out(
 
     Returns
     -------
-    tuple of HeldOut
+    tuple of LeftOutChannel
         One for each channel; empty where the others don't vary in what it would have to be predicted from.
     """
     target = records[place]
@@ -132,7 +132,7 @@ def _held_out(
     between: Neighbours | None,
     channel: str,
     rng: np.random.Generator,
-) -> HeldOut:
+) -> LeftOutChannel:
     t, records = target.grid(), prediction.population.records
     own = np.median(target.curve(channel, t), axis=0)
     band = prediction.band(channel, t, rng)
@@ -153,7 +153,7 @@ def _held_out(
         )
         for name, quantiles in bands.items()
     }
-    return HeldOut(
+    return LeftOutChannel(
         record=target,
         channel=channel,
         population=prediction.population,

@@ -46,7 +46,7 @@ from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.quantities import Floats
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.weighted import resampled
-from sma_bayes.studies.conditions.coordinates import Coordinates, coordinates_for
+from sma_bayes.studies.conditions.coordinates import CurveCoordinates, coordinates_for
 from sma_bayes.studies.conditions.correction import Correction, corrected
 from sma_bayes.studies.conditions.design import Design
 from sma_bayes.studies.conditions.scatter import ScatterDensity, summary_of
@@ -68,7 +68,7 @@ class Population:
     design : Design
     records : tuple of RecordDraws
         One for each condition of the design.
-    coordinates : Coordinates
+    coordinates : CurveCoordinates
     density : ScatterDensity
     coefficients : ndarray, shape (S, Q, P)
         Level and slopes.
@@ -82,7 +82,7 @@ class Population:
 
     design: Design
     records: tuple[RecordDraws, ...]
-    coordinates: Coordinates
+    coordinates: CurveCoordinates
     density: ScatterDensity
     coefficients: Floats
     scatter: Floats

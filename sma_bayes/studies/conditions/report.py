@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from sma_bayes.report.assembly import assemble
-from sma_bayes.report.choice import Drawn, Wanted
+from sma_bayes.report.choice import Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.studies.conditions.figures.conditions import (
     effects_figure,
@@ -20,7 +20,7 @@ from sma_bayes.studies.conditions.page import write_conditions_report
 from sma_bayes.studies.conditions.tables import conditions_tables
 
 
-def build_report(folder: Path, wanted: Wanted) -> None:
+def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of conditions; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_conditions(folder)
     assemble(stored, wanted, _drawings(stored, wanted.drawn), conditions_tables, write_conditions_report)

@@ -17,9 +17,9 @@ from sma_bayes.progress import Progress
 from sma_bayes.records.types import Branch, Condition
 from sma_bayes.runs.jobs import run
 from sma_bayes.studies.conditions.design import SETTINGS, Design, designs
-from sma_bayes.studies.conditions.effects import Effect, operating_effects
+from sma_bayes.studies.conditions.effects import SettingEffect, operating_effects
 from sma_bayes.studies.conditions.features import CHANNELS, Feature, condition_features
-from sma_bayes.studies.conditions.leave_out import HeldOut, leave_out
+from sma_bayes.studies.conditions.leave_out import LeftOutChannel, leave_out
 from sma_bayes.studies.conditions.population import SCATTER, Population, population_of
 from sma_bayes.studies.conditions.prediction import Prediction, predict
 
@@ -30,7 +30,7 @@ FEWEST: Final = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Group:
+class ComparableRecords:
     """Records of one branch whose conditions can be compared.
 
     Attributes
@@ -54,22 +54,22 @@ class ConditionStudy:
     ----------
     designs : tuple of Design
     features : tuple of Feature
-    effects : tuple of Effect
+    effects : tuple of SettingEffect
     populations : tuple of Population
         One for each group.
     predictions : tuple of Prediction
         For each asked condition, one for each branch.
-    held_out : tuple of HeldOut
+    held_out : tuple of LeftOutChannel
     remarks : tuple of str
         What could not be done, and why.
     """
 
     designs: tuple[Design, ...]
     features: tuple[Feature, ...]
-    effects: tuple[Effect, ...]
+    effects: tuple[SettingEffect, ...]
     populations: tuple[Population, ...]
     predictions: tuple[Prediction, ...]
-    held_out: tuple[HeldOut, ...]
+    held_out: tuple[LeftOutChannel, ...]
     remarks: tuple[str, ...]
 
     @property
@@ -130,7 +130,7 @@ def study(
         _Task(g, g.design.ids.index(n), seed, scatter) for n in names for g in groups if n in g.design.ids
     ]
     features = condition_features(records)
-    found: list[Population | tuple[HeldOut, ...]] = []
+    found: list[Population | tuple[LeftOutChannel, ...]] = []
     for result in run(_do, tasks, jobs, account=account, stage="conditions"):
         found.append(result)
         if tell is not None:
@@ -158,14 +158,14 @@ def complete(design: Design, condition: Condition) -> Condition:
     return replace(condition, **{s: v for s, v in usual.items() if getattr(condition, s) is None})
 
 
-def _groups(records: Sequence[RecordDraws]) -> tuple[list[Group], list[str]]:
+def _groups(records: Sequence[RecordDraws]) -> tuple[list[ComparableRecords], list[str]]:
     kinds: dict[tuple[object, ...], list[RecordDraws]] = {}
     for r in records:
         spans = [r.with_role(Role.SPAN, channel) for channel in CHANNELS]
         rises = tuple(float(np.sign(np.median(s))) for s in spans if s is not None)
         kind = (r.posterior.model.name, r.branch, r.channels, tuple(sorted(r.units.items())), rises)
         kinds.setdefault(kind, []).append(r)
-    groups: list[Group] = []
+    groups: list[ComparableRecords] = []
     remarks = []
     for members in kinds.values():
         by_condition = {r.condition: r for r in members}
@@ -179,7 +179,7 @@ def _groups(records: Sequence[RecordDraws]) -> tuple[list[Group], list[str]]:
                     "rise or fall as its own do"
                 )
                 continue
-            groups.append(Group(design, own[0].branch, own))
+            groups.append(ComparableRecords(design, own[0].branch, own))
     if not groups:
         raise MeasurementError(
             "no two conditions can be compared",
@@ -190,7 +190,7 @@ def _groups(records: Sequence[RecordDraws]) -> tuple[list[Group], list[str]]:
     return groups, remarks
 
 
-def _able(groups: Sequence[Group], condition: Condition) -> list[Group]:
+def _able(groups: Sequence[ComparableRecords], condition: Condition) -> list[ComparableRecords]:
     """Groups that can predict a condition.
 
     Raises
@@ -198,7 +198,7 @@ def _able(groups: Sequence[Group], condition: Condition) -> list[Group]:
     MeasurementError
         If none can, with the reason of the one that has most in common with it.
     """
-    able: list[Group] = []
+    able: list[ComparableRecords] = []
     reasons: list[tuple[int, MeasurementError]] = []
     for group in groups:
         try:
@@ -216,7 +216,7 @@ def _able(groups: Sequence[Group], condition: Condition) -> list[Group]:
     return able
 
 
-def _left_out(groups: Sequence[Group], names: Sequence[str]) -> list[str]:
+def _left_out(groups: Sequence[ComparableRecords], names: Sequence[str]) -> list[str]:
     known = list(dict.fromkeys(i for g in groups for i in g.design.ids))
     if list(names) == [EACH] and EACH not in known:
         return known
@@ -233,7 +233,7 @@ def _left_out(groups: Sequence[Group], names: Sequence[str]) -> list[str]:
 class _Task:
     """A population, or one condition left out of it."""
 
-    group: Group
+    group: ComparableRecords
     place: int | None
     seed: int
     scatter: float
@@ -246,7 +246,7 @@ class _Task:
         return f"predicted {design.ids[self.place]} from the others, {branch}"
 
 
-def _do(task: _Task) -> Population | tuple[HeldOut, ...]:
+def _do(task: _Task) -> Population | tuple[LeftOutChannel, ...]:
     group = task.group
     words = f"{group.branch.value} {' '.join(group.design.ids)} {task.place}"
     seed = np.random.SeedSequence([task.seed, 20, *words.encode()])

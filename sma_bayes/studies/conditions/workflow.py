@@ -16,7 +16,7 @@ from sma_bayes.limits import SCATTER as SCATTER_LIMIT
 from sma_bayes.parameters.priors_file import parse_priors
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Condition
-from sma_bayes.report.choice import REPORT, Wanted, figures_for
+from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import CONDITIONS
 from sma_bayes.runs.jobs import run as run_tasks
@@ -37,7 +37,7 @@ from sma_bayes.studies.fit.tasks import FitTask, sample_task
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.options import FitOptions, check_model_and_noise, model_named
 from sma_bayes.studies.shared_model import with_shared_model
-from sma_bayes.studies.under_way import UnderWay
+from sma_bayes.studies.under_way import RunContext
 
 
 def study_conditions(
@@ -123,11 +123,11 @@ def study_conditions(
     asked = tuple(condition_at(a, specimen=specimen) if isinstance(a, str) else a for a in at)
     question = _Question(run, records, asked, tuple(leave_out), seed, scatter, wanted == AUTO_MODEL)
     drawn = figures_for(figures)
-    work = UnderWay(CONDITIONS, _build_report, jobs, drawn, progress or silent, spent)
-    return work.carry_out(out, question.identity(), resume, lambda place: _studied(question, place, work))
+    work = RunContext(CONDITIONS, _build_report, jobs, drawn, progress or silent, spent)
+    return work.execute(out, question.identity(), resume, lambda place: _studied(question, place, work))
 
 
-def _build_report(folder: Path, wanted: Wanted) -> None:
+def _build_report(folder: Path, wanted: ReportOptions) -> None:
     from sma_bayes.studies.conditions.report import build_report  # what draws takes long to import
 
     build_report(folder, wanted)
@@ -168,7 +168,7 @@ class _Question:
         }
 
 
-def _studied(question: _Question, folder: Path | None, work: UnderWay) -> dict[str, Any]:
+def _studied(question: _Question, folder: Path | None, work: RunContext) -> dict[str, Any]:
     q = question
     specimen = q.records[0].record.specimen
     records, choice, refitted = _of_one_model(q, work) if q.chooses else (q.records, None, [])
@@ -201,7 +201,7 @@ def _studied(question: _Question, folder: Path | None, work: UnderWay) -> dict[s
 
 
 def _of_one_model(
-    question: _Question, work: UnderWay
+    question: _Question, work: RunContext
 ) -> tuple[tuple[RecordDraws, ...], ModelChoice, list[str]]:
     """Draws under the model that all records together support best, why, and the keys of those fitted again."""
     q, summary = question, question.run.summary

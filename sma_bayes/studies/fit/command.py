@@ -28,14 +28,14 @@ from sma_bayes.studies.command_options import (
     Sampler,
     Scheduler,
     Seed,
-    Source,
+    SourceArgument,
     Strict,
     Verbose,
 )
 
 
 def command(
-    path: Source,
+    path: SourceArgument,
     out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
     data: Data = None,
     seed: Seed = 0,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sma_bayes.records.severity import SEVERITIES, Severity, severity
-from sma_bayes.runs.schema import Finding
+from sma_bayes.runs.schema import FindingDocument
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +35,9 @@ class FindingGroup:
     message: str
 
 
-def finding_groups(findings: Sequence[Finding]) -> tuple[FindingGroup, ...]:
+def finding_groups(findings: Sequence[FindingDocument]) -> tuple[FindingGroup, ...]:
     """Findings by kind, the most serious first."""
-    kinds: dict[str, list[Finding]] = {}
+    kinds: dict[str, list[FindingDocument]] = {}
     for f in findings:
         kinds.setdefault(f.kind, []).append(f)
     groups = [

@@ -26,7 +26,7 @@ from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.runs.fit_document import FitFindings, RecordSummary
 from sma_bayes.runs.store import write_posterior
-from sma_bayes.studies.ask.workflow import PROBABILITY, Question, Source, answer
+from sma_bayes.studies.ask.workflow import PROBABILITY, FitSource, Question, answer
 from sma_bayes.studies.fit.summary import record_summary
 
 if TYPE_CHECKING:
@@ -278,7 +278,7 @@ class Fits(dict[str, RecordFit]):
             fit = self[entry.key]
             return record_draws(fit, fit.index)
 
-        return answer(Source("the fit", summary, draws), **question)
+        return answer(FitSource("the fit", summary, draws), **question)
 
     def __repr__(self) -> str:
         return "\n".join(map(repr, self.values())) or "<no fits>"

@@ -21,9 +21,9 @@ from sma_bayes.report.content import (
     PredictiveCheck,
     PrintedComparison,
     Provenance,
-    Quantity,
+    QuantityRow,
     RecordContent,
-    Sampler,
+    SamplingRow,
     TransformationTemperature,
 )
 from sma_bayes.report.notation import compact, unit_label
@@ -218,9 +218,9 @@ def _parameter(name: str, p: ParameterSummary, r: RecordSummary, names: Mapping[
     )
 
 
-def _quantity(q: QuantitySummary, names: Mapping[str, str]) -> Quantity:
+def _quantity(q: QuantitySummary, names: Mapping[str, str]) -> QuantityRow:
     shown = QUANTITY_NAMES.get(q.name, q.name.replace("_", " "))
-    return Quantity(
+    return QuantityRow(
         name=_renamed(shown, names),
         condition=q.condition,
         branch=q.branch,
@@ -281,9 +281,9 @@ def _noise(noise: NoiseSummary, names: Mapping[str, str]) -> Noise:
     )
 
 
-def _sampler(r: RecordSummary) -> Sampler:
+def _sampler(r: RecordSummary) -> SamplingRow:
     s = r.sampler
-    return Sampler(
+    return SamplingRow(
         method=s.method,
         acceptance=s.acceptance,
         efficiency=s.efficiency,

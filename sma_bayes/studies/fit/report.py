@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sma_bayes.account import Account
 from sma_bayes.report.assembly import written_tables
-from sma_bayes.report.choice import FEW, Drawn, Wanted
+from sma_bayes.report.choice import FEW, Drawn, ReportOptions
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.drawn import FigureTask, draw_all
 from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles
@@ -38,7 +38,7 @@ from sma_bayes.studies.fit.page import write_record_page, write_report
 from sma_bayes.studies.fit.residuals import median_curves, standardised_residuals
 
 
-def build_report(folder: Path, wanted: Wanted) -> None:
+def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a fit; see `sma_bayes.report.choice.ReportBuilder`."""
     spent = wanted.account or Account()
     with spent.timed("report"):

@@ -43,7 +43,7 @@ from sma_bayes.runs.fit_document import (
     TemperatureSummary,
     TransformationSummary,
 )
-from sma_bayes.runs.schema import Factor, ModelChoice
+from sma_bayes.runs.schema import Factor, ModelChoiceDocument
 from sma_bayes.sampling.audit import Audit
 
 
@@ -95,7 +95,7 @@ def record_summary(
         rung=fit.posterior.model.rung,
         model_choice=None
         if fit.model_choice is None
-        else ModelChoice.model_validate(fit.model_choice, from_attributes=True),
+        else ModelChoiceDocument.model_validate(fit.model_choice, from_attributes=True),
         nearest=_nearest(fit, record),
         discrepancy={m.channel: DiscrepancySummary.model_validate(m, from_attributes=True) for m in of_curve},
         parameters=_parameters(fit, record),

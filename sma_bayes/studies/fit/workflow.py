@@ -16,7 +16,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, lines_inside, silent
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
-from sma_bayes.report.choice import REPORT, Wanted, figures_for
+from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.arrangement import BiasSpring
 from sma_bayes.runs.documents import FIT
@@ -29,7 +29,7 @@ from sma_bayes.runs.fit_document import (
 )
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.output_folder import claimed_folder
-from sma_bayes.runs.schema import CorrelationAverage, Finding
+from sma_bayes.runs.schema import CorrelationAverage, FindingDocument
 from sma_bayes.runs.store import write_text
 from sma_bayes.studies.fit.fitted import Fits, by_record, shown_progress
 from sma_bayes.studies.fit.parts import remove_parts
@@ -44,7 +44,7 @@ from sma_bayes.studies.options import (
     plan_with,
     prior_set,
 )
-from sma_bayes.studies.under_way import UnderWay
+from sma_bayes.studies.under_way import RunContext
 
 if TYPE_CHECKING:
     from sma_bayes.records.memory import Measurements
@@ -187,7 +187,7 @@ def fit_campaign(
         model=model,
     )
     drawn = figures_for(figures)
-    work = UnderWay(FIT, _build_report, jobs, drawn, progress or silent, account or Account())
+    work = RunContext(FIT, _build_report, jobs, drawn, progress or silent, account or Account())
     groups = groups_of(campaign, pool)
     check_call(groups, options)
     with claimed_folder(folder, run_identity(campaign, options), resume):
@@ -217,7 +217,7 @@ def fit_campaign(
         records=tuple(records),
         correlation_average=tuple(averages),
         loops=tuple(loops),
-        findings=tuple(Finding.model_validate(finding_document(f)) for f in campaign.findings),
+        findings=tuple(FindingDocument.model_validate(finding_document(f)) for f in campaign.findings),
     )
     if campaign.data_dir:
         summary = summary.model_copy(update={"data_dir": campaign.data_dir})
@@ -226,7 +226,7 @@ def fit_campaign(
     return stated
 
 
-def _build_report(folder: Path, wanted: Wanted) -> None:
+def _build_report(folder: Path, wanted: ReportOptions) -> None:
     from sma_bayes.studies.fit.report import build_report  # what draws takes long to import
 
     build_report(folder, wanted)
@@ -236,7 +236,7 @@ def _fitted(
     groups: Sequence[tuple[Record, ...]],
     options: FitOptions,
     folder: Path,
-    work: UnderWay,
+    work: RunContext,
 ) -> tuple[list[RecordSummary], list[CorrelationAverage], list[QuantitySummary]]:
     """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
     total = sum(len(group) for group in groups)

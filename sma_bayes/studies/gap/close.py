@@ -18,8 +18,8 @@ from sma_bayes.effects.types import Effect
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 from sma_bayes.runs.jobs import run
-from sma_bayes.studies.gap.fitting import Fitted, fit_hypothesis, fit_with_noise, measured, stacked
-from sma_bayes.studies.gap.flexible import SIZES, Gain, Term, gains, terms_of
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, fit_with_noise, measured, stacked
+from sma_bayes.studies.gap.flexible import SIZES, Term, TermEvidence, gains, terms_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.name import Candidate
 from sma_bayes.studies.gap.noise import Noise, blocks_of, whiten
@@ -242,13 +242,13 @@ def predict_fold(fold: Fold) -> Predicted:
 
 
 def held_out_scores(
-    fitted: Fitted, candidates: Sequence[Candidate], *, pooled: bool
+    fitted: FittedHypothesis, candidates: Sequence[Candidate], *, pooled: bool
 ) -> dict[str, HeldOutScore]:
     """What each refitted candidate does for held-out measurements, refitted without them.
 
     Parameters
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
         The model that the candidates extend.
     candidates : sequence of Candidate
     pooled : bool
@@ -276,11 +276,11 @@ def held_out_scores(
     }
 
 
-def _rows(fitted: Fitted, kept: Masks) -> NDArray[np.intp]:
+def _rows(fitted: FittedHypothesis, kept: Masks) -> NDArray[np.intp]:
     return np.concatenate([np.flatnonzero(kept[b.history]) + b.at.start for b in fitted.blocks])
 
 
-def _noise_on(fitted: Fitted, kept: Masks) -> Noise:
+def _noise_on(fitted: FittedHypothesis, kept: Masks) -> Noise:
     """The noise of a fit, for some of the samples of each block."""
     return tuple(
         n.on(kept[b.history])
@@ -295,16 +295,20 @@ def _residual(hypothesis: Hypothesis, theta: Floats) -> Floats:
 
 
 def _with_flexible(
-    train: Fitted, test: Hypothesis, whole: Fitted, rows_train: NDArray[np.intp], rows_test: NDArray[np.intp]
+    train: FittedHypothesis,
+    test: Hypothesis,
+    whole: FittedHypothesis,
+    rows_train: NDArray[np.intp],
+    rows_test: NDArray[np.intp],
 ) -> Floats:
     """Held-out residuals with the flexible term that brings most on the rest."""
     terms = terms_of(whole)
     on_train = [Term(t.covariate, t.channel, t.columns[rows_train]) for t in terms]
     found = gains(train, on_train)
-    best: Gain = max(found, key=lambda g: g.ln_bayes_factor)
+    best: TermEvidence = max(found, key=lambda g: g.ln_bayes_factor)
     columns = terms[[id(t) for t in on_train].index(id(best.term))].columns
     whitened = train.whiten(columns[rows_train].T).T
-    projected = train.unabsorbed(whitened)
+    projected = train.project_out(whitened)
     a, b = whitened.T @ projected, projected.T @ train.whitened
     information, axes = np.linalg.eigh(a)
     sizes = [_evidence(axes.T @ b, np.maximum(information, 0.0), s) for s in SIZES]
@@ -312,7 +316,7 @@ def _with_flexible(
     coefficients = axes @ ((axes.T @ b) / (np.maximum(information, 0.0) + size**-2.0))
     pull = train.jacobian.T @ (train.whitened - whitened @ coefficients)
     z = train.z + np.linalg.solve(train.precision, pull)
-    return np.asarray(_residual(test, test.space.to_physical(z)) - columns[rows_test] @ coefficients)
+    return np.asarray(_residual(test, test.space.constrain(z)) - columns[rows_test] @ coefficients)
 
 
 def _evidence(b: Floats, information: Floats, size: float) -> float:

@@ -22,13 +22,13 @@ from sma_bayes.studies.command_options import (
     Resume,
     Scheduler,
     Seed,
-    Source,
+    SourceArgument,
     Verbose,
 )
 
 
 def command(
-    path: Source,
+    path: SourceArgument,
     out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
     data: Data = None,
     seed: Seed = 0,

@@ -13,7 +13,7 @@ import numpy as np
 
 from sma_bayes.arrays import Bools
 from sma_bayes.quantities import Floats
-from sma_bayes.studies.gap.fitting import Fitted
+from sma_bayes.studies.gap.fitting import FittedHypothesis
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,11 +24,11 @@ class FollowingCoordinates:
 
     Attributes
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
         A hypothesis at its mode; without effects nothing moves.
     """
 
-    fitted: Fitted
+    fitted: FittedHypothesis
     count: int = field(init=False)
     _pull: Floats = field(init=False, repr=False)
 

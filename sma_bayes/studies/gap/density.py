@@ -19,9 +19,9 @@ from sma_bayes.quantities import Floats
 from sma_bayes.sampling.convergence import Target
 from sma_bayes.sampling.ensembles import Draws, Plan, sample
 from sma_bayes.sampling.laplace import Mode
-from sma_bayes.sampling.shape import Shape
+from sma_bayes.sampling.shape import NormalShape
 from sma_bayes.studies.gap.coordinates import FollowingCoordinates
-from sma_bayes.studies.gap.fitting import Fitted
+from sma_bayes.studies.gap.fitting import FittedHypothesis
 
 EXPLORE = 50
 EVALUATIONS = 400_000
@@ -39,11 +39,11 @@ class HypothesisDensity:
 
     Attributes
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
         Supplies hypothesis, blocks and memory of the noise.
     """
 
-    fitted: Fitted
+    fitted: FittedHypothesis
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -54,10 +54,10 @@ class HypothesisDensity:
         """Draws from the prior in sampled coordinates, shape (size, D)."""
         return self.fitted.hypothesis.space.draw(rng, size)
 
-    def shape(self) -> Shape:
+    def shape(self) -> NormalShape:
         """The model's parameters are nearly normal once they follow those of the effects; these may be bent."""
         shear = FollowingCoordinates(self.fitted)
-        return Shape(shear, shear.covariance, self.fitted.z.size - shear.count)
+        return NormalShape(shear, shear.covariance, self.fitted.z.size - shear.count)
 
     def log_prob(self, z: Floats) -> Floats:
         """Log of the unnormalised density at each row of `z` (W, D); never NaN."""
@@ -79,7 +79,7 @@ class HypothesisDensity:
 
 
 def sample_hypothesis(
-    fitted: Fitted,
+    fitted: FittedHypothesis,
     seed: np.random.SeedSequence,
     target: Target | None = None,
     *,
@@ -89,7 +89,7 @@ def sample_hypothesis(
 
     Parameters
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
         Its mode and Gauss-Newton precision are where the ensembles begin: differences of the density, which stand in
         for the precision of other densities, mistake a bend that is narrow across for width.
     seed : numpy.random.SeedSequence
@@ -121,7 +121,7 @@ def sample_hypothesis(
     )
 
 
-def _fingerprint(fitted: Fitted) -> str:
+def _fingerprint(fitted: FittedHypothesis) -> str:
     """Of what decides the density: parameters with their priors, data, predictions and noise at the mode."""
     digest = hashlib.sha256(repr(fitted.hypothesis.space.free).encode())
     for values in (fitted.z, fitted.residual, fitted.whitened):

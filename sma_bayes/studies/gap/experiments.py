@@ -14,7 +14,7 @@ import numpy as np
 
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
-from sma_bayes.studies.gap.fitting import Fitted, held_at
+from sma_bayes.studies.gap.fitting import FittedHypothesis, held_at
 
 Inputs = Mapping[str, Floats]
 ENOUGH = 5.0
@@ -22,7 +22,7 @@ ENOUGH = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Design:
+class ExperimentDesign:
     """A further record, made from one that exists.
 
     Attributes
@@ -41,17 +41,17 @@ class Design:
 
 
 @dataclass(frozen=True, slots=True)
-class Proposal:
+class ProposedExperiment:
     """The experiment that separates best.
 
     Attributes
     ----------
-    design : Design
+    design : ExperimentDesign
     separation : float
         Least separation of the first effect from any other of the class [standard deviations of the noise].
     """
 
-    design: Design
+    design: ExperimentDesign
     separation: float
 
     def __str__(self) -> str:
@@ -99,34 +99,34 @@ def _waiting(v: Inputs) -> dict[str, Floats]:
     return {**v, "time": v["time"] + 10.0 * np.ptp(v["time"])}
 
 
-DESIGNS: tuple[Design, ...] = (
-    Design("sweep at a third of the rate", ("time", "rate"), _faster(1.0 / 3.0)),
-    Design("sweep at three times the rate", ("time", "rate"), _faster(3.0)),
-    Design("heat as before, cool ten times as slowly", ("time", "rate"), _slow_cooling_only),
-    Design("repeat with twice the load", ("load",), _scaled("load", 2.0)),
-    Design("go on for four times as many cycles, then measure again", ("cycle",), _more_cycles),
-    Design("turn round at 70 % of the temperature range", ("temperature",), _lower_peak),
-    Design("repeat in a room that is 10 K warmer", ("ambient_temperature",), _warmer_room),
-    Design(
+DESIGNS: tuple[ExperimentDesign, ...] = (
+    ExperimentDesign("sweep at a third of the rate", ("time", "rate"), _faster(1.0 / 3.0)),
+    ExperimentDesign("sweep at three times the rate", ("time", "rate"), _faster(3.0)),
+    ExperimentDesign("heat as before, cool ten times as slowly", ("time", "rate"), _slow_cooling_only),
+    ExperimentDesign("repeat with twice the load", ("load",), _scaled("load", 2.0)),
+    ExperimentDesign("go on for four times as many cycles, then measure again", ("cycle",), _more_cycles),
+    ExperimentDesign("turn round at 70 % of the temperature range", ("temperature",), _lower_peak),
+    ExperimentDesign("repeat in a room that is 10 K warmer", ("ambient_temperature",), _warmer_room),
+    ExperimentDesign(
         "let the cold rig rest for ten times the length of the record, then measure again",
         ("time",),
         _waiting,
     ),
-    Design("repeat with half the current", ("current",), _scaled("current", 0.5)),
+    ExperimentDesign("repeat with half the current", ("current",), _scaled("current", 0.5)),
 )
 
 
-def next_experiment(rivals: Sequence[Fitted]) -> Proposal | None:
+def next_experiment(rivals: Sequence[FittedHypothesis]) -> ProposedExperiment | None:
     """The design that separates the first of several fitted hypotheses best from all others.
 
     Parameters
     ----------
-    rivals : sequence of Fitted
+    rivals : sequence of FittedHypothesis
         The same histories and baseline, each with another effect.
 
     Returns
     -------
-    Proposal or None
+    ProposedExperiment or None
         None where there is nothing to separate, or no design can be made from what was recorded.
     """
     if len(rivals) < 2:
@@ -135,11 +135,11 @@ def next_experiment(rivals: Sequence[Fitted]) -> Proposal | None:
     for design in DESIGNS:
         if all(name in h.inputs for h in rivals[0].hypothesis.histories for name in design.needs):
             apart = min(_separation(rivals[0], other, design) for other in rivals[1:])
-            proposals.append(Proposal(design, apart))
+            proposals.append(ProposedExperiment(design, apart))
     return max(proposals, key=lambda p: p.separation, default=None)
 
 
-def _separation(truth: Fitted, rival: Fitted, design: Design) -> float:
+def _separation(truth: FittedHypothesis, rival: FittedHypothesis, design: ExperimentDesign) -> float:
     """How far a rival stays from what the first hypothesis predicts for old and new samples together."""
     histories = truth.hypothesis.histories
     further = [replace(h, inputs=_continued(design.inputs(h.inputs))) for h in histories]
@@ -154,7 +154,7 @@ def _separation(truth: Fitted, rival: Fitted, design: Design) -> float:
     ]
     noise = rival.noise * 2
     fitted = held_at(replace(hypotheses[1], histories=tuple(predicted)), rival.z, noise)
-    return float(np.linalg.norm(fitted.unabsorbed(fitted.whitened[:, None])))
+    return float(np.linalg.norm(fitted.project_out(fitted.whitened[:, None])))
 
 
 def _both(old: Sequence[History], new: Sequence[History]) -> tuple[History, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from sma_bayes.effects.types import Effect
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.quantities import Floats
-from sma_bayes.studies.gap.fitting import Fitted, climbed
+from sma_bayes.studies.gap.fitting import FittedHypothesis, climbed
 
 STRONG = 100.0
 """Log Bayes factor of the best flexible term from which on signatures are not relied upon."""
@@ -23,12 +23,12 @@ STEPS = 4
 """Steps of each fit, after as many in which the curve alone makes room for the effect."""
 
 
-def gained_in_steps(fitted: Fitted, effect: Effect, start: Floats) -> tuple[float, Floats]:
+def gained_in_steps(fitted: FittedHypothesis, effect: Effect, start: Floats) -> tuple[float, Floats]:
     """Gain of log likelihood after a few steps from the best of several sizes, and where that is.
 
     Parameters
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
         The model without the effect.
     effect : Effect
     start : ndarray, shape (D,)
@@ -41,7 +41,7 @@ def gained_in_steps(fitted: Fitted, effect: Effect, start: Floats) -> tuple[floa
     for q in SIZES[isinstance(prior, LogNormal)]:
         z = start.copy()
         z[:place] = fitted.z
-        z[place] = float(prior.transform.to_sampled(prior.quantile(np.array(q))))
+        z[place] = float(prior.transform.unconstrain(prior.quantile(np.array(q))))
         begin.append(z)
     found = [climbed(extended, z, fitted.noise, STEPS, start.size - place) for z in begin]
     z, value = max(found, key=lambda f: f[1])

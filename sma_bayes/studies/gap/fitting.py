@@ -14,7 +14,7 @@ from sma_bayes.effects.types import Effect
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.quantities import Floats
 from sma_bayes.studies.gap.hypothesis import Hypothesis
-from sma_bayes.studies.gap.noise import Block, BlockNoise, Noise, blocks_of, noise_of, whiten
+from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, Noise, blocks_of, noise_of, whiten
 
 SETTLED = 5e-3
 """Gain of the log posterior in a step below which the mode is found; evidence is not known better than that."""
@@ -31,7 +31,7 @@ CHUNK = 1 << 17
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class FittedHypothesis:
     """A hypothesis at its mode.
 
     Attributes
@@ -53,7 +53,7 @@ class Fitted:
     """
 
     hypothesis: Hypothesis
-    blocks: tuple[Block, ...]
+    blocks: tuple[ChannelBlock, ...]
     z: Floats
     noise: Noise
     residual: Floats
@@ -66,7 +66,7 @@ class Fitted:
     @property
     def theta(self) -> Floats:
         """Parameters at the mode, shape (P,)."""
-        return self.hypothesis.space.to_physical(self.z)
+        return self.hypothesis.space.constrain(self.z)
 
     @property
     def covariance(self) -> Floats:
@@ -84,9 +84,9 @@ class Fitted:
 
         So a term gets no credit for taking over what a prior holds the parameters back from.
         """
-        return self.unabsorbed(self.whitened[:, None])[:, 0]
+        return self.project_out(self.whitened[:, None])[:, 0]
 
-    def unabsorbed(self, columns: Floats) -> Floats:
+    def project_out(self, columns: Floats) -> Floats:
         """What is left of whitened series (N, k) once the parameters have adapted to them."""
         return np.asarray(
             columns - self.jacobian @ np.linalg.solve(self.precision, self.jacobian.T @ columns)
@@ -94,7 +94,7 @@ class Fitted:
 
     def residual_at(self, z: Floats) -> Floats:
         """Measured minus predicted (W, N) at other sampled coordinates (W, D)."""
-        return self.observed - stacked(self.hypothesis, self.blocks, self.hypothesis.space.to_physical(z))
+        return self.observed - stacked(self.hypothesis, self.blocks, self.hypothesis.space.constrain(z))
 
     def batches(self, rows: int) -> Iterator[slice]:
         """Parts of a batch of parameter vectors of which all samples are predicted at a time."""
@@ -105,18 +105,18 @@ class Fitted:
         return whiten(self.blocks, self.noise, series)
 
 
-def stacked(hypothesis: Hypothesis, blocks: Sequence[Block], theta: Floats) -> Floats:
+def stacked(hypothesis: Hypothesis, blocks: Sequence[ChannelBlock], theta: Floats) -> Floats:
     """Predictions of all blocks (..., N) for parameters (..., P)."""
     mu = [hypothesis.predict(theta, i) for i in range(len(hypothesis.histories))]
     return np.concatenate([mu[b.history][b.channel] for b in blocks], axis=-1)
 
 
-def measured(hypothesis: Hypothesis, blocks: Sequence[Block]) -> Floats:
+def measured(hypothesis: Hypothesis, blocks: Sequence[ChannelBlock]) -> Floats:
     """What was observed of all blocks (N,)."""
     return np.concatenate([hypothesis.histories[b.history].observed[b.channel] for b in blocks])
 
 
-def added_by(effect: Effect, hypothesis: Hypothesis, blocks: Sequence[Block], theta: Floats) -> Floats:
+def added_by(effect: Effect, hypothesis: Hypothesis, blocks: Sequence[ChannelBlock], theta: Floats) -> Floats:
     """What one of the effects adds to all blocks (..., N): predictions with it less those without, all else equal.
 
     Parameters
@@ -124,7 +124,7 @@ def added_by(effect: Effect, hypothesis: Hypothesis, blocks: Sequence[Block], th
     effect : Effect
     hypothesis : Hypothesis
         With the effect.
-    blocks : sequence of Block
+    blocks : sequence of ChannelBlock
     theta : ndarray, shape (..., P)
     """
     without = hypothesis.with_effects([e for e in hypothesis.effects if e.id != effect.id])
@@ -132,7 +132,7 @@ def added_by(effect: Effect, hypothesis: Hypothesis, blocks: Sequence[Block], th
     return stacked(hypothesis, blocks, theta) - stacked(without, blocks, rest)
 
 
-def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise) -> Fitted:
+def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise) -> FittedHypothesis:
     """Find the mode nearest to a start.
 
     Parameters
@@ -169,7 +169,7 @@ def climbed(
     return z, problem.log_likelihood(z, noise)
 
 
-def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> Fitted:
+def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> FittedHypothesis:
     """Find mode and noise in turn."""
     problem = _Problem(hypothesis)
     z = np.asarray(start, dtype=float)
@@ -184,7 +184,7 @@ def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> Fitted:
     return problem.fitted(z, noise)
 
 
-def nearest(fitted: Fitted) -> Fitted:
+def nearest(fitted: FittedHypothesis) -> FittedHypothesis:
     """The same hypothesis where it is nearest to what was measured, in the mean square.
 
     Noise that hardly changes from sample to sample is mostly misfit, and next to it an offset costs nothing: the mode
@@ -206,7 +206,7 @@ def nearest(fitted: Fitted) -> Fitted:
     return fit_hypothesis(fitted.hypothesis, fitted.z, tuple(noise))
 
 
-def held_at(hypothesis: Hypothesis, z: Floats, noise: Noise) -> Fitted:
+def held_at(hypothesis: Hypothesis, z: Floats, noise: Noise) -> FittedHypothesis:
     """A hypothesis at given parameters and noise, as it would be had they been found as its mode."""
     return _Problem(hypothesis).fitted(z, noise)
 
@@ -228,12 +228,12 @@ class _Problem:
 
     def residual(self, z: Floats) -> Floats:
         """Measured minus predicted (N,); what overflows counts as very far off."""
-        mu = stacked(self.hypothesis, self.blocks, self.space.to_physical(z))
+        mu = stacked(self.hypothesis, self.blocks, self.space.constrain(z))
         return np.nan_to_num(self.y - mu, nan=1e30, posinf=1e30, neginf=-1e30)
 
     def noise(self, z: Floats) -> Noise:
         """Noise beside what is left at these parameters."""
-        return noise_of(self.hypothesis, self.blocks, self.residual(z), self.space.to_physical(z))
+        return noise_of(self.hypothesis, self.blocks, self.residual(z), self.space.constrain(z))
 
     def derivative(self, z: Floats) -> Floats:
         """Derivative of the prediction by each coordinate, shape (N, D), by central differences."""
@@ -244,7 +244,7 @@ class _Problem:
             rows = np.arange(columns.size)
             shifted[rows, columns] += h
             shifted[rows + columns.size, columns] -= h
-            mu = self.hypothesis.predict(self.space.to_physical(shifted), i)
+            mu = self.hypothesis.predict(self.space.constrain(shifted), i)
             for block in self.blocks:
                 if block.history == i:
                     up, down = np.split(mu[block.channel], 2)
@@ -302,7 +302,7 @@ class _Problem:
     def _jacobian(self, z: Floats, noise: Noise) -> Floats:
         return whiten(self.blocks, noise, self.derivative(z).T).T
 
-    def fitted(self, z: Floats, noise: Noise) -> Fitted:
+    def fitted(self, z: Floats, noise: Noise) -> FittedHypothesis:
         residual = self.residual(z)
         w = whiten(self.blocks, noise, residual)
         jacobian = self._jacobian(z, noise)
@@ -310,7 +310,7 @@ class _Problem:
         precision = jacobian.T @ jacobian - np.diag(curvature)
         likelihood = self.log_likelihood(z, noise)
         volume = 0.5 * float(np.linalg.slogdet(precision)[1])
-        return Fitted(
+        return FittedHypothesis(
             hypothesis=self.hypothesis,
             blocks=self.blocks,
             z=z,

@@ -22,9 +22,16 @@ from scipy.special import logsumexp
 
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import sweep_rate
-from sma_bayes.studies.gap.fitting import Fitted
-from sma_bayes.studies.gap.noise import Block
-from sma_bayes.studies.gap.splines import bumps, grouped, line, one_of_each, steps, times
+from sma_bayes.studies.gap.fitting import FittedHypothesis
+from sma_bayes.studies.gap.noise import ChannelBlock
+from sma_bayes.studies.gap.splines import (
+    bspline_basis,
+    grouped,
+    indicators,
+    linear,
+    row_tensor_product,
+    steps,
+)
 
 SIZES = np.geomspace(0.03, 100.0, 10)
 """Sizes of the coefficients that are averaged over, in standard deviations of the noise of the channel."""
@@ -61,7 +68,7 @@ class Term:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gain:
+class TermEvidence:
     """What a term would bring.
 
     Attributes
@@ -103,13 +110,13 @@ def log_bayes_factor(b: Floats, information: Floats) -> Floats:
     return np.asarray(logsumexp(fit - price[:, None], axis=0) - np.log(SIZES.size))
 
 
-def gains(fitted: Fitted, terms: Sequence[Term]) -> list[Gain]:
+def gains(fitted: FittedHypothesis, terms: Sequence[Term]) -> list[TermEvidence]:
     """What each term would bring to a fitted model."""
     out = []
     left = fitted.left
     for term in terms:
         whitened = fitted.whiten(term.columns.T).T
-        projected = fitted.unabsorbed(whitened)
+        projected = fitted.project_out(whitened)
         information, axes = np.linalg.eigh(whitened.T @ projected)
         kept = information > 1e-9 * max(float(information[-1]), 1e-300)
         information, axes = information[kept], axes[:, kept]
@@ -117,11 +124,11 @@ def gains(fitted: Fitted, terms: Sequence[Term]) -> list[Gain]:
             continue
         b = (whitened @ axes).T @ left
         value = float(log_bayes_factor(b[:, None], information)[0])
-        out.append(Gain(term, value, projected @ axes, information))
+        out.append(TermEvidence(term, value, projected @ axes, information))
     return out
 
 
-def beyond_shape(fitted: Fitted, terms: Sequence[Term]) -> Fitted:
+def beyond_shape(fitted: FittedHypothesis, terms: Sequence[Term]) -> FittedHypothesis:
     """The same fit with the shape of every curve free: a smooth function of temperature on each branch and channel.
 
     What terms and effects bring to it is not what the curve of a specimen has by being no sigmoid, the same in every
@@ -143,49 +150,49 @@ def beyond_shape(fitted: Fitted, terms: Sequence[Term]) -> Fitted:
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
+class FlexibleTerms:
     """What flexible terms bring to a fitted model.
 
     Attributes
     ----------
-    best : Gain or None
+    best : TermEvidence or None
         The best of all.
     shape : float
         Log Bayes factor of a curve that is free to have any shape: in every channel by itself, or in all together.
-    beyond : Gain or None
+    beyond : TermEvidence or None
         The best on top of that.
     """
 
-    best: Gain | None
+    best: TermEvidence | None
     shape: float
-    beyond: Gain | None
+    beyond: TermEvidence | None
 
 
-def offer(fitted: Fitted, found: Sequence[Gain] = ()) -> Offer:
+def offer(fitted: FittedHypothesis, found: Sequence[TermEvidence] = ()) -> FlexibleTerms:
     """What flexible terms bring to a fitted model; `found`, if that is known already for it as it is."""
     terms = [g.term for g in found] or terms_of(fitted)
     found = found or gains(fitted, terms)
     channels = [c for c in fitted.hypothesis.channels if c != "temperature"]
     if not channels:  # a heat balance has no curve whose shape may be another
-        return Offer(_best(found), 0.0, _best(found))
+        return FlexibleTerms(_best(found), 0.0, _best(found))
     shapes = [g for g in found if g.term.covariate == SHAPE]
     alone = sum(worth_of(_best([g for g in shapes if g.term.channel == c])) for c in channels)
     together = worth_of(_best([g for g in shapes if g.term.channel not in channels]))
     shape = max(alone, together)
     others = [t for t in terms if t.covariate != SHAPE]
-    return Offer(_best(found), shape, _best(gains(beyond_shape(fitted, terms), others)))
+    return FlexibleTerms(_best(found), shape, _best(gains(beyond_shape(fitted, terms), others)))
 
 
-def _best(found: Sequence[Gain]) -> Gain | None:
+def _best(found: Sequence[TermEvidence]) -> TermEvidence | None:
     return max(found, key=lambda g: g.ln_bayes_factor, default=None)
 
 
-def worth_of(gain: Gain | None) -> float:
+def worth_of(gain: TermEvidence | None) -> float:
     """Log Bayes factor of a term; 0 where there is none, or where it does not pay for itself."""
     return 0.0 if gain is None else max(gain.ln_bayes_factor, 0.0)
 
 
-def terms_of(fitted: Fitted) -> list[Term]:
+def terms_of(fitted: FittedHypothesis) -> list[Term]:
     """Terms in every covariate that the histories have.
 
     Each is added to one channel; or shifts the temperature of all mechanical channels together, as what acts on the
@@ -204,11 +211,11 @@ def terms_of(fitted: Fitted) -> list[Term]:
     return out + _joint_terms(fitted)
 
 
-def _noise(fitted: Fitted, block: Block) -> float:
+def _noise(fitted: FittedHypothesis, block: ChannelBlock) -> float:
     return fitted.noise[fitted.blocks.index(block)].sd
 
 
-def _covariates(fitted: Fitted, channel: str) -> dict[str, Floats]:
+def _covariates(fitted: FittedHypothesis, channel: str) -> dict[str, Floats]:
     """Inputs of all histories, which condition a sample belongs to, and what the model says.
 
     Responses enter as predicted, since the measured ones would bring their own noise along.
@@ -232,7 +239,7 @@ def _covariates(fitted: Fitted, channel: str) -> dict[str, Floats]:
     return joined
 
 
-def _joint_terms(fitted: Fitted) -> list[Term]:
+def _joint_terms(fitted: FittedHypothesis) -> list[Term]:
     """Terms that act on force, displacement and stiffness together."""
     channels = [c for c in fitted.hypothesis.channels if c != "temperature"]
     if len(channels) < 2:
@@ -257,7 +264,7 @@ def _joint_terms(fitted: Fitted) -> list[Term]:
     return out
 
 
-def _leverage(fitted: Fitted, block: Block) -> tuple[Floats, Floats]:
+def _leverage(fitted: FittedHypothesis, block: ChannelBlock) -> tuple[Floats, Floats]:
     """Derivative of a channel by temperature, and its span from cold to hot, at each sample of a block."""
     hypothesis = fitted.hypothesis
     inputs = hypothesis.histories[block.history].inputs
@@ -271,35 +278,44 @@ def _leverage(fitted: Fitted, block: Block) -> tuple[Floats, Floats]:
 
 def _columns(v: dict[str, Floats]) -> list[tuple[str, Floats]]:
     """Names and columns of the terms that the covariates allow."""
-    branch = one_of_each(v["branch"])
-    temperature = bumps(v["temperature"], 8)
-    on_branch = times(branch, temperature)
-    out = [("temperature", on_branch), ("temperature", times(branch, bumps(v["temperature"], 20)))]
-    condition = one_of_each(v["condition"])
+    branch = indicators(v["branch"])
+    temperature = bspline_basis(v["temperature"], 8)
+    on_branch = row_tensor_product(branch, temperature)
+    out = [
+        ("temperature", on_branch),
+        ("temperature", row_tensor_product(branch, bspline_basis(v["temperature"], 20))),
+    ]
+    condition = indicators(v["condition"])
     if condition.shape[1] > 1:
-        out.append(("condition", times(condition, branch)))
-        out.append(("temperature and condition", times(condition, on_branch)))
-    cycle = one_of_each(grouped(v["cycle"]))
+        out.append(("condition", row_tensor_product(condition, branch)))
+        out.append(("temperature and condition", row_tensor_product(condition, on_branch)))
+    cycle = indicators(grouped(v["cycle"]))
     if cycle.shape[1] > 1:
-        coarse = times(branch, bumps(v["temperature"], 5))
-        out.append(("cycle", times(condition, cycle)))
-        out.append(("temperature and cycle", times(cycle, coarse)))
+        coarse = row_tensor_product(branch, bspline_basis(v["temperature"], 5))
+        out.append(("cycle", row_tensor_product(condition, cycle)))
+        out.append(("temperature and cycle", row_tensor_product(cycle, coarse)))
     clock = "time" if "time" in v else "order"
-    out.append((clock, times(condition, bumps(v[clock], 10))))
-    out += [(clock, line(v[clock])), *((clock, step) for step in steps(v["condition"], STEPS))]
+    out.append((clock, row_tensor_product(condition, bspline_basis(v[clock], 10))))
+    out += [(clock, linear(v[clock])), *((clock, step) for step in steps(v["condition"], STEPS))]
     if cycle.shape[1] > 1:
-        out.append(("cycle", line(v["cycle"])))
+        out.append(("cycle", linear(v["cycle"])))
     if "rate" in v and np.ptp(v["rate"]) > 0.0:
-        out.append(("rate", times(branch, bumps(v["rate"], 8))))
+        out.append(("rate", row_tensor_product(branch, bspline_basis(v["rate"], 8))))
         out.append(
-            ("temperature and rate", times(branch, times(bumps(v["temperature"], 5), bumps(v["rate"], 4))))
+            (
+                "temperature and rate",
+                row_tensor_product(
+                    branch,
+                    row_tensor_product(bspline_basis(v["temperature"], 5), bspline_basis(v["rate"], 4)),
+                ),
+            )
         )
     for name in ("force", "displacement", "stiffness", SIMULATED):
         if name in v and np.ptp(v[name]) > 0.0:
-            out.append((name, bumps(v[name], 20)))
+            out.append((name, bspline_basis(v[name], 20)))
     for name in ("current", "ambient_temperature", "load"):
         if name in v and np.ptp(v[name]) > 1e-9 * np.max(np.abs(v[name])):
-            out.append((name, bumps(v[name], min(5, np.unique(v[name]).size))))
+            out.append((name, bspline_basis(v[name], min(5, np.unique(v[name]).size))))
     if {"time", "frequency"} <= set(v):
         phase = 2.0 * np.pi * v["frequency"] * v["time"]
         out.append(

@@ -19,7 +19,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import histories
 from sma_bayes.records.types import Campaign
-from sma_bayes.studies.gap.fitting import Fitted, fit_with_noise
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.study import GapStudy, Progress, baseline_start, study_from
 
@@ -62,7 +62,7 @@ def study_heating(
     return study_from(first, of_heating(effects), rng, progress or (lambda _: None))
 
 
-def share_along(response: Fitted, history: int) -> dict[str, Floats]:
+def share_along(response: FittedHypothesis, history: int) -> dict[str, Floats]:
     """Share of austenite along a measured history, as ``share`` (n,); empty where no curve tells of it.
 
     By the displacement where there is one, else by the force.
@@ -88,7 +88,7 @@ def heat_parameters(study: GapStudy, draws: Floats, seed: int) -> dict[str, dict
     space = final.hypothesis.space
     if not len(draws):
         rng = np.random.default_rng(np.random.SeedSequence([seed, 23]))
-        draws = space.to_physical(rng.multivariate_normal(final.z, final.covariance, DRAWS))
+        draws = space.constrain(rng.multivariate_normal(final.z, final.covariance, DRAWS))
     known = all("ambient_temperature" in h.inputs for h in final.hypothesis.histories)
     one = len({p.name for p in space.parameters if p.name.startswith("gain")}) == 1
     out: dict[str, dict[str, object]] = {}

@@ -16,9 +16,9 @@ from typing import Protocol
 import numpy as np
 
 from sma_bayes.quantities import Floats
-from sma_bayes.studies.gap.fitting import Fitted
-from sma_bayes.studies.gap.flexible import Gain, gains, terms_of
-from sma_bayes.studies.gap.noise import Block
+from sma_bayes.studies.gap.fitting import FittedHypothesis
+from sma_bayes.studies.gap.flexible import TermEvidence, gains, terms_of
+from sma_bayes.studies.gap.noise import ChannelBlock
 from sma_bayes.studies.gap.periodic import Periodicity, Spectra
 
 SHUFFLES = 400
@@ -56,12 +56,12 @@ class Disagreement:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class DisagreementTest:
     """What flexible terms and the signatures of effects say about residuals.
 
     Attributes
     ----------
-    gains : list of Gain
+    gains : list of TermEvidence
         Flexible terms, greatest Bayes factor first.
     p_value : float
         Of the greatest Bayes factor, over all terms and effects.
@@ -71,13 +71,13 @@ class Look:
         Lines of spectra, best first, where they explain more than any covariate does.
     """
 
-    gains: list[Gain]
+    gains: list[TermEvidence]
     p_value: float
     extrapolated: bool
     periodic: tuple[Periodicity, ...] = ()
 
     @property
-    def best(self) -> Gain:
+    def best(self) -> TermEvidence:
         """The flexible term that brings most."""
         return self.gains[0]
 
@@ -96,13 +96,16 @@ class Signature(Protocol):
 
 
 def look(
-    fitted: Fitted, signatures: Sequence[Signature], rng: np.random.Generator, shuffles: int = SHUFFLES
-) -> Look:
+    fitted: FittedHypothesis,
+    signatures: Sequence[Signature],
+    rng: np.random.Generator,
+    shuffles: int = SHUFFLES,
+) -> DisagreementTest:
     """Test the residuals of a fit against every covariate, and for the signatures of effects.
 
     Parameters
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
     signatures : sequence of Signature
     rng : numpy.random.Generator
     shuffles : int
@@ -115,10 +118,10 @@ def look(
     greatest = np.max(np.stack([p.of(null) for p in patterns]), axis=0)
     p, beyond = tail_probability(greatest, max(p.ln_bayes_factor for p in patterns))
     stands_out = spectra.ln_bayes_factor > found[0].ln_bayes_factor
-    return Look(found, p, beyond, spectra.lines() if stands_out else ())
+    return DisagreementTest(found, p, beyond, spectra.lines() if stands_out else ())
 
 
-def shuffled(fitted: Fitted, rng: np.random.Generator, count: int) -> Floats:
+def shuffled(fitted: FittedHypothesis, rng: np.random.Generator, count: int) -> Floats:
     """Whitened residuals (N, count) as they would be by chance.
 
     Those of each block in random order, with random signs since their sum would else be the same each time. They get
@@ -155,12 +158,12 @@ def tail_probability(null: Floats, value: float) -> tuple[float, bool]:
     return float(TAIL * np.exp(-max(value - threshold, 0.0) / max(scale, 1e-12))), True
 
 
-def disagreements(fitted: Fitted, covariates: Sequence[str], most: int = 6) -> list[Disagreement]:
+def disagreements(fitted: FittedHypothesis, covariates: Sequence[str], most: int = 6) -> list[Disagreement]:
     """The stretches that lean most, no two of them overlapping.
 
     Parameters
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
     covariates : sequence of str
         Inputs along which to search; those that a history lacks are left out.
     most : int
@@ -184,7 +187,7 @@ def disagreements(fitted: Fitted, covariates: Sequence[str], most: int = 6) -> l
 
 
 def _stretches(
-    fitted: Fitted, block: Block, on: Floats, branch: str, name: str
+    fitted: FittedHypothesis, block: ChannelBlock, on: Floats, branch: str, name: str
 ) -> list[tuple[Disagreement, frozenset[int]]]:
     """Best union of neighbouring bins of a covariate, upwards and downwards."""
     history = fitted.hypothesis.histories[block.history]
@@ -197,7 +200,7 @@ def _stretches(
     columns = np.zeros((fitted.whitened.size, len(inside)))
     columns[block.at] = np.stack(inside, axis=1)
     whitened = fitted.whiten(columns.T).T
-    information = whitened.T @ fitted.unabsorbed(whitened)
+    information = whitened.T @ fitted.project_out(whitened)
     b = whitened.T @ fitted.left
     out = []
     for direction in (1.0, -1.0):

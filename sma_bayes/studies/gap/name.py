@@ -5,8 +5,8 @@ less what the model's parameters absorb, is laid over the residuals. Those that 
 full, with all parameters and the noise anew, and judged by the evidence.
 
 Two guards stand against false names. An effect must be worth more than flexible terms that contain most of its
-signature, or, with a flexible term on top of it, more than flexible terms are without it (`Beside`). And the noise
-keeps its memory throughout, so slow residuals do not count as often as they were sampled.
+signature, or, with a flexible term on top of it, more than flexible terms are without it (`EvidenceBeside`). And the
+noise keeps its memory throughout, so slow residuals do not count as often as they were sampled.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from sma_bayes.effects.types import Effect
 from sma_bayes.parameters.distributions import Distribution, LogNormal
 from sma_bayes.quantities import Floats
 from sma_bayes.studies.gap.finite import STRONG, gained_in_steps
-from sma_bayes.studies.gap.fitting import Fitted, added_by, fit_hypothesis, stacked
-from sma_bayes.studies.gap.flexible import Gain, Offer, offer, worth_of
+from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by, fit_hypothesis, stacked
+from sma_bayes.studies.gap.flexible import FlexibleTerms, TermEvidence, offer, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.one_stage import claims_a_stage, worth_of_one_stage
 from sma_bayes.studies.gap.scatter import lay_together, members_of
@@ -70,7 +70,7 @@ class Screened:
         Over the grid, whitened, less what the model absorbs.
     information : ndarray, shape (G,)
         Squared lengths of the signatures.
-    together : Gain or None
+    together : TermEvidence or None
         Of a random effect, whose signatures go together.
     """
 
@@ -80,7 +80,7 @@ class Screened:
     ln_bayes_factor: float
     signatures: Floats
     information: Floats
-    together: Gain | None = None
+    together: TermEvidence | None = None
 
     def of(self, residuals: Floats) -> Floats:
         """Log Bayes factor for other whitened residuals (N, S), shape (S,)."""
@@ -90,7 +90,7 @@ class Screened:
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
+class EvidenceBeside:
     """What an effect is worth beside flexible terms.
 
     A mechanism is never exactly the formula of the catalogue. Where it is strong, the remainder of form is far beyond
@@ -103,7 +103,7 @@ class Beside:
         Log Bayes factor of the effect with the best flexible term on top of it, over the best flexible term alone.
     carried : float
         Share that the effect has in what the two explain together.
-    remainder : Gain or None
+    remainder : TermEvidence or None
         That term on top of the effect.
     on_top : float
         Log Bayes factor of the best term on top of it, the shape of the curve included; 0 where none pays for itself.
@@ -113,27 +113,27 @@ class Beside:
 
     over: float
     carried: float
-    remainder: Gain | None
+    remainder: TermEvidence | None
     on_top: float
     shape_apart: bool
 
     @staticmethod
-    def of(gained: float, with_it: Offer, without: Offer) -> Beside:
+    def of(gained: float, with_it: FlexibleTerms, without: FlexibleTerms) -> EvidenceBeside:
         """Weigh an effect.
 
         Parameters
         ----------
         gained : float
             Log Bayes factor of the effect.
-        with_it, without : Offer
+        with_it, without : FlexibleTerms
             What flexible terms bring to the model with it and without.
         """
         on_top = worth_of(with_it.best)
-        plain = Beside(
+        plain = EvidenceBeside(
             gained + on_top - worth_of(without.best), share_of(gained, on_top), with_it.best, on_top, False
         )
         own, rest = gained + with_it.shape - without.shape, worth_of(with_it.beyond)
-        apart = Beside(
+        apart = EvidenceBeside(
             own + rest - worth_of(without.beyond), share_of(own, rest), with_it.beyond, on_top, True
         )
         better = with_it.shape >= MISSHAPEN and apart.over >= WORTH and apart.carried > plain.carried
@@ -152,7 +152,7 @@ class Candidate:
     Attributes
     ----------
     effect : Effect
-    fitted : Fitted or None
+    fitted : FittedHypothesis or None
         None where it was not refitted.
     ln_bayes_factor : float
         For the effect, over the model as it was: from the full fit, or as screened where there was none.
@@ -160,7 +160,7 @@ class Candidate:
         Greatest Bayes factor of a flexible term that contains most of its signature.
     guard_covariate : str
         Of that term; empty where there is none.
-    beside : Beside or None
+    beside : EvidenceBeside or None
         What it is worth beside flexible terms, if that was looked at.
     untestable : str
         Why the data can't test it; empty where they can.
@@ -169,11 +169,11 @@ class Candidate:
     """
 
     effect: Effect
-    fitted: Fitted | None
+    fitted: FittedHypothesis | None
     ln_bayes_factor: float
     guard: float = -np.inf
     guard_covariate: str = ""
-    beside: Beside | None = None
+    beside: EvidenceBeside | None = None
     untestable: str = ""
     one_stage: float = -np.inf
 
@@ -189,7 +189,7 @@ class Candidate:
         return self.ln_bayes_factor + float(np.logaddexp(0.0, on_top) - np.log(2.0))
 
 
-def screen_all(fitted: Fitted, effects: Iterable[Effect]) -> tuple[list[Screened], list[Candidate]]:
+def screen_all(fitted: FittedHypothesis, effects: Iterable[Effect]) -> tuple[list[Screened], list[Candidate]]:
     """Screen every effect that the model does not have yet; what can't be tested comes as a judged candidate."""
     present = {e.id for e in fitted.hypothesis.effects}
     screened, untested = [], []
@@ -205,9 +205,9 @@ def screen_all(fitted: Fitted, effects: Iterable[Effect]) -> tuple[list[Screened
 
 
 def candidates(
-    fitted: Fitted,
+    fitted: FittedHypothesis,
     screened: Sequence[Screened],
-    flexible: Sequence[Gain],
+    flexible: Sequence[TermEvidence],
     *,
     refit: bool,
     most: int = REFITTED,
@@ -217,11 +217,11 @@ def candidates(
 
     Parameters
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
         The model as it is.
     screened : sequence of Screened
         Greatest gain first.
-    flexible : sequence of Gain
+    flexible : sequence of TermEvidence
         What flexible terms would bring to the same model.
     refit : bool
         Without it they are judged by the screening alone, which is enough where there is nothing to explain.
@@ -249,7 +249,7 @@ def candidates(
     return sorted(out, key=lambda c: -c.ln_bayes_factor)
 
 
-def _best_law(fitted: Fitted, screened: Sequence[Screened]) -> float:
+def _best_law(fitted: FittedHypothesis, screened: Sequence[Screened]) -> float:
     """Greatest gain of an effect that fits with plausible numbers, and is not a random effect, which always gains."""
     laws = (
         s.gain
@@ -259,7 +259,7 @@ def _best_law(fitted: Fitted, screened: Sequence[Screened]) -> float:
     return next(laws, screened[0].gain if screened else 0.0)
 
 
-def _in_steps(fitted: Fitted, screened: Sequence[Screened]) -> list[Screened]:
+def _in_steps(fitted: FittedHypothesis, screened: Sequence[Screened]) -> list[Screened]:
     """Screened effects with what they gain in a few steps of a fit, but for the least of them; greatest gain first."""
     out, best = [], _best_law(fitted, screened)
     for s in screened:
@@ -272,29 +272,33 @@ def _in_steps(fitted: Fitted, screened: Sequence[Screened]) -> list[Screened]:
 
 
 def judged(
-    fitted: Fitted, extended: Fitted, screened: Screened, flexible: Sequence[Gain], without: Offer | None
+    fitted: FittedHypothesis,
+    extended: FittedHypothesis,
+    screened: Screened,
+    flexible: Sequence[TermEvidence],
+    without: FlexibleTerms | None,
 ) -> Candidate:
     """Weigh an effect against flexible terms, and beside them.
 
     Parameters
     ----------
-    fitted, extended : Fitted
+    fitted, extended : FittedHypothesis
         The model, and the same with the effect around it.
     screened : Screened
         The effect over the grid of its parameters.
-    flexible : sequence of Gain
+    flexible : sequence of TermEvidence
         What flexible terms bring to the model.
-    without : Offer or None
+    without : FlexibleTerms or None
         The best of that; None where the effect is not to be weighed beside them.
     """
-    guard, covariate = guard_of(signature_at_mode(fitted, extended), flexible, screened)
+    guard, covariate = flexible_alternative(signature_at_mode(fitted, extended), flexible, screened)
     gained = extended.ln_evidence - fitted.ln_evidence
-    beside = Beside.of(gained, offer(extended), without) if without and gained >= WORTH else None
+    beside = EvidenceBeside.of(gained, offer(extended), without) if without and gained >= WORTH else None
     shape = worth_of_one_stage(fitted) if claims_a_stage(screened.effect) else -np.inf
     return Candidate(screened.effect, extended, gained, guard, covariate, beside, one_stage=shape)
 
 
-def screen(fitted: Fitted, effect: Effect) -> Screened:
+def screen(fitted: FittedHypothesis, effect: Effect) -> Screened:
     """Lay the signature of an effect over the residuals of a fit."""
     if members_of(effect):
         return _screened_together(fitted, effect)
@@ -307,7 +311,7 @@ def screen(fitted: Fitted, effect: Effect) -> Screened:
     theta = np.concatenate([np.tile(fitted.theta, (len(grid), 1)), grid], axis=1)
     change = stacked(extended, fitted.blocks, theta) - stacked(fitted.hypothesis, fitted.blocks, fitted.theta)
     signature = fitted.whiten(np.nan_to_num(change)).T
-    left = fitted.unabsorbed(signature)
+    left = fitted.project_out(signature)
     a = np.einsum("ij,ij->j", signature, left)
     b = signature.T @ fitted.left
     ends = priors[0].quantile(np.array([1e-3, 1.0 - 1e-3]))
@@ -318,7 +322,7 @@ def screen(fitted: Fitted, effect: Effect) -> Screened:
     best = int(np.argmax(gain))
     point = grid[best].copy()
     point[0] = size[best]
-    start = space.to_sampled(np.concatenate([fitted.theta, point]))
+    start = space.unconstrain(np.concatenate([fitted.theta, point]))
     # the model's own parameters make room for what the effect takes over
     pull = fitted.jacobian.T @ (fitted.whitened - factor[best] * signature[:, best])
     start[: fitted.z.size] += np.linalg.solve(fitted.precision, pull)
@@ -327,7 +331,7 @@ def screen(fitted: Fitted, effect: Effect) -> Screened:
     return Screened(effect, float(gain[best]), start, value, left[:, shown], a[shown])
 
 
-def _screened_together(fitted: Fitted, effect: Effect) -> Screened:
+def _screened_together(fitted: FittedHypothesis, effect: Effect) -> Screened:
     """A random effect, of which all members are laid over the residuals at once."""
     found = lay_together(fitted, effect)
     if found.term is None:
@@ -364,7 +368,7 @@ def is_plausible(hypothesis: Hypothesis, z: Floats) -> bool:
     holds, a range from the literature, is that of something else.
     """
     effect = hypothesis.effects[-1]
-    theta = hypothesis.space.to_physical(z)[hypothesis.effect_positions[effect.id]]
+    theta = hypothesis.space.constrain(z)[hypothesis.effect_positions[effect.id]]
     tails = np.array([0.5 - 0.5 * BELIEVABLE, 0.5 + 0.5 * BELIEVABLE])
     for value, parameter in zip(theta[1:].tolist(), effect.parameters(hypothesis.scales)[1:], strict=True):
         low, high = parameter.prior.quantile(tails).tolist()
@@ -373,14 +377,16 @@ def is_plausible(hypothesis: Hypothesis, z: Floats) -> bool:
     return True
 
 
-def signature_at_mode(fitted: Fitted, extended: Fitted) -> Floats:
+def signature_at_mode(fitted: FittedHypothesis, extended: FittedHypothesis) -> Floats:
     """What the last effect adds at its mode, whitened as before and less what the model absorbs, shape (N,)."""
     effect = extended.hypothesis.effects[-1]
     change = added_by(effect, extended.hypothesis, fitted.blocks, extended.theta)
-    return fitted.unabsorbed(fitted.whiten(change)[:, None])[:, 0]
+    return fitted.project_out(fitted.whiten(change)[:, None])[:, 0]
 
 
-def guard_of(signature: Floats, flexible: Sequence[Gain], screened: Screened) -> tuple[float, str]:
+def flexible_alternative(
+    signature: Floats, flexible: Sequence[TermEvidence], screened: Screened
+) -> tuple[float, str]:
     """Bayes factor of a flexible term that contains most of a signature, and the covariate of the best one.
 
     Which of the terms that do is not known beforehand, so it is averaged over them. A line or a step is no guard
@@ -391,7 +397,7 @@ def guard_of(signature: Floats, flexible: Sequence[Gain], screened: Screened) ->
     ----------
     signature : ndarray, shape (N,)
         Of the effect at its mode, as of `signature_at_mode`.
-    flexible : sequence of Gain
+    flexible : sequence of TermEvidence
     screened : Screened
         The effect over the grid of its parameters.
     """
@@ -408,7 +414,7 @@ def guard_of(signature: Floats, flexible: Sequence[Gain], screened: Screened) ->
     return float(logsumexp([f[0] for f in found]) - np.log(len(found))), max(found)[1]
 
 
-def _contained(gain: Gain, signatures: Floats) -> Floats:
+def _contained(gain: TermEvidence, signatures: Floats) -> Floats:
     """Share of each signature (N, G) that a flexible term contains."""
     parts = (gain.directions.T @ signatures) ** 2 / gain.information[:, None]
     return np.asarray(parts.sum(axis=0) / np.maximum(np.einsum("ij,ij->j", signatures, signatures), 1e-300))

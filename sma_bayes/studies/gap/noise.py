@@ -23,7 +23,7 @@ from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, starts
 from sma_bayes.studies.gap.hypothesis import Hypothesis
-from sma_bayes.studies.gap.splines import bumps, grouped, one_of_each, times
+from sma_bayes.studies.gap.splines import bspline_basis, grouped, indicators, row_tensor_product
 from sma_bayes.studies.gap.switching import Scatter, likeliest_size
 
 MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
@@ -55,7 +55,7 @@ INDEPENDENT = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Block:
+class ChannelBlock:
     """One channel of one history: where it is in the stacked vectors, and how its samples follow each other.
 
     Attributes
@@ -139,7 +139,7 @@ class BlockNoise:
 Noise = tuple[BlockNoise, ...]
 
 
-def blocks_of(hypothesis: Hypothesis) -> tuple[Block, ...]:
+def blocks_of(hypothesis: Hypothesis) -> tuple[ChannelBlock, ...]:
     """Every channel of every history, stacked."""
     out, at = [], 0
     for i, history in enumerate(hypothesis.histories):
@@ -150,12 +150,12 @@ def blocks_of(hypothesis: Hypothesis) -> tuple[Block, ...]:
             usual = float(np.median(dt[~first])) if (~first).any() else 1.0
             dt = dt / max(usual, 1e-300)
         for channel in hypothesis.channels:
-            out.append(Block(i, channel, slice(at, at + history.n), first, dt))
+            out.append(ChannelBlock(i, channel, slice(at, at + history.n), first, dt))
             at += history.n
     return tuple(out)
 
 
-def whiten(blocks: Sequence[Block], noise: Noise, series: Floats) -> Floats:
+def whiten(blocks: Sequence[ChannelBlock], noise: Noise, series: Floats) -> Floats:
     """Stacked series (..., N) as innovations of unit variance."""
     out = np.empty_like(series)
     for block, own in zip(blocks, noise, strict=True):
@@ -163,7 +163,9 @@ def whiten(blocks: Sequence[Block], noise: Noise, series: Floats) -> Floats:
     return out
 
 
-def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats, theta: Floats) -> Noise:
+def noise_of(
+    hypothesis: Hypothesis, blocks: Sequence[ChannelBlock], residual: Floats, theta: Floats
+) -> Noise:
     """Noise of every block, from stacked residuals (N,) at some parameters (P,)."""
     out, beside = [], []
     for block in blocks:
@@ -186,7 +188,7 @@ def noise_of(hypothesis: Hypothesis, blocks: Sequence[Block], residual: Floats, 
 
 
 def _with_scattered_switching(
-    blocks: Sequence[Block],
+    blocks: Sequence[ChannelBlock],
     noise: Sequence[BlockNoise],
     residual: Floats,
     beside: Sequence[tuple[Floats, Floats]],
@@ -207,10 +209,10 @@ def _with_scattered_switching(
 def smooth_columns(history: History, temperature: Floats, most: int = SMOOTH) -> Floats:
     """What a model may miss without it being noise, shape (n, k); at most so many splines on each branch."""
     v = history.inputs
-    branch = one_of_each(v["branch"])
+    branch = indicators(v["branch"])
     count = int(np.clip(history.n // (12 * branch.shape[1]), 4, most))
-    cycle = one_of_each(grouped(v["cycle"]))
-    parts = [times(branch, bumps(temperature, count))]
+    cycle = indicators(grouped(v["cycle"]))
+    parts = [row_tensor_product(branch, bspline_basis(temperature, count))]
     if cycle.shape[1] > 1:
         parts.append(cycle[:, 1:])
     return np.concatenate(parts, axis=1)
@@ -232,7 +234,7 @@ def recorded_columns(inputs: Mapping[str, Floats], smooth: Floats) -> Floats:
             continue
         count = min(few, n // EACH, np.unique(x).size)
         if count > 1:
-            parts.append(bumps(x, count))
+            parts.append(bspline_basis(x, count))
     if not parts:
         return np.empty((n, 0))
     columns = np.concatenate(parts, axis=1)
@@ -243,7 +245,11 @@ def recorded_columns(inputs: Mapping[str, Floats], smooth: Floats) -> Floats:
 
 
 def block_noise(
-    residual: Floats, block: Block, smooth: Floats, lattice: float = 0.0, recorded: Floats | None = None
+    residual: Floats,
+    block: ChannelBlock,
+    smooth: Floats,
+    lattice: float = 0.0,
+    recorded: Floats | None = None,
 ) -> BlockNoise:
     """Standard deviation and memory of greatest restricted likelihood.
 
@@ -252,7 +258,7 @@ def block_noise(
     Parameters
     ----------
     residual : ndarray, shape (n,)
-    block : Block
+    block : ChannelBlock
     smooth : ndarray, shape (n, k)
         Columns that are taken out of the residuals.
     lattice : float
@@ -304,7 +310,7 @@ def tail_scale(innovations: Floats) -> Floats | None:
 
 
 def _likeliest(
-    residual: Floats, block: Block, smooth: Floats, scale: Floats | float
+    residual: Floats, block: ChannelBlock, smooth: Floats, scale: Floats | float
 ) -> tuple[BlockNoise, Floats]:
     """Noise of greatest restricted likelihood for given scales, and the innovations without their scales."""
     follows = ~block.first
@@ -328,7 +334,7 @@ def _likeliest(
     return best, np.asarray(left * scale)
 
 
-def scatter(residual: Floats, block: Block) -> float:
+def scatter(residual: Floats, block: ChannelBlock) -> float:
     """Standard deviation from reading to reading: of differences of neighbours over the square root of 2.
 
     By the median, so that jumps and outliers don't count. For white noise it is the standard deviation; what changes
@@ -337,7 +343,7 @@ def scatter(residual: Floats, block: Block) -> float:
     Parameters
     ----------
     residual : ndarray, shape (n,)
-    block : Block
+    block : ChannelBlock
     """
     steps = np.diff(residual)[~block.first[1:]]
     return float(MAD_TO_SD * np.median(np.abs(steps)) / np.sqrt(2.0)) if steps.size else 0.0

@@ -18,7 +18,7 @@ from sma_bayes.effects.types import Effect, Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import Floats
-from sma_bayes.studies.gap.fitting import Fitted, fit_hypothesis
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis
 
 TINY: Final = 1e-12
 FARTHEST: Final = 40.0
@@ -73,17 +73,17 @@ class OneStageShape:
         return {**out, **changed}
 
 
-def worth_of_one_stage(fitted: Fitted) -> float:
+def worth_of_one_stage(fitted: FittedHypothesis) -> float:
     """Log Bayes factor of the richer one-stage shape over a model as it is.
 
     Parameters
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
         The model without a second stage.
     """
     extended = fitted.hypothesis.extended(OneStageShape())
     priors = [p.prior for p in OneStageShape().parameters(extended.scales)]
-    plain = [float(p.transform.to_sampled(p.quantile(np.array(0.5)))) for p in priors]
+    plain = [float(p.transform.unconstrain(p.quantile(np.array(0.5)))) for p in priors]
     shaped = fit_hypothesis(extended, np.concatenate([fitted.z, plain]), fitted.noise)
     return shaped.ln_evidence - fitted.ln_evidence
 

@@ -24,13 +24,13 @@ from sma_bayes.runs.documents import GAP
 from sma_bayes.sampling.ensembles import Draws
 from sma_bayes.studies.gap.close import NOISE_ALONE, ChannelGap, Gap, HeldOutScore, close, held_out_scores
 from sma_bayes.studies.gap.density import sample_hypothesis
-from sma_bayes.studies.gap.experiments import Proposal, next_experiment
-from sma_bayes.studies.gap.fitting import Fitted, nearest
+from sma_bayes.studies.gap.experiments import ProposedExperiment, next_experiment
+from sma_bayes.studies.gap.fitting import FittedHypothesis, nearest
 from sma_bayes.studies.gap.heating import heat_parameters, study_heating
 from sma_bayes.studies.gap.locate import Disagreement
-from sma_bayes.studies.gap.name import MISSHAPEN, WORTH, Beside, Candidate
-from sma_bayes.studies.gap.noise import Block, BlockNoise, scatter
-from sma_bayes.studies.gap.periodic import Band, Spectra
+from sma_bayes.studies.gap.name import MISSHAPEN, WORTH, Candidate, EvidenceBeside
+from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, scatter
+from sma_bayes.studies.gap.periodic import FrequencyBand, Spectra
 from sma_bayes.studies.gap.study import (
     APART,
     CARRIED,
@@ -76,7 +76,7 @@ class GapOutcome:
         On held-out measurements.
     scores : mapping of str to HeldOutScore
         Of the candidates of the first round, and of effects that were added later, over the model of their round.
-    experiments : mapping of str to Proposal
+    experiments : mapping of str to ProposedExperiment
         For each effect with rivals, what would separate them.
     pooled : bool
     seed : int
@@ -88,7 +88,7 @@ class GapOutcome:
     draws: Draws | None
     gap: Gap
     scores: Mapping[str, HeldOutScore]
-    experiments: Mapping[str, Proposal]
+    experiments: Mapping[str, ProposedExperiment]
     pooled: bool
     seed: int
     heating: GapOutcome | None = None
@@ -105,7 +105,7 @@ class GapOutcome:
         if self.draws is None:
             return np.empty((0, len(self.study.final.hypothesis.space.parameters)))
         z = self.draws.z.reshape(-1, self.draws.z.shape[-1])
-        return self.study.final.hypothesis.space.to_physical(z)
+        return self.study.final.hypothesis.space.constrain(z)
 
 
 def gap_outcome(
@@ -210,7 +210,7 @@ def _scores(study: GapStudy, *, pooled: bool) -> dict[str, HeldOutScore]:
     return scores
 
 
-def _experiments(study: GapStudy) -> dict[str, Proposal]:
+def _experiments(study: GapStudy) -> dict[str, ProposedExperiment]:
     """For each effect that has rivals, what would separate them."""
     out = {}
     for step in study.steps:
@@ -300,7 +300,7 @@ def _heating_json(outcome: GapOutcome) -> dict[str, Any]:
     return {**stated, "parameters": heat_parameters(outcome.study, outcome.flat, outcome.seed)}
 
 
-def _channel_gap_json(gap: ChannelGap, fitted: Fitted, channel: str) -> dict[str, Any]:
+def _channel_gap_json(gap: ChannelGap, fitted: FittedHypothesis, channel: str) -> dict[str, Any]:
     unit = fitted.hypothesis.histories[0].units[channel]
     return {"unit": unit, **asdict(gap), "way_to_noise": gap.way_to_noise}
 
@@ -336,7 +336,7 @@ def _disagreement_json(d: Disagreement) -> dict[str, Any]:
     }
 
 
-def _channels(fitted: Fitted) -> dict[str, dict[str, str]]:
+def _channels(fitted: FittedHypothesis) -> dict[str, dict[str, str]]:
     """Name, symbol and unit of each channel, as this campaign calls it."""
     first = fitted.hypothesis.histories[0]
     names = {c: SPECIMEN_QUANTITY.get(c, c) if first.specimen else c for c in fitted.hypothesis.channels}
@@ -354,7 +354,9 @@ def _condition_json(history: History) -> dict[str, Any]:
     }
 
 
-def _noise_json(fitted: Fitted, block: Block, noise: BlockNoise, band: Band | None) -> dict[str, Any]:
+def _noise_json(
+    fitted: FittedHypothesis, block: ChannelBlock, noise: BlockNoise, band: FrequencyBand | None
+) -> dict[str, Any]:
     follows = ~block.first
     return {
         "condition": fitted.hypothesis.histories[block.history].condition.id,
@@ -387,7 +389,7 @@ def _effect_json(outcome: GapOutcome, effect: Effect) -> dict[str, Any]:
     }
 
 
-def _beside_json(beside: Beside | None) -> dict[str, Any]:
+def _beside_json(beside: EvidenceBeside | None) -> dict[str, Any]:
     """What an effect was worth beside flexible terms, in the round in which it was judged."""
     left = None if beside is None else beside.remainder
     return {

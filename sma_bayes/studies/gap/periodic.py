@@ -18,9 +18,9 @@ from scipy.stats import chi2
 
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, starts
-from sma_bayes.studies.gap.fitting import Fitted
+from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.flexible import SIZES
-from sma_bayes.studies.gap.noise import Block, smooth_columns
+from sma_bayes.studies.gap.noise import ChannelBlock, smooth_columns
 
 FINE = 20
 """Splines of temperature on each branch that are taken out."""
@@ -68,7 +68,7 @@ class Periodicity:
 
 
 @dataclass(frozen=True, slots=True)
-class Band:
+class FrequencyBand:
     """The part of a spectrum in which noise is least like its model.
 
     Attributes
@@ -94,7 +94,7 @@ class Band:
 class Spectra:
     """The spectra of all channels of all conditions, as a pattern that residuals are tested for."""
 
-    fitted: Fitted
+    fitted: FittedHypothesis
 
     @cached_property
     def _parts(self) -> tuple[_Spectrum, ...]:
@@ -118,7 +118,7 @@ class Spectra:
             return np.full(residuals.shape[1], -np.inf)
         return np.asarray(logsumexp(np.stack(found), axis=0) - np.log(len(found)))
 
-    def bands(self) -> list[Band | None]:
+    def bands(self) -> list[FrequencyBand | None]:
         """For each block of the fit the band that is least like the model of the noise; None for short records."""
         found = {p.block: p.band(self.fitted.whitened[p.block.at][:, None]) for p in self._parts}
         return [found.get(b) for b in self.fitted.blocks]
@@ -153,7 +153,7 @@ class _Spectrum:
 
     Attributes
     ----------
-    block : Block
+    block : ChannelBlock
     clock : ndarray, shape (n,)
         Time [s], or place in the record; never falls.
     unit : str
@@ -162,7 +162,7 @@ class _Spectrum:
         Orthonormal whitened columns of what is taken out.
     """
 
-    block: Block
+    block: ChannelBlock
     clock: Floats
     unit: str
     smooth: Floats
@@ -233,7 +233,7 @@ class _Spectrum:
         each = 0.5 * power * size / (1.0 + size) - np.log1p(size)
         return np.asarray(logsumexp(each, axis=0) - np.log(SIZES.size * self.frequencies.size))
 
-    def band(self, residuals: Floats) -> Band:
+    def band(self, residuals: Floats) -> FrequencyBand:
         """The one of `BANDS` equal bands whose mean power deviates most, in standard errors.
 
         Under the taper neighbouring frequencies are not independent; half as many as there are stand for them.
@@ -246,7 +246,7 @@ class _Spectrum:
         worst = int(np.argmin(p_each))
         low, high = parts[worst][0], parts[worst][-1]
         p_value = float(-np.expm1(BANDS * np.log1p(-min(float(p_each[worst]), 1.0 - 1e-16))))
-        return Band(
+        return FrequencyBand(
             float(self.frequencies[low]),
             float(self.frequencies[high]),
             self.unit,

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from sma_bayes.report.assembly import assemble
-from sma_bayes.report.choice import Wanted
+from sma_bayes.report.choice import ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.studies.gap.figures.disagreement import disagreement_loops, residual_maps
 from sma_bayes.studies.gap.figures.missing import effect_figure, effect_parameter_figure, ladder_figure
@@ -18,7 +18,7 @@ from sma_bayes.studies.gap.page import write_gap_report
 from sma_bayes.studies.gap.tables import gap_tables
 
 
-def build_report(folder: Path, wanted: Wanted) -> None:
+def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a gap study; see `sma_bayes.report.choice.ReportBuilder`."""
     study = read_study(folder)
     assemble(study, wanted, _drawings(study), gap_tables, write_gap_report)

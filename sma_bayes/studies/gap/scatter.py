@@ -15,8 +15,8 @@ import numpy as np
 from sma_bayes.effects.scatter import MEMBER
 from sma_bayes.effects.types import Effect
 from sma_bayes.quantities import Floats
-from sma_bayes.studies.gap.fitting import Fitted, fit_hypothesis, stacked
-from sma_bayes.studies.gap.flexible import SIZES, Gain, Term, gains
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, stacked
+from sma_bayes.studies.gap.flexible import SIZES, Term, TermEvidence, gains
 
 MOSTLY: Final = 0.5
 """Share of the log Bayes factor of a random effect that a law must have to be preferred to it."""
@@ -28,7 +28,7 @@ def members_of(effect: Effect) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Together:
+class StackedColumns:
     """A random effect laid over the residuals: columns of all its members at once.
 
     Attributes
@@ -37,21 +37,21 @@ class Together:
         By how much the log likelihood would rise with members of the likeliest scatter.
     start : ndarray, shape (D,)
         Where to begin the full fit.
-    term : Gain or None
+    term : TermEvidence or None
         What the columns would bring as a term; None where the parameters absorb them all.
     """
 
     gain: float
     start: Floats
-    term: Gain | None
+    term: TermEvidence | None
 
 
-def lay_together(fitted: Fitted, effect: Effect) -> Together:
+def lay_together(fitted: FittedHypothesis, effect: Effect) -> StackedColumns:
     """Screen a random effect: all of its members together, as they are linear where they scatter little.
 
     Parameters
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
         The model without it.
     effect : Effect
     """
@@ -64,11 +64,11 @@ def lay_together(fitted: Fitted, effect: Effect) -> Together:
     change = stacked(extended, fitted.blocks, theta) - stacked(fitted.hypothesis, fitted.blocks, fitted.theta)
     columns = np.nan_to_num(change).T
     found = gains(fitted, [Term(effect.id, "", columns)])
-    start = extended.space.to_sampled(np.concatenate([fitted.theta, middle]))
+    start = extended.space.unconstrain(np.concatenate([fitted.theta, middle]))
     if not found:
-        return Together(-np.inf, start, None)
+        return StackedColumns(-np.inf, start, None)
     whitened = fitted.whiten(columns.T).T
-    a, b = whitened.T @ fitted.unabsorbed(whitened), whitened.T @ fitted.left
+    a, b = whitened.T @ fitted.project_out(whitened), whitened.T @ fitted.left
     best = max((_members(a, b, size) for size in SIZES), key=lambda m: m[0])
     _, size, weight = best
     place = fitted.z.size
@@ -77,7 +77,7 @@ def lay_together(fitted: Fitted, effect: Effect) -> Together:
     start[:place] += np.linalg.solve(
         fitted.precision, fitted.jacobian.T @ (fitted.whitened - whitened @ weight)
     )
-    return Together(float(weight @ b - 0.5 * weight @ a @ weight), start, found[0])
+    return StackedColumns(float(weight @ b - 0.5 * weight @ a @ weight), start, found[0])
 
 
 def _members(a: Floats, b: Floats, size: float) -> tuple[float, float, Floats]:
@@ -88,17 +88,17 @@ def _members(a: Floats, b: Floats, size: float) -> tuple[float, float, Floats]:
     return value, float(size), weight
 
 
-def holds_beside(law: Effect, beside: Fitted) -> bool:
+def holds_beside(law: Effect, beside: FittedHypothesis) -> bool:
     """Whether a law makes the measurements more likely where a random effect is in the model already.
 
     Parameters
     ----------
     law : Effect
-    beside : Fitted
+    beside : FittedHypothesis
         The model with the random effect.
     """
     extended = beside.hypothesis.extended(law)
     prior = [p.prior for p in law.parameters(extended.scales)]
-    middle = [float(p.transform.to_sampled(p.quantile(np.array(0.6)))) for p in prior]
+    middle = [float(p.transform.unconstrain(p.quantile(np.array(0.6)))) for p in prior]
     both = fit_hypothesis(extended, np.concatenate([beside.z, middle]), beside.noise)
     return both.ln_evidence > beside.ln_evidence

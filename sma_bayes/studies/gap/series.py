@@ -24,7 +24,7 @@ QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Series:
+class StackedSeries:
     """All channels of all histories, one after the other: N values each.
 
     Attributes
@@ -47,7 +47,7 @@ class Series:
     effects: Mapping[str, Mapping[str, Floats]]
 
 
-def series_of(study: GapStudy, draws: Floats) -> Series:
+def series_of(study: GapStudy, draws: Floats) -> StackedSeries:
     """Series of a study.
 
     Parameters
@@ -58,7 +58,7 @@ def series_of(study: GapStudy, draws: Floats) -> Series:
     """
     first, final = study.baseline, study.final
     some = draws[:: max(1, len(draws) // DRAWS)]
-    return Series(
+    return StackedSeries(
         final.observed,
         final.observed - first.residual,
         final.observed - final.residual,
@@ -88,7 +88,7 @@ def joined(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def series_columns(study: GapStudy, series: Series) -> dict[str, Any]:
+def series_columns(study: GapStudy, series: StackedSeries) -> dict[str, Any]:
     """The series as columns of equal length, with condition, branch, channel, source line and inputs beside them.
 
     An input that a condition does not have is NaN there; one that no condition has, has no column.

@@ -11,7 +11,7 @@ MOST_CYCLES = 8
 """Cycles that get a column of their own; where there are more, neighbours share one."""
 
 
-def bumps(x: Floats, count: int) -> Floats:
+def bspline_basis(x: Floats, count: int) -> Floats:
     """Cubic B-splines on equal steps over the range of a covariate, shape (N, count).
 
     Each is at most 1. For fewer than four the powers of the covariate serve instead.
@@ -25,7 +25,7 @@ def bumps(x: Floats, count: int) -> Floats:
     return np.asarray(BSpline.design_matrix(unit, knots, 3).toarray())
 
 
-def one_of_each(labels: Floats) -> Floats:
+def indicators(labels: Floats) -> Floats:
     """Columns that are 1 where a label is found, shape (N, number of labels)."""
     return np.asarray(labels[:, None] == np.unique(labels), dtype=float)
 
@@ -36,13 +36,13 @@ def grouped(cycle: Floats) -> Floats:
     return np.asarray(np.floor(index * min(1.0, MOST_CYCLES / distinct.size)))
 
 
-def times(a: Floats, b: Floats) -> Floats:
+def row_tensor_product(a: Floats, b: Floats) -> Floats:
     """All products of a column of `a` (N, i) and one of `b` (N, j), without those that vanish."""
     product = (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
     return np.asarray(product[:, np.any(product != 0.0, axis=0)])
 
 
-def line(x: Floats) -> Floats:
+def linear(x: Floats) -> Floats:
     """A straight line in a covariate, of unit spread, shape (N, 1)."""
     return np.asarray((x - x.mean())[:, None] / max(float(np.std(x)), 1e-300))
 

@@ -75,7 +75,7 @@ def posterior_tree(outcome: GapOutcome, draws: Draws, seed: int) -> Any:
     groups, steps, walkers, _ = draws.z.shape
     kept = np.linspace(0, steps * walkers - 1, min(KEPT, steps * walkers)).round().astype(int)
     z = np.swapaxes(draws.z, 1, 2).reshape(groups, steps * walkers, -1)[:, kept]
-    theta = space.to_physical(z)
+    theta = space.constrain(z)
     lp = np.swapaxes(draws.log_prob, 1, 2).reshape(groups, -1)[:, kept]
     coords = {"chain": np.arange(groups), "draw": np.arange(z.shape[1])}
     dims = ("chain", "draw")
@@ -95,7 +95,7 @@ def posterior_tree(outcome: GapOutcome, draws: Draws, seed: int) -> Any:
     positions = outcome.study.final.hypothesis.effect_positions
     if positions:
         rng = np.random.default_rng(np.random.SeedSequence([seed, 17]))
-        prior = space.to_physical(space.draw(rng, PRIOR_DRAWS))
+        prior = space.constrain(space.draw(rng, PRIOR_DRAWS))
         drawn = {space.parameters[i].name: (dims, prior[None, :, i]) for at in positions.values() for i in at}
         tree["prior"] = xr.Dataset(drawn, {"chain": [0], "draw": np.arange(PRIOR_DRAWS)})
     return xr.DataTree.from_dict(tree)

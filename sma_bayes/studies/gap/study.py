@@ -18,10 +18,10 @@ from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
-from sma_bayes.studies.gap.fitting import Fitted, fit_hypothesis, fit_with_noise
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.flexible import gains, offer, terms_of, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
-from sma_bayes.studies.gap.locate import SHUFFLES, Disagreement, Look, disagreements, look
+from sma_bayes.studies.gap.locate import SHUFFLES, Disagreement, DisagreementTest, disagreements, look
 from sma_bayes.studies.gap.name import (
     MISSHAPEN,
     REFITTED,
@@ -64,9 +64,9 @@ class Step:
 
     Attributes
     ----------
-    before : Fitted
+    before : FittedHypothesis
         The model at the start of the round.
-    look : Look
+    look : DisagreementTest
         Where it disagreed.
     candidates : tuple of Candidate
         Best first.
@@ -76,8 +76,8 @@ class Step:
         Effects that the data cannot tell from the chosen one, itself first.
     """
 
-    before: Fitted
-    look: Look
+    before: FittedHypothesis
+    look: DisagreementTest
     candidates: tuple[Candidate, ...]
     chosen: Candidate | None
     class_: tuple[str, ...]
@@ -91,7 +91,7 @@ class GapStudy:
     ----------
     verdict : str
         ``none``, ``named`` or ``unnamed``.
-    baseline, final : Fitted
+    baseline, final : FittedHypothesis
         Without any effect, and with all that were added and kept.
     steps : tuple of Step
     disagreements : tuple of Disagreement
@@ -104,8 +104,8 @@ class GapStudy:
     """
 
     verdict: str
-    baseline: Fitted
-    final: Fitted
+    baseline: FittedHypothesis
+    final: FittedHypothesis
     steps: tuple[Step, ...]
     disagreements: tuple[Disagreement, ...]
     explained: float
@@ -117,7 +117,7 @@ class GapStudy:
         return self.steps[0].look.p_value
 
     @property
-    def left(self) -> Look:
+    def left(self) -> DisagreementTest:
         """Where the final model still disagrees."""
         return self.steps[-1].look
 
@@ -187,7 +187,7 @@ def study_campaign(
 
 
 def study_from(
-    first: Fitted, effects: Mapping[str, Effect], rng: np.random.Generator, tell: Progress
+    first: FittedHypothesis, effects: Mapping[str, Effect], rng: np.random.Generator, tell: Progress
 ) -> GapStudy:
     """The loop from a fitted baseline; see `study_campaign`."""
     current, bare, explained = first, first, 0.0
@@ -218,7 +218,7 @@ def study_from(
 
 
 def one_round(
-    current: Fitted,
+    current: FittedHypothesis,
     effects: Mapping[str, Effect],
     rng: np.random.Generator,
     *,
@@ -232,7 +232,7 @@ def one_round(
 
     Parameters
     ----------
-    current : Fitted
+    current : FittedHypothesis
     effects : mapping of str to Effect
     rng : numpy.random.Generator
     last : bool
@@ -378,7 +378,7 @@ def _hold_together(chain: Sequence[Step]) -> bool:
     return all(is_worthy(_beside_the_others(last.fitted, e)) for e in last.fitted.hypothesis.effects[:-1])
 
 
-def _beside_the_others(whole: Fitted, effect: Effect) -> Candidate:
+def _beside_the_others(whole: FittedHypothesis, effect: Effect) -> Candidate:
     """One of the effects of a model, judged as if it came last."""
     rest = _without(whole, effect)
     with_it = rest.hypothesis.extended(effect)
@@ -387,7 +387,7 @@ def _beside_the_others(whole: Fitted, effect: Effect) -> Candidate:
     return judged(rest, again, screen(rest, effect), flexible, offer(rest, flexible))
 
 
-def without_needless(fitted: Fitted) -> Fitted:
+def without_needless(fitted: FittedHypothesis) -> FittedHypothesis:
     """The model less every effect that a later one has made needless."""
     while len(fitted.hypothesis.effects) > 1:
         reduced = [_without(fitted, e) for e in fitted.hypothesis.effects[:-1]]
@@ -398,7 +398,7 @@ def without_needless(fitted: Fitted) -> Fitted:
     return fitted
 
 
-def without_effects(first: Fitted, final: Fitted) -> Fitted:
+def without_effects(first: FittedHypothesis, final: FittedHypothesis) -> FittedHypothesis:
     """The baseline with the noise of the final model, for its effects to be compared with.
 
     The noise of the baseline has a part of what effects explain in it, as memory or scatter.
@@ -406,25 +406,27 @@ def without_effects(first: Fitted, final: Fitted) -> Fitted:
     return fit_hypothesis(first.hypothesis, first.z, final.noise)
 
 
-def _without(fitted: Fitted, effect: Effect) -> Fitted:
+def _without(fitted: FittedHypothesis, effect: Effect) -> FittedHypothesis:
     hypothesis = fitted.hypothesis
     kept = [e for e in hypothesis.effects if e.id != effect.id]
     smaller = hypothesis.with_effects(kept)
     return fit_hypothesis(smaller, _start_from(fitted, smaller), fitted.noise)
 
 
-def _start_from(fitted: Fitted, hypothesis: Hypothesis) -> Floats:
+def _start_from(fitted: FittedHypothesis, hypothesis: Hypothesis) -> Floats:
     """Mode of a fit, in the order of a hypothesis with the same parameters or fewer."""
     z = dict(zip([p.name for p in fitted.hypothesis.space.free], fitted.z.tolist(), strict=True))
     return np.array([z[p.name] for p in hypothesis.space.free])
 
 
-def _lacking(last: Step, bare: Fitted, current: Fitted, explained: float) -> bool:
+def _lacking(last: Step, bare: FittedHypothesis, current: FittedHypothesis, explained: float) -> bool:
     """Whether the effects that there are carry too little for a name."""
     return last.look.p_value <= SIGNIFICANT and _carried(last.look, bare, current, explained) < CARRIED
 
 
-def _carried(left: Look, bare: Fitted, final: Fitted, explained: float) -> float:
+def _carried(
+    left: DisagreementTest, bare: FittedHypothesis, final: FittedHypothesis, explained: float
+) -> float:
     """See `GapStudy.carried`: the greater share, with the shape of the curve or beside it."""
     if left.p_value > SIGNIFICANT or explained <= 0.0:
         return share_of(explained, 0.0)
@@ -435,7 +437,7 @@ def _carried(left: Look, bare: Fitted, final: Fitted, explained: float) -> float
     return max(plain, share_of(explained + after.shape - before.shape, worth_of(after.beyond)))
 
 
-def _covariates(fitted: Fitted) -> list[str]:
+def _covariates(fitted: FittedHypothesis) -> list[str]:
     names = set().union(*(h.inputs for h in fitted.hypothesis.histories))
     return [
         n
@@ -449,7 +451,7 @@ def baseline_start(
 ) -> Floats:
     """Sampled coordinates of the least-squares fits of each branch; where there is none, the centre of the prior."""
     space = hypothesis.space
-    theta = space.to_physical(space.prior_centre())
+    theta = space.constrain(space.prior_centre())
     mechanical = hypothesis.simulation.mechanical
     names = () if mechanical is None else mechanical.model.parameter_names
     groups = [None] if pooled else list(dict.fromkeys(h.condition.id for h in hypothesis.histories))
@@ -469,7 +471,7 @@ def baseline_start(
                 start = warm_start(posterior, rng)
                 for name, value in zip(names, start.theta, strict=True):
                     theta[space.index(f"{name} {branch.value}{tag}")] = value
-    z = space.to_sampled(theta)
+    z = space.unconstrain(theta)
     return np.where(np.isfinite(z), z, space.prior_centre())
 
 

@@ -31,7 +31,7 @@ from sma_bayes.effects.types import Inputs, Response
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 from sma_bayes.response.simulation import Simulation
-from sma_bayes.studies.gap.fitting import Fitted
+from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.study import heat_balance
 
 NUMBERS: Final = ("offset", "stroke", "shift", "width")
@@ -66,7 +66,7 @@ Four = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Sweep:
+class SweepNumbers:
     """A sweep and its numbers.
 
     Attributes
@@ -140,19 +140,19 @@ class SuspectRecord:
     p_value: float
 
 
-def sweep_numbers(fitted: Fitted, *, reference: int | None = None) -> list[Sweep]:
+def sweep_numbers(fitted: FittedHypothesis, *, reference: int | None = None) -> list[SweepNumbers]:
     """Numbers of all sweeps of displacement, or of force where there is none, about the curve of their condition.
 
     Parameters
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
         Without effects.
     reference : int, optional
         History whose curve serves all.
 
     Returns
     -------
-    list of Sweep
+    list of SweepNumbers
         Empty where neither was observed, or there are more sweeps than `MOST_SWEEPS`.
     """
     hypothesis = fitted.hypothesis
@@ -172,7 +172,7 @@ def sweep_numbers(fitted: Fitted, *, reference: int | None = None) -> list[Sweep
             )
             branch = "heating" if inputs["branch"][0] > 0.0 else "cooling"
             cycle = float(np.median(inputs["cycle"]))
-            out.append(Sweep(h.condition.id, branch, channel, cycle, values, sds))
+            out.append(SweepNumbers(h.condition.id, branch, channel, cycle, values, sds))
     return out
 
 
@@ -211,7 +211,7 @@ def _affine(response: Response, inputs: Inputs, y: Floats, channel: str) -> tupl
     return values, (float(sd[0] * span), float(sd[1]), float(sd[2]), float(sd[3]))
 
 
-def cycle_law(sweeps: Sequence[Sweep], rng: np.random.Generator) -> CycleLaw:
+def cycle_law(sweeps: Sequence[SweepNumbers], rng: np.random.Generator) -> CycleLaw:
     """Which law of the cycle the numbers follow, and whether their order is chance.
 
     All numbers of both branches share form and N0, each with a size of its own. Chance is told by exchanging whole
@@ -219,7 +219,7 @@ def cycle_law(sweeps: Sequence[Sweep], rng: np.random.Generator) -> CycleLaw:
 
     Parameters
     ----------
-    sweeps : sequence of Sweep
+    sweeps : sequence of SweepNumbers
     rng : numpy.random.Generator
     """
     tables = _tables(sweeps)
@@ -247,12 +247,12 @@ Table = tuple[Floats, Floats]
 """Cycles (c,) of a condition, and the numbers of their sweeps (c, k), of unit spread about their means."""
 
 
-def _tables(sweeps: Sequence[Sweep]) -> list[Table]:
+def _tables(sweeps: Sequence[SweepNumbers]) -> list[Table]:
     out = []
     for condition in dict.fromkeys(s.condition for s in sweeps):
         own = [s for s in sweeps if s.condition == condition]
         branches = sorted({s.branch for s in own})
-        found: dict[float, dict[str, Sweep]] = {}
+        found: dict[float, dict[str, SweepNumbers]] = {}
         for s in own:
             found.setdefault(s.cycle, {}).setdefault(s.branch, s)
         cycles = sorted(c for c, of in found.items() if set(of) == set(branches))
@@ -309,12 +309,12 @@ def _exchanged(tables: Sequence[Table], rng: np.random.Generator) -> Iterator[li
         yield [(cycles, rng.permutation(values)) for cycles, values in tables]
 
 
-def suspects(fitted: Fitted) -> list[SuspectRecord]:
+def suspects(fitted: FittedHypothesis) -> list[SuspectRecord]:
     """Conditions that are unlike the others of the same settings, or answer the recorded current unlike all others.
 
     Parameters
     ----------
-    fitted : Fitted
+    fitted : FittedHypothesis
         Without effects.
     """
     histories = fitted.hypothesis.histories
@@ -341,7 +341,7 @@ Quantities = Mapping[str, Mapping[str, tuple[float, float]]]
 """For each condition its quantities: value, and standard deviation of what is compared."""
 
 
-def _means(fitted: Fitted, group: Sequence[int]) -> tuple[Quantities, dict[str, str]]:
+def _means(fitted: FittedHypothesis, group: Sequence[int]) -> tuple[Quantities, dict[str, str]]:
     """Means of the numbers of each condition's sweeps but for offsets, about the curve of the first, and units."""
     names = [fitted.hypothesis.histories[i].condition.id for i in group]
     found: dict[str, dict[str, list[tuple[float, float]]]] = {name: {} for name in names}

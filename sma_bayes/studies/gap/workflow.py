@@ -16,7 +16,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign
-from sma_bayes.report.choice import REPORT, Drawn, Wanted, figures_for
+from sma_bayes.report.choice import REPORT, Drawn, ReportOptions, figures_for
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.documents import GAP
 from sma_bayes.runs.store import plain, write_text
@@ -27,7 +27,7 @@ from sma_bayes.studies.gap.store import write_study
 from sma_bayes.studies.identity import all_versions, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_call, groups_of, prior_set
 from sma_bayes.studies.shared_model import with_shared_model
-from sma_bayes.studies.under_way import UnderWay
+from sma_bayes.studies.under_way import RunContext
 
 
 def study_gap(
@@ -89,12 +89,12 @@ def study_gap(
     can = comparable(campaign)
     check_call(groups_of(can.campaign, pool), options)
     drawn: Drawn = "none" if figures_for(figures) == "none" else "all"
-    work = UnderWay(GAP, _build_report, jobs, drawn, progress or silent, account or Account())
+    work = RunContext(GAP, _build_report, jobs, drawn, progress or silent, account or Account())
     identity = {**run_identity(campaign, options), "kind": GAP.verb, "effects": sorted(EFFECTS)}
-    return work.carry_out(out, identity, resume, lambda folder: _studied(can, folder, options, work))
+    return work.execute(out, identity, resume, lambda folder: _studied(can, folder, options, work))
 
 
-def _build_report(folder: Path, wanted: Wanted) -> None:
+def _build_report(folder: Path, wanted: ReportOptions) -> None:
     from sma_bayes.studies.gap.report import build_report  # what draws takes long to import
 
     build_report(folder, wanted)
@@ -104,7 +104,7 @@ def _studied(
     can: Comparable,
     folder: Path | None,
     options: FitOptions,
-    work: UnderWay,
+    work: RunContext,
 ) -> dict[str, Any]:
     """Study a campaign, and write what was found except `gap.json`, which comes last."""
     campaign = can.campaign

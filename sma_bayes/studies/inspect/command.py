@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import partial
 
 from sma_bayes.studies.command_execution import show_found
-from sma_bayes.studies.command_options import Data, Json, Quiet, Source
+from sma_bayes.studies.command_options import Data, Json, Quiet, SourceArgument
 
 
 def command(
-    path: Source,
+    path: SourceArgument,
     data: Data = None,
     as_json: Json = False,
     quiet: Quiet = False,

@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
-from sma_bayes.runs.schema import DocumentPart, Finding, Items, Number, NumberOrNull
+from sma_bayes.runs.schema import DocumentPart, FindingDocument, Items, Number, NumberOrNull
 
 
 class TemperatureRange(DocumentPart):
@@ -25,7 +25,7 @@ class InspectedChannel(DocumentPart):
     noise_sd: NumberOrNull = Field(description="scatter about the least-squares curve [`unit`]")
 
 
-class HeldChannel(DocumentPart):
+class HeldChannelDocument(DocumentPart):
     """A channel that the rig kept constant."""
 
     name: str = Field(description="what it is called")
@@ -42,7 +42,7 @@ class InspectedNoise(DocumentPart):
     lag1: dict[str, NumberOrNull] = Field(description="correlation of neighbouring residuals, by channel [1]")
 
 
-class LeastSquares(DocumentPart):
+class LeastSquaresDocument(DocumentPart):
     """Least squares of one channel."""
 
     sse: NumberOrNull = Field(description="sum of squared residuals [unit²]")
@@ -66,9 +66,9 @@ class InspectedRecord(DocumentPart):
     segments: int = Field(description="sweeps")
     temperature: TemperatureRange = Field(description="temperatures")
     channels: dict[str, InspectedChannel] = Field(description="observed channels, by name")
-    held: dict[str, HeldChannel] = Field(description="channels that the rig kept constant, by name")
+    held: dict[str, HeldChannelDocument] = Field(description="channels that the rig kept constant, by name")
     noise: InspectedNoise = Field(description="the noise that a fit would choose")
-    fit: dict[str, LeastSquares] = Field(description="least squares, by channel")
+    fit: dict[str, LeastSquaresDocument] = Field(description="least squares, by channel")
 
 
 class InspectionDocument(DocumentPart):
@@ -79,7 +79,7 @@ class InspectionDocument(DocumentPart):
     source: str = Field(description="where its measurements come from")
     data_sha256: str = Field(description="SHA-256 of the measurements")
     records: Items[InspectedRecord] = Field(description="one for each condition and branch")
-    findings: Items[Finding] = Field(description="what was found about the measurements")
+    findings: Items[FindingDocument] = Field(description="what was found about the measurements")
 
 
 DOCUMENTS: Final = {"inspect": InspectionDocument}

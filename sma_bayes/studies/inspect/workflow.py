@@ -14,14 +14,14 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
-from sma_bayes.runs.schema import Finding
+from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.studies.inspect.schema import (
-    HeldChannel,
+    HeldChannelDocument,
     InspectedChannel,
     InspectedNoise,
     InspectedRecord,
     InspectionDocument,
-    LeastSquares,
+    LeastSquaresDocument,
     TemperatureRange,
 )
 
@@ -40,7 +40,7 @@ def inspect_campaign(campaign: Campaign) -> dict[str, Any]:
         source=campaign.source,
         data_sha256=campaign.sha256,
         records=tuple(_described(r) for r in campaign.records),
-        findings=tuple(Finding(**finding_document(f)) for f in campaign.findings),
+        findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
     ).as_json()
 
 
@@ -68,9 +68,11 @@ def _described(record: Record) -> InspectedRecord:
             for c in record.channels
         },
         held={
-            c: HeldChannel(name=record.quantity(c), unit=record.units.get(c, ""), mean=h.mean, sd=h.sd)
+            c: HeldChannelDocument(
+                name=record.quantity(c), unit=record.units.get(c, ""), mean=h.mean, sd=h.sd
+            )
             for c, h in record.held.items()
         },
         noise=InspectedNoise(name=choice.name, reason=choice.reason, lag1=dict(choice.lag1)),
-        fit={c: LeastSquares(**asdict(g)) for c, g in start.fit[0].items()},
+        fit={c: LeastSquaresDocument(**asdict(g)) for c, g in start.fit[0].items()},
     )

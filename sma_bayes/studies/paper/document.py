@@ -12,7 +12,7 @@ from sma_bayes.paper.export import SOURCE
 from sma_bayes.paper.extremes import EXTREME_TABLES
 from sma_bayes.runs.store import plain
 from sma_bayes.studies.compare.schema import ComparedModel, OverallAverages
-from sma_bayes.studies.conditions.effects import Effect
+from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.paper.claims import claims
 from sma_bayes.studies.paper.claims.correlation import straight_line_correlation
@@ -104,7 +104,7 @@ def _unavailable(models: Mapping[str, ComparedModel]) -> dict[str, str]:
     return {name: m.unavailable for name, m in models.items() if m.unavailable}
 
 
-def _effect(e: Effect) -> dict[str, Any]:
+def _effect(e: SettingEffect) -> dict[str, Any]:
     return {
         "feature": e.feature,
         "unit": e.unit,

@@ -41,7 +41,7 @@ DECADES: Final = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Curve:
+class BandedCurve:
     """A curve with its 90 % band.
 
     Attributes
@@ -66,7 +66,7 @@ class Profile:
         Title of the condition, as the paper names it.
     temperature, stiffness : ndarray, shape (n,)
         Samples [unit of temperature], [N/m].
-    curves : mapping of str to Curve
+    curves : mapping of str to BandedCurve
         By the name of the model.
     extremes : tuple of float
         Least and greatest stiffness that the paper prints for the condition [N/m]; empty where it prints none.
@@ -76,7 +76,7 @@ class Profile:
     branch: str
     temperature: Floats
     stiffness: Floats
-    curves: Mapping[str, Curve]
+    curves: Mapping[str, BandedCurve]
     extremes: tuple[float, ...]
 
 
@@ -156,7 +156,7 @@ def rival_figure(stem: str, numbers: str, rival: str, profiles: Sequence[Profile
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Nearest:
+class NearestRivals:
     """A published curve over the printed range of stiffness, and what is nearest to it.
 
     Attributes
@@ -178,12 +178,12 @@ class Nearest:
     rmse: float | None
 
 
-def nearest_figure(found: Sequence[Nearest]) -> Drawing:
+def nearest_figure(found: Sequence[NearestRivals]) -> Drawing:
     """Published curves with the logistic and the line that are nearest to them: what is left over.
 
     Parameters
     ----------
-    found : sequence of Nearest
+    found : sequence of NearestRivals
     """
     columns = 4
     rows = -(-len(found) // columns)
@@ -381,7 +381,7 @@ def _samples(ax: Axes, p: Profile, colour: str) -> None:
     ax.plot(p.temperature, p.stiffness, "o", ms=2.4, mec="none", mfc=colour, alpha=0.45)
 
 
-def _band(ax: Axes, curve: Curve, colour: str, style: str) -> None:
+def _band(ax: Axes, curve: BandedCurve, colour: str, style: str) -> None:
     ax.fill_between(curve.temperature, curve.low, curve.high, color=colour, alpha=0.25, lw=0)
     ax.plot(curve.temperature, curve.middle, color=colour, ls=style, lw=1.1)
 

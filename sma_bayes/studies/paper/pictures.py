@@ -19,8 +19,8 @@ from sma_bayes.response.logistic import Logistic, printed_constants
 from sma_bayes.studies.compare.figures.averages import model_average_figure
 from sma_bayes.studies.paper.distance import Distance, distances, nearest_line, nearest_logistic, rising_part
 from sma_bayes.studies.paper.figures import (
-    Curve,
-    Nearest,
+    BandedCurve,
+    NearestRivals,
     Plugged,
     Profile,
     extremes_figure,
@@ -118,12 +118,12 @@ def _profiles(study: TwinStudy, parts: Mapping[str, str], rival: str = "") -> li
 def _profile(study: TwinStudy, record: Record, title: str, rival: str) -> Profile:
     band = study.bands[record.key]
     quantiles = (_in_si(band.curve[q]) for q in ("q05", "q50", "q95"))
-    curves = {"modified_sigmoid": Curve(band.temperature, *quantiles)}
+    curves = {"modified_sigmoid": BandedCurve(band.temperature, *quantiles)}
     if rival:
         stored = study.comparison.curves[f"{record.key}-stiffness"]
         t = stored[f"temperature_{record.units['temperature']}"]
         curves = {
-            name: Curve(t, *(_in_si(stored[f"{name}_{q}"]) for q in ("q05", "q50", "q95")))
+            name: BandedCurve(t, *(_in_si(stored[f"{name}_{q}"]) for q in ("q05", "q50", "q95")))
             for name in ("modified_sigmoid", rival)
         }
     row = {**extremes(TABLE_9), **extremes(TABLE_10)}.get(record.condition.id)
@@ -137,16 +137,16 @@ def _profile(study: TwinStudy, record: Record, title: str, rival: str) -> Profil
     )
 
 
-def nearest() -> list[Nearest]:
+def nearest() -> list[NearestRivals]:
     """Published curves over the printed range of stiffness, and what is nearest to them."""
     by_key = {r.key: r for r in recipes()}
     return [_nearest(d, by_key) for d in distances()]
 
 
-def _nearest(d: Distance, by_key: Mapping[str, Any]) -> Nearest:
+def _nearest(d: Distance, by_key: Mapping[str, Any]) -> NearestRivals:
     t, k = rising_part(by_key[f"{d.condition}-{d.branch}"], d.printed_least, d.printed_greatest)
     name = d.condition.removesuffix("-table3").removesuffix("-10mHz")
-    return Nearest(
+    return NearestRivals(
         title=f"{name}, {d.branch}",
         temperature=t,
         published=_in_si(k),

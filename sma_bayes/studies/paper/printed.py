@@ -16,7 +16,7 @@ from sma_bayes.paper.extremes import EXTREME_CONDITIONS, TABLE_9, extremes
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
 from sma_bayes.paper.tables import PrintedTable
 from sma_bayes.records.types import Condition
-from sma_bayes.studies.conditions.effects import Effect, operating_effects
+from sma_bayes.studies.conditions.effects import SettingEffect, operating_effects
 from sma_bayes.studies.conditions.features import BOTH, Feature
 
 SECOND_RUN: Final = Condition("2A-10mHz-line339", current=2.0, frequency=0.010)
@@ -25,7 +25,7 @@ DRAWS: Final = 8
 """Printed numbers have no posterior; as many equal draws stand for one."""
 
 
-def printed_effects(table: PrintedTable, seed: int = 0) -> dict[str, Effect]:
+def printed_effects(table: PrintedTable, seed: int = 0) -> dict[str, SettingEffect]:
     """What the setting of a table does to each printed quantity and what follows from it, by name.
 
     Parameters

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sma_bayes.errors import OutputError
 from sma_bayes.progress import Progress, silent
-from sma_bayes.report.choice import REPORT, Wanted, figures_for, formats_for
+from sma_bayes.report.choice import REPORT, ReportOptions, figures_for, formats_for
 from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, MARK, read_mark
 from sma_bayes.runs.store import nothing_unfinished
 from sma_bayes.studies.registry import VERBS, has_report, report_builder
@@ -47,7 +47,7 @@ def build_report(
         If the folder holds no run, an unfinished one, or can't be written.
     """
     folder = Path(folder).absolute()
-    wanted = Wanted(figures_for(figures), formats_for(formats), workbook, jobs, progress or silent)
+    wanted = ReportOptions(figures_for(figures), formats_for(formats), workbook, jobs, progress or silent)
     with nothing_unfinished(folder):
         report_builder(_verb_of(folder))(folder, wanted)
 

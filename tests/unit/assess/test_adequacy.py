@@ -12,7 +12,7 @@ from scipy.special import expit
 
 from sma_bayes import fit
 from sma_bayes.assess import adequacy
-from sma_bayes.assess.adequacy import LED, MISSED, Missed, contradicted, led_by_prior, missed, reasons
+from sma_bayes.assess.adequacy import MISSED, PRIOR_LED, Missed, contradicted, led_by_prior, missed, reasons
 from sma_bayes.assess.checks import CHANCE, Check, predictive_checks
 from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.assess.nearest import nearest_sigmoids
@@ -97,7 +97,7 @@ def test_noise_that_swallows_the_response_is_a_reason(make_record: Callable[...,
     assert share == pytest.approx(40.0, rel=0.3)
 
 
-@pytest.mark.parametrize(("moved", "led"), [(1.02 * LED, False), (0.98 * LED, True)])
+@pytest.mark.parametrize(("moved", "led"), [(1.02 * PRIOR_LED, False), (0.98 * PRIOR_LED, True)])
 def test_a_curve_that_its_prior_leads_gives_no_stiffness(
     good: Fit, monkeypatch: pytest.MonkeyPatch, moved: float, led: bool
 ) -> None:

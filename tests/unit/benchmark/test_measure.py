@@ -13,7 +13,7 @@ from benchmark.problems import Case
 from benchmark.progress import GROUPS, Progress, Settings
 from benchmark.workers import Ended, Worker
 
-from sma_bayes.sampling.laplace import climb
+from sma_bayes.sampling.laplace import find_mode
 
 REFERENCE = Reference.of(np.random.default_rng(0).standard_normal((20_000, 2)), 20_000.0)
 
@@ -110,7 +110,7 @@ def test_who_is_unaided_climbs_to_the_mode_in_its_own_time(monkeypatch: pytest.M
 
     def climbing(*arguments: Any, **options: Any) -> Any:
         climbs.append(arguments)
-        return climb(*arguments, **options)
+        return find_mode(*arguments, **options)
 
     monkeypatch.setattr("benchmark.problems.climb", climbing)
     task = Task("now", Case("S", "independent", 40), 0, "emcee-de", Settings(), 0, 0, 0.01, unaided=True)

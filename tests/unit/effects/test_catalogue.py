@@ -162,19 +162,17 @@ def test_it_is_smooth_in_its_parameters(name: str, measured, suited) -> None:
     effect, scales = EFFECTS[name], scales_for(name, measured, suited)
     n = count(effect, scales)
     priors = [p.prior for p in effect.parameters(scales)]
-    middle = np.array([float(q.transform.to_sampled(q.quantile(np.array(0.6)))) for q in priors])
+    middle = np.array([float(q.transform.unconstrain(q.quantile(np.array(0.6)))) for q in priors])
     spread = np.array(
         [
-            abs(float(q.transform.to_sampled(q.quantile(np.array(0.84)))) - m)
+            abs(float(q.transform.unconstrain(q.quantile(np.array(0.84)))) - m)
             for q, m in zip(priors, middle, strict=True)
         ]
     )
     response, inputs = response_at(THETA), measured[0].inputs
 
     def at(z: Floats) -> Floats:
-        theta = np.array(
-            [float(q.transform.to_physical(np.array(v))) for q, v in zip(priors, z, strict=True)]
-        )
+        theta = np.array([float(q.transform.constrain(np.array(v))) for q, v in zip(priors, z, strict=True)])
         out = effect.apply(response, theta, inputs)
         return np.concatenate([out[c] / np.ptp(response(inputs)[c]) for c in out])
 

@@ -24,7 +24,7 @@ def posterior_of(record: Record, *, missed: bool) -> Posterior:
     first = build_posterior([record], NOISE_MODELS["independent"], read_priors("modified_sigmoid"))
     if not missed:
         return first
-    theta = first.space.to_physical(first.space.prior_centre())
+    theta = first.space.constrain(first.space.prior_centre())
     for name, value in TRUTH.items():
         theta[first.space.index(name)] = value
     bases = discrepancy_bases(first, theta[first.layout[0].model])
@@ -33,7 +33,7 @@ def posterior_of(record: Record, *, missed: bool) -> Posterior:
 
 def draws_of(posterior: Posterior) -> np.ndarray:
     rng = np.random.default_rng(0)
-    theta = np.tile(posterior.space.to_physical(posterior.space.prior_centre()), (SIZE, 1))
+    theta = np.tile(posterior.space.constrain(posterior.space.prior_centre()), (SIZE, 1))
     for name, value in TRUTH.items():
         if name in posterior.space.names:
             theta[:, posterior.space.index(name)] = value * (1.0 + 0.01 * rng.standard_normal(SIZE))

@@ -33,7 +33,7 @@ def test_draws_are_kept_evenly_from_every_ensemble(fit: Fit) -> None:
     assert fit.z.shape == (groups, min(KEPT, steps * walkers), d)
     assert fit.theta.shape == (*fit.z.shape[:2], len(fit.posterior.space.names))
     assert fit.flat.shape == (fit.z.shape[0] * fit.z.shape[1], fit.theta.shape[-1])
-    np.testing.assert_array_equal(fit.theta, fit.posterior.space.to_physical(fit.z))
+    np.testing.assert_array_equal(fit.theta, fit.posterior.space.constrain(fit.z))
     for g in range(groups):
         mine = fit.draws.z[g].reshape(-1, d)
         assert np.all(np.isin(fit.z[g, :, 0], mine[:, 0]))

@@ -133,7 +133,7 @@ def test_without_a_discrepancy_misfit_passes_for_memory(make_record: Callable[..
     record = with_a_second_step(make_record(("force",), n=200, noise=0.002))
     choice = choice_for(record, discrepancy=False)
     assert not any(choice.bases)
-    assert NOISE_MODELS[choice.name].remembers
+    assert NOISE_MODELS[choice.name].autocorrelated
     assert choice.ln_evidence["independent"] < -50.0
 
 
@@ -209,7 +209,7 @@ def test_a_start_has_the_curve_and_the_noise_of_the_warm_start(
     start = warm_start(first, np.random.default_rng(0))
     posterior = posterior_with(name, first, start, DEFAULT)
     z = noise_start(posterior, start)
-    theta = posterior.space.to_physical(z)
+    theta = posterior.space.constrain(z)
     np.testing.assert_allclose(theta[: start.theta.size], start.theta, rtol=1e-10)
     for channel in record.channels:
         sd = theta[posterior.space.index(f"{channel}_sd")]
@@ -236,7 +236,7 @@ def test_a_start_has_what_the_choice_found_beside_the_curve(make_record: Callabl
     assert posterior.has_discrepancy
     assert posterior.names[-1] == "force_discrepancy"
     z = noise_start(posterior, start, choice)
-    theta = posterior.space.to_physical(z)
+    theta = posterior.space.constrain(z)
     np.testing.assert_allclose(theta[start.theta.size :], choice.estimate[0]["force"], rtol=1e-9)
     alone = posterior_with(choice.name, first, start, DEFAULT)
     assert posterior.log_likelihood(theta[None])[0] > alone.log_likelihood(theta[None, :-1])[0] + 50.0

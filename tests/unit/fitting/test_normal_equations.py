@@ -50,7 +50,7 @@ def test_it_is_the_solution_of_the_normal_equations(
     rng = np.random.default_rng(0)
     posterior = build_posterior([make_record(channels)], NOISE_MODELS[noise], read_priors("modified_sigmoid"))
     equations = equations_for(posterior, rng, mixed)
-    theta = posterior.space.to_physical(posterior.draw_prior(rng, 30))
+    theta = posterior.space.constrain(posterior.draw_prior(rng, 30))
     normal, squares, added = equations.solved(theta)
     np.testing.assert_array_equal(added, 0.0)  # nothing stands beside the curve
     assert isinstance(normal, way)
@@ -82,7 +82,7 @@ def test_noise_beyond_all_bounds_is_not_usable_and_spares_the_rest(
     rng = np.random.default_rng(1)
     posterior = build_posterior([make_record(BOTH)], NOISE_MODELS[noise], read_priors("modified_sigmoid"))
     equations = equations_for(posterior, rng)
-    theta = posterior.space.to_physical(posterior.draw_prior(rng, 4))
+    theta = posterior.space.constrain(posterior.draw_prior(rng, 4))
     wild = theta.copy()
     wild[1, posterior.layout[0].noise["force"][0]] = 0.0
     wild[2, posterior.layout[0].noise["force"][0]] = np.nan

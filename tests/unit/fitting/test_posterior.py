@@ -64,7 +64,7 @@ def test_the_likelihood_is_the_dense_normal_over_channels_and_samples(
     """
     record = make_record(channels, n=15, temperature_sd=temperature_sd)
     p = build(record, "ar1")
-    theta = p.space.to_physical(near_truth(p, 5))
+    theta = p.space.constrain(near_truth(p, 5))
     for channel in channels:
         theta[:, p.space.index(f"{channel}_phi")] = 0.0
     for name, value in {"A2": 0.3, "B2": 0.35}.items():  # curves that seven nodes resolve
@@ -93,7 +93,7 @@ def test_true_temperatures_are_integrated_out(
     apart += 0.1 * (not NOISE_MODELS[noise].is_gaussian)
     record = make_record(n=60, noise=0.02, temperature_sd=spread)
     p = build(record, noise)
-    theta = p.space.to_physical(_shaped(p))
+    theta = p.space.constrain(_shaped(p))
     for channel, span in (("force", 2.5), ("displacement", 0.02)):
         theta[p.space.index(f"{channel}_sd")] = 0.02 * span
     error = np.linspace(-8.0, 8.0, 4001)
@@ -117,7 +117,7 @@ def test_true_temperatures_are_integrated_out(
 def test_a_small_error_of_temperature_is_the_slope_times_it(make_record: Callable[..., Record]) -> None:
     record = make_record(n=15, temperature_sd=1e-3)
     p = build(record)
-    theta = p.space.to_physical(_shaped(p))[None]
+    theta = p.space.constrain(_shaped(p))[None]
     mean, sd = p.expected(theta)
     slope = p.model.slope(theta, record.inputs)
     clean = p.predict(theta, record.inputs)
@@ -135,7 +135,7 @@ def test_moments_under_errors_of_temperature_are_those_of_a_simulation(
     """s_T B2 from 0.3 to 1.2; 400,000 errors; five standard errors and what seven nodes leave."""
     record = make_record(n=9, temperature_sd=spread)
     p = build(record)
-    theta = p.space.to_physical(_shaped(p))
+    theta = p.space.constrain(_shaped(p))
     mean, sd = p.expected(theta[None])
     parts = p._moments(theta[None], 0)[1]
     size = 400_000
@@ -163,7 +163,7 @@ def test_an_estimated_error_of_temperature_adds_to_what_was_declared(
 ) -> None:
     p = build(make_record(n=20, temperature_sd=declared), "independent+temperature_error")
     assert p.names[-1] == "temperature_sd"
-    theta = np.tile(p.space.to_physical(_shaped(p)), (3, 1))
+    theta = np.tile(p.space.constrain(_shaped(p)), (3, 1))
     theta[:, -1] = [0.0, 0.3, 1.0]
     np.testing.assert_allclose(p.temperature_sd(theta), np.hypot([0.0, 0.3, 1.0], declared))
     for row, value in zip(theta, p.log_likelihood(theta), strict=True):
@@ -174,7 +174,7 @@ def test_an_estimated_error_of_temperature_adds_to_what_was_declared(
 def test_growing_noise_is_wider_where_the_response_is_larger(make_record: Callable[..., Record]) -> None:
     record = make_record(("force",), n=30)
     p = build(record, "independent+growing")
-    theta = p.space.to_physical(_shaped(p))
+    theta = p.space.constrain(_shaped(p))
     theta[p.space.index("force_growth")] = 1.2
     mean = p.predict(theta, record.inputs)["force"]
     low, high = np.quantile(record.observed["force"], (0.01, 0.99))
@@ -193,7 +193,7 @@ def dense_log_density(x: np.ndarray, covariance: np.ndarray) -> float:
 def test_memory_and_channels_factorise(make_record: Callable[..., Record]) -> None:
     record = make_record(("force", "displacement"), n=20, segments=2)
     p = build(record, "ar1")
-    theta = p.space.to_physical(near_truth(p, 3))
+    theta = p.space.constrain(near_truth(p, 3))
     for row, value in zip(theta, p.log_likelihood(theta), strict=True):
         expected = 0.0
         mean = p.predict(row, record.inputs)
@@ -213,7 +213,7 @@ def test_single_observations_sum_to_the_likelihood(
 ) -> None:
     record = make_record(ALL, n=30, segments=2, temperature_sd=temperature_sd)
     p = build(record, noise)
-    theta = p.space.to_physical(near_truth(p, 6))
+    theta = p.space.constrain(near_truth(p, 6))
     (pointwise,) = p.pointwise_log_likelihood(theta)
     assert {c: v.shape for c, v in pointwise.items()} == dict.fromkeys(ALL, (6, 30))
     total = sum(v.sum(axis=1) for v in pointwise.values())
@@ -227,7 +227,7 @@ def test_log_prob_is_prior_plus_likelihood_whatever_the_chunks(
     p = build(make_record(n=40, temperature_sd=0.3), noise)
     z = near_truth(p, 100)
     whole = p.log_prob(z)
-    np.testing.assert_allclose(whole, p.log_prior(z) + p.log_likelihood(p.space.to_physical(z)), rtol=1e-14)
+    np.testing.assert_allclose(whole, p.log_prior(z) + p.log_likelihood(p.space.constrain(z)), rtol=1e-14)
     monkeypatch.setattr(posterior_module, "CHUNK", 40 * 17)
     np.testing.assert_allclose(p.log_prob(z), whole, rtol=1e-13)
     np.testing.assert_allclose([p.log_prob(row)[0] for row in z[:5]], whole[:5], rtol=1e-13)
@@ -253,7 +253,7 @@ def test_an_exact_curve_has_no_infinite_density(make_record: Callable[..., Recor
     record = make_record(("force",), n=20, noise=0.0)
     p = build(record)
     z = p.space.prior_centre()
-    z[:4] = p.space.to_sampled(np.array([2.5, 0.35, 52.0, 0.5, 1.0]))[:4]
+    z[:4] = p.space.unconstrain(np.array([2.5, 0.35, 52.0, 0.5, 1.0]))[:4]
     every = np.tile(z, (5, 1))
     every[:, 4] = [0.0, -50.0, -300.0, -700.0, -800.0]
     assert not np.isposinf(p.log_prob(every)).any()
@@ -266,7 +266,7 @@ def test_an_exact_curve_has_no_infinite_density(make_record: Callable[..., Recor
     ("noise", "temperature_sd"),
     [
         *((n, 0.0) for n in (*NOISE_MODELS, "ar1+growing")),
-        *((n, 0.8) for n in (*NOISE_MODELS, "ar1+temperature_error") if NOISE_MODELS[n].remembers),
+        *((n, 0.8) for n in (*NOISE_MODELS, "ar1+temperature_error") if NOISE_MODELS[n].autocorrelated),
         ("independent", 0.05),
     ],
 )
@@ -280,7 +280,7 @@ def test_replicates_are_what_the_likelihood_expects(
     """
     record = make_record(n=50, segments=2, temperature_sd=temperature_sd, memory=0.8)
     p = build(record, noise)
-    theta = np.tile(p.space.to_physical(_shaped(p)), (300, 1))
+    theta = np.tile(p.space.constrain(_shaped(p)), (300, 1))
     replicas = p.replicate(np.random.default_rng(1), theta)
     white = {c: [] for c in record.channels}
     for i in range(300):
@@ -297,7 +297,7 @@ def test_replicates_are_what_the_likelihood_expects(
 
 def _shaped(p: Posterior) -> np.ndarray:
     """Coordinates of a clean curve with small noise and a strong memory."""
-    theta = p.space.to_physical(p.space.prior_centre())
+    theta = p.space.constrain(p.space.prior_centre())
     truth = {"A1": 0.02, "A2": 0.30, "A3": 48.0, "A4": 0.001, "B1": 2.5, "B2": 0.35, "B3": 52.0, "B4": 0.5}
     shape = {"sd": 0.01, "phi": 0.8, "tau": 4.0, "nu": 5.0, "growth": 0.7}
     if "temperature_sd" in p.space.names:
@@ -309,14 +309,14 @@ def _shaped(p: Posterior) -> np.ndarray:
         for kind, value in shape.items():
             if f"{channel}_{kind}" in p.space.names:
                 theta[p.space.index(f"{channel}_{kind}")] = value * (span if kind == "sd" else 1.0)
-    return p.space.to_sampled(theta)
+    return p.space.unconstrain(theta)
 
 
 def test_replicates_scatter_about_the_curve_with_the_noise(make_record: Callable[..., Record]) -> None:
     """Means within 5 standard errors and variances within 5 % of 20,000 replicas; the seed is fixed."""
     record = make_record(n=12, temperature_sd=0.5)
     p = build(record)
-    theta = p.space.to_physical(_shaped(p))
+    theta = p.space.constrain(_shaped(p))
     size = 20_000
     replicas = p.replicate(np.random.default_rng(2), np.tile(theta, (size, 1)))
     mean, shared = moments_under_errors(p, theta, record.channels, 0.5)
@@ -346,7 +346,7 @@ class Straight(ModifiedSigmoid):
     ("noise", "temperature_sd"),
     [
         *((n, 0.0) for n in NOISE_MODELS if NOISE_MODELS[n].is_density),
-        *((n, 0.3) for n in NOISE_MODELS if NOISE_MODELS[n].remembers and NOISE_MODELS[n].is_density),
+        *((n, 0.3) for n in NOISE_MODELS if NOISE_MODELS[n].autocorrelated and NOISE_MODELS[n].is_density),
         ("independent", 0.3),
     ],
 )
@@ -357,7 +357,7 @@ def test_replicates_have_the_density_of_the_likelihood(
     record = make_record(n=6, segments=2, temperature_sd=temperature_sd)
     model = Straight(record.channels)
     p = build_posterior([record], NOISE_MODELS[noise], DEFAULT, model=model)
-    theta = p.space.to_physical(_shaped(p))
+    theta = p.space.constrain(_shaped(p))
     size = 1_000
     replicas = p.replicate(np.random.default_rng(3), np.tile(theta, (size, 1)))
     changed = {"force_sd": 1.06, "displacement_sd": 0.95, "A1": 1.0 + 1e-4, "B1": 1.0 - 1e-4}
@@ -385,7 +385,7 @@ def test_pooled_records_share_the_model_and_keep_their_noise(make_record: Callab
         "force_sd[c0]", "force_phi[c0]", "force_sd[c1]", "force_phi[c1]", "force_sd[c2]", "force_phi[c2]",
     )  # fmt: skip
     assert p.n == 90
-    theta = p.space.to_physical(near_truth(p, 4))
+    theta = p.space.constrain(near_truth(p, 4))
     expected = np.zeros(4)
     for i, record in enumerate(records):
         alone = build_posterior([record], NOISE_MODELS["ar1"], DEFAULT)
@@ -421,7 +421,7 @@ def test_a_fixed_parameter_is_held_and_not_sampled(make_record: Callable[..., Re
     p = build_posterior([make_record(("force",))], NOISE_MODELS["independent"], parse_priors(text, "x.toml"))
     assert p.names == ("B1", "B2", "B3", "force_sd")
     z = near_truth(p, 5)
-    theta = p.space.to_physical(z)
+    theta = p.space.constrain(z)
     np.testing.assert_array_equal(theta[:, 3], 0.5)
     np.testing.assert_allclose(p.log_likelihood(theta), free.log_likelihood(theta), rtol=1e-14)
     np.testing.assert_allclose(p.log_prob(z), p.log_prior(z) + p.log_likelihood(theta), rtol=1e-14)

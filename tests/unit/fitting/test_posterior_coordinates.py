@@ -15,7 +15,7 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.adaptation import adapt
-from sma_bayes.sampling.laplace import Mode, climb
+from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.proposals import Coordinates, PlainCoordinates, StudentMixture
 
 ALL = ("force", "displacement", "stiffness")
@@ -33,7 +33,7 @@ EACH = pytest.mark.parametrize(("channels", "noise"), CASES, ids=[f"{'-'.join(c)
 def fitted(record: Record, noise: str) -> tuple[Posterior, Mode]:
     posterior = build_posterior([record], NOISE_MODELS[noise], read_priors("modified_sigmoid"))
     start = warm_start(posterior, np.random.default_rng(0))
-    mode = climb(posterior, noise_start(posterior, start), posterior.space.prior_sd())
+    mode = find_mode(posterior, noise_start(posterior, start), posterior.space.prior_sd())
     assert mode is not None
     return posterior, mode
 

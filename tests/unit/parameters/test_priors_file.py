@@ -135,7 +135,7 @@ def test_a_parameter_can_be_fixed(record: Record) -> None:
     assert found["B4"].fixed == pytest.approx(0.25)
     posterior = build_posterior([record], NOISE_MODELS["independent"], priors({"both.B4": "fixed = 0"}))
     assert posterior.names == ("B1", "B2", "B3", "force_sd")
-    assert posterior.space.to_physical(posterior.space.prior_centre())[3] == 0.0
+    assert posterior.space.constrain(posterior.space.prior_centre())[3] == 0.0
 
 
 def test_a_branch_overrides_what_is_said_of_both(record: Record) -> None:

@@ -31,7 +31,7 @@ def test_fixed_parameters_stand_in_theta_but_not_in_z(space: ParameterSpace) -> 
     assert space.names == ("A1", "A4", "A3", "B1", "phi", "nu")
     assert free_names(space.parameters) == ("A1", "A3", "B1", "phi", "nu")
     np.testing.assert_array_equal(space.free_index, [0, 2, 3, 4, 5])
-    theta = space.to_physical(np.zeros((4, 5)))
+    theta = space.constrain(np.zeros((4, 5)))
     np.testing.assert_array_equal(theta, np.tile([1.0, 0.003, 0.0, -1.0, 0.0, 1.0], (4, 1)))
 
 
@@ -40,7 +40,7 @@ def test_all_fixed_leaves_nothing_to_sample() -> None:
     z = space.draw(np.random.default_rng(0), 3)
     assert z.shape == (3, 0)
     np.testing.assert_array_equal(space.log_prior(z), np.zeros(3))
-    np.testing.assert_array_equal(space.to_physical(z), np.zeros((3, 1)))
+    np.testing.assert_array_equal(space.constrain(z), np.zeros((3, 1)))
 
 
 def test_draws_have_the_centre_and_the_spread_that_are_claimed(space: ParameterSpace) -> None:
@@ -66,7 +66,7 @@ def test_any_leading_shape_will_do(space: ParameterSpace) -> None:
     z = space.draw(np.random.default_rng(1), 12).reshape(3, 4, 5)
     assert space.log_prior(z).shape == (3, 4)
     assert space.derivative(z).shape == (3, 4, 5)
-    assert space.to_physical(z).shape == (3, 4, 6)
+    assert space.constrain(z).shape == (3, 4, 6)
     assert float(space.log_prior(z)[1, 2]) == pytest.approx(float(space.log_prior(z[1, 2])), rel=1e-15)
 
 
@@ -86,4 +86,4 @@ def test_a_space_pickles(space: ParameterSpace) -> None:
     z = space.draw(np.random.default_rng(1), 6)
     again = pickle.loads(pickle.dumps(space))
     np.testing.assert_array_equal(again.log_prior(z), space.log_prior(z))
-    np.testing.assert_array_equal(again.to_physical(z), space.to_physical(z))
+    np.testing.assert_array_equal(again.constrain(z), space.constrain(z))

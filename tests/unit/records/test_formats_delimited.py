@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sma_bayes.errors import MeasurementError
 from sma_bayes.quantities import Floats
-from sma_bayes.records.formats import Reading, Table, read_table
+from sma_bayes.records.formats import RawTable, Reading, read_table
 from sma_bayes.records.formats.numbers import numbers
 
 
@@ -22,12 +22,12 @@ def write(folder: Path, text: str | bytes, name: str = "data.txt") -> Path:
     return path
 
 
-def column(table: Table, index: int, path: Path = Path("data.txt"), **options: object) -> Floats:
+def column(table: RawTable, index: int, path: Path = Path("data.txt"), **options: object) -> Floats:
     cells = table.columns[index]
     return numbers(cells, table.row, file=path, column=f"column {index + 1}", **options)[0]  # type: ignore[arg-type]
 
 
-def matrix(table: Table, **options: object) -> Floats:
+def matrix(table: RawTable, **options: object) -> Floats:
     return np.transpose([column(table, i, **options) for i in range(len(table.columns))])
 
 

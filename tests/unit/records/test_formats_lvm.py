@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.errors import MeasurementError
-from sma_bayes.records.formats import Reading, Table, read_table, recognise
+from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
 from sma_bayes.records.formats.numbers import numbers
 
 HEADER = """\
@@ -46,7 +46,7 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def values(table: Table, index: int) -> list[float]:
+def values(table: RawTable, index: int) -> list[float]:
     cells = table.columns[index]
     decimal = table.decimal or "."
     return numbers(cells, table.row, file=Path("run.lvm"), column="x", decimal=decimal)[0].tolist()

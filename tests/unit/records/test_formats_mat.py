@@ -9,10 +9,10 @@ import pytest
 import scipy.io
 
 from sma_bayes.errors import MeasurementError
-from sma_bayes.records.formats import Reading, Table, read_table, recognise
+from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
 
 
-def columns(table: Table) -> dict[str, list[object]]:
+def columns(table: RawTable) -> dict[str, list[object]]:
     assert table.names is not None
     return {name: list(cells) for name, cells in zip(table.names, table.columns, strict=True)}
 

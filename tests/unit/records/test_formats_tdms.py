@@ -9,7 +9,7 @@ import pytest
 from nptdms import ChannelObject, TdmsWriter
 
 from sma_bayes.errors import MeasurementError
-from sma_bayes.records.formats import Reading, Table, read_table, recognise
+from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
 from sma_bayes.records.formats.tdms import WAVEFORM_TIME
 
 
@@ -20,7 +20,7 @@ def write(folder: Path, *channels: ChannelObject) -> Path:
     return path
 
 
-def columns(table: Table) -> dict[str, list[object]]:
+def columns(table: RawTable) -> dict[str, list[object]]:
     assert table.names is not None
     return {name: list(cells) for name, cells in zip(table.names, table.columns, strict=True)}
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from sma_bayes.assess.adequacy import Reason
 from sma_bayes.report.content import Content
-from sma_bayes.runs.schema import Finding
+from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.studies.fit.answer import answer_tables, belief, next_steps
 from sma_bayes.studies.fit.findings import finding_groups, severity
 
 
-def finding(kind: str, condition: str, dropped: int = 0) -> Finding:
-    return Finding(
+def finding(kind: str, condition: str, dropped: int = 0) -> FindingDocument:
+    return FindingDocument(
         kind=kind, message=f"what {kind} means", file="run.csv", rows=(), count=dropped, dropped=dropped,
         condition=condition, branch="", column="", severity=severity(kind),
     )  # fmt: skip

@@ -13,7 +13,7 @@ from sma_bayes.report.content import Content
 from sma_bayes.report.html import Picture, anchor, select
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.tables import Column, Table, report_tables
-from sma_bayes.runs.schema import Finding
+from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.studies.fit.page import noise_groups, parameter_overview, render, without_empty
 
 Page = Callable[[Content], "Reader"]
@@ -167,7 +167,7 @@ def test_with_no_record_left_there_are_no_conclusions(content: Content) -> None:
 
 
 def test_findings_name_file_and_rows(content: Content) -> None:
-    finding = Finding(
+    finding = FindingDocument(
         kind="drop-out", message="reads 0", file="w.csv", rows=(4, 5, 6, 9), count=4, dropped=4, condition="c",
         branch="heating", column="force_N", severity="look",
     )  # fmt: skip
@@ -179,7 +179,7 @@ def test_findings_name_file_and_rows(content: Content) -> None:
 
 def test_what_users_write_stays_text(content: Content) -> None:
     evil = '<script>alert("x")</script> & <b>'
-    finding = Finding(
+    finding = FindingDocument(
         kind="spike", message=evil, file=evil, rows=(), count=0, dropped=0, condition=evil, branch="", column=evil,
         severity="look",
     )  # fmt: skip

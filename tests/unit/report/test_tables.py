@@ -24,7 +24,7 @@ from sma_bayes.report.tables import (
     tex,
     write_tables,
 )
-from sma_bayes.runs.schema import Finding
+from sma_bayes.runs.schema import FindingDocument
 
 TABLES = (
     "parameters", "goodness_of_fit", "correlation", "loops", "transformation", "diagnostics", "noise", "checks",
@@ -122,7 +122,7 @@ def test_latex_is_balanced_and_rectangular(written: Path, name: str) -> None:
 
 
 def test_user_text_can_not_break_latex(content: Content) -> None:
-    nasty = Finding(
+    nasty = FindingDocument(
         kind="spike", message=r"100 % & \end{longtable} $x_1$ {", file="a_b.csv", rows=(1, 2), count=2, dropped=2,
         condition="c#1", branch="heating", column="σ", severity="look",
     )  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from sma_bayes.checksum import KEY
-from sma_bayes.runs.netcdf import Group, Variable, write_groups
+from sma_bayes.runs.netcdf import Variable, VariableGroup, write_groups
 
 
 @pytest.fixture
@@ -32,14 +32,16 @@ def tree() -> xr.DataTree:
     return xr.DataTree.from_dict({"/": attributes, "curves": curves, "posterior": posterior})
 
 
-def groups(tree: xr.DataTree) -> dict[str, Group]:
+def groups(tree: xr.DataTree) -> dict[str, VariableGroup]:
     def variables(found) -> dict[str, Variable]:
         return {
             str(k): Variable(tuple(map(str, v.dims)), v.variable.values, v.attrs) for k, v in found.items()
         }
 
     return {
-        node.path.strip("/") or "/": Group(variables(node.data_vars), variables(node.coords), node.attrs)
+        node.path.strip("/") or "/": VariableGroup(
+            variables(node.data_vars), variables(node.coords), node.attrs
+        )
         for node in tree.subtree
     }
 

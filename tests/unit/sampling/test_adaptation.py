@@ -18,7 +18,7 @@ from sma_bayes.sampling.adaptation import (
     adapt,
     with_wide_share,
 )
-from sma_bayes.sampling.laplace import Mode, climb
+from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.proposals import MixedProposal, Proposal
 from sma_bayes.sampling.refitting import adapt_to_draws
 from sma_bayes.sampling.weighted import Weights
@@ -49,7 +49,7 @@ def banana(z: np.ndarray) -> np.ndarray:
 
 
 def mode_at(density: Density, start: list[float]) -> Mode:
-    mode = climb(density, np.array(start), np.full(2, 5.0))
+    mode = find_mode(density, np.array(start), np.full(2, 5.0))
     assert mode is not None
     return mode
 

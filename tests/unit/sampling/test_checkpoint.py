@@ -12,14 +12,14 @@ from emcee.backends import HDFBackend
 
 from sma_bayes.errors import OutputError, ResumeError
 from sma_bayes.sampling import checkpoint
-from sma_bayes.sampling.checkpoint import Block, Checkpoint
+from sma_bayes.sampling.checkpoint import Checkpoint, StepBlock
 
 
-def block(seed: int, steps: int = 5, walkers: int = 8, dimension: int = 3) -> Block:
+def block(seed: int, steps: int = 5, walkers: int = 8, dimension: int = 3) -> StepBlock:
     rng = np.random.default_rng(seed)
     stream = np.random.RandomState(np.random.MT19937(seed))
     stream.standard_normal()  # leaves a second normal number for the next call
-    return Block(
+    return StepBlock(
         rng.standard_normal((steps, walkers, dimension)),
         rng.standard_normal((steps, walkers)),
         rng.integers(0, steps, walkers).astype(float),
@@ -29,7 +29,7 @@ def block(seed: int, steps: int = 5, walkers: int = 8, dimension: int = 3) -> Bl
     )
 
 
-def same(one: Block, other: Block) -> None:
+def same(one: StepBlock, other: StepBlock) -> None:
     for name in ("chain", "log_prob", "accepted", "log_weight"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     assert one.evaluations == other.evaluations

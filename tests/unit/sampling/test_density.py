@@ -11,7 +11,7 @@ from sma_bayes.sampling.density import Linearisable, Linearised, Shaped, lineari
 from sma_bayes.sampling.ensembles import sample
 from sma_bayes.sampling.importance import importance_draws
 from sma_bayes.sampling.proposals import PlainCoordinates, StudentMixture
-from sma_bayes.sampling.shape import Shape
+from sma_bayes.sampling.shape import NormalShape
 
 ACROSS = 0.3
 """Standard deviation of a banana across its bend."""
@@ -47,8 +47,8 @@ class Straight:
 
 
 class ShapedBanana(Banana):
-    def shape(self) -> Shape:
-        return Shape(Straight(), np.eye(2), 0)
+    def shape(self) -> NormalShape:
+        return NormalShape(Straight(), np.eye(2), 0)
 
 
 class StraightAt(Linearised):

@@ -456,7 +456,7 @@ def test_the_first_block_is_as_long_as_target_and_proposal_ask() -> None:
     ]
     assert steps[0] == Plan().block
     assert steps == sorted(steps)
-    assert 256 * 0.5 * (steps[2] - 1) < ensembles.HOPED * 1000.0 <= 256 * 0.5 * steps[2]
+    assert 256 * 0.5 * (steps[2] - 1) < ensembles.DRAWS_PER_EFFECTIVE * 1000.0 <= 256 * 0.5 * steps[2]
     most = ensembles.MOST_BLOCKS * Plan().block
     assert ensembles._steps_hoped(0.94, 256, Plan(target=Target(1.01, 1e9))) == most
     assert Plan().target.draws > 3000.0  # so many tell the outer quantiles, not 1,000

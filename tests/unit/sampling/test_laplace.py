@@ -16,7 +16,7 @@ from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.laplace import LEFT, climb
+from sma_bayes.sampling.laplace import LEFT, find_mode
 
 
 @dataclass
@@ -42,7 +42,7 @@ def test_a_gaussian_is_its_own_laplace_approximation(d: int, anisotropy: float) 
     q, _ = np.linalg.qr(rng.standard_normal((d, d)))
     covariance = (q * np.geomspace(1.0 / anisotropy, 1.0, d) ** 2) @ q.T
     mean = rng.standard_normal(d)
-    mode = climb(gaussian(covariance, mean), mean + 2.0 * rng.standard_normal(d), np.full(d, 3.0))
+    mode = find_mode(gaussian(covariance, mean), mean + 2.0 * rng.standard_normal(d), np.full(d, 3.0))
     assert mode is not None
     root = np.linalg.cholesky(covariance)
     assert np.linalg.norm(np.linalg.solve(root, mode.z - mean)) < 0.2
@@ -63,7 +63,7 @@ def test_the_ridge_of_stiffness_alone_is_climbed_in_a_few_steps(
         [make_record(("stiffness",))], NOISE_MODELS[noise], read_priors("modified_sigmoid")
     )
     start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
-    mode = climb(posterior, start, posterior.space.prior_sd())
+    mode = find_mode(posterior, start, posterior.space.prior_sd())
     assert mode is not None
     assert mode.evaluations < 600
     root = np.linalg.cholesky(mode.covariance)
@@ -87,7 +87,7 @@ def test_the_ridge_of_stiffness_alone_is_climbed_in_a_few_steps(
 
 
 def test_a_flat_direction_is_no_wider_than_three_priors() -> None:
-    mode = climb(Density(lambda z: -0.5 * z[:, 0] ** 2), np.array([1.0, 0.5]), np.array([1.0, 2.0]))
+    mode = find_mode(Density(lambda z: -0.5 * z[:, 0] ** 2), np.array([1.0, 0.5]), np.array([1.0, 2.0]))
     assert mode is not None
     np.testing.assert_allclose(np.sqrt(np.diag(mode.covariance)), [1.0, 6.0], rtol=1e-3)
 
@@ -96,19 +96,19 @@ def test_it_climbs_out_of_a_saddle_and_around_a_bend() -> None:
     def banana(z: np.ndarray) -> np.ndarray:
         return -0.5 * z[:, 0] ** 2 - 0.5 * ((z[:, 1] - z[:, 0] ** 2) / 0.1) ** 2
 
-    mode = climb(Density(banana), np.array([3.0, 1.0]), np.array([3.0, 3.0]), steps=100)
+    mode = find_mode(Density(banana), np.array([3.0, 1.0]), np.array([3.0, 3.0]), steps=100)
     assert mode is not None
     np.testing.assert_allclose(mode.z, [0.0, 0.0], atol=0.2)
 
 
 def test_a_start_of_no_probability_has_no_mode() -> None:
     density = Density(lambda z: np.where(z[:, 0] > 0.0, -z[:, 0], -np.inf))
-    assert climb(density, np.array([-1.0]), np.ones(1)) is None
+    assert find_mode(density, np.array([-1.0]), np.ones(1)) is None
 
 
 def test_an_edge_does_not_break_the_climb() -> None:
     density = Density(lambda z: np.where(z[:, 0] > 0.0, -0.5 * (z[:, 0] - 0.001) ** 2, -np.inf))
-    mode = climb(density, np.array([2.0]), np.ones(1))
+    mode = find_mode(density, np.array([2.0]), np.ones(1))
     assert mode is not None
     assert mode.z[0] > 0.0
     assert np.isfinite(mode.covariance).all()
@@ -118,7 +118,7 @@ def test_the_climb_never_goes_down() -> None:
     rng = np.random.default_rng(0)
     density = Density(lambda z: np.cos(3.0 * z).sum(axis=1) - 0.1 * (z**2).sum(axis=1))
     for start in rng.uniform(-4.0, 4.0, (20, 3)):
-        mode = climb(density, start, np.full(3, 2.0))
+        mode = find_mode(density, start, np.full(3, 2.0))
         assert mode is not None
         assert mode.log_prob >= float(density.log_prob(start[None])[0])
         assert np.all(np.linalg.eigvalsh(mode.covariance) > 0.0)
@@ -133,7 +133,7 @@ def test_a_good_start_takes_one_step_where_the_response_is_nearly_linear(
     )
     start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
     d = start.size
-    mode = climb(posterior, start, posterior.space.prior_sd())
+    mode = find_mode(posterior, start, posterior.space.prior_sd())
     assert mode is not None
     assert mode.evaluations == 1 + 2 * d + d * (d - 1) + 10
     root = np.linalg.cholesky(mode.covariance)
@@ -151,7 +151,7 @@ def test_the_information_is_the_hessian_where_residuals_are_small(make_record: C
         [make_record(("force", "displacement"))], NOISE_MODELS["independent"], read_priors("modified_sigmoid")
     )
     start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
-    mode = climb(posterior, start, posterior.space.prior_sd())
+    mode = find_mode(posterior, start, posterior.space.prior_sd())
     assert mode is not None
     root = np.linalg.cholesky(mode.covariance)
     ratio = root.T @ posterior.linearised(mode.z).information() @ root
@@ -166,11 +166,11 @@ def test_a_start_on_a_ridge_that_rounding_makes_singular_is_climbed_from(
         [make_record(("stiffness",))], NOISE_MODELS["independent"], read_priors("modified_sigmoid")
     )
     start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
-    straight = climb(posterior, start, posterior.space.prior_sd())
+    straight = find_mode(posterior, start, posterior.space.prior_sd())
     ridge = np.zeros((start.size, start.size))
     ridge[:2, :2] = 1e20
     monkeypatch.setattr(LinearisedPosterior, "information", lambda _: ridge.copy())
-    mode = climb(posterior, start, posterior.space.prior_sd())
+    mode = find_mode(posterior, start, posterior.space.prior_sd())
     assert mode is not None
     assert straight is not None
     assert mode.log_prob == pytest.approx(straight.log_prob, abs=0.02)

@@ -4,10 +4,10 @@ from sma_bayes.studies.paper.claims.conditions import condition_claims
 from sma_bayes.studies.paper.claims.correlation import correlation_claims
 from sma_bayes.studies.paper.claims.models import model_claims
 from sma_bayes.studies.paper.claims.shape import shape_claims
-from sma_bayes.studies.paper.claims.types import Claim, Evidence
+from sma_bayes.studies.paper.claims.types import Claim, ClaimEvidence
 from sma_bayes.studies.paper.study import TwinStudy
 
-__all__ = ["Claim", "Evidence", "claims"]
+__all__ = ["Claim", "ClaimEvidence", "claims"]
 
 
 def claims(study: TwinStudy) -> tuple[Claim, ...]:

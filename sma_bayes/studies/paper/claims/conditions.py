@@ -13,9 +13,9 @@ from sma_bayes.paper.tables import TABLE_6
 from sma_bayes.quantities import convert
 from sma_bayes.records.types import Branch
 from sma_bayes.report.notation import unit_label
-from sma_bayes.studies.conditions.effects import Effect, operating_effects
+from sma_bayes.studies.conditions.effects import SettingEffect, operating_effects
 from sma_bayes.studies.conditions.features import BOTH, Feature
-from sma_bayes.studies.paper.claims.types import Claim, Evidence
+from sma_bayes.studies.paper.claims.types import Claim, ClaimEvidence
 from sma_bayes.studies.paper.printed import (
     printed_effects,
     probability_positive,
@@ -53,15 +53,15 @@ def gaps(features: Sequence[Feature]) -> tuple[Feature, ...]:
     )
 
 
-def _rises(effect: Effect) -> float | None:
+def _rises(effect: SettingEffect) -> float | None:
     return effect.probability_rises
 
 
-def _falls(effect: Effect) -> float | None:
+def _falls(effect: SettingEffect) -> float | None:
     return None if effect.probability_rises is None else 1.0 - effect.probability_rises
 
 
-def _change(effect: Effect) -> str:
+def _change(effect: SettingEffect) -> str:
     if effect.tested is None:
         return "no change can be told"
     if effect.factor:
@@ -69,19 +69,19 @@ def _change(effect: Effect) -> str:
     return f"{effect.tested['median']:+.3g} {unit_label(effect.unit)}".replace("-", "−")
 
 
-def _confounded(effect: Effect) -> str:
+def _confounded(effect: SettingEffect) -> str:
     found = [f"{c.other.replace('_', ' ')} (r = {c.correlation:.2f})" for c in effect.confounders if c.strong]
     return f" It can't be told from {' and '.join(found)}." if found else ""
 
 
-def _of_twin(effect: Effect | None) -> tuple[Evidence, ...]:
+def _of_twin(effect: SettingEffect | None) -> tuple[ClaimEvidence, ...]:
     if effect is None:
         return ()
     told = f"{_change(effect)} in the greatest stiffness; {ASSUMED}"
-    return (Evidence("twin", told, _rises(effect), False),)
+    return (ClaimEvidence("twin", told, _rises(effect), False),)
 
 
-def _current(twin: Effect | None) -> Iterator[Claim]:
+def _current(twin: SettingEffect | None) -> Iterator[Claim]:
     effects = printed_effects(TABLE_9)
     greatest, rise = effects["greatest_stiffness"], effects["stiffness_rise"]
     yield Claim(
@@ -89,7 +89,7 @@ def _current(twin: Effect | None) -> Iterator[Claim]:
         "Stiffness rises with current",
         (419, 421),
         (
-            Evidence(
+            ClaimEvidence(
                 "printed",
                 f"greatest stiffness {_change(greatest)} from 1 to 2 A; {TREND} (Table 9, and the second run at 2 A of "
                 "line 339)",
@@ -104,7 +104,7 @@ def _current(twin: Effect | None) -> Iterator[Claim]:
         "change-of-stiffness-rises-with-current",
         "The change from least to greatest stiffness rises with current",
         (421,),
-        (Evidence("printed", f"{_change(rise)} from 1 to 2 A; {TREND}", _rises(rise)),),
+        (ClaimEvidence("printed", f"{_change(rise)} from 1 to 2 A; {TREND}", _rises(rise)),),
         "As an association." + _confounded(rise),
         ("E27", "E41"),
     )
@@ -117,7 +117,7 @@ def _current(twin: Effect | None) -> Iterator[Claim]:
         "The greatest stiffness changes more from 1.5 to 2 A than from 1 to 1.5 A",
         (421,),
         (
-            Evidence(
+            ClaimEvidence(
                 "printed",
                 f"{two - middle:.1f} against {middle - one:.1f} N/m by Table 9, {other - middle:.1f} N/m by the second "
                 "run at 2 A",
@@ -129,14 +129,18 @@ def _current(twin: Effect | None) -> Iterator[Claim]:
     )  # fmt: skip
 
 
-def _load(twin: Effect | None) -> Iterator[Claim]:
+def _load(twin: SettingEffect | None) -> Iterator[Claim]:
     greatest = printed_effects(TABLE_10)["greatest_stiffness"]
     yield Claim(
         "stiffness-rises-with-load",
         "Stiffness rises with load",
         (427,),
         (
-            Evidence("printed", f"greatest stiffness {_change(greatest)} from 100 to 200 g; {TREND}", _rises(greatest)),
+            ClaimEvidence(
+                "printed",
+                f"greatest stiffness {_change(greatest)} from 100 to 200 g; {TREND}",
+                _rises(greatest),
+            ),
             *_of_twin(twin),
         ),
         "Three tests, and the greatest temperature is not the same in them.",
@@ -149,7 +153,7 @@ def _load(twin: Effect | None) -> Iterator[Claim]:
         "The stiffness changes more from 100 to 150 g than from 150 to 200 g",
         (427,),
         (
-            Evidence(
+            ClaimEvidence(
                 "printed",
                 f"{middle - low:.1f} against {high - middle:.1f} N/m, with the scatter of the repeated test at 2 A",
                 probability_positive(2.0 * middle - low - high, (2.0, -1.0, -1.0), repeat_scatter("stiffness_max")),
@@ -169,7 +173,9 @@ _HYSTERESIS = (
 """Channel, setting, whether it is said to rise, and the claim."""
 
 
-def _hysteresis(twin: dict[tuple[str, str, str], Effect], features: Sequence[Feature]) -> Iterator[Claim]:
+def _hysteresis(
+    twin: dict[tuple[str, str, str], SettingEffect], features: Sequence[Feature]
+) -> Iterator[Claim]:
     for channel, setting, rising, text, lines in _HYSTERESIS:
         effect = twin.get(("hysteresis_gap", channel, setting))
         if effect is None:
@@ -181,7 +187,7 @@ def _hysteresis(twin: dict[tuple[str, str, str], Effect], features: Sequence[Fea
             text,
             lines,
             (
-                Evidence(
+                ClaimEvidence(
                     "twin",
                     f"distance of the midpoints of both branches, {_change(effect)} from least to greatest {setting}; "
                     f"{TREND}",
@@ -194,12 +200,12 @@ def _hysteresis(twin: dict[tuple[str, str, str], Effect], features: Sequence[Fea
         )  # fmt: skip
 
 
-def _frequency(twin: Effect | None) -> Iterator[Claim]:
+def _frequency(twin: SettingEffect | None) -> Iterator[Claim]:
     yield Claim(
         "stiffness-rises-with-frequency",
         "Stiffness rises slightly with frequency",
         (433, 435),
-        (Evidence("printed", "the stiffness of Table 12 is lost", None), *_of_twin(twin)),
+        (ClaimEvidence("printed", "the stiffness of Table 12 is lost", None), *_of_twin(twin)),
         "The table that would show it holds copies of other columns.",
         ("E26", "E40", "E45"),
     )
@@ -215,7 +221,7 @@ def _duty_cycle() -> Iterator[Claim]:
         "Stiffness rises consistently with duty cycle",
         (449,),
         (
-            Evidence(
+            ClaimEvidence(
                 "printed",
                 f"greatest stiffness {_change(greatest)} from 40 to 80 %; {TREND}",
                 _rises(greatest),
@@ -230,7 +236,7 @@ def _duty_cycle() -> Iterator[Claim]:
         "The slope of the stiffness falls with duty cycle",
         (451,),
         (
-            Evidence(
+            ClaimEvidence(
                 "printed",
                 f"mean slope between the printed extremes {_change(slope)} from 40 to 80 %; {TREND}",
                 _falls(slope),
@@ -254,7 +260,7 @@ def _range_of_change() -> Claim:
         "Stiffness changes most with temperature, less with frequency and stress",
         (437,),
         (
-            Evidence(
+            ClaimEvidence(
                 "printed",
                 f"{by_temperature:.1f}-fold or more with temperature, {by_load_ratio:.2f}-fold with load",
                 probability_positive(
@@ -287,7 +293,7 @@ def _quality() -> Claim:
         "The quality of the fit improves with current",
         (320,),
         (
-            Evidence(
+            ClaimEvidence(
                 "printed",
                 f"RMSE over the range of stiffness, heating, {_change(effect)} from 1 to 2 A, not steadily; R² "
                 f"{', '.join(r2)}; {TREND}",

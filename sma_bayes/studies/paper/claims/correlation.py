@@ -9,7 +9,7 @@ import numpy as np
 
 from sma_bayes.assess.correlation_average import average_draws
 from sma_bayes.paper.correlation import implied_average
-from sma_bayes.studies.paper.claims.types import Claim, Evidence
+from sma_bayes.studies.paper.claims.types import Claim, ClaimEvidence
 from sma_bayes.studies.paper.study import TwinStudy
 
 ROUNDED: Final = 0.005
@@ -34,9 +34,9 @@ def correlation_claims(study: TwinStudy) -> Iterator[Claim]:
         f"The average correlation factor is {implied.claimed:g}",
         (3, 500),
         (
-            Evidence("printed", told, 0.0),
-            Evidence("twin", f"{twin}; the twin's noise is the printed RMSE", inside, False),
-            Evidence("twin", f"a straight line in temperature has a plain mean of r of {line:.3f}", None, False),
+            ClaimEvidence("printed", told, 0.0),
+            ClaimEvidence("twin", f"{twin}; the twin's noise is the printed RMSE", inside, False),
+            ClaimEvidence("twin", f"a straight line in temperature has a plain mean of r of {line:.3f}", None, False),
         ),
         "The claim contradicts the paper's own R², which are far better. Which average it was is not said; a straight "
         "line would nearly reach it.",
@@ -47,8 +47,8 @@ def correlation_claims(study: TwinStudy) -> Iterator[Claim]:
         f"The average correlation factor is {implied.claimed:g} or more, on the data that were fitted",
         (3, 320, 500),
         (
-            Evidence("printed", told, 1.0),
-            Evidence("twin", twin, float(np.mean(r > implied.claimed)), False),
+            ClaimEvidence("printed", told, 1.0),
+            ClaimEvidence("twin", twin, float(np.mean(r > implied.claimed)), False),
         ),
         "True, and weak: the factor is of the data to which the curves were fitted, and a straight line has "
         f"{line:.3f}.",

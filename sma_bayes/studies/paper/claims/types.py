@@ -11,7 +11,7 @@ HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot tell from these numbers"
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class ClaimEvidence:
     """Something that speaks for or against a claim.
 
     Attributes
@@ -40,7 +40,7 @@ class Claim:
     id, text : str
     lines : tuple of int
         Of the source text.
-    evidence : tuple of Evidence
+    evidence : tuple of ClaimEvidence
     why : str
         What the verdict means, and what to doubt.
     errata : tuple of str
@@ -49,7 +49,7 @@ class Claim:
     id: str
     text: str
     lines: tuple[int, ...]
-    evidence: tuple[Evidence, ...]
+    evidence: tuple[ClaimEvidence, ...]
     why: str
     errata: tuple[str, ...] = ()
 

@@ -20,7 +20,7 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.sampling.importance import WeightedDraws
-from sma_bayes.studies.compare.comparison import Comparison, Fitted, compare_record
+from sma_bayes.studies.compare.comparison import Comparison, FittedContender, compare_record
 from sma_bayes.studies.compare.contenders import contenders, observables, of_channel, posterior_of
 from sma_bayes.studies.compare.contenders import joined as joined_records
 from sma_bayes.studies.compare.document import record_document
@@ -90,7 +90,7 @@ def test_leaving_out_is_what_a_fit_without_gives(record: Record, line: Compariso
     y, t = record.observed["stiffness"], record.temperature
     axes = [np.linspace(m - 5.0 * s, m + 5.0 * s, 41) for m, s in _spread(found)]
     z = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    theta = posterior.space.to_physical(z)
+    theta = posterior.space.constrain(z)
     mu = theta[:, 0, None] + theta[:, 1, None] * (t - 50.0)
     pointwise = (
         -0.5 * ((y - mu) / theta[:, 2, None]) ** 2 - np.log(theta[:, 2, None]) - 0.5 * np.log(2.0 * np.pi)
@@ -176,7 +176,7 @@ def test_correlation_factors_of_a_fold_are_those_of_a_fit_without_it(
     y, t = record.observed["stiffness"], record.temperature
     axes = [np.linspace(m - 6.0 * s, m + 6.0 * s, 41) for m, s in _spread(found)]
     z = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    theta = found.posterior.space.to_physical(z)
+    theta = found.posterior.space.constrain(z)
     mu = theta[:, 0, None] + theta[:, 1, None] * (t - 50.0)
     pointwise = -0.5 * ((y - mu) / theta[:, 2, None]) ** 2 - np.log(theta[:, 2, None])
     for fold, got in enumerate(found.folds.agreements):
@@ -193,7 +193,7 @@ def test_correlation_factors_of_a_fold_are_those_of_a_fit_without_it(
     assert np.median(found.agreement.r2) > np.median(together.r2)  # in sample looks better than held out
 
 
-def _spread(found: Fitted) -> list[tuple[float, float]]:
+def _spread(found: FittedContender) -> list[tuple[float, float]]:
     draws = found.draws
     weight = np.exp(draws.log_weight)
     mean = weight @ draws.z
@@ -238,7 +238,7 @@ def test_where_the_best_contender_misses_a_discrepancy_stands_beside_all() -> No
     assert found.converged
     for fitted in found.fitted.values():
         names = [p.name for p in fitted.posterior.space.parameters]
-        theta = fitted.posterior.space.to_physical(fitted.draws.z)
+        theta = fitted.posterior.space.constrain(fitted.draws.z)
         mean = dict(zip(names, np.exp(fitted.draws.log_weight) @ theta, strict=True))
         assert mean["stiffness_sd"] == pytest.approx(
             3.0, rel=0.3
@@ -288,7 +288,7 @@ def test_noise_that_grows_does_so_over_the_range_of_the_whole_record() -> None:
     """What is held out is judged by the scale that was fitted, not by one of its own range."""
     record = noisy_line(40, 2)
     posterior = posterior_of(LINE, record, NOISE_MODELS["independent+growing"], PRIORS)
-    theta = posterior.space.to_physical(posterior.space.prior_centre())[None]
+    theta = posterior.space.constrain(posterior.space.prior_centre())[None]
     (whole,) = posterior.pointwise_log_likelihood(theta)
     hot = np.arange(40) >= 30
     (own,) = held_out.of_samples(posterior, part(record, hot)).pointwise_log_likelihood(theta)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.fitting.posterior import Place, Posterior
+from sma_bayes.fitting.posterior import ParameterIndex, Posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter, ParameterSpace
@@ -38,7 +38,7 @@ def made_posterior(record: Record) -> Posterior:
         at[channel] = np.array([len(parameters)])
         prior = LogNormal(0.01 * float(np.ptp(record.observed[channel])), 1.0)
         parameters.append(Parameter(f"{channel}_sd", "", "", prior))
-    place = Place(np.arange(len(model.parameter_names)), at)
+    place = ParameterIndex(np.arange(len(model.parameter_names)), at)
     space = ParameterSpace(tuple(parameters))
     return Posterior((record,), model, NOISE_MODELS["independent"], space, (place,))
 

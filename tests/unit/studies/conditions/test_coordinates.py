@@ -44,7 +44,7 @@ def test_log_prior_is_that_of_the_sampled_coordinates(make_draws: Callable[..., 
         space.parameters[i].prior.log_density(own[:, i]) + np.log(own[:, i]) for i in (8, 9)
     )  # the coordinates are logarithms and shears of unit determinant, as those that were sampled
     found = coordinates_for([record]).log_prior(record.priors, record.curve_theta)
-    np.testing.assert_allclose(found + noise, space.log_prior(space.to_sampled(own)), rtol=1e-10)
+    np.testing.assert_allclose(found + noise, space.log_prior(space.unconstrain(own)), rtol=1e-10)
 
 
 def test_the_level_is_taken_at_the_end_that_differs_less(make_draws: Callable[..., RecordDraws]) -> None:

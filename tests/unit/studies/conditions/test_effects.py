@@ -9,11 +9,11 @@ import pytest
 
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.records.types import Condition
-from sma_bayes.studies.conditions.effects import Effect, operating_effects, regression
+from sma_bayes.studies.conditions.effects import SettingEffect, operating_effects, regression
 from sma_bayes.studies.conditions.features import condition_features
 
 
-def named(effects: tuple[Effect, ...], feature: str, channel: str, setting: str) -> Effect:
+def named(effects: tuple[SettingEffect, ...], feature: str, channel: str, setting: str) -> SettingEffect:
     (found,) = [e for e in effects if (e.feature, e.channel, e.setting) == (feature, channel, setting)]
     return found
 

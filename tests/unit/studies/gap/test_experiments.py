@@ -14,8 +14,14 @@ from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import histories, sweep_rate
 from sma_bayes.studies.gap import experiments
-from sma_bayes.studies.gap.experiments import DESIGNS, ENOUGH, Design, Proposal, next_experiment
-from sma_bayes.studies.gap.fitting import Fitted, fit_hypothesis, fit_with_noise
+from sma_bayes.studies.gap.experiments import (
+    DESIGNS,
+    ENOUGH,
+    ExperimentDesign,
+    ProposedExperiment,
+    next_experiment,
+)
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
 
 Inputs = Mapping[str, Floats]
@@ -39,10 +45,10 @@ def with_rate(v: Inputs) -> Floats:
 
 
 @pytest.fixture(scope="module")
-def rivals(make_line, added) -> Callable[..., list[Fitted]]:
+def rivals(make_line, added) -> Callable[..., list[FittedHypothesis]]:
     """A parabola with one of several columns added, each fitted to what the first of them makes; one load for all."""
 
-    def make(*columns: Callable[[Inputs], Floats], phi: float = 0.4) -> list[Fitted]:
+    def make(*columns: Callable[[Inputs], Floats], phi: float = 0.4) -> list[FittedHypothesis]:
         line = make_line(prior_sd=(1e4, 1e4, 1e4), phi=phi)
         seen = []
         for h in line.hypothesis.histories:
@@ -56,10 +62,12 @@ def rivals(make_line, added) -> Callable[..., list[Fitted]]:
 
 
 @pytest.fixture
-def separation(monkeypatch: pytest.MonkeyPatch) -> Callable[[Sequence[Fitted], Design], float]:
+def separation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> Callable[[Sequence[FittedHypothesis], ExperimentDesign], float]:
     """That of the first from the others, by one design."""
 
-    def of(fitted: Sequence[Fitted], design: Design) -> float:
+    def of(fitted: Sequence[FittedHypothesis], design: ExperimentDesign) -> float:
         monkeypatch.setattr(experiments, "DESIGNS", (design,))
         proposal = next_experiment(fitted)
         monkeypatch.undo()
@@ -129,7 +137,7 @@ def test_another_rate_tells_a_lag_from_a_training_drift(rig, separation) -> None
     for name in ("thermocouple_lag", "training_drift"):
         hypothesis = plain.extended(EFFECTS[name])
         fitted.append(fit_with_noise(hypothesis, hypothesis.space.prior_centre()))
-    again = separation(fitted, Design("the same again", (), dict))
+    again = separation(fitted, ExperimentDesign("the same again", (), dict))
     assert separation(fitted, TWICE_THE_LOAD) == pytest.approx(again, rel=1e-6)
     assert separation(fitted, THIRD_OF_THE_RATE) > max(ENOUGH, 10.0 * again)
     proposal = next_experiment(fitted)
@@ -138,7 +146,7 @@ def test_another_rate_tells_a_lag_from_a_training_drift(rig, separation) -> None
 
 
 @pytest.mark.parametrize("design", DESIGNS, ids=lambda d: d.title)
-def test_a_design_leaves_time_rate_and_temperature_consistent(design: Design, rig) -> None:
+def test_a_design_leaves_time_rate_and_temperature_consistent(design: ExperimentDesign, rig) -> None:
     for h in histories(rig().campaign()):
         inputs = {**h.inputs, "current": np.ones(h.n), "ambient_temperature": np.full(h.n, 20.0)}
         new = design.inputs(inputs)
@@ -151,7 +159,7 @@ def test_a_design_leaves_time_rate_and_temperature_consistent(design: Design, ri
 
 
 def test_what_was_not_recorded_is_not_proposed(rivals) -> None:
-    def untold(f: Fitted) -> Fitted:
+    def untold(f: FittedHypothesis) -> FittedHypothesis:
         bare = tuple(
             replace(h, inputs={k: v for k, v in h.inputs.items() if k not in ("load", "time", "rate")})
             for h in f.hypothesis.histories
@@ -177,7 +185,7 @@ def test_what_was_not_recorded_is_not_proposed(rivals) -> None:
     ],
 )
 def test_a_proposal_says_what_to_change_and_by_how_much(name: str, words: list[str]) -> None:
-    titles = [str(Proposal(d, 7.04)) for d in DESIGNS if name in d.needs]
+    titles = [str(ProposedExperiment(d, 7.04)) for d in DESIGNS if name in d.needs]
     assert len(titles) == len(words)
     for title, word in zip(titles, words, strict=True):
         assert word in title
@@ -185,5 +193,7 @@ def test_a_proposal_says_what_to_change_and_by_how_much(name: str, words: list[s
 
 
 def test_a_weak_proposal_says_so() -> None:
-    assert "4.5 sigma, which may not be enough: repeat it" in str(Proposal(TWICE_THE_LOAD, 0.9 * ENOUGH))
-    assert "enough" not in str(Proposal(TWICE_THE_LOAD, ENOUGH))
+    assert "4.5 sigma, which may not be enough: repeat it" in str(
+        ProposedExperiment(TWICE_THE_LOAD, 0.9 * ENOUGH)
+    )
+    assert "enough" not in str(ProposedExperiment(TWICE_THE_LOAD, ENOUGH))

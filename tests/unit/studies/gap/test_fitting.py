@@ -82,7 +82,7 @@ def test_what_the_parameters_absorb(make_line) -> None:
     j = np.linalg.solve(np.linalg.cholesky(line.covariance), line.x)
     np.testing.assert_allclose(found.jacobian, j, atol=1e-7 * np.max(np.abs(j)))
     exact = np.linalg.inv(np.eye(line.y.size) + j @ np.diag(line.prior_sd**2) @ j.T)
-    np.testing.assert_allclose(found.unabsorbed(np.eye(line.y.size)), exact, atol=1e-6)
+    np.testing.assert_allclose(found.project_out(np.eye(line.y.size)), exact, atol=1e-6)
 
 
 def test_masked_samples_do_not_exist(make_line) -> None:

@@ -13,7 +13,7 @@ from sma_bayes.records.history import histories
 from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.flexible import SIZES, Term, gains, terms_of
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.splines import bumps, grouped, one_of_each, times
+from sma_bayes.studies.gap.splines import bspline_basis, grouped, indicators, row_tensor_product
 
 VAGUE = (50.0, 50.0, 50.0)
 """Priors a hundred times as wide as what the measurements leave open."""
@@ -133,7 +133,7 @@ def test_a_joint_shift_of_temperature_moves_every_channel_by_its_slope(null) -> 
 
 def test_splines_add_up_to_1_and_bend_at_will() -> None:
     x = np.random.default_rng(5).uniform(3.0, 9.0, 300)
-    columns = bumps(x, 8)
+    columns = bspline_basis(x, 8)
     np.testing.assert_allclose(columns.sum(axis=1), 1.0)
     assert columns.min() >= 0.0
     cubic = 1.0 - x + 0.3 * x**2 - 0.02 * x**3
@@ -147,8 +147,8 @@ def test_columns_of_labels() -> None:
     assert np.unique(joined).size == 8
     assert np.all(np.diff(joined) >= 0.0)
     np.testing.assert_array_equal(grouped(np.array([2.0, 2.0, 5.0])), [0.0, 0.0, 1.0])
-    one = one_of_each(np.array([7.0, 3.0, 7.0]))
+    one = indicators(np.array([7.0, 3.0, 7.0]))
     np.testing.assert_array_equal(one, [[0.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
     np.testing.assert_array_equal(
-        times(one, np.array([[1.0], [2.0], [0.0]])), [[0.0, 1.0], [2.0, 0.0], [0.0, 0.0]]
+        row_tensor_product(one, np.array([[1.0], [2.0], [0.0]])), [[0.0, 1.0], [2.0, 0.0], [0.0, 0.0]]
     )

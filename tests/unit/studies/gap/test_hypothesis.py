@@ -178,5 +178,5 @@ def test_current_and_time_bring_a_heat_balance(rig) -> None:
     assert [p.name for p in tail[:3]] == ["gain[c0]", "loss[c0]", "ambient[c0]"]
     assert len(tail) == 9
     assert all(isinstance(p.prior, LogNormal) for p in tail if not p.name.startswith("ambient"))
-    theta = hypothesis.space.to_physical(hypothesis.space.prior_centre())
+    theta = hypothesis.space.constrain(hypothesis.space.prior_centre())
     assert set(hypothesis.predict(theta, 0)) == {"displacement", "temperature"}

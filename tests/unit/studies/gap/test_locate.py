@@ -11,7 +11,7 @@ from scipy.stats import binom, kstest, norm
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import histories
-from sma_bayes.studies.gap.fitting import Fitted, fit_with_noise
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.locate import Disagreement, disagreements, look, shuffled, tail_probability
 
@@ -23,7 +23,7 @@ SPAN = {"force": 2.0, "displacement": 0.02}
 def fit_rig(rig):
     """Fit the model without effects to a rig whose readings are changed before."""
 
-    def fit(change=None, start: Floats | None = None, **of) -> Fitted:
+    def fit(change=None, start: Floats | None = None, **of) -> FittedHypothesis:
         campaign = rig(**of).campaign()
         hypothesis = baseline(campaign, histories(campaign), read_priors("modified_sigmoid"), pooled=True)
         if change is not None:

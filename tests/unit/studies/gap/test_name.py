@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from sma_bayes.studies.gap.fitting import fit_hypothesis
-from sma_bayes.studies.gap.flexible import Offer, Term, beyond_shape, gains, offer, terms_of
+from sma_bayes.studies.gap.flexible import FlexibleTerms, Term, beyond_shape, gains, offer, terms_of
 from sma_bayes.studies.gap.name import (
     WORTH,
-    Beside,
     Candidate,
+    EvidenceBeside,
     candidates,
-    guard_of,
+    flexible_alternative,
     screen,
     screen_all,
     signature_at_mode,
@@ -123,11 +123,14 @@ def test_the_guard_is_the_mean_of_the_terms_that_hold_most_of_a_signature(line, 
     assert shares[1] > 0.6
     assert shares[2] < 0.3
     screened = screen(fitted, effect)
-    value, covariate = guard_of(signature, flexible, screened)
+    value, covariate = flexible_alternative(signature, flexible, screened)
     assert value == pytest.approx(np.log(np.mean([np.exp(f.ln_bayes_factor) for f in flexible[:2]])))
     assert covariate in ("holds it", "holds it too")
-    assert guard_of(signature, flexible[2:], screened) == (-np.inf, "")
-    assert guard_of(signature, flexible[:1], screened) == (flexible[0].ln_bayes_factor, "holds it")
+    assert flexible_alternative(signature, flexible[2:], screened) == (-np.inf, "")
+    assert flexible_alternative(signature, flexible[:1], screened) == (
+        flexible[0].ln_bayes_factor,
+        "holds it",
+    )
 
 
 def test_a_line_does_not_guard_against_an_effect_that_is_that_line(line, fitted, added) -> None:
@@ -138,18 +141,18 @@ def test_a_line_does_not_guard_against_an_effect_that_is_that_line(line, fitted,
     for effect, guarded in ((ramp, False), (bent, True)):
         screened = screen(fitted, effect)
         extended = fit_hypothesis(fitted.hypothesis.extended(effect), screened.start, fitted.noise)
-        value, _ = guard_of(signature_at_mode(fitted, extended), [term], screened)
+        value, _ = flexible_alternative(signature_at_mode(fitted, extended), [term], screened)
         assert np.isfinite(value) == guarded
 
 
 def offered(
     line, fitted, added, best: float | None, shape: float = 0.0, beyond: float | None = None
-) -> Offer:
+) -> FlexibleTerms:
     """What flexible terms bring, made up."""
     term = Term("order", "displacement", column_of(added("wave", wave), line)[:, None])
     (gain,) = gains(fitted, [term])
     first, second = (None if v is None else replace(gain, ln_bayes_factor=v) for v in (best, beyond))
-    return Offer(first, shape, second)
+    return FlexibleTerms(first, shape, second)
 
 
 @pytest.mark.parametrize(
@@ -168,7 +171,9 @@ def offered(
 def test_an_effect_is_weighed_beside_flexible_terms_with_the_shape_or_without(
     gained, with_it, without, over, carried, apart, line, fitted, added
 ) -> None:
-    found = Beside.of(gained, offered(line, fitted, added, *with_it), offered(line, fitted, added, *without))
+    found = EvidenceBeside.of(
+        gained, offered(line, fitted, added, *with_it), offered(line, fitted, added, *without)
+    )
     assert found.over == pytest.approx(over)
     assert found.carried == pytest.approx(carried)
     assert found.shape_apart is apart
@@ -183,7 +188,7 @@ def test_what_is_looked_at_is_what_flexible_terms_bring(line, fitted, added) -> 
     extended, plain = (gains(f, terms_of(f)) for f in (found.fitted, fitted))
     on_top, alone = (max(0.0, *(g.ln_bayes_factor for g in some)) for some in (extended, plain))
     assert (found.beside is None) == (found.ln_bayes_factor < WORTH)
-    told = Beside.of(found.ln_bayes_factor, offer(found.fitted), offer(fitted))
+    told = EvidenceBeside.of(found.ln_bayes_factor, offer(found.fitted), offer(fitted))
     assert told.on_top == pytest.approx(on_top)
     if not told.shape_apart:
         assert told.over == pytest.approx(found.ln_bayes_factor + on_top - alone)
@@ -201,7 +206,7 @@ def test_beside_a_free_shape_a_bend_of_the_curve_brings_nothing(fitted) -> None:
 def test_the_weight_of_an_effect_is_its_mean_with_a_flexible_term_and_without(
     on_top: float | None, weight: float, added
 ) -> None:
-    beside = None if on_top is None else Beside(3.0, 0.9, None, on_top, False)
+    beside = None if on_top is None else EvidenceBeside(3.0, 0.9, None, on_top, False)
     assert Candidate(added("wave", wave), None, 8.0, beside=beside).weight == pytest.approx(weight)
 
 
@@ -219,5 +224,5 @@ def test_the_weight_of_an_effect_is_its_mean_with_a_flexible_term_and_without(
 def test_an_effect_is_worthy_in_the_place_of_what_is_flexible_or_beside_it(
     factor: float, guard: float, over: float | None, carried: float, worthy: bool, added
 ) -> None:
-    beside = None if over is None else Beside(over, carried, None, 1.0, False)
+    beside = None if over is None else EvidenceBeside(over, carried, None, 1.0, False)
     assert is_worthy(Candidate(added("wave", wave), None, factor, guard, "order", beside)) is worthy

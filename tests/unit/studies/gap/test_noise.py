@@ -11,8 +11,8 @@ from sma_bayes.records.history import History, histories
 from sma_bayes.studies.gap.noise import (
     DEGREES,
     MEMORIES,
-    Block,
     BlockNoise,
+    ChannelBlock,
     block_noise,
     blocks_of,
     recorded_columns,
@@ -57,9 +57,9 @@ def restricted(e: Floats, x: Floats, r: Floats) -> tuple[float, float]:
     return float(value), float(np.sqrt(variance))
 
 
-def block_of(history: History, dt: Floats) -> Block:
+def block_of(history: History, dt: Floats) -> ChannelBlock:
     first = np.diff(history.inputs["segment"], prepend=-1.0) != 0
-    return Block(0, "displacement", slice(0, history.n), first, dt)
+    return ChannelBlock(0, "displacement", slice(0, history.n), first, dt)
 
 
 @pytest.mark.parametrize("planted", [-0.3, 0.0, 0.5, 0.9])

@@ -14,7 +14,7 @@ from sma_bayes.effects import EFFECTS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, histories
-from sma_bayes.studies.gap.fitting import Fitted, fit_with_noise
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.locate import look
 from sma_bayes.studies.gap.noise import scatter
@@ -27,13 +27,13 @@ SD = 0.004 * SPAN
 
 
 @pytest.fixture(scope="module")
-def fit(rig) -> Callable[..., Fitted]:
+def fit(rig) -> Callable[..., FittedHypothesis]:
     """Fit the model without effects to a rig; `noise` makes the noise of a history anew, `keep` thins it out."""
     start: list[Floats] = []
 
     def of(
         noise: Callable[[int], Floats] | None = None, keep: Callable[[History], Floats] | None = None, **rest
-    ) -> Fitted:
+    ) -> FittedHypothesis:
         given = rest if noise is None else {**rest, "sd": 1e-9}
         campaign = rig(samples=60, cycles=4, **given).campaign()
         found = histories(campaign)

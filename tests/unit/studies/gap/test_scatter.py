@@ -83,7 +83,7 @@ def test_screening_lays_all_members_together(scattered_runs: Campaign) -> None:
     effect = EFFECTS["run_offset"]
     found = lay_together(fitted, effect)
     extended = fitted.hypothesis.extended(effect)
-    theta = extended.space.to_physical(found.start)[extended.effect_positions["run_offset"]]
+    theta = extended.space.constrain(found.start)[extended.effect_positions["run_offset"]]
     offsets = theta[0] * theta[2:6] / SPAN
     np.testing.assert_allclose(offsets - offsets.mean(), [0.03, -0.045, 0.01, 0.005], atol=0.005)
     screened, _ = screen_all(fitted, [effect])

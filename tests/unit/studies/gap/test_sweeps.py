@@ -15,7 +15,7 @@ from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise, neares
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.outcome import gap_outcome, outcome_json
 from sma_bayes.studies.gap.study import baseline_start
-from sma_bayes.studies.gap.sweeps import Sweep, cycle_law, suspects, sweep_numbers
+from sma_bayes.studies.gap.sweeps import SweepNumbers, cycle_law, suspects, sweep_numbers
 
 PRIORS = read_priors("modified_sigmoid")
 LOW, SPAN, RATE = 0.01, 0.02, 0.28
@@ -63,7 +63,7 @@ def test_numbers_of_sweeps_are_those_that_made_them(rig) -> None:
         assert np.max(sd[:, 2]) < 1.0
 
 
-def table(law, cycles: int, seed: int = 0, scatter: float = 0.1) -> list[Sweep]:
+def table(law, cycles: int, seed: int = 0, scatter: float = 0.1) -> list[SweepNumbers]:
     """Sweeps whose offset, stroke and shift follow a law, and scatter by a part of it."""
     rng = np.random.default_rng(seed)
     out = []
@@ -72,7 +72,7 @@ def table(law, cycles: int, seed: int = 0, scatter: float = 0.1) -> list[Sweep]:
             e, y = scatter * rng.standard_normal(4), law(n)
             stroke, width = np.exp(-0.1 * (y + e[1])), np.exp(0.1 * e[3])
             values = (0.01 * (y + e[0]), float(stroke), sign * (y + e[2]), float(width))
-            out.append(Sweep("c", branch, "displacement", float(n), values, (1e-4, 0.01, 0.1, 0.01)))
+            out.append(SweepNumbers("c", branch, "displacement", float(n), values, (1e-4, 0.01, 0.1, 0.01)))
     return out
 
 

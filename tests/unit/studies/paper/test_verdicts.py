@@ -9,12 +9,12 @@ import pytest
 from sma_bayes.paper.specifications import TABLE_1, TABLE_2
 from sma_bayes.paper.tables import TABLE_6
 from sma_bayes.records.types import Branch
-from sma_bayes.studies.paper.claims.types import FAILS, HOLDS, OPEN, Claim, Evidence
+from sma_bayes.studies.paper.claims.types import FAILS, HOLDS, OPEN, Claim, ClaimEvidence
 from sma_bayes.studies.paper.page import _untypeset, anchor, pipes, probability
 from sma_bayes.studies.paper.tables import printed_spread
 
 
-def claim(*evidence: Evidence) -> Claim:
+def claim(*evidence: ClaimEvidence) -> Claim:
     return Claim("id", "text", (1,), evidence, "why")
 
 
@@ -35,15 +35,15 @@ def claim(*evidence: Evidence) -> Claim:
 def test_a_verdict_needs_all_evidence_that_counts(
     probabilities: tuple[float | None, ...], verdict: str
 ) -> None:
-    evidence = [Evidence("printed", "", p) for p in probabilities]
+    evidence = [ClaimEvidence("printed", "", p) for p in probabilities]
     assert claim(*evidence).verdict == verdict
     for circular in (0.0, 1.0):
-        assert claim(*evidence, Evidence("twin", "", circular, False)).verdict == verdict
+        assert claim(*evidence, ClaimEvidence("twin", "", circular, False)).verdict == verdict
         assert claim(*evidence).document()["verdict"] == verdict
 
 
 def test_evidence_that_does_not_count_decides_nothing() -> None:
-    assert claim(Evidence("twin", "", 1.0, False)).verdict == OPEN
+    assert claim(ClaimEvidence("twin", "", 1.0, False)).verdict == OPEN
 
 
 def test_probabilities_are_not_surer_than_draws() -> None:
