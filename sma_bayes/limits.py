@@ -39,6 +39,7 @@ ID_BYTES: Final = Limit(120, "bytes of that id in UTF-8, because it names files"
 MAGNITUDE: Final = Limit(
     1e50, "the magnitude of a measured value in its canonical unit, and of a number of a prior"
 )
+SETTING: Final = Limit(1e9, "a setting of the rig (current, load, frequency) in the unit of its key")
 DEGREES: Final = Limit(
     1e6, "a difference of temperature in a call: how far to extrapolate, how far a setting is off"
 )

@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from sma_bayes.errors import CampaignError, SmaBayesError, many, near_matches
-from sma_bayes.limits import ID_BYTES, ID_CHARACTERS
+from sma_bayes.limits import ID_BYTES, ID_CHARACTERS, SETTING
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, STANDARD_GRAVITY
 from sma_bayes.records.formats import Reading
 from sma_bayes.records.split import SplitSettings
@@ -131,12 +131,12 @@ class ConditionTable(StrictTable):
 
     id: str
     file: str | Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
-    current_A: float | None = Field(default=None, ge=0)
-    load_g: float | None = Field(default=None, ge=0)
-    load_N: float | None = Field(default=None, ge=0)
-    stress_MPa: float | None = Field(default=None, ge=0)
-    frequency_mHz: float | None = Field(default=None, gt=0)
-    frequency_Hz: float | None = Field(default=None, gt=0)
+    current_A: float | None = Field(default=None, ge=0, le=SETTING.value)
+    load_g: float | None = Field(default=None, ge=0, le=SETTING.value)
+    load_N: float | None = Field(default=None, ge=0, le=SETTING.value)
+    stress_MPa: float | None = Field(default=None, ge=0, le=SETTING.value)
+    frequency_mHz: float | None = Field(default=None, gt=0, le=SETTING.value)
+    frequency_Hz: float | None = Field(default=None, gt=0, le=SETTING.value)
     duty_cycle_pct: float | None = Field(default=None, gt=0, le=100)
     columns: dict[str, Any] = Field(default_factory=dict)
     reading: dict[str, Any] = Field(default_factory=dict)

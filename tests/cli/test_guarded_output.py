@@ -71,6 +71,7 @@ def test_a_script_of_the_page_itself_may_run() -> None:
         ("current_A=2,current_A=3", "given twice"),
         ("current_A=-2", "greater than or equal to 0"),
         ("current_A=inf", "finite"),
+        ("current_A=1e308", "less than or equal to 1000000000"),
     ],
 )
 def test_a_study_with_a_condition_that_is_none_is_refused_before_anything_runs(
