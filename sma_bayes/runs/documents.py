@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from sma_bayes.checksum import KEY, document_checksum
+from sma_bayes.checksum import KEY, document_checksum, file_checksum
 from sma_bayes.errors import OutputError
 from sma_bayes.limits import DOCUMENT_BYTES
 from sma_bayes.runs.store import plain
 
 MARK: Final = "run.json"
 """File that tells to which run a folder belongs."""
+FILES: Final = "files_sha256"
+"""Key of the checksums of the files beside a document."""
 AGAIN: Final = "give the command that started it once more, with --resume"
 FINISH: Final = f"finish it: {AGAIN}"
 
@@ -32,6 +34,13 @@ def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
     """Document as it is written: values that JSON knows, and a checksum of all of them."""
     stated: dict[str, Any] = plain(document)
     return {**stated, KEY: document_checksum(stated)}
+
+
+def files_beside(folder: Path) -> dict[str, str]:
+    """SHA-256 of each CSV of results in a folder, tables and data of figures left out, by its path there."""
+    made_anew = {"tables", "figures"}
+    paths = (p.relative_to(folder) for p in sorted(folder.rglob("*.csv")))
+    return {p.as_posix(): file_checksum(folder / p) for p in paths if p.parts[0] not in made_anew}
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +131,20 @@ class Document:
                 expected=f"what {self.verb} wrote, unchanged",
                 remedy=f"take it from a copy; or remove it and {AGAIN}",
             )
+        self._compare_files(folder, found.get(FILES, {}))
         return dict(found)
+
+    def _compare_files(self, folder: Path, checksums: Mapping[str, str]) -> None:
+        """Refuse a file that is not, byte by byte, what the document says of it; one that is gone its reader misses."""
+        for name, checksum in checksums.items():
+            path = folder / name
+            if path.is_file() and file_checksum(path) != checksum:
+                raise OutputError(
+                    f"is not the file that {self.file} tells of, or was changed since",
+                    file=path,
+                    expected=f"what {self.verb} wrote, unchanged",
+                    remedy=f"take both from one run; or {self.anew(folder)}",
+                )
 
     @property
     def as_declared(self) -> str:

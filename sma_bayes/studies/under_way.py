@@ -11,7 +11,7 @@ from typing import Any
 from sma_bayes.account import Account
 from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import Drawn, ReportBuilder, ReportOptions
-from sma_bayes.runs.documents import Document, sealed
+from sma_bayes.runs.documents import FILES, Document, files_beside, sealed
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.store import nothing_unfinished, write_json
 
@@ -84,7 +84,7 @@ class RunContext:
             finished = (folder / self.document.file).is_file()
             found = self.document.read(folder) if finished else find(folder)
         if not finished:
-            return self.end(folder, found)
+            return self.end(folder, {**found, FILES: files_beside(folder)})
         if self.drawn != "none" and not (folder / "report.html").is_file():
             self._report(folder)
         return found

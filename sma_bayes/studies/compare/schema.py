@@ -272,5 +272,10 @@ class ComparisonFindings(DocumentPart):
 class ComparisonDocument(RunAccount, ComparisonFindings):
     """What `comparison.json` holds."""
 
+    files_sha256: dict[str, str] = Field(
+        default_factory=dict,
+        description="SHA-256 of each file in `curves/` and `samples/`, by its path; a file that differs is refused",
+    )
+
 
 DOCUMENTS: Final = {"compare": ComparisonDocument}

@@ -16,6 +16,7 @@ from sma_bayes.runs.documents import (
     MARK,
     STUDY,
     Document,
+    files_beside,
     read_mark,
     sealed,
 )
@@ -61,3 +62,25 @@ def test_a_mark_that_says_nothing(tmp_path: Path, text: str | None) -> None:
         (tmp_path / MARK).write_text(text, encoding="utf-8")
     assert read_mark(tmp_path) is None
     assert not any(d.is_in(tmp_path) for d in DOCUMENTS)
+
+
+def run_with_files(folder: Path, document: Document) -> dict[str, object]:
+    for name in ("curves/a.csv", "curves/b.csv", "tables/of.csv", "figures/of.csv"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(f"x\n{len(name)}\n{name}\n", encoding="utf-8")
+    found = {"schema": document.schema, **{key: [1] for key in document.keys}}
+    written = sealed({**found, "files_sha256": files_beside(folder)})
+    (folder / document.file).write_text(json.dumps(written), encoding="utf-8")
+    return written
+
+
+@pytest.mark.parametrize("document", [COMPARISON, CONDITIONS, GAP], ids=lambda d: d.verb)
+def test_a_file_that_is_not_the_one_that_was_written_is_refused(tmp_path: Path, document: Document) -> None:
+    written = run_with_files(tmp_path, document)
+    assert list(written["files_sha256"]) == ["curves/a.csv", "curves/b.csv"]  # type: ignore[call-overload]
+    (tmp_path / "tables/of.csv").write_text("made anew by the report", encoding="utf-8")
+    assert document.read(tmp_path) == written
+    (tmp_path / "curves/a.csv").write_bytes((tmp_path / "curves/b.csv").read_bytes())
+    with pytest.raises(OutputError, match=rf"is not the file that {document.file} tells of") as caught:
+        document.read(tmp_path)
+    assert caught.value.file == str(tmp_path / "curves/a.csv")
