@@ -35,11 +35,11 @@ import emcee
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.fit_records import AUTO, fit_records
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.sampling.bridge import bridge_evidence
 from sma_bayes.sampling.convergence import Target, assess

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 import sma_bayes
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch
 from sma_bayes.response import ResponseModel
 

@@ -28,8 +28,8 @@ from scipy.optimize import brentq, minimize
 from scipy.special import expit, ndtr
 
 import sma_bayes
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch
 from sma_bayes.response import ResponseModel
 

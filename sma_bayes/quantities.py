@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sma_bayes.arrays import Floats as Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import QuantityError, near_matches
 from sma_bayes.limits import MAGNITUDE, UNIT_CHARACTERS, UNIT_EXPONENT, UNIT_NESTING
 

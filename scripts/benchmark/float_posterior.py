@@ -13,9 +13,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.parameters.distributions import LogNormal, Normal, Uniform
-from sma_bayes.quantities import Floats
 
 HALF_LN_2PI = 0.5 * math.log(2.0 * math.pi)
 

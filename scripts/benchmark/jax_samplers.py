@@ -14,7 +14,7 @@ from benchmark.gradient_posterior import Form, length_for, log_prob, numbers
 from benchmark.problems import Problem
 from benchmark.progress import GROUPS, Progress, Settings
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 
 TUNING = 400
 """Draws of a chain that NumPyro is tuned with and that are dropped."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from benchmark.progress import Progress
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.sampling.convergence import Convergence, Target, ess_bulk, ess_tail, rank_rhat
 
 TARGET = Target(rhat=1.01, ess=1000.0)

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from benchmark.gradient_posterior import HALF_LN_2PI, Form, numbers
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import Posterior
-from sma_bayes.quantities import Floats
 
 Kernel = Callable[[Floats], Floats]
 

@@ -15,7 +15,7 @@ from benchmark.problems import Problem
 from benchmark.progress import GROUPS, Progress, Settings
 from scipy.special import logit, ndtri
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.sampling.weighted import Weights, resampled
 
 LIVE_POINTS = 150

@@ -11,13 +11,13 @@ import numpy as np
 from benchmark.float_posterior import FloatPosterior
 from benchmark.judgement import Reference
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.noise_choice import noise_start
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS, Steps
 from sma_bayes.paper.twin import Recipe, curves, recipes, twin_campaign
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.convergence import Target
 from sma_bayes.sampling.ensembles import Draws, Plan, sample

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 
 GROUPS = 4
 """Independent ensembles or chains of every sampler."""

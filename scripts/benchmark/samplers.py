@@ -19,7 +19,7 @@ from benchmark.problems import Problem
 from benchmark.progress import GROUPS, Progress, Settings
 from benchmark.pymc_samplers import Nutpie, PyMC
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.sampling.ensembles import Plan
 
 FIRST_BLOCK = 100

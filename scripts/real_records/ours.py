@@ -11,10 +11,10 @@ import numpy as np
 import sma_bayes
 from real_records.prediction import Prediction, mixture
 from real_records.records import Measured, scatter_of_readings
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.noise import Steps
 from sma_bayes.noise.base import lag1
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Campaign, Record
 
 

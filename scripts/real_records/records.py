@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.held_out import part
-from sma_bayes.quantities import Floats
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Record
 

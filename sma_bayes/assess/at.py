@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import new_samples
 from sma_bayes.fitting.curves import CurveDraws, quantiles
-from sma_bayes.quantities import Floats
 
 Curve = Callable[[Floats], Floats]
 

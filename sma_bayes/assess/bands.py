@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.fitting.curves import CurveDraws, quantiles
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.noise import Steps
-from sma_bayes.quantities import ARBITRARY, Floats, convert
-from sma_bayes.records.types import Ints, Record
+from sma_bayes.quantities import ARBITRARY, convert
+from sma_bayes.records.types import Record
 from sma_bayes.response.arrangement import BiasSpring, overall_stiffness
 from sma_bayes.response.modified_sigmoid import channel_unit
 

@@ -15,11 +15,10 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtr
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.noise import Steps
 from sma_bayes.noise.base import lag1
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Ints
 
 CHECKED: Final = 500
 """Draws that a check looks at."""

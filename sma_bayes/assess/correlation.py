@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
 from sma_bayes.fitting.fit import Fit
-from sma_bayes.quantities import Floats
 
 FACTORS: Final = ("r", "r2", "adj_r2", "rmse")
 """Names of the factors, in the order in which they are told."""

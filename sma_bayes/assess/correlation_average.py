@@ -13,9 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import FACTORS, Agreement, joined, quantiles
 from sma_bayes.paper.correlation import CLAIMED
-from sma_bayes.quantities import Floats
 
 RULES: Final[Mapping[str, str]] = MappingProxyType(
     {

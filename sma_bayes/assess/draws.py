@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import band_channels
 from sma_bayes.assess.path import path_remark
 from sma_bayes.fitting.curves import CurveDraws, Errors
@@ -15,7 +16,6 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.parameters.distributions import Distribution
 from sma_bayes.parameters.roles import Role
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import channel_unit

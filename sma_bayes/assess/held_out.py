@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import Agreement, agreement
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis
 from sma_bayes.fitting.posterior import Posterior, Weights
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights

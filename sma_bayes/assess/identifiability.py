@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.transforms import Logit
-from sma_bayes.quantities import Floats
 
 IDENTIFIED = 0.9
 """Contraction from which a parameter counts as identified: its variance is a tenth of the prior's or less."""

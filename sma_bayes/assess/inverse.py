@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 
 Curve = Callable[[Floats], Floats]
 """Curves of N draws: temperatures of shape (m,) or (N, m) to values of shape (N, m)."""

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.adequacy import led_by_prior
 from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
-from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import channel_unit
 
 

@@ -19,10 +19,10 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.curves import CurveDraws, quantiles
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
-from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
 SAMPLES = 150

@@ -26,12 +26,11 @@ import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import f as f_distribution
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.checks import Check
 from sma_bayes.assess.held_out import evaluated_on, missed_by, of_samples, part
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.posterior import Posterior, Weights
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Ints
 from sma_bayes.sampling.importance import importance_draws
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
 

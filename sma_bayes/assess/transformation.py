@@ -23,9 +23,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.curves import CurveDraws, quantiles
 from sma_bayes.fitting.fit import Fit
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Record
 
 Curve = Callable[[Floats], Floats]

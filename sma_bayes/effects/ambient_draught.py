@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 LEAST: Final = 0.2
 """Least change of the ambient temperature that a size is reckoned with [K]."""

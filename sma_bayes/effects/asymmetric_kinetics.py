@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import curves
 from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import Normal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)

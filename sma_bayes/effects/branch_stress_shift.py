@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.stress import REFERENCE, coefficient
 from sma_bayes.effects.transformation import FARTHEST, moved
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import moved
 from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)

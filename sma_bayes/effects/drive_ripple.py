@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import Uniform
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 HARMONICS: Final = 8
 """Highest harmonic."""

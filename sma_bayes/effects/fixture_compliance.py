@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)

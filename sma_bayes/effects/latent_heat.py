@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 SPECIFIC_HEAT: Final = 500.0
 """Specific heat of NiTi [J/(kg K)]; only L over c shows, so L means this number of times that ratio."""

@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.memory import elapsed, lagged
 from sma_bayes.effects.transformation import measured
 from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 CAPACITY: Final = 5.0
 """Capacity of a load cell over the greatest force measured with it."""

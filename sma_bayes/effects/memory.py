@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Inputs
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import starts
 
 LONGEST = 200.0

@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import curves
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import Normal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import starts
 
 LEAST: Final = 1e-6

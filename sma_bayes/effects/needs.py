@@ -8,9 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Effect, Scales
 from sma_bayes.normal import MAD_TO_SD
-from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.history import History
 
 OF_HEATING: Final = frozenset({"temperature_response", "outcome"})

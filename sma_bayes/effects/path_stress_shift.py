@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.stress import REFERENCE, coefficient
 from sma_bayes.effects.transformation import moved
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 STEEPEST, FLATTEST = -50.0, -0.2
 """Bounds of the slope that the secant method uses, which is -1 without the effect."""

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 HARMONICS: Final = 12
 """Terms of the series; further ones are nothing once the noise is a twentieth of a step."""

@@ -7,11 +7,11 @@ from typing import Final
 
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import curves
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Uniform
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 HYSTERESIS: Final = 3.0
 """Hysteresis of the R-phase, which is known better than these data could tell [K]."""

@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import moved
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Uniform
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 EXPONENTS: Final = (0.3, 1.0)
 """Range of the exponent."""

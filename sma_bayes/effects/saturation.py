@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import FARTHEST, moved
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 MEMBER: Final = Normal(0.0, 1.0)
 """Prior of what a member has of its own, over how much members scatter."""

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.latent_heat import taking
 from sma_bayes.effects.memory import FORGOTTEN, elapsed, lagged
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import starts
 
 

@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.memory import elapsed, lagged
 from sma_bayes.effects.transformation import at
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 ROOM: Final = 22.0
 """Temperature of the grips where no ambient temperature was recorded [degC]."""

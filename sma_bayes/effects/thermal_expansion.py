@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import curves, measured
 from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 MARTENSITE: Final = 6.6e-6
 AUSTENITE: Final = 11e-6

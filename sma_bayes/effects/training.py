@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.training_drift import TrainingDrift, trained
 from sma_bayes.effects.transformation import curves, moved, stretched
 from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 
 STROKE = 2.0
 """Change of the stroke, over it, that goes with a drift by the whole stroke."""

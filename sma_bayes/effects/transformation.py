@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Inputs, Response
-from sma_bayes.quantities import Floats
 
 FAR = 500.0
 """Distance from the measured temperatures at which a transformation is over [K]."""

@@ -14,9 +14,9 @@ from typing import Protocol
 import numpy as np
 from scipy.special import stdtrit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.distributions import StudentT
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 
 Inputs = Mapping[str, Floats]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import Posterior
-from sma_bayes.quantities import Floats
 
 Errors = Mapping[str, tuple[Floats, Floats]]
 """Channel, or ``temperature``, to gain and shift (S,) of its calibration: a true value is ``gain * value + shift``."""

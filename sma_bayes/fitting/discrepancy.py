@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 
+from sma_bayes.arrays import Floats
 from sma_bayes.noise import NoiseModel, Steps
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 
 FUNCTIONS = 30
 """Eigenfunctions of the smoothing spline that are kept; the next has 1/170 of the first."""

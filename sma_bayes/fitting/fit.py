@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from sma_bayes.account import Account
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.curves import CurveDraws, calibrated_parameters
 from sma_bayes.fitting.model_choice import ModelChoice
 from sma_bayes.fitting.noise_choice import NoiseChoice
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.fitting.warm_start import WarmStart
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Calibration, Record
 from sma_bayes.sampling.ensembles import Draws
 

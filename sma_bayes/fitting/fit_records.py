@@ -11,12 +11,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.model_choice import Prepared, Support, best_supported, prepare, support_of
 from sma_bayes.fitting.noise_choice import noise_start, posterior_with
 from sma_bayes.fitting.warm_start import WarmStart
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError, SmaBayesError, near_matches
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import OVERFLOW, warm_start
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.response.base import ResponseModel

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.noise_choice import NoiseChoice, choose_noise, noise_start, posterior_with
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import WarmStart, warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.sampling.laplace import find_mode

@@ -14,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis, Whitened, build_basis, nodes_of, size_fact
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import WarmStart
@@ -26,7 +27,6 @@ from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import ParameterSpace
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.laplace import find_mode
 

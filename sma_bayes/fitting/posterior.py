@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats
 from sma_bayes.batches import batches
 from sma_bayes.errors import PriorError
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis, Whitened, size_fact
@@ -37,7 +38,6 @@ from sma_bayes.noise.heteroscedastic import temperature_sd_fact
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import Parameter, ParameterSpace, ParameterSpec
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid

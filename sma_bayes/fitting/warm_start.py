@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
 from sma_bayes.fitting.posterior import Posterior
-from sma_bayes.quantities import Floats
 
 SCREENED = 512
 """Prior draws that are screened, what the model can solve for solved for."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, Steps, sd_fact
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 
 
 def memory_log_density(e: Floats, phi: Floats) -> Floats:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.noise.ar1 import MemoryNoise
 from sma_bayes.noise.base import Steps, sd_fact
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 
 ABSCISSAE: Floats = np.sinh(np.linspace(-12.0, 12.0, 801))

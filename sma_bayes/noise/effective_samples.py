@@ -27,11 +27,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
+from sma_bayes.arrays import Floats
 from sma_bayes.noise.ar1 import MemoryNoise
 from sma_bayes.noise.base import Steps, sd_fact
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 
 FURTHEST = 1.5
 """How far from the middle of its observed range [ranges] a response goes on changing the standard deviation."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, Steps
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)

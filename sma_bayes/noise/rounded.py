@@ -18,10 +18,10 @@ from functools import cache
 import numpy as np
 from scipy.special import erfcx, ndtr, ndtri
 
+from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, Steps
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 
 FINE = 1e-4
 """Step in standard deviations of the noise below which rounding does not show."""

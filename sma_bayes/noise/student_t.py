@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln, ndtri, stdtr
 
+from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
 from sma_bayes.noise.independent import Independent
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.paper.specifications import TABLE_1, specification
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True, slots=True)

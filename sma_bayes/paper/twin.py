@@ -31,6 +31,7 @@ from typing import Final
 import numpy as np
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import UnknownNameError, near_matches
 from sma_bayes.paper.tables import (
     CONDITIONS,
@@ -39,7 +40,7 @@ from sma_bayes.paper.tables import (
     STATISTICS_TABLES,
     PrintedCell,
 )
-from sma_bayes.quantities import ARBITRARY, CHANNELS, Floats
+from sma_bayes.quantities import ARBITRARY, CHANNELS
 from sma_bayes.records.types import Branch, Campaign, Condition, Finding, Record
 
 DEFAULT_POINTS: Final = 100

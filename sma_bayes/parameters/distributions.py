@@ -14,11 +14,11 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from scipy.special import betaincinv, gammaincinv, gammaln, log_ndtr, ndtri, ndtri_exp, stdtrit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.catalogue import Catalogue
 from sma_bayes.errors import PriorError
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.transforms import Identity, Log, Logit, Transform
-from sma_bayes.quantities import Floats
 
 LEAST_DF = 0.25
 """Degrees of freedom below which draws of Student's t are beyond what floating-point numbers can be reckoned with."""

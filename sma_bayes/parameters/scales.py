@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import PriorError, near_matches
-from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.quality import digit
 from sma_bayes.records.types import Record
 

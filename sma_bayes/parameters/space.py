@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import PriorError, near_matches
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.distributions import Distribution, LogNormal, Normal
 from sma_bayes.parameters.roles import Role
-from sma_bayes.quantities import Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from scipy.special import expit, log_expit
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 
 
 class Transform(Protocol):

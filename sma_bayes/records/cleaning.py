@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Ints
 from sma_bayes.errors import many
 from sma_bayes.records.ledger import Ledger
 from sma_bayes.records.quality import (
@@ -18,7 +19,6 @@ from sma_bayes.records.quality import (
     spikes,
     zero_dropouts,
 )
-from sma_bayes.records.types import Ints
 
 CHANNEL_STEPS: Final = 10.0
 """A zero in a channel is a drop-out when it is this many usual steps from its neighbours: zero may be

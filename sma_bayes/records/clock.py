@@ -12,11 +12,10 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError
-from sma_bayes.quantities import Floats
 from sma_bayes.records.formats.numbers import is_blank
 from sma_bayes.records.formats.table import Cells
-from sma_bayes.records.types import Ints
 
 DAY: Final = 86400.0
 """Seconds of a day."""

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 
 DELIVERED: Final = ("delivered_two_before", "delivered_before", "delivered_after", "delivered_two_after")
 """Inputs: integrals of the squared current over time [A^2 s], with each reading taken as the current of the step before

@@ -10,8 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import QuantityError
-from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, Floats, convert
+from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, convert
 from sma_bayes.records.declaration import CHANNEL_OF
 
 _NO_READING = r"derivative|\brate\b|set ?point|target|reference"

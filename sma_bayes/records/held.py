@@ -23,12 +23,13 @@ from typing import Final
 import numpy as np
 from scipy.optimize import isotonic_regression
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.normal import MAD_TO_SD
-from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.cleaning import SPARSE
 from sma_bayes.records.ledger import Ledger
 from sma_bayes.records.run import Run
-from sma_bayes.records.types import Branch, HeldChannel, Ints
+from sma_bayes.records.types import Branch, HeldChannel
 
 SWEEP_BINS: Final = 40
 """Bins of temperature in which a channel is averaged to see whether it follows."""

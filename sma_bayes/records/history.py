@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_smoothing_spline
 
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Branch, Campaign, Condition, Ints, Record, plain_fields
+from sma_bayes.arrays import Floats, Ints
+from sma_bayes.records.types import Branch, Campaign, Condition, Record, plain_fields
 
 GAP = 5.0
 """Steps of time, in medians of the steps of the sweeps beside it, from which on samples no longer follow each other."""

@@ -10,10 +10,11 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError, many
-from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.declaration import CHANNEL_OF, ColumnDeclaration
-from sma_bayes.records.types import Finding, Ints
+from sma_bayes.records.types import Finding
 
 GAP_STEPS: Final = 10.0
 """Between readings that are further apart than so many usual steps nothing is interpolated."""

@@ -6,10 +6,11 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError, many
-from sma_bayes.quantities import SPECIMEN_QUANTITY, Floats, unit_text
+from sma_bayes.quantities import SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.run import Run
-from sma_bayes.records.types import Finding, Ints
+from sma_bayes.records.types import Finding
 
 ROWS_SHOWN: Final = 5
 """Source lines that a finding lists."""

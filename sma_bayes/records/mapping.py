@@ -8,8 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import CampaignError, MeasurementError, QuantityError, many, near_matches
-from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, STANDARD_GRAVITY, Floats, convert, unit_text
+from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, STANDARD_GRAVITY, convert, unit_text
 from sma_bayes.records.clock import clock_seconds, is_clock
 from sma_bayes.records.declaration import (
     CHANNEL_OF,
@@ -26,7 +27,7 @@ from sma_bayes.records.guesses import near_quantity
 from sma_bayes.records.joining import FileColumns, joined
 from sma_bayes.records.quality import levels
 from sma_bayes.records.run import Run
-from sma_bayes.records.types import Branch, Calibration, Condition, Finding, Ints, setting_unit
+from sma_bayes.records.types import Branch, Calibration, Condition, Finding, setting_unit
 
 _BRANCH_SIGN = {Branch.HEATING.value: 1.0, Branch.COOLING.value: -1.0}
 CLOCKS: Final = frozenset(

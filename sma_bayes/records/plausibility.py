@@ -12,17 +12,10 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
 from sma_bayes.limits import MAGNITUDE
-from sma_bayes.quantities import (
-    ARBITRARY,
-    CHANNELS,
-    QUANTITIES,
-    SPECIMEN_QUANTITY,
-    Floats,
-    convert,
-    unit_text,
-)
+from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, convert, unit_text
 from sma_bayes.records.declaration import ColumnDeclaration, DeclaredCondition
 from sma_bayes.records.default_names import recognised
 from sma_bayes.records.run import Run

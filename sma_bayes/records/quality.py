@@ -22,10 +22,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import median_filter
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.normal import MAD_TO_SD
-from sma_bayes.quantities import Floats
 from sma_bayes.records.segmentation import Mask, first_of_each_reading, noise_sd
-from sma_bayes.records.types import Ints
 
 SPIKE_SDS = 8.0
 """A spike is this many robust standard deviations off the running median: 1e6 Gaussian samples hold none."""

@@ -35,9 +35,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.records.segmentation import noise_sd
-from sma_bayes.records.types import Ints
 
 WIDEST_SEARCH = 8
 """Blocks grow to at most this many times the rows that an equal share would have."""

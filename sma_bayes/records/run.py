@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Calibration, Condition, Ints
+from sma_bayes.arrays import Floats, Ints
+from sma_bayes.records.types import Calibration, Condition
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -27,9 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.normal import MAD_TO_SD
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Ints
 
 Mask = NDArray[np.bool_]
 

@@ -25,8 +25,9 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError, many, near_matches
-from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.cleaning import SPARSE, clean_channel, clean_rows, note_digits
 from sma_bayes.records.drive import delivered
 from sma_bayes.records.held import (
@@ -56,7 +57,7 @@ from sma_bayes.records.segmentation import (
     with_quiet_ends,
     without_holds,
 )
-from sma_bayes.records.types import Branch, Finding, Ints, Record
+from sma_bayes.records.types import Branch, Finding, Record
 
 FEWEST_ROWS_OF_A_SWEEP: Final = 4
 """A sweep of fewer rows is a jump between two states, not a sweep."""

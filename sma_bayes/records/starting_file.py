@@ -11,9 +11,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.disk import writing
 from sma_bayes.errors import CampaignError, MeasurementError, OutputError, SmaBayesError, many
-from sma_bayes.quantities import Floats
 from sma_bayes.records.clock import is_clock
 from sma_bayes.records.declaration import CAMPAIGN_FILE, CHANNEL_OF, FILES_SHOWN, parse_declaration
 from sma_bayes.records.formats import RawTable, Reading, read_table, recognise

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sma_bayes.arrays import Ints as Ints
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError
-from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, Floats
+from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

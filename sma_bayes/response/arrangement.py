@@ -12,8 +12,8 @@ from enum import StrEnum
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import QuantityError
-from sma_bayes.quantities import Floats
 
 BIAS_STIFFNESS = 130.0
 """Stiffness of the steel bias spring [N/m], Table 2 of the paper."""

@@ -16,12 +16,12 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sma_bayes.arrays import Bools
+from sma_bayes.arrays import Bools, Floats
 from sma_bayes.errors import MeasurementError
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors, read_priors
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.types import Record
 
 Curves = Callable[[Floats, Mapping[str, Floats]], dict[str, Floats]]

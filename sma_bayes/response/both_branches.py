@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.response.base import ResponseModel
 
 

@@ -21,9 +21,8 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.arrays import Bools
+from sma_bayes.arrays import Bools, Floats
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 from sma_bayes.records.drive import delivered_in_steps
 from sma_bayes.records.history import starts
 

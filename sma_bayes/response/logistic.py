@@ -20,11 +20,11 @@ from typing import Self
 import numpy as np
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.response.base import ResponseModel, Variant
 

@@ -24,10 +24,10 @@ from functools import cached_property
 import numpy as np
 from scipy.special import expit
 
-from sma_bayes.arrays import Bools
+from sma_bayes.arrays import Bools, Floats
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import ARBITRARY, CHANNELS, Floats, per
+from sma_bayes.quantities import ARBITRARY, CHANNELS, per
 from sma_bayes.response.base import Asymptote, ResponseModel, Variant, in_order
 
 

@@ -19,9 +19,10 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats, per, quotient
+from sma_bayes.quantities import per, quotient
 from sma_bayes.response.base import Asymptote, ResponseModel
 from sma_bayes.response.modified_sigmoid import channel_unit, log_cosh_squared
 

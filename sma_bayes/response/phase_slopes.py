@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.roles import Role
-from sma_bayes.quantities import Floats
 from sma_bayes.response.phase_lines import Argument, LogisticArgument, Parameters
 
 

@@ -23,9 +23,10 @@ from typing import Final, Self
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats, quotient
+from sma_bayes.quantities import quotient
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel, Variant
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.both_branches import BothBranches
 from sma_bayes.response.joule_heating import JouleHeating

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.response.base import Asymptote, ResponseModel, Variant
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 

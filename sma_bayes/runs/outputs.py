@@ -11,10 +11,10 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.checksum import KEY, file_checksum, netcdf_checksum
 from sma_bayes.errors import OutputError
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis
-from sma_bayes.quantities import Floats
 from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FINISH, FIT, GAP, MARK, STUDY
 from sma_bayes.runs.fit_document import FitSummary, read_fit
 from sma_bayes.runs.store import FUNCTIONS, NODE, WEIGHTS, unguarded_text

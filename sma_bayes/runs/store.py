@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.disk import NEEDED, reason, unwritable, writing
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.posterior import versions
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.runs.netcdf import Variable, VariableGroup, axes, write_groups
 from sma_bayes.runs.workers import stop_workers

@@ -14,12 +14,12 @@ from functools import partial
 import numpy as np
 import pytest
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError, PriorError
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.parameters.roles import Role
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.response.base import ResponseModel

@@ -34,6 +34,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.identifiability import IDENTIFIED, contraction
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.noise_choice import discrepancy_bases, noise_start
@@ -43,7 +44,6 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.noise.heteroscedastic import WRAPPERS
 from sma_bayes.parameters.priors_file import parse_priors
 from sma_bayes.parameters.space import ParameterSpace
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response import RESPONSE_MODELS, ModifiedSigmoid, ResponseModel
 from sma_bayes.sampling.convergence import Target

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest, multivariate_normal
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.fitting.posterior import ParameterIndex, Posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter, ParameterSpace
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid, sigmoid
 from sma_bayes.sampling.importance import importance_draws

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.studies.compare.comparison import compare_record
 from sma_bayes.studies.compare.contenders import of_channel

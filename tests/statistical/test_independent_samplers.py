@@ -40,6 +40,7 @@ import pytest
 from scipy.special import expit, logsumexp, ndtr, ndtri
 from scipy.stats import multivariate_t
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.noise_choice import noise_start
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import warm_start
@@ -47,7 +48,6 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.paper.twin import recipes, truth, twin_campaign
 from sma_bayes.parameters.distributions import LogNormal, Normal, Uniform
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.sampling.convergence import Target, ess_bulk, ess_tail, rank_rhat
 from sma_bayes.sampling.ensembles import Plan, sample
 

@@ -26,9 +26,9 @@ import pytest
 from reference_posteriors import CASES, GRIDS, QUANTILES, STORED, grid_of
 
 import sma_bayes
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.priors_file import parse_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.sampling.convergence import Target
 from sma_bayes.sampling.ensembles import Plan
 

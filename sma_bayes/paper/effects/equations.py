@@ -13,13 +13,14 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit, logit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.paper.effects.types import Amount, Effect
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
 from sma_bayes.paper.physics import biased_path
 from sma_bayes.paper.specifications import TABLE_2, TEXT_VALUES, specification
 from sma_bayes.paper.tables import PARAMETER_TABLES, PARAMETER_UNITS
 from sma_bayes.paper.twin import RECIPROCAL_RATES, curves, recipes
-from sma_bayes.quantities import STANDARD_GRAVITY, Floats, convert
+from sma_bayes.quantities import STANDARD_GRAVITY, convert
 from sma_bayes.records.types import Branch
 
 DEGREES_PER_UNIT: Final = 25.0

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.paper.effects.equations import between, columns, parameter_rows
 from sma_bayes.paper.effects.types import Amount, Effect
 from sma_bayes.paper.extremes import (
@@ -29,7 +30,7 @@ from sma_bayes.paper.physics import (
     wire_resistance,
 )
 from sma_bayes.paper.specifications import TABLE_1, TEXT_VALUES, specification
-from sma_bayes.quantities import STANDARD_GRAVITY, Floats, convert
+from sma_bayes.quantities import STANDARD_GRAVITY, convert
 from sma_bayes.records.types import Branch
 
 FLEXINOL_SPECIFIC_HEAT: Final = 0.20

@@ -13,10 +13,11 @@ from typing import TypeAlias
 
 import numpy as np
 
+from sma_bayes.arrays import Ints
 from sma_bayes.errors import MeasurementError, many
 from sma_bayes.records.formats.numbers import NOT_AVAILABLE, is_blank, looks_numeric
 from sma_bayes.records.formats.table import RawTable, Reading, cut_findings, rows_finding
-from sma_bayes.records.types import Finding, Ints
+from sma_bayes.records.types import Finding
 
 Row: TypeAlias = tuple[int, Sequence[object]]
 """Source line and cells."""

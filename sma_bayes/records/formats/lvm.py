@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
-from sma_bayes.quantities import Floats
 from sma_bayes.records.formats.delimited import text_lines
 from sma_bayes.records.formats.table import Cells, Format, RawTable, Reading
 from sma_bayes.records.types import Finding

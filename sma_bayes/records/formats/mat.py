@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
 from sma_bayes.limits import BINARY_NUMBERS, MATLAB_BYTES
-from sma_bayes.quantities import Floats
 from sma_bayes.records.formats.table import Format, RawTable, Reading, sample_rows, too_large
 
 

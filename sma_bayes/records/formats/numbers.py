@@ -15,10 +15,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError, many
-from sma_bayes.quantities import Floats
 from sma_bayes.records.formats.table import Cells, rows_finding
-from sma_bayes.records.types import Finding, Ints
+from sma_bayes.records.types import Finding
 
 NOT_AVAILABLE: Final = frozenset({"#N/A", "#N/A N/A", "N/A", "n/a", "#NA", "NA"})
 """Texts that say that a value is not available, and nothing else."""

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError, many
-from sma_bayes.quantities import Floats
-from sma_bayes.records.types import Finding, Ints
+from sma_bayes.records.types import Finding
 
 Cells: TypeAlias = Floats | Sequence[object]
 """One column: numbers already, or cells as they stand in the file (text, numbers, None for an empty cell)."""

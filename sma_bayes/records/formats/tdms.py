@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError, near_matches
 from sma_bayes.limits import BINARY_NUMBERS
-from sma_bayes.quantities import Floats
 from sma_bayes.records.formats.table import Cells, Format, RawTable, Reading, sample_rows, too_large
 from sma_bayes.records.types import Finding
 

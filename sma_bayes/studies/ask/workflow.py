@@ -11,6 +11,7 @@ from typing import Any, Final, TypedDict
 import numpy as np
 from scipy.special import ndtri
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.at import IntervalAt, credible_at, predictive_at
 from sma_bayes.assess.bands import bias_draws
 from sma_bayes.assess.draws import RecordDraws
@@ -18,14 +19,7 @@ from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, sea
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.limits import DEGREES
-from sma_bayes.quantities import (
-    ARBITRARY,
-    SPECIMEN_QUANTITY,
-    Floats,
-    convert,
-    number_and_unit,
-    unit_text,
-)  # fmt: skip
+from sma_bayes.quantities import ARBITRARY, SPECIMEN_QUANTITY, convert, number_and_unit, unit_text
 from sma_bayes.records.plausibility import ABSOLUTE_ZERO
 from sma_bayes.records.types import Branch
 from sma_bayes.response.arrangement import Arrangement, BiasSpring, overall_stiffness

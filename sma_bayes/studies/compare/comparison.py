@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import logsumexp
 from threadpoolctl import threadpool_limits
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import Agreement, agreement
 from sma_bayes.assess.held_out import (
     Folds,
@@ -37,7 +38,6 @@ from sma_bayes.noise import NOISE_MODELS, NoiseModel
 from sma_bayes.noise.base import lag1
 from sma_bayes.noise.effective_samples import EffectiveSamples, memory_of
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.polynomial import FREQUENCY, least_squares

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import Agreement, factors, joined
 from sma_bayes.assess.correlation_average import Scored, averages
-from sma_bayes.quantities import Floats
 from sma_bayes.runs.schema import CorrelationFactors
 from sma_bayes.sampling.pareto import RELIABLE
 from sma_bayes.sampling.weighted import weighted_quantiles

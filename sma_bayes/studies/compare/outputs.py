@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.runs.documents import COMPARISON
 from sma_bayes.runs.outputs import read_columns
 from sma_bayes.runs.schema import read_document

@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import t as student_t
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 
 CANNOT_TELL: Final = "cannot tell"
 DECISIVE: Final = float(np.log(20.0))

@@ -16,12 +16,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.errors import MeasurementError
 from sma_bayes.parameters.distributions import Distribution
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
-from sma_bayes.quantities import Floats
 from sma_bayes.response.base import ResponseModel
 
 LOGARITHMIC = frozenset({Role.SPAN, Role.RATE, Role.SECOND_RATE, Role.WIDTH, Role.TAIL, Role.GAP})

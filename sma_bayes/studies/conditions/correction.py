@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.quantities import Floats
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
 from sma_bayes.sampling.weighted import resampled
 from sma_bayes.studies.conditions.coordinates import CurveCoordinates

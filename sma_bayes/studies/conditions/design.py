@@ -9,8 +9,8 @@ from itertools import groupby
 import numpy as np
 from scipy.optimize import linprog
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Condition
 
 SETTINGS = tuple(f.name for f in fields(Condition) if f.name != "id")

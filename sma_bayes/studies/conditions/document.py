@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.fitting.curves import quantiles
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Condition, setting_unit
 from sma_bayes.studies.conditions.design import SETTINGS, Design
 from sma_bayes.studies.conditions.effects import SettingEffect

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.studies.conditions.design import Confounder, Design, confounders, designs
 from sma_bayes.studies.conditions.features import BOTH, Feature, interval
 

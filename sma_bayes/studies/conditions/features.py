@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.parameters.roles import Role
-from sma_bayes.quantities import Floats, per
+from sma_bayes.quantities import per
 from sma_bayes.records.types import Branch, Condition
 
 BOTH = "both"

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.fitting.curves import quantiles
-from sma_bayes.quantities import Floats
 from sma_bayes.studies.conditions.design import Design, designs
 from sma_bayes.studies.conditions.population import SCATTER, Population, population_of
 from sma_bayes.studies.conditions.prediction import (

@@ -42,8 +42,8 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.quantities import Floats
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.weighted import resampled
 from sma_bayes.studies.conditions.coordinates import CurveCoordinates, coordinates_for

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import PREDICTIVE, QUANTILES, Band, new_samples, simultaneous_band
 from sma_bayes.assess.draws import GRID, RecordDraws, curve_of
 from sma_bayes.fitting.curves import CurveDraws, quantiles
 from sma_bayes.parameters.roles import Role
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Condition
 from sma_bayes.studies.conditions.design import Design
 from sma_bayes.studies.conditions.features import CHANNELS, Feature, ratio

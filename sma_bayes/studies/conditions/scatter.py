@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from scipy.stats import multivariate_normal
 
+from sma_bayes.arrays import Floats
 from sma_bayes.batches import batches
-from sma_bayes.quantities import Floats
 
 COMMON: Final = 1.0
 OWN: Final = 1.0

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 import numpy.typing as npt
 
+from sma_bayes.arrays import Floats
 from sma_bayes.arviz_bridge import open_posterior
 from sma_bayes.assess.at import credible_at, predictive_at
 from sma_bayes.assess.bands import band_channels, credible_band
@@ -22,7 +23,6 @@ from sma_bayes.errors import MeasurementError, SmaBayesError
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.least_squares import LeastSquares, least_squares_at
 from sma_bayes.progress import Progress, silent
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Record
 from sma_bayes.runs.fit_document import FitFindings, RecordSummary
 from sma_bayes.runs.store import write_posterior

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import observed_range
 from sma_bayes.noise import NOISE_MODELS, Steps
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.report.content import RecordContent
 from sma_bayes.response import RESPONSE_MODELS, ResponseModel

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.account import Account
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Effect
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 from sma_bayes.runs.jobs import run
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, fit_with_noise, measured, stacked

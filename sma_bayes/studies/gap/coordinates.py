@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sma_bayes.arrays import Bools
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Bools, Floats
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.sampling.convergence import Target
 from sma_bayes.sampling.ensembles import Draws, Plan, sample
 from sma_bayes.sampling.laplace import Mode

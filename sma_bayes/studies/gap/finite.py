@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Effect
 from sma_bayes.parameters.distributions import LogNormal
-from sma_bayes.quantities import Floats
 from sma_bayes.studies.gap.fitting import FittedHypothesis, climbed
 
 STRONG = 100.0

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from sma_bayes.arrays import Floats
 from sma_bayes.batches import batches
 from sma_bayes.effects.types import Effect
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.quantities import Floats
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, Noise, blocks_of, noise_of, whiten
 

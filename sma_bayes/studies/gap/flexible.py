@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.records.history import sweep_rate
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.noise import ChannelBlock

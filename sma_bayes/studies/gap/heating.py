@@ -12,11 +12,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects import EFFECTS, Effect
 from sma_bayes.effects.needs import of_heating
 from sma_bayes.effects.transformation import curves
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import histories
 from sma_bayes.records.types import Campaign
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_with_noise

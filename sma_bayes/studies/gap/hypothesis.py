@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import SLOPED
 from sma_bayes.effects.types import Effect, Scales, with_effects
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import Parameter, ParameterSpace
-from sma_bayes.quantities import Floats
 from sma_bayes.records.drive import switched_at
 from sma_bayes.records.history import History
 from sma_bayes.records.types import Branch, Campaign, Record

@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.flexible import TermEvidence, gains, terms_of
 from sma_bayes.studies.gap.noise import ChannelBlock

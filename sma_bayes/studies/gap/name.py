@@ -18,10 +18,10 @@ from itertools import product
 import numpy as np
 from scipy.special import logsumexp
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.needs import untestable
 from sma_bayes.effects.types import Effect
 from sma_bayes.parameters.distributions import Distribution, LogNormal
-from sma_bayes.quantities import Floats
 from sma_bayes.studies.gap.finite import STRONG, gained_in_steps
 from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by, fit_hypothesis, stacked
 from sma_bayes.studies.gap.flexible import FlexibleTerms, TermEvidence, offer, worth_of

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from sma_bayes.arrays import Floats
 from sma_bayes.noise.ar1 import memory_innovations, memory_log_scale, memory_series
 from sma_bayes.normal import MAD_TO_SD
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, starts
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.splines import bspline_basis, grouped, indicators, row_tensor_product

@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 from scipy.special import expit, logit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import curves
 from sma_bayes.effects.types import Effect, Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter
-from sma_bayes.quantities import Floats
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis
 
 TINY: Final = 1e-12

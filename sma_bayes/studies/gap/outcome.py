@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.account import Account
+from sma_bayes.arrays import Floats
 from sma_bayes.effects import EFFECTS, Effect
 from sma_bayes.effects.needs import of_heating, untestable
 from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, Floats
+from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY
 from sma_bayes.records.history import History
 from sma_bayes.records.types import Campaign
 from sma_bayes.response.base import ResponseModel

@@ -11,9 +11,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from sma_bayes.arrays import Floats
 from sma_bayes.checksum import has_its_checksum
 from sma_bayes.errors import OutputError
-from sma_bayes.quantities import Floats
 from sma_bayes.runs.documents import GAP
 from sma_bayes.runs.outputs import floats, read_cells
 from sma_bayes.studies.gap.outcome import HEATING

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 from scipy.stats import chi2
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.records.history import History, starts
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.flexible import SIZES

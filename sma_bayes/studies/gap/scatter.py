@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.scatter import MEMBER
 from sma_bayes.effects.types import Effect
-from sma_bayes.quantities import Floats
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, stacked
 from sma_bayes.studies.gap.flexible import SIZES, Term, TermEvidence, gains
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.records.types import Branch
 from sma_bayes.studies.gap.fitting import added_by
 from sma_bayes.studies.gap.study import GapStudy

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BSpline
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 
 MOST_CYCLES = 8
 """Cycles that get a column of their own; where there are more, neighbours share one."""

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects import EFFECTS, Effect
 from sma_bayes.effects.needs import of_response
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.quantities import CHANNELS, Floats
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.response.base import ResponseModel

@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import least_squares
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import SLOPED, curves
 from sma_bayes.effects.types import Inputs, Response
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 from sma_bayes.response.simulation import Simulation
 from sma_bayes.studies.gap.fitting import FittedHypothesis

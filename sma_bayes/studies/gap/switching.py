@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 
 SIZES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.29, 0.4)
 """Standard deviations of instants that are tried, in steps of the record; 0.29 is that of any instant within a step."""

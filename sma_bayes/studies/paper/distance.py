@@ -22,10 +22,11 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
 from sma_bayes.paper.tables import STATISTICS_TABLES, CellStatus, PrintedCell
 from sma_bayes.paper.twin import Recipe, curves, recipes
-from sma_bayes.quantities import Floats, convert
+from sma_bayes.quantities import convert
 
 GRID: Final = 4001
 BEYOND: Final = 3.0

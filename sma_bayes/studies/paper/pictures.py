@@ -9,10 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
 from sma_bayes.paper.twin import recipes
-from sma_bayes.quantities import Floats, convert
+from sma_bayes.quantities import convert
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.report.figures.sheet import Drawing, FigureFiles, save_picture
 from sma_bayes.response.logistic import Logistic, printed_constants

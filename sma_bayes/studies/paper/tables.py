@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.warm_start import GoodnessOfFit
 from sma_bayes.paper.errata import PRINTED_TABLES
 from sma_bayes.paper.export import cell_row
@@ -15,7 +16,7 @@ from sma_bayes.paper.physics import PUBLISHED_HELIX
 from sma_bayes.paper.specifications import TABLE_1, specification
 from sma_bayes.paper.tables import PARAMETER_TABLES, STATISTICS_TABLES, CellStatus, PrintedCell, PrintedTable
 from sma_bayes.paper.twin import FITTED_PARAMETERS
-from sma_bayes.quantities import Floats, convert
+from sma_bayes.quantities import convert
 from sma_bayes.studies.conditions.features import BOTH, interval
 from sma_bayes.studies.paper.study import TwinStudy
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import Agreement, agreement, factors, joined, quantiles
 from sma_bayes.assess.correlation_average import (
     Scored,
@@ -14,7 +15,6 @@ from sma_bayes.assess.correlation_average import (
 )
 from sma_bayes.errors import MeasurementError
 from sma_bayes.paper.correlation import CLAIMED
-from sma_bayes.quantities import Floats
 
 N = 7
 """Draws."""

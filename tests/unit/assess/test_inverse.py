@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.inverse import Met, finer, met, passages, search_grid
-from sma_bayes.quantities import Floats
 from sma_bayes.response.modified_sigmoid import sigmoid, stiffness
 
 LOW, HIGH = 20.0, 90.0

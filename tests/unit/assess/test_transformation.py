@@ -11,6 +11,7 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import expit
 
 from sma_bayes import fit
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.transformation import (
     OUTSTANDING,
     tangents,
@@ -20,7 +21,6 @@ from sma_bayes.effects import EFFECTS
 from sma_bayes.effects.types import Inputs
 from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.response.bounded_logistic import BoundedLogistic
 from sma_bayes.response.modified_sigmoid import sigmoid

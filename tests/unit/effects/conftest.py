@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Response
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.response.simulation import Simulation

@@ -9,10 +9,10 @@ import pytest
 from pint import UnitRegistry
 
 import sma_bayes.effects as package
+from sma_bayes.arrays import Floats
 from sma_bayes.effects import EFFECTS, Effect, Scales, with_effects
 from sma_bayes.effects.needs import NEEDS, untestable
 from sma_bayes.parameters.distributions import LogNormal
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History
 from sma_bayes.studies.gap.scatter import members_of
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects import EFFECTS
 from sma_bayes.effects.quantisation import steps
 from sma_bayes.effects.temperature_gradient import ROOM
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import sweep_rate
 
 from .conftest import COOLING, HEATING, THERMAL, THETA, response_at

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
-from sma_bayes.quantities import Floats
 from sma_bayes.records.formats import RawTable, Reading, read_table
 from sma_bayes.records.formats.numbers import numbers
 

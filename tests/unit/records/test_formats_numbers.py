@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
-from sma_bayes.quantities import Floats
 from sma_bayes.records.formats.numbers import numbers
 
 FILE = Path("run.csv")

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.records.history import RATE_SAMPLES, histories, smoothed, sweep_rate
 from sma_bayes.records.types import Branch, Campaign, Condition, HeldChannel, Record
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.records.drive import DELIVERED, delivered
 from sma_bayes.response.joule_heating import JouleHeating
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.response.both_branches import BothBranches
 from sma_bayes.response.joule_heating import JouleHeating
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from sma_bayes.quantities import Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.report.content import PAPER_CORRELATION, TARGET, Content, RecordContent, parameters_by_channel
 from sma_bayes.report.figures.sheet import (
     COLOURS,

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.quantities import Floats
 from sma_bayes.report.content import Channel, RecordContent
 from sma_bayes.report.figures.sheet import (
     COLOURS,

@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.distributions import FAMILIES
-from sma_bayes.quantities import Floats
 from sma_bayes.report.content import (
     ParameterResult,
 )

@@ -12,10 +12,10 @@ from scipy.linalg import block_diag
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Response, Scales
 from sma_bayes.parameters.distributions import Normal
 from sma_bayes.parameters.space import Parameter, ParameterSpace
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.studies.gap.hypothesis import Hypothesis

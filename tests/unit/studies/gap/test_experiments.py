@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects import EFFECTS
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import histories, sweep_rate
 from sma_bayes.studies.gap import experiments
 from sma_bayes.studies.gap.experiments import (

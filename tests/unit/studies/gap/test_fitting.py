@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects import EFFECTS
 from sma_bayes.parameters.distributions import Normal
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import histories
 from sma_bayes.studies.gap.fitting import added_by, fit_hypothesis, fit_with_noise, held_at
 from sma_bayes.studies.gap.hypothesis import baseline

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from sma_bayes import read_campaign
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.records.types import Campaign
 from sma_bayes.studies.gap.heating import heat_parameters, study_heating
 from sma_bayes.studies.gap.study import GapStudy, study_campaign

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects import EFFECTS
 from sma_bayes.effects.needs import untestable
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, histories
 from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
 

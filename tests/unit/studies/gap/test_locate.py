@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest, norm
 
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import histories
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline

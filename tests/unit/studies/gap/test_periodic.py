@@ -10,9 +10,9 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
+from sma_bayes.arrays import Floats
 from sma_bayes.effects import EFFECTS
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.quantities import Floats
 from sma_bayes.records.history import History, histories
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline

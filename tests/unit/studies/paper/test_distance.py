@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import curve_fit
 from scipy.special import expit
 
+from sma_bayes.arrays import Floats
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
 from sma_bayes.paper.twin import recipes
-from sma_bayes.quantities import Floats
 from sma_bayes.studies.paper.distance import distances, nearest_line, nearest_logistic, rising_part
 
 
