@@ -27,9 +27,9 @@ AUTO = "auto"
 SEEN = 0.5
 """Adjusted R² of the least-squares curve below which it can't be seen for the noise; of noise alone it is some 0.3 with
 the fewest samples, because the curve follows them."""
-UNSEEN_EVALUATIONS = 100_000
-"""Evaluations at most of a posterior with such a curve, where moves that look at other walkers make the draws: nothing
-follows from them, and to converge takes millions."""
+UNSEEN_EVALUATIONS = 300_000
+"""Evaluations of a posterior with such a curve after which nothing else is tried: little follows from its draws, and to
+converge may take millions."""
 
 
 def fit_records(

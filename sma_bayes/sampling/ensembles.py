@@ -309,6 +309,11 @@ class _Run:
         self.evaluations += len(z)
         return self.density.log_prob(z)
 
+    @property
+    def spent(self) -> bool:
+        """Whether the greatest effort was made: what is under way comes to its end, and nothing else is tried."""
+        return self.evaluations >= self.plan.evaluations
+
     def go(self, starts: Sequence[Floats] | Sequence[Mode]) -> Draws:
         first, explore_seed, run_first, run_second, groups_seed, second, *_, self.audit_seed = (
             self.seed.spawn(9)
@@ -406,7 +411,7 @@ class _Run:
             self.evaluations += adapted.evaluations
             if best is None or adapted.weights.efficiency > best.weights.efficiency:
                 best = adapted
-            if adapted.weights.efficiency >= WIDE_ENOUGH:
+            if adapted.weights.efficiency >= WIDE_ENOUGH or self.spent:
                 break
         return best or adapted
 
@@ -422,7 +427,7 @@ class _Run:
             self.tell("mending a proposal that did not pass its audit")
             adapted = draws.mended(self.density, adapted.proposal, np.random.default_rng(mend_seed))
             self.evaluations += adapted.evaluations
-            if not adapted.carries:
+            if not adapted.carries or self.spent:
                 return None
             method = method if name not in TRIES else "independence after an audit"
             draws = self._independence(f"{name}-mended-{again}", adapted, modes, run_seed, method)
@@ -442,9 +447,8 @@ class _Run:
         more = _steps_hoped(adapted.weights.efficiency, plan.groups * self.walkers, plan)
         group = _Group(self, name, adapted, seed, None, more, copies=plan.groups)
         let_pass = 0.0
-        while (
-            group.length < LONGEST
-        ):  # a great weight calls for an audit at once; after one that is passed they go on
+        # a great weight calls for an audit at once; after one that is passed they go on
+        while group.length < LONGEST and not (group.length and self.spent):
             self.tell(f"independence moves, from step {group.length + 1}")
             group.advance(more)
             weights = Weights(group.log_weight)
@@ -506,7 +510,7 @@ class _Run:
                 group.advance()
             half = groups[0].length // 2
             explored = assess(np.concatenate([g.chains[:, half:] for g in groups]), enough).converged
-            if not (explored and block in TRIED_AT) and block < EXPLORED_BLOCKS:
+            if not (explored and block in TRIED_AT) and block < EXPLORED_BLOCKS and not self.spent:
                 continue
             z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
             fitted = adapt_to_draws(self.density, z, modes, rng)
@@ -514,11 +518,11 @@ class _Run:
             if isinstance(self.density, Linearisable) and not fitted.carries:
                 fitted = reaching_further(self.density, fitted, self.width, rng)
                 self.evaluations += fitted.evaluations
-            if explored and fitted.carries:
+            if explored and fitted.carries and not self.spent:
                 draws = self._audited_independence(f"refitted-{block}", fitted, modes, tries[block - 1])
                 if draws is not None:
                     return draws
-            if explored and times == EXPLORED_TIMES:
+            if self.spent or (explored and times == EXPLORED_TIMES):
                 break
         thin = math.ceil(len(z) / 4000)
         log_prob = np.concatenate([g.log_probs[0, half:].ravel() for g in groups])
@@ -545,14 +549,14 @@ class _Run:
             self.tell(f"{method}, block {block}")
             for group in groups:
                 group.advance()
-            if block < look and self.evaluations < plan.evaluations:
+            if block < look and not self.spent:
                 continue
             look = math.ceil(LOOK_AGAIN * block)
             burn = groups[0].length // 4
             ess = max(plan.target.ess, MIXED_TIMES * plan.groups * self.walkers)
             target = replace(plan.target, ess=ess)
             convergence = assess(np.concatenate([g.chains[:, burn:] for g in groups]), target)
-            if convergence.converged or self.evaluations >= plan.evaluations:
+            if convergence.converged or self.spent:
                 z = np.concatenate([g.chains[:, burn:] for g in groups]).reshape(-1, self.width.size)
                 # of draws that hang together so many count as the least effective sample size says
                 count = int(np.clip(np.nan_to_num(convergence.ess_bulk.min()), min(len(z), FEWEST), BRIDGED))

@@ -112,7 +112,7 @@ def test_who_is_unaided_climbs_to_the_mode_in_its_own_time(monkeypatch: pytest.M
         climbs.append(arguments)
         return find_mode(*arguments, **options)
 
-    monkeypatch.setattr("benchmark.problems.climb", climbing)
+    monkeypatch.setattr("benchmark.problems.find_mode", climbing)
     task = Task("now", Case("S", "independent", 40), 0, "emcee-de", Settings(), 0, 0, 0.01, unaided=True)
     problem = task.problem()
     _ = problem.mode

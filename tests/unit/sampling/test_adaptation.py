@@ -13,7 +13,6 @@ from sma_bayes.sampling.adaptation import (
     GREATEST_SHARE,
     USABLE,
     Adapted,
-    Weighed,
     _Rounds,
     adapt,
     with_wide_share,
@@ -21,7 +20,7 @@ from sma_bayes.sampling.adaptation import (
 from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.proposals import MixedProposal, Proposal
 from sma_bayes.sampling.refitting import adapt_to_draws
-from sma_bayes.sampling.weighted import Weights
+from sma_bayes.sampling.weighted import ImportanceSample, Weights
 
 
 @dataclass
@@ -71,10 +70,10 @@ def test_one_weight_takes_all() -> None:
     assert w.normalised.sum() == pytest.approx(1.0)
 
 
-def weighed(w: Weights) -> Weighed:
+def weighed(w: Weights) -> ImportanceSample:
     n = w.log_weight.size
     log_prob = np.arange(n) - 7.0
-    return Weighed(np.arange(2.0 * n).reshape(n, 2), log_prob, log_prob - w.log_weight)
+    return ImportanceSample(np.arange(2.0 * n).reshape(n, 2), log_prob, log_prob - w.log_weight)
 
 
 def test_no_weight_at_all_is_no_efficiency() -> None:

@@ -402,15 +402,15 @@ def test_modes_are_climbed_to_where_a_start_is_not_near_enough(
     posterior = build_posterior([make_record()], NOISE_MODELS[noise], read_priors("modified_sigmoid"))
     width = posterior.space.prior_sd()
     start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
-    wanted = sample(posterior, [ensembles.climb(posterior, start, width)], width, np.random.SeedSequence(1))
+    wanted = sample(posterior, [ensembles.find_mode(posterior, start, width)], width, np.random.SeedSequence(1))
     began = []
 
     def climbing(*arguments):
         began.append(arguments)
         return climb(*arguments)
 
-    climb = ensembles.climb
-    monkeypatch.setattr(ensembles, "climb", climbing)
+    climb = ensembles.find_mode
+    monkeypatch.setattr(ensembles, "find_mode", climbing)
     found = sample(posterior, [start + off * width], width, np.random.SeedSequence(2))
     assert len(began) == climbs
     assert found.convergence.converged
