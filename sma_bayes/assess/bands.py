@@ -13,7 +13,7 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.noise import Steps
 from sma_bayes.quantities import ARBITRARY, convert
 from sma_bayes.records.types import Record
-from sma_bayes.response.arrangement import BiasSpring, overall_stiffness
+from sma_bayes.response.arrangement import ArrangedSpring, overall_stiffness
 from sma_bayes.response.modified_sigmoid import channel_unit
 
 QUANTILES = {"q025": 0.025, "q05": 0.05, "q25": 0.25, "q50": 0.5, "q75": 0.75, "q95": 0.95, "q975": 0.975}
@@ -119,7 +119,7 @@ def _band(record: Record, channel: str, t: Floats, curve: Floats, predictive: di
     )
 
 
-def overall_band(fit: Fit, bias: BiasSpring, record: int = 0, extrapolate: float = 0.0) -> Band | None:
+def overall_band(fit: Fit, bias: ArrangedSpring, record: int = 0, extrapolate: float = 0.0) -> Band | None:
     """Bands of the stiffness of the spring together with its bias spring, Eq. (8).
 
     The bias spring's stiffness is drawn from a normal distribution, one value for each curve.
@@ -140,7 +140,7 @@ def overall_band(fit: Fit, bias: BiasSpring, record: int = 0, extrapolate: float
     return _band(r, "overall_stiffness", t, curve, _no_measurement(t))
 
 
-def bias_draws(bias: BiasSpring, seed: int, key: str, size: int, unit: str) -> Floats:
+def bias_draws(bias: ArrangedSpring, seed: int, key: str, size: int, unit: str) -> Floats:
     """Stiffness of the bias spring for each draw of a record [unit], shape (size,)."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 5, *key.encode()]))
     drawn = bias.stiffness + bias.sd * rng.standard_normal(size)

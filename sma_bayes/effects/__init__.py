@@ -4,7 +4,7 @@ from sma_bayes.catalogue import Catalogue
 from sma_bayes.effects.ambient_draught import AmbientDraught
 from sma_bayes.effects.amplitude_fatigue import AmplitudeFatigue
 from sma_bayes.effects.asymmetric_kinetics import AsymmetricKinetics
-from sma_bayes.effects.bias_spring import BiasSpringForce
+from sma_bayes.effects.bias_spring import BiasSpring
 from sma_bayes.effects.branch_stress_shift import BranchStressShift
 from sma_bayes.effects.clock_skew import ClockSkew
 from sma_bayes.effects.contact_error import ContactError
@@ -57,7 +57,7 @@ _SHIPPED: tuple[Effect, ...] = (
     LoadCellThermalDrift(),
     ThermalExpansion(),
     FixtureCompliance(),
-    BiasSpringForce(),
+    BiasSpring(),
     Saturation(),
     Quantisation(),
     DriveRipple(),

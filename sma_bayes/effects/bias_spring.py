@@ -10,7 +10,7 @@ from sma_bayes.parameters.space import Parameter
 
 
 @dataclass(frozen=True)
-class BiasSpringForce:
+class BiasSpring:
     """Force of a spring beside the alloy: ``F -> F + K2 X``, ``K -> K + K2``; its preload goes into the offset.
 
     Where force and displacement have the same midpoint and rate, the span of the force absorbs it, unless the

@@ -31,7 +31,7 @@ class Arrangement(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class BiasSpring:
+class ArrangedSpring:
     """A bias spring and how it is arranged.
 
     Attributes

@@ -15,7 +15,7 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS, ladder, priors_named
-from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD, Arrangement, BiasSpring
+from sma_bayes.response.arrangement import BIAS_STIFFNESS, BIAS_STIFFNESS_SD, ArrangedSpring, Arrangement
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.sampling.ensembles import Plan
 from sma_bayes.sampling.moves import SAMPLERS
@@ -45,7 +45,7 @@ class FitOptions:
     extrapolate : float
         How far bands go beyond the observed temperatures [unit of temperature].
     plan : Plan
-    bias : BiasSpring, optional
+    bias : ArrangedSpring, optional
         Bias spring whose arrangement with the alloy spring gets bands of its own, Eq. (8).
     """
 
@@ -55,7 +55,7 @@ class FitOptions:
     pool: Pool = "none"
     extrapolate: float = 0.0
     plan: Plan = field(default_factory=Plan)
-    bias: BiasSpring | None = None
+    bias: ArrangedSpring | None = None
     model: str = DEFAULT_MODEL
 
 
@@ -135,7 +135,7 @@ def plan_for(options: FitOptions, records: Sequence[Record]) -> Plan:
 
 def bias_spring(
     arrangement: str | None, stiffness: float | None = None, sd: float | None = None
-) -> BiasSpring | None:
+) -> ArrangedSpring | None:
     """Bias spring by the name of its arrangement; None for none.
 
     Parameters
@@ -160,7 +160,7 @@ def bias_spring(
     known = [a.value for a in Arrangement]
     if arrangement not in known:
         raise SmaBayesError(f"--arrangement {arrangement!r}", expected=near_matches(arrangement, known))
-    return BiasSpring(
+    return ArrangedSpring(
         Arrangement(arrangement),
         BIAS_STIFFNESS if stiffness is None else stiffness,
         BIAS_STIFFNESS_SD if sd is None else sd,

@@ -22,7 +22,7 @@ from sma_bayes.limits import DEGREES
 from sma_bayes.quantities import ARBITRARY, SPECIMEN_QUANTITY, convert, number_and_unit, unit_text
 from sma_bayes.records.plausibility import ABSOLUTE_ZERO
 from sma_bayes.records.types import Branch
-from sma_bayes.response.arrangement import Arrangement, BiasSpring, overall_stiffness
+from sma_bayes.response.arrangement import ArrangedSpring, Arrangement, overall_stiffness
 from sma_bayes.runs.fit_document import FitFindings, RecordSummary
 from sma_bayes.runs.outputs import read_run
 from sma_bayes.runs.store import plain
@@ -577,7 +577,7 @@ def _curve(run: FitSource, draws: RecordDraws, channel: str, unit: str) -> Curve
         return lambda temperature: draws.curve(channel, temperature)
     stated = run.summary.options.bias_spring
     assert stated is not None  # or the record would lack it
-    bias = BiasSpring(Arrangement(stated.arrangement), stated.stiffness, stated.sd)
+    bias = ArrangedSpring(Arrangement(stated.arrangement), stated.stiffness, stated.sd)
     k2 = bias_draws(bias, run.summary.seed, draws.key, draws.size, unit)[:, None]
     return lambda temperature: overall_stiffness(draws.curve("stiffness", temperature), k2, bias.arrangement)
 

@@ -18,7 +18,7 @@ from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import DEFAULT_MODEL
-from sma_bayes.response.arrangement import BiasSpring
+from sma_bayes.response.arrangement import ArrangedSpring
 from sma_bayes.runs.documents import FIT
 from sma_bayes.runs.fit_document import (
     BiasSpringSummary,
@@ -137,7 +137,7 @@ def fit_campaign(
     sampler: str = DEFAULT_SAMPLER,
     jobs: int | None = None,
     extrapolate: float = 0.0,
-    bias: BiasSpring | None = None,
+    bias: ArrangedSpring | None = None,
     resume: bool = False,
     figures: str | bool = REPORT,
     progress: Progress | None = None,
@@ -153,7 +153,7 @@ def fit_campaign(
         Folder for the results. It must be new or empty, unless `resume` is set and it holds the same run.
     extrapolate : float
         How far bands go beyond the observed temperatures [unit of temperature]; what lies there is marked.
-    bias : BiasSpring, optional
+    bias : ArrangedSpring, optional
         Bias spring; the stiffness of both springs together gets bands of its own, Eq. (8).
     resume : bool
         Go on with a run that was interrupted. The result is the same to the bit.

@@ -26,7 +26,7 @@ from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.paper.twin import truth, twin_campaign
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
-from sma_bayes.response.arrangement import Arrangement, BiasSpring
+from sma_bayes.response.arrangement import ArrangedSpring, Arrangement
 from sma_bayes.response.modified_sigmoid import sigmoid
 
 PRIORS = read_priors("modified_sigmoid")
@@ -194,14 +194,14 @@ def test_the_stiffness_ratio_is_greatest_over_least(fits: dict[str, Fit]) -> Non
 def test_the_bias_spring_in_the_units_of_the_record(
     fits: dict[str, Fit], arrangement: Arrangement, error: float, formula
 ) -> None:
-    band = overall_band(fits["heating"], BiasSpring(arrangement, 130.0, 0.0))
+    band = overall_band(fits["heating"], ArrangedSpring(arrangement, 130.0, 0.0))
     assert band is not None
     alone = credible_band(fits["heating"], "stiffness")
     assert band.unit == "N/cm"
     expected = formula(alone.curve["q50"], 1.30)  # 130 N/m; all three rise or fall evenly with K1 > 0
     # a median of an even count is the mean of two draws, which a curved formula moves by their distance squared
     np.testing.assert_allclose(band.curve["q50"], expected, rtol=1e-6)
-    wide = overall_band(fits["heating"], BiasSpring(arrangement, 130.0, error))
+    wide = overall_band(fits["heating"], ArrangedSpring(arrangement, 130.0, error))
     assert wide is not None
     assert np.all(wide.curve["q95"] - wide.curve["q05"] > band.curve["q95"] - band.curve["q05"])
 

@@ -402,7 +402,9 @@ def test_modes_are_climbed_to_where_a_start_is_not_near_enough(
     posterior = build_posterior([make_record()], NOISE_MODELS[noise], read_priors("modified_sigmoid"))
     width = posterior.space.prior_sd()
     start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
-    wanted = sample(posterior, [ensembles.find_mode(posterior, start, width)], width, np.random.SeedSequence(1))
+    wanted = sample(
+        posterior, [ensembles.find_mode(posterior, start, width)], width, np.random.SeedSequence(1)
+    )
     began = []
 
     def climbing(*arguments):

@@ -23,7 +23,7 @@ from sma_bayes.errors import (
 )
 from sma_bayes.quantities import convert
 from sma_bayes.records.types import Branch, Calibration, Campaign, Record
-from sma_bayes.response.arrangement import Arrangement, BiasSpring
+from sma_bayes.response.arrangement import ArrangedSpring, Arrangement
 from sma_bayes.studies.ask.terminal import answer_text
 
 
@@ -39,7 +39,7 @@ def folder(make_record: Callable[..., Record], tmp_path_factory: pytest.TempPath
     )
     out = tmp_path_factory.mktemp("asked") / "fit"
     campaign = Campaign("spring", "spring", "0" * 64, records)
-    bias = BiasSpring(Arrangement.PARALLEL)
+    bias = ArrangedSpring(Arrangement.PARALLEL)
     fit_campaign(campaign, out, noise="independent", bias=bias, jobs=1, figures=False)
     return out
 
