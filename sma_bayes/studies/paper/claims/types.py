@@ -59,9 +59,9 @@ class Claim:
 
         Examples
         --------
-        >>> Claim("a", "", (), (Evidence("printed", "", 0.99), Evidence("twin", "", 0.2, False)), "").verdict
+        >>> Claim("a", "", (), (ClaimEvidence("printed", "", 0.99), ClaimEvidence("twin", "", 0.2, False)), "").verdict
         'holds'
-        >>> Claim("a", "", (), (Evidence("printed", "", 0.99), Evidence("twin", "", 0.2)), "").verdict
+        >>> Claim("a", "", (), (ClaimEvidence("printed", "", 0.99), ClaimEvidence("twin", "", 0.2)), "").verdict
         'cannot tell from these numbers'
         """
         found = [e.probability for e in self.evidence if e.counts and e.probability is not None]
