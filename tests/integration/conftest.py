@@ -11,16 +11,20 @@ from typing import Any
 import pytest
 import xarray as xr
 
+from sma_bayes.checksum import file_checksum
+
 SCRIPTS = str(Path(__file__).resolve().parents[2] / "scripts")
 if SCRIPTS not in sys.path:
     sys.path.append(SCRIPTS)
 
 TIMES = ("wall_s", "stages_s", "stages_cpu_s", "workers", "content_sha256")
+CONTAINER = "posterior_sha256"
+"""Of the bytes of an HDF5 file, which promises what it holds, not how: that is compared, and that this is its checksum."""
 
 
 def without_times(value: Any) -> Any:
     if isinstance(value, dict):
-        return {k: without_times(v) for k, v in value.items() if k not in TIMES}
+        return {k: without_times(v) for k, v in value.items() if k not in (*TIMES, CONTAINER)}
     return [without_times(v) for v in value] if isinstance(value, list) else value
 
 
@@ -44,6 +48,9 @@ def assert_same_run() -> Callable[[Path, Path], None]:
             assert path.read_bytes() == (other / "bands" / path.name).read_bytes(), path.name
         posteriors = sorted((one / "posterior").iterdir())
         assert [p.name for p in posteriors] == sorted(p.name for p in (other / "posterior").iterdir())
+        for folder in (one, other):
+            stated = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["records"]
+            assert all(r[CONTAINER] == file_checksum(folder / "posterior" / f"{r['key']}.nc") for r in stated)
         for path in posteriors:
             with (
                 xr.open_datatree(path, engine="h5netcdf") as a,
