@@ -19,7 +19,7 @@ if SCRIPTS not in sys.path:
 
 TIMES = ("wall_s", "stages_s", "stages_cpu_s", "workers", "content_sha256")
 CONTAINER = "posterior_sha256"
-"""Of the bytes of an HDF5 file, which promises what it holds, not how: that is compared, and that this is its checksum."""
+"""Of the bytes of an HDF5 file, which promises what it holds, not how: that is compared, and this checked."""
 
 
 def without_times(value: Any) -> Any:
