@@ -126,17 +126,21 @@ _SETTINGS: Final[dict[str, Any]] = {
 _SegmentationTable = create_model("_SegmentationTable", __base__=TimeWindow, **_SETTINGS)
 
 
+_Level = Annotated[float, Field(ge=0, le=SETTING.value)]
+_Frequency = Annotated[float, Field(gt=0, le=SETTING.value)]
+
+
 class ConditionTable(StrictTable):
     """One ``[[condition]]``: its file, what was set on the rig, and what it has of its own."""
 
     id: str
     file: str | Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
-    current_A: float | None = Field(default=None, ge=0, le=SETTING.value)
-    load_g: float | None = Field(default=None, ge=0, le=SETTING.value)
-    load_N: float | None = Field(default=None, ge=0, le=SETTING.value)
-    stress_MPa: float | None = Field(default=None, ge=0, le=SETTING.value)
-    frequency_mHz: float | None = Field(default=None, gt=0, le=SETTING.value)
-    frequency_Hz: float | None = Field(default=None, gt=0, le=SETTING.value)
+    current_A: _Level | None = None
+    load_g: _Level | None = None
+    load_N: _Level | None = None
+    stress_MPa: _Level | None = None
+    frequency_mHz: _Frequency | None = None
+    frequency_Hz: _Frequency | None = None
     duty_cycle_pct: float | None = Field(default=None, gt=0, le=100)
     columns: dict[str, Any] = Field(default_factory=dict)
     reading: dict[str, Any] = Field(default_factory=dict)
