@@ -282,9 +282,9 @@ def _laws_first(worthy: Sequence[Candidate]) -> list[Candidate]:
 def is_worthy(candidate: Candidate) -> bool:
     """Whether an effect explains more than functions without meaning do: in its place, or beside it.
 
-    In its place, it must be worth more than the flexible terms that contain its signature (`guard_of`). Beside it, the
-    effect with the best flexible term on top must be worth more than such a term alone, by `WORTH`, and the effect
-    must carry `CARRIED_BESIDE` of what the two explain. And its numbers must be those of the mechanism.
+    In its place, it must be worth more than the flexible terms that contain its signature (`flexible_alternative`).
+    Beside it, the effect with the best flexible term on top must be worth more than such a term alone, by `WORTH`, and
+    the effect must carry `CARRIED_BESIDE` of what the two explain. And its numbers must be those of the mechanism.
     A further stage of the transformation must be worth more than the shapes that one stage can have, by `WORTH`.
     """
     if not candidate.plausible or candidate.ln_bayes_factor < candidate.one_stage + WORTH:
