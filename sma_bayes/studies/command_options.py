@@ -61,6 +61,7 @@ BiasSd = Annotated[
 SourceArgument = Annotated[
     Path, typer.Argument(metavar="PATH", help="Campaign folder, campaign.toml, or a data file.")
 ]
+Out = Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")]
 Figures = Annotated[
     str,
     typer.Option(

@@ -13,6 +13,7 @@ from sma_bayes.studies.command_options import (
     Jobs,
     Json,
     NoFigures,
+    Out,
     Quiet,
     Resume,
     Scheduler,
@@ -23,7 +24,7 @@ from sma_bayes.studies.command_options import (
 
 def command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
-    out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
+    out: Out,
     at: Annotated[
         list[str] | None,
         typer.Option(help="A condition to predict, such as current_A=2.2,load_g=150; may be repeated."),

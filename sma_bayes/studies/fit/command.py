@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from sma_bayes.studies.command_execution import finish, working_on
 from sma_bayes.studies.command_options import (
@@ -21,6 +17,7 @@ from sma_bayes.studies.command_options import (
     Model,
     NoFigures,
     Noise,
+    Out,
     PoolChoice,
     Priors,
     Quiet,
@@ -36,7 +33,7 @@ from sma_bayes.studies.command_options import (
 
 def command(
     path: SourceArgument,
-    out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
+    out: Out,
     data: Data = None,
     seed: Seed = 0,
     jobs: Jobs = None,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,6 +15,7 @@ from sma_bayes.studies.command_options import (
     Json,
     Model,
     NoFigures,
+    Out,
     PoolChoice,
     Priors,
     Quiet,
@@ -29,7 +29,7 @@ from sma_bayes.studies.command_options import (
 
 def command(
     path: SourceArgument,
-    out: Annotated[Path, typer.Option(help="Folder for the results: new or empty, or --resume.")],
+    out: Out,
     data: Data = None,
     seed: Seed = 0,
     jobs: Jobs = None,
