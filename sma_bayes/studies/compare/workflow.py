@@ -41,8 +41,8 @@ from sma_bayes.studies.compare.document import (
 from sma_bayes.studies.compare.schema import ComparisonFindings, ComparisonOptions
 from sma_bayes.studies.identity import all_versions, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_model_and_noise, models_of, prior_set
+from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
-from sma_bayes.studies.under_way import RunContext
 
 FEWEST_CONDITIONS = 2
 """Conditions that can be left out in turn."""

@@ -36,8 +36,8 @@ from sma_bayes.studies.conditions.study import ConditionStudy, bands_of, study
 from sma_bayes.studies.fit.tasks import FitTask, sample_task
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.options import FitOptions, check_model_and_noise, model_named
+from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
-from sma_bayes.studies.under_way import RunContext
 
 
 def study_conditions(

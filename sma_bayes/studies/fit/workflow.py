@@ -44,7 +44,7 @@ from sma_bayes.studies.options import (
     plan_with,
     prior_set,
 )
-from sma_bayes.studies.under_way import RunContext
+from sma_bayes.studies.run_context import RunContext
 
 if TYPE_CHECKING:
     from sma_bayes.records.memory import Measurements

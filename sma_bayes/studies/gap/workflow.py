@@ -26,8 +26,8 @@ from sma_bayes.studies.gap.outcome import STAGES, gap_outcome, outcome_json
 from sma_bayes.studies.gap.store import write_study
 from sma_bayes.studies.identity import all_versions, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_call, groups_of, prior_set
+from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
-from sma_bayes.studies.under_way import RunContext
 
 
 def study_gap(
