@@ -43,6 +43,35 @@ def files_beside(folder: Path) -> dict[str, str]:
     return {p.as_posix(): file_checksum(folder / p) for p in paths if p.parts[0] not in made_anew}
 
 
+def refuse_another(path: Path, checksum: str | None, what: str, anew: str) -> None:
+    """Refuse a file that is not, byte by byte, the one whose checksum a document states.
+
+    One that is not there is left to its reader, who misses it.
+
+    Parameters
+    ----------
+    path : Path
+    checksum : str or None
+        As stated.
+    what : str
+        What it should be: ``band that summary.json tells of``.
+    anew : str
+        What else to do than to take both from one run.
+
+    Raises
+    ------
+    OutputError
+        If it is another.
+    """
+    if path.is_file() and file_checksum(path) != checksum:
+        raise OutputError(
+            f"is not the {what}, or was changed since",
+            file=path,
+            expected="the file that the same run wrote",
+            remedy=f"take both from one run; or {anew}",
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Document:
     """What a verb writes of what it found.
@@ -131,20 +160,9 @@ class Document:
                 expected=f"what {self.verb} wrote, unchanged",
                 remedy=f"take it from a copy; or remove it and {AGAIN}",
             )
-        self._compare_files(folder, found.get(FILES, {}))
+        for name, checksum in found.get(FILES, {}).items():
+            refuse_another(folder / name, checksum, f"file that {self.file} tells of", self.anew(folder))
         return dict(found)
-
-    def _compare_files(self, folder: Path, checksums: Mapping[str, str]) -> None:
-        """Refuse a file that is not, byte by byte, what the document says of it; one that is gone its reader misses."""
-        for name, checksum in checksums.items():
-            path = folder / name
-            if path.is_file() and file_checksum(path) != checksum:
-                raise OutputError(
-                    f"is not the file that {self.file} tells of, or was changed since",
-                    file=path,
-                    expected=f"what {self.verb} wrote, unchanged",
-                    remedy=f"take both from one run; or {self.anew(folder)}",
-                )
 
     @property
     def as_declared(self) -> str:

@@ -12,10 +12,10 @@ import h5py
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.checksum import KEY, file_checksum, netcdf_checksum
+from sma_bayes.checksum import KEY, netcdf_checksum
 from sma_bayes.errors import OutputError
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis
-from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FINISH, FIT, GAP, MARK, STUDY
+from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FINISH, FIT, GAP, MARK, STUDY, refuse_another
 from sma_bayes.runs.fit_document import FitSummary, read_fit
 from sma_bayes.runs.store import FUNCTIONS, NODE, WEIGHTS, unguarded_text
 
@@ -217,13 +217,7 @@ def band_of(folder: Path, key: str, channel: str, checksum: str | None) -> Store
         If the file is not, byte by byte, the one that the run wrote; and as `read_band`.
     """
     path = band_path(folder, key, channel)
-    if path.is_file() and file_checksum(path) != checksum:
-        raise OutputError(
-            "is not the band that summary.json tells of, or was changed since",
-            file=path,
-            expected="the file that the same run wrote",
-            remedy="take both from one run; or fit again into another folder",
-        )
+    refuse_another(path, checksum, "band that summary.json tells of", "fit again into another folder")
     return read_band(path)
 
 
@@ -296,13 +290,7 @@ def posterior_of(folder: Path, key: str, checksum: str | None) -> StoredRecord:
         If the file is not, byte by byte, the one that the run wrote; and as `read_record`.
     """
     path = posterior_path(folder, key)
-    if path.is_file() and file_checksum(path) != checksum:
-        raise OutputError(
-            "is not the posterior that summary.json tells of, or was changed since",
-            file=path,
-            expected="the file that the same run wrote",
-            remedy="take both from one run; or fit again into another folder",
-        )
+    refuse_another(path, checksum, "posterior that summary.json tells of", "fit again into another folder")
     return read_record(path)
 
 
