@@ -13,12 +13,11 @@ from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.notation import compact
 from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.runs.fit_document import SampledParameter
 from sma_bayes.runs.schema import FindingDocument
-from sma_bayes.sampling.convergence import Target
 
 LEVEL: Final = "90 %"
 INTERVAL: Final = f"equal-tailed {LEVEL} credible interval"
-TARGET: Final = Target()
 CHECK_TAIL: Final = 0.01
 """A predictive check counts as failed where its p-value is below this, or above one less this."""
 PAPER_CORRELATION: Final = CLAIMED
@@ -85,7 +84,7 @@ class Channel:
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterResult:
+class ParameterResult(SampledParameter):
     """Prior and posterior of a parameter; numbers in `unit` where nothing else is said.
 
     Attributes
@@ -129,25 +128,6 @@ class ParameterResult:
     family: str
     numbers: Mapping[str, float]
     source: str
-
-    @property
-    def prior_driven(self) -> bool:
-        """Whether the parameter was sampled and the data moved it little."""
-        return not self.fixed and not self.identified
-
-    @property
-    def ess(self) -> float | None:
-        """The lesser effective sample size of bulk and tail [1]."""
-        return None if self.ess_bulk is None or self.ess_tail is None else min(self.ess_bulk, self.ess_tail)
-
-    @property
-    def short_of_target(self) -> bool:
-        """Whether R-hat or an effective sample size misses what convergence asks for."""
-        if self.fixed:
-            return False
-        if self.rhat is None or self.ess is None:
-            return True
-        return self.rhat > TARGET.rhat or self.ess < TARGET.ess
 
     @property
     def prior(self) -> str:

@@ -19,7 +19,6 @@ from markupsafe import Markup, escape
 from sma_bayes.errors import OutputError
 from sma_bayes.report.content import (
     INTERVAL,
-    TARGET,
     Estimate,
     Number,
     RecordContent,
@@ -27,6 +26,7 @@ from sma_bayes.report.content import (
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.notation import count_text, interval_text, unit_label, write
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, cell_text, group_text, powers, rows_text
+from sma_bayes.runs.fit_document import TARGET
 from sma_bayes.runs.store import write_text
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import Field
 
@@ -108,7 +108,38 @@ class DiscrepancySummary(DocumentPart):
     ln_bayes_factor: NumberOrNull = Field(description="what it gains in ln evidence at the warm start [1]")
 
 
-class ParameterSummary(DocumentPart):
+class SampledParameter:
+    """What follows for a parameter from its diagnostics, for whatever holds them."""
+
+    __slots__ = ()
+    if TYPE_CHECKING:
+        fixed: Any
+        identified: Any
+        rhat: Any
+        ess_bulk: Any
+        ess_tail: Any
+
+    @property
+    def prior_driven(self) -> bool:
+        """Whether the parameter was sampled and the data moved it little."""
+        return not self.fixed and not self.identified
+
+    @property
+    def ess(self) -> float | None:
+        """The lesser effective sample size of bulk and tail [1]."""
+        return None if self.ess_bulk is None or self.ess_tail is None else min(self.ess_bulk, self.ess_tail)
+
+    @property
+    def short_of_target(self) -> bool:
+        """Whether R-hat or an effective sample size misses what convergence asks for."""
+        if self.fixed:
+            return False
+        if self.rhat is None or self.ess is None:
+            return True
+        return self.rhat > TARGET.rhat or self.ess < TARGET.ess
+
+
+class ParameterSummary(SampledParameter, DocumentPart):
     """Prior and posterior of a parameter."""
 
     unit: Unit
@@ -146,25 +177,6 @@ class ParameterSummary(DocumentPart):
     def of_noise(self) -> bool:
         """Whether it is one of the noise."""
         return self.role == NOISE
-
-    @property
-    def prior_driven(self) -> bool:
-        """Whether the parameter was sampled and the data moved it little."""
-        return not self.fixed and not self.identified
-
-    @property
-    def ess(self) -> float | None:
-        """The lesser effective sample size of bulk and tail [1]."""
-        return None if self.ess_bulk is None or self.ess_tail is None else min(self.ess_bulk, self.ess_tail)
-
-    @property
-    def short_of_target(self) -> bool:
-        """Whether R-hat or an effective sample size misses what convergence asks for."""
-        if self.fixed:
-            return False
-        if self.rhat is None or self.ess is None:
-            return True
-        return self.rhat > TARGET.rhat or self.ess < TARGET.ess
 
 
 class GoodnessSummary(DocumentPart):

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from sma_bayes.errors import many
-from sma_bayes.report.content import INTERVAL, TARGET, Content, RecordContent
+from sma_bayes.report.content import INTERVAL, Content, RecordContent
 from sma_bayes.report.notation import count_text
 from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.runs.fit_document import TARGET
 
 REFERENCES: Final = {
     "sul2019": """@article{sul2019,

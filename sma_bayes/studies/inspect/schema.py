@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.runs.fit_document import GoodnessSummary
 from sma_bayes.runs.schema import DocumentPart, FindingDocument, Items, Number, NumberOrNull
 
 
@@ -42,17 +43,6 @@ class InspectedNoise(DocumentPart):
     lag1: dict[str, NumberOrNull] = Field(description="correlation of neighbouring residuals, by channel [1]")
 
 
-class LeastSquaresDocument(DocumentPart):
-    """Least squares of one channel."""
-
-    sse: NumberOrNull = Field(description="sum of squared residuals [unit²]")
-    rmse: NumberOrNull = Field(description="sqrt(sse/(n − p)) [unit]")
-    r2: NumberOrNull = Field(description="R² [1]")
-    adj_r2: NumberOrNull = Field(description="adjusted R² [1]")
-    n: int = Field(description="samples")
-    p: int = Field(description="parameters of the curve of this channel that were estimated")
-
-
 class InspectedRecord(DocumentPart):
     """What was read of one condition and branch."""
 
@@ -68,7 +58,7 @@ class InspectedRecord(DocumentPart):
     channels: dict[str, InspectedChannel] = Field(description="observed channels, by name")
     held: dict[str, HeldChannelDocument] = Field(description="channels that the rig kept constant, by name")
     noise: InspectedNoise = Field(description="the noise that a fit would choose")
-    fit: dict[str, LeastSquaresDocument] = Field(description="least squares, by channel")
+    fit: dict[str, GoodnessSummary] = Field(description="least squares, by channel")
 
 
 class InspectionDocument(DocumentPart):

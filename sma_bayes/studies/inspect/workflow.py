@@ -14,6 +14,7 @@ from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
+from sma_bayes.runs.fit_document import GoodnessSummary
 from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.studies.inspect.schema import (
     HeldChannelDocument,
@@ -21,7 +22,6 @@ from sma_bayes.studies.inspect.schema import (
     InspectedNoise,
     InspectedRecord,
     InspectionDocument,
-    LeastSquaresDocument,
     TemperatureRange,
 )
 
@@ -74,5 +74,5 @@ def _described(record: Record) -> InspectedRecord:
             for c, h in record.held.items()
         },
         noise=InspectedNoise(name=choice.name, reason=choice.reason, lag1=dict(choice.lag1)),
-        fit={c: LeastSquaresDocument(**asdict(g)) for c, g in start.fit[0].items()},
+        fit={c: GoodnessSummary(**asdict(g)) for c, g in start.fit[0].items()},
     )

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from sma_bayes.arrays import Floats
-from sma_bayes.report.content import PAPER_CORRELATION, TARGET, Content, RecordContent, parameters_by_channel
+from sma_bayes.report.content import PAPER_CORRELATION, Content, RecordContent, parameters_by_channel
 from sma_bayes.report.figures.sheet import (
     COLOURS,
     INK,
@@ -24,6 +24,7 @@ from sma_bayes.report.figures.sheet import (
     panels,
     take_power,
 )
+from sma_bayes.runs.fit_document import TARGET
 
 BINS = 40
 ACROSS = 4
