@@ -146,6 +146,15 @@ class RunAccount(DocumentPart):
     )
 
 
+class FilesBeside(DocumentPart):
+    """What lies beside a document."""
+
+    files_sha256: dict[str, str] = Field(
+        default_factory=dict,
+        description="SHA-256 of each CSV of results beside the document, by its path; a file that differs is refused",
+    )
+
+
 class FindingDocument(DocumentPart):
     """What was found about the measurements."""
 
@@ -169,6 +178,12 @@ class IntervalDocument(DocumentPart):
     q05: NumberOrNull = Field(description="lower end")
     median: NumberOrNull = Field(description="median")
     q95: NumberOrNull = Field(description="upper end")
+
+    @property
+    def quantiles(self) -> tuple[float, float, float]:
+        """The three, least first; NaN where not told."""
+        low, median, high = (math.nan if q is None else q for q in (self.q05, self.median, self.q95))
+        return low, median, high
 
 
 class ModelChoiceDocument(DocumentPart):

@@ -11,6 +11,7 @@ from sma_bayes.runs.schema import (
     CorrelationAverage,
     CorrelationFactors,
     DocumentPart,
+    FilesBeside,
     FindingDocument,
     IntervalDocument,
     Items,
@@ -269,13 +270,8 @@ class ComparisonFindings(DocumentPart):
     findings: Items[FindingDocument] = Field(description="what was found about the measurements")
 
 
-class ComparisonDocument(RunAccount, ComparisonFindings):
+class ComparisonDocument(RunAccount, FilesBeside, ComparisonFindings):
     """What `comparison.json` holds."""
-
-    files_sha256: dict[str, str] = Field(
-        default_factory=dict,
-        description="SHA-256 of each file in `curves/` and `samples/`, by its path; a file that differs is refused",
-    )
 
 
 DOCUMENTS: Final = {"compare": ComparisonDocument}

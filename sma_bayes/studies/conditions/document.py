@@ -12,17 +12,36 @@ from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.records.types import Condition, setting_unit
+from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.design import SETTINGS, Design
 from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.conditions.features import Feature, interval
 from sma_bayes.studies.conditions.leave_out import HIERARCHICAL, LeftOutChannel
 from sma_bayes.studies.conditions.population import Population
 from sma_bayes.studies.conditions.prediction import Prediction, predicted_features
+from sma_bayes.studies.conditions.schema import (
+    LeftOutCurve,
+    PooledParameter,
+    PopulationSampling,
+    PredictedChannel,
+    PredictedCondition,
+    PredictedFeature,
+    StatedConfounder,
+    StatedCoordinate,
+    StatedCorrection,
+    StatedEffect,
+    StatedFeature,
+    StatedGroup,
+    StatedPopulation,
+    StatedScore,
+    TemperaturesCovered,
+    VariedSetting,
+)
 from sma_bayes.studies.conditions.study import ConditionStudy
 
 
-def study_document(study: ConditionStudy, *, specimen: bool) -> dict[str, Any]:
-    """A study, as `conditions.json` has it.
+def study_parts(study: ConditionStudy, *, specimen: bool) -> dict[str, Any]:
+    """What a study found, as the keys of `ConditionsFindings`.
 
     Parameters
     ----------
@@ -32,14 +51,14 @@ def study_document(study: ConditionStudy, *, specimen: bool) -> dict[str, Any]:
     """
     return {
         "converged": study.converged,
-        "groups": [_group(d, specimen) for d in study.designs],
-        "features": [_feature(f) for f in study.features],
-        "effects": [_effect(e, study, specimen) for e in study.effects],
-        "populations": [_population(p) for p in study.populations],
-        "predictions": [_prediction(p) for p in study.predictions],
-        "held_out": [_held_out(h) for h in study.held_out],
-        "remarks": list(study.remarks),
-        "cautions": cautions(study),
+        "groups": tuple(_group(d, specimen) for d in study.designs),
+        "features": tuple(_feature(f) for f in study.features),
+        "effects": tuple(_effect(e, study, specimen) for e in study.effects),
+        "populations": tuple(_population(p) for p in study.populations),
+        "predictions": tuple(_prediction(p) for p in study.predictions),
+        "held_out": tuple(_held_out(h) for h in study.held_out),
+        "remarks": study.remarks,
+        "cautions": tuple(cautions(study)),
     }
 
 
@@ -53,145 +72,159 @@ def settings_of(condition: Condition) -> dict[str, float]:
     return {s: float(getattr(condition, s)) for s in SETTINGS if getattr(condition, s) is not None}
 
 
-def _group(design: Design, specimen: bool) -> dict[str, Any]:
-    return {
-        "conditions": list(design.ids),
-        "stated": list(design.stated),
-        "varied": {
-            v: {"unit": setting_unit(v, specimen=specimen), "values": design.values(v)} for v in design.varied
+def _group(design: Design, specimen: bool) -> StatedGroup:
+    return StatedGroup(
+        conditions=design.ids,
+        stated=design.stated,
+        varied={
+            v: VariedSetting(unit=setting_unit(v, specimen=specimen), values=tuple(design.values(v).tolist()))
+            for v in design.varied
         },
-        "rank": design.rank,
-        "columns": 1 + len(design.varied),
-        "spare": design.spare,
-        "aliased": {v: list(design.aliased(v)) for v in design.varied if design.aliased(v)},
-    }
+        rank=design.rank,
+        columns=1 + len(design.varied),
+        spare=design.spare,
+        aliased={v: design.aliased(v) for v in design.varied if design.aliased(v)},
+    )
 
 
-def _feature(feature: Feature) -> dict[str, Any]:
-    return {
-        "condition": feature.condition.id,
-        "branch": feature.branch,
-        "name": feature.name,
-        "channel": feature.channel,
-        "unit": feature.unit,
+def _feature(feature: Feature) -> StatedFeature:
+    return StatedFeature(
+        condition=feature.condition.id,
+        branch=feature.branch,
+        name=feature.name,
+        channel=feature.channel,
+        unit=feature.unit,
         **feature.quantiles(),
-        "measured": feature.measured,
-        "at_edge": feature.at_edge,
-        "meaning": feature.meaning,
-    }
+        measured=feature.measured,
+        at_edge=feature.at_edge,
+        meaning=feature.meaning,
+    )
 
 
-def _effect(effect: SettingEffect, study: ConditionStudy, specimen: bool) -> dict[str, Any]:
+def _effect(effect: SettingEffect, study: ConditionStudy, specimen: bool) -> StatedEffect:
     (design,) = [d for d in study.designs if d.ids == effect.conditions]
-    return {
-        "feature": effect.feature,
-        "branch": effect.branch,
-        "channel": effect.channel,
-        "unit": "1" if effect.factor else effect.unit,
-        "kind": "factor" if effect.factor else "difference",
-        "setting": effect.setting,
-        "setting_unit": setting_unit(effect.setting, specimen=specimen),
-        "from": effect.from_,
-        "to": effect.to,
-        "conditions": list(effect.conditions),
-        "tested": effect.tested,
-        "beyond": effect.beyond,
-        "probability_rises": effect.probability_rises,
-        "scatter": effect.scatter,
-        "spare": design.spare,
-        "aliased_with": list(effect.aliased_with),
-        "confounded_with": [
-            {"name": c.other, "correlation": c.correlation, "strong": c.strong} for c in effect.confounders
-        ],
-    }
+    ends: dict[str, Any] = {"from": effect.from_, "to": effect.to}
+    return StatedEffect(
+        feature=effect.feature,
+        branch=effect.branch,
+        channel=effect.channel,
+        unit="1" if effect.factor else effect.unit,
+        kind="factor" if effect.factor else "difference",
+        setting=effect.setting,
+        setting_unit=setting_unit(effect.setting, specimen=specimen),
+        **ends,
+        conditions=effect.conditions,
+        tested=_told(effect.tested),
+        beyond=_told(effect.beyond),
+        probability_rises=effect.probability_rises,
+        scatter=_told(effect.scatter),
+        spare=design.spare,
+        aliased_with=effect.aliased_with,
+        confounded_with=tuple(
+            StatedConfounder(name=c.other, correlation=c.correlation, strong=c.strong)
+            for c in effect.confounders
+        ),
+    )
 
 
-def _population(population: Population) -> dict[str, Any]:
+def _told(found: Mapping[str, float] | None) -> IntervalDocument | None:
+    return None if found is None else IntervalDocument(**found)
+
+
+def _interval(draws: Floats) -> IntervalDocument:
+    return IntervalDocument(**interval(draws))
+
+
+def _population(population: Population) -> StatedPopulation:
     density, sampling = population.density, population.sampling
     prior = np.exp(density.draw_prior(np.random.default_rng(0), 4000))
-    return {
-        "conditions": list(population.design.ids),
-        "branch": population.records[0].branch.value,
-        "channels": list(population.records[0].channels),
-        "spare": population.design.spare,
-        "prior_led": population.prior_led,
-        "sampling": {
-            "method": sampling.method,
-            "k": sampling.k,
-            "effective": sampling.effective,
-            "converged": sampling.converged,
-        },
-        "correction": asdict(population.correction),
-        "coordinates": [
-            {
-                "name": label,
-                "level": interval(population.coefficients[:, 0, i]),
-                "changes": {
-                    v: interval(population.coefficients[:, k, i])
+    return StatedPopulation(
+        conditions=population.design.ids,
+        branch=population.records[0].branch.value,
+        channels=tuple(population.records[0].channels),
+        spare=population.design.spare,
+        prior_led=population.prior_led,
+        sampling=PopulationSampling(
+            method=sampling.method,
+            k=sampling.k,
+            effective=sampling.effective,
+            converged=sampling.converged,
+        ),
+        correction=StatedCorrection(**asdict(population.correction)),
+        coordinates=tuple(
+            StatedCoordinate(
+                name=label,
+                level=_interval(population.coefficients[:, 0, i]),
+                changes={
+                    v: _interval(population.coefficients[:, k, i])
                     for k, v in enumerate(population.design.varied, 1)
                 },
-                "scatter": interval(population.scatter[:, i]),
-                "scatter_prior": interval(prior[:, i]),
-            }
+                scatter=_interval(population.scatter[:, i]),
+                scatter_prior=_interval(prior[:, i]),
+            )
             for i, label in enumerate(population.coordinates.labels)
-        ],
-        "parameters": {
+        ),
+        parameters={
             r.condition.id: {
-                name: {"own": interval(r.curve_theta[:, i]), "pooled": interval(pooled[:, i])}
+                name: PooledParameter(own=_interval(r.curve_theta[:, i]), pooled=_interval(pooled[:, i]))
                 for i, name in enumerate(r.names)
             }
             for r, pooled in zip(
                 population.records, map(population.coordinates.to_parameters, population.phi), strict=True
             )
         },
-    }
+    )
 
 
-def _prediction(prediction: Prediction) -> dict[str, Any]:
+def _predicted_from(population: Population) -> dict[str, Any]:
+    return {"from": population.design.ids, "prior_led": population.prior_led}
+
+
+def _prediction(prediction: Prediction) -> PredictedCondition:
     low, high = prediction.covered()
     reference, branch = prediction.reference, prediction.reference.branch.value
-    return {
-        "condition": prediction.condition.id,
-        "settings": settings_of(prediction.condition),
-        "branch": branch,
-        "from": list(prediction.population.design.ids),
-        "extrapolates": list(prediction.population.design.beyond(prediction.condition)),
-        "prior_led": prediction.population.prior_led,
-        "temperature": {"unit": reference.units["temperature"], "covered_from": low, "covered_to": high},
-        "features": [
-            {"name": f.name, "channel": f.channel, "unit": f.unit, **f.quantiles(), "meaning": f.meaning}
+    return PredictedCondition(
+        condition=prediction.condition.id,
+        settings=settings_of(prediction.condition),
+        branch=branch,
+        **_predicted_from(prediction.population),
+        extrapolates=prediction.population.design.beyond(prediction.condition),
+        temperature=TemperaturesCovered(
+            unit=reference.units["temperature"], covered_from=low, covered_to=high
+        ),
+        features=tuple(
+            PredictedFeature(name=f.name, channel=f.channel, unit=f.unit, **f.quantiles(), meaning=f.meaning)
             for f in predicted_features(prediction)
-        ],
-        "channels": {
-            c: {
-                "quantity": q,
-                "unit": reference.units[c],
-                "band": f"bands/{stem(prediction.condition, branch, c)}.csv",
-            }
+        ),
+        channels={
+            c: PredictedChannel(
+                quantity=q,
+                unit=reference.units[c],
+                band=f"bands/{stem(prediction.condition, branch, c)}.csv",
+            )
             for c, q in reference.quantities.items()
         },
-    }
+    )
 
 
-def _held_out(held: LeftOutChannel) -> dict[str, Any]:
+def _held_out(held: LeftOutChannel) -> LeftOutCurve:
     record = held.record
-    return {
-        "condition": record.condition.id,
-        "settings": settings_of(record.condition),
-        "branch": record.branch.value,
-        "channel": held.channel,
-        "quantity": record.quantities[held.channel],
-        "unit": record.units[held.channel],
-        "temperature_unit": record.units["temperature"],
-        "span": float(np.ptp(held.own)),
-        "from": list(held.population.design.ids),
-        "extrapolates": list(held.beyond),
-        "prior_led": held.population.prior_led,
-        "correction_applied": held.population.correction.applied,
-        "on_log": held.channel == "stiffness",
-        "ways": {name: asdict(score) for name, score in held.scores.items()},
-        "file": f"held_out/{stem(record.condition, record.branch.value, held.channel)}.csv",
-    }
+    return LeftOutCurve(
+        condition=record.condition.id,
+        settings=settings_of(record.condition),
+        branch=record.branch.value,
+        channel=held.channel,
+        quantity=record.quantities[held.channel],
+        unit=record.units[held.channel],
+        temperature_unit=record.units["temperature"],
+        span=float(np.ptp(held.own)),
+        **_predicted_from(held.population),
+        extrapolates=held.beyond,
+        correction_applied=held.population.correction.applied,
+        on_log=held.channel == "stiffness",
+        ways={name: StatedScore(**asdict(score)) for name, score in held.scores.items()},
+        file=f"held_out/{stem(record.condition, record.branch.value, held.channel)}.csv",
+    )
 
 
 def curve_columns(record: RecordDraws, channel: str) -> dict[str, Any]:

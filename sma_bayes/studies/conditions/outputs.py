@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sma_bayes.arrays import Floats
 from sma_bayes.runs.documents import CONDITIONS
 from sma_bayes.runs.outputs import read_columns
+from sma_bayes.runs.schema import read_document
+from sma_bayes.studies.conditions.schema import ConditionsDocument
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,12 +19,12 @@ class StoredConditions:
     Attributes
     ----------
     folder : Path
-    found : mapping
+    found : ConditionsDocument
         What ``conditions.json`` holds.
     """
 
     folder: Path
-    found: Mapping[str, Any]
+    found: ConditionsDocument
 
     def columns(self, file: str) -> dict[str, Floats]:
         """Columns of one of its series, named as in ``conditions.json``.
@@ -51,4 +51,4 @@ def read_conditions(folder: Path) -> StoredConditions:
     OutputError
         If it is not finished, of another version, or can't be read.
     """
-    return StoredConditions(folder, CONDITIONS.read(folder))
+    return StoredConditions(folder, read_document(CONDITIONS, ConditionsDocument, folder))

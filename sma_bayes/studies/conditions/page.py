@@ -9,6 +9,7 @@ from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
 from sma_bayes.studies.conditions.outputs import StoredConditions
+from sma_bayes.studies.conditions.schema import ConditionsDocument, StatedScore
 from sma_bayes.studies.conditions.tables import preferred_way, share_text
 
 
@@ -46,31 +47,31 @@ def write_conditions_report(
     )
 
 
-def coverage(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+def coverage(found: ConditionsDocument) -> list[dict[str, Any]]:
     """Averages over what was left out, for each way to predict, extrapolations apart; stiffness not counted."""
-    rows: dict[tuple[bool, str], list[tuple[float, Mapping[str, Any]]]] = {}
-    for h in found["held_out"]:
-        for name, score in h["ways"].items():
-            if not h["on_log"]:
-                rows.setdefault((bool(h["extrapolates"]), name), []).append((h["span"], score))
+    rows: dict[tuple[bool, str], list[tuple[float, StatedScore]]] = {}
+    for h in found.held_out:
+        for name, score in h.ways.items():
+            if not h.on_log:
+                rows.setdefault((bool(h.extrapolates), name), []).append((h.span, score))
     return [
         {
             "way": name,
             "where": "beyond the measured settings" if outside else "between measured settings",
             "count": len(parts),
-            "covers": sum(s["covers_curve"] for _, s in parts) / len(parts),
-            "width": sum(s["width"] / span for span, s in parts) / len(parts),
-            "error": sum(s["error"] / span for span, s in parts) / len(parts),
+            "covers": sum(s.covers_curve for _, s in parts) / len(parts),
+            "width": sum(s.width / span for span, s in parts) / len(parts),
+            "error": sum(s.error / span for span, s in parts) / len(parts),
         }
         for (outside, name), parts in sorted(rows.items(), key=lambda item: item[0][0])
     ]
 
 
-def command(found: Mapping[str, Any]) -> str:
+def command(found: ConditionsDocument) -> str:
     """The command that gives the same study again."""
-    options = found["options"]
-    more = "".join(f' --at "{text}"' for text in options["at"])
-    more += "".join(f' --leave-out "{name}"' for name in options["leave_out"])
-    more += f" --model {options['model']}" if options["model"] else ""
-    fixed = f"--out DIR --seed {found['seed']} --scatter {options['scatter']:g}"
-    return f'sma-bayes conditions "{found["source"]}" {fixed}{more}'
+    options = found.options
+    more = "".join(f' --at "{text}"' for text in options.at)
+    more += "".join(f' --leave-out "{name}"' for name in options.leave_out)
+    more += f" --model {options.model}" if options.model else ""
+    fixed = f"--out DIR --seed {found.seed} --scatter {options.scatter:g}"
+    return f'sma-bayes conditions "{found.source}" {fixed}{more}'

@@ -29,15 +29,13 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
 def _drawings(stored: StoredConditions, drawn: Drawn) -> list[Callable[[StoredConditions], Drawing]]:
     found = stored.found
     drawings: list[Callable[[StoredConditions], Drawing]] = []
-    for number, group in enumerate(found["groups"], 1):
+    for number, group in enumerate(found.groups, 1):
         drawings.append(partial(measured_figure, number=number))
-        told = {
-            e["setting"] for e in found["effects"] if e["conditions"] == group["conditions"] and e["tested"]
-        }
-        drawings += [partial(effects_figure, number=number, setting=s) for s in group["varied"] if s in told]
+        told = {e.setting for e in found.effects if e.conditions == group.conditions and e.tested}
+        drawings += [partial(effects_figure, number=number, setting=s) for s in group.varied if s in told]
     if drawn != "none":
-        asked = dict.fromkeys(p["condition"] for p in found["predictions"])
+        asked = dict.fromkeys(p.condition for p in found.predictions)
         drawings += [partial(predicted_figure, condition=c) for c in asked]
-        left_out = dict.fromkeys(h["condition"] for h in found["held_out"])
+        left_out = dict.fromkeys(h.condition for h in found.held_out)
         drawings += [partial(held_out_figure, condition=c) for c in left_out]
     return drawings

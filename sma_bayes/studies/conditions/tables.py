@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.outputs import StoredConditions
+from sma_bayes.studies.conditions.schema import (
+    ConditionsDocument,
+    LeftOutCurve,
+    PredictedCondition,
+    StatedFeature,
+    StatedGroup,
+)
 
 NAMES: Final[Mapping[str, str]] = {
     "midpoint": "midpoint",
@@ -64,9 +72,9 @@ def setting_name(setting: str, specimen: bool) -> str:
     return "stress" if setting == "load" and specimen else named(setting)
 
 
-def estimate(found: Mapping[str, Any] | None, unit: str) -> Estimate | None:
+def estimate(found: IntervalDocument | None, unit: str) -> Estimate | None:
     """Median and interval, where there are any."""
-    return None if found is None else Estimate(found["median"], found["q05"], found["q95"], unit)
+    return None if found is None else Estimate(found.median, found.q05, found.q95, unit)
 
 
 def setting_text(name: str, value: float, unit: str) -> str:
@@ -89,17 +97,17 @@ def share_text(share: float) -> str:
     return f"{share:.2g}" if share < HOPELESS else "no limit"
 
 
-def preferred_way(found: Mapping[str, Any]) -> str:
+def preferred_way(found: ConditionsDocument) -> str:
     """Which way of predicting to use where they disagree, by what was left out; empty where nothing was.
 
     It is the narrowest of those whose 90 % band held at least `HELD` of the curves; extrapolations and stiffness, whose
     width is one of logarithms, do not count.
     """
     rows: dict[str, list[tuple[float, float]]] = {}
-    for h in found["held_out"]:
-        if not h["on_log"] and not h["extrapolates"]:
-            for name, score in h["ways"].items():
-                rows.setdefault(name, []).append((score["covers_curve"], score["width"] / h["span"]))
+    for h in found.held_out:
+        if not h.on_log and not h.extrapolates:
+            for name, score in h.ways.items():
+                rows.setdefault(name, []).append((score.covers_curve, score.width / h.span))
     if not rows:
         return ""
     means = {
@@ -119,39 +127,39 @@ def preferred_way(found: Mapping[str, Any]) -> str:
 
 def design_table(stored: StoredConditions) -> Table:
     """What was set in each condition."""
-    specimen = stored.found["specimen"]
+    specimen = stored.found.specimen
     return Table(
         "design",
         "Conditions",
         "What is stated of each condition. Only conditions that state the same settings can be compared.",
         (Column("group", "group"), Column("condition", "condition"), Column("settings", "settings")),
-        tuple(_design_rows(stored.found["groups"], specimen)),
+        tuple(_design_rows(stored.found.groups, specimen)),
     )
 
 
-def _design_rows(groups: list[Mapping[str, Any]], specimen: bool) -> Iterator[tuple[Cell, ...]]:
+def _design_rows(groups: Sequence[StatedGroup], specimen: bool) -> Iterator[tuple[Cell, ...]]:
     for number, group in enumerate(groups, 1):
-        for place, condition in enumerate(group["conditions"]):
+        for place, condition in enumerate(group.conditions):
             settings = ", ".join(
-                f"{setting_name(n, specimen)} {setting_text(n, v['values'][place], v['unit'])}"
-                for n, v in group["varied"].items()
+                f"{setting_name(n, specimen)} {setting_text(n, v.values[place], v.unit)}"
+                for n, v in group.varied.items()
             )
             yield (number, condition, settings or "nothing that differs")
 
 
 def extremes_table(stored: StoredConditions) -> Table:
     """Temperatures and stiffness of each condition: the form of Tables 9 to 12 of the paper."""
-    found: dict[str, dict[str, Mapping[str, Any]]] = {}
-    for f in stored.found["features"]:
-        if f["branch"] == "both" and f["name"] != "hysteresis_width":
-            found.setdefault(f["condition"], {})[f["name"]] = f
+    found: dict[str, dict[str, StatedFeature]] = {}
+    for f in stored.found.features:
+        if f.branch == "both" and f.name != "hysteresis_width":
+            found.setdefault(f.condition, {})[f.name] = f
     rows = [
         (
             condition,
-            *(Number(f[n]["median"], f[n]["unit"]) for n in ("least_temperature", "peak_temperature")),
-            unit_label(f["peak_temperature"]["unit"]),
-            *(estimate(f[n], f[n]["unit"]) for n in ("least_stiffness", "greatest_stiffness")),
-            unit_label(f["least_stiffness"]["unit"]),
+            *(Number(f[n].median, f[n].unit) for n in ("least_temperature", "peak_temperature")),
+            unit_label(f["peak_temperature"].unit),
+            *(estimate(f[n], f[n].unit) for n in ("least_stiffness", "greatest_stiffness")),
+            unit_label(f["least_stiffness"].unit),
             estimate(f["stiffness_ratio"], "1"),
         )
         for condition, f in found.items()
@@ -177,15 +185,13 @@ def extremes_table(stored: StoredConditions) -> Table:
 
 def feature_table(stored: StoredConditions) -> Table:
     """Every feature of every condition."""
-    rows, specimen = [], stored.found["specimen"]
-    for f in stored.found["features"]:
-        value = (
-            Number(f["median"], f["unit"]) if f["measured"] or f["median"] is None else estimate(f, f["unit"])
-        )
-        edge = f["at_edge"] is not None and f["at_edge"] > EDGE
+    rows, specimen = [], stored.found.specimen
+    for f in stored.found.features:
+        value = Number(f.median, f.unit) if f.measured or f.median is None else estimate(f, f.unit)
+        edge = f.at_edge is not None and f.at_edge > EDGE
         rows.append(
-            (f["condition"], f["branch"], named(f["name"]), quantity(f["channel"], specimen), value,
-             unit_label(f["unit"]) or "1", "at an end of the sweep" if edge else "")
+            (f.condition, f.branch, named(f.name), quantity(f.channel, specimen), value,
+             unit_label(f.unit) or "1", "at an end of the sweep" if edge else "")
         )  # fmt: skip
     return Table(
         "features",
@@ -236,19 +242,19 @@ def effect_table(stored: StoredConditions) -> Table:
     )
 
 
-def _effect_rows(found: Mapping[str, Any]) -> Iterator[tuple[Cell, ...]]:
-    groups = [g["conditions"] for g in found["groups"]]
-    for e in sorted(found["effects"], key=lambda e: (groups.index(e["conditions"]), e["setting"])):
-        specimen = found["specimen"]
-        along = [c["name"] for c in e["confounded_with"] if c["strong"]]
+def _effect_rows(found: ConditionsDocument) -> Iterator[tuple[Cell, ...]]:
+    groups = [g.conditions for g in found.groups]
+    for e in sorted(found.effects, key=lambda e: (groups.index(e.conditions), e.setting)):
+        specimen = found.specimen
+        along = [c.name for c in e.confounded_with if c.strong]
         yield (
-            f"group {groups.index(e['conditions']) + 1}", setting_name(e["setting"], specimen),
-            *(setting_text(e["setting"], e[end], e["setting_unit"]) for end in ("from", "to")),
-            named(e["feature"]), e["branch"], quantity(e["channel"], specimen),
-            "×" if e["kind"] == "factor" else "difference",
-            estimate(e["tested"], e["unit"]), estimate(e["beyond"], e["unit"]), unit_label(e["unit"]) or "1",
-            Number(e["probability_rises"], "1", 0.01), estimate(e["scatter"], e["unit"]),
-            ", ".join(setting_name(n, specimen) for n in [*e["aliased_with"], *along]),
+            f"group {groups.index(e.conditions) + 1}", setting_name(e.setting, specimen),
+            *(setting_text(e.setting, end, e.setting_unit) for end in (e.from_, e.to)),
+            named(e.feature), e.branch, quantity(e.channel, specimen),
+            "×" if e.kind == "factor" else "difference",
+            estimate(e.tested, e.unit), estimate(e.beyond, e.unit), unit_label(e.unit) or "1",
+            Number(e.probability_rises, "1", 0.01), estimate(e.scatter, e.unit),
+            ", ".join(setting_name(n, specimen) for n in [*e.aliased_with, *along]),
         )  # fmt: skip
 
 
@@ -256,12 +262,12 @@ def scatter_table(stored: StoredConditions) -> Table:
     """Scatter between conditions, before and after the data."""
     rows = [
         (
-            ", ".join(p["conditions"]), p["branch"], c["name"],
-            estimate(c["scatter_prior"], "1"), estimate(c["scatter"], "1"),
-            "; ".join(f"{setting_name(n, stored.found['specimen'])} {_brief(v)}" for n, v in c["changes"].items()),
+            ", ".join(p.conditions), p.branch, c.name,
+            estimate(c.scatter_prior, "1"), estimate(c.scatter, "1"),
+            "; ".join(f"{setting_name(n, stored.found.specimen)} {_brief(v)}" for n, v in c.changes.items()),
         )
-        for p in stored.found["populations"]
-        for c in p["coordinates"]
+        for p in stored.found.populations
+        for c in p.coordinates
     ]  # fmt: skip
     return Table(
         "scatter",
@@ -281,21 +287,22 @@ def scatter_table(stored: StoredConditions) -> Table:
     )
 
 
-def _brief(found: Mapping[str, Any]) -> str:
-    return f"{compact(found['median'])} [{compact(found['q05'])}, {compact(found['q95'])}]"
+def _brief(found: IntervalDocument) -> str:
+    low, median, high = found.quantiles
+    return f"{compact(median)} [{compact(low)}, {compact(high)}]"
 
 
 def prediction_table(stored: StoredConditions) -> Table:
     """Features of the conditions that were asked for."""
-    specimen = stored.found["specimen"]
+    specimen = stored.found.specimen
     rows = [
         (
-            p["condition"], p["branch"], named(f["name"]),
-            quantity(f["channel"], specimen), estimate(f, f["unit"]),
-            unit_label(f["unit"]) or "1", _warning(p, specimen), f["meaning"],
+            p.condition, p.branch, named(f.name),
+            quantity(f.channel, specimen), estimate(f, f.unit),
+            unit_label(f.unit) or "1", _warning(p, specimen), f.meaning,
         )
-        for p in stored.found["predictions"]
-        for f in p["features"]
+        for p in stored.found.predictions
+        for f in p.features
     ]  # fmt: skip
     return Table(
         "predictions",
@@ -316,11 +323,11 @@ def prediction_table(stored: StoredConditions) -> Table:
     )
 
 
-def _warning(p: Mapping[str, Any], specimen: bool) -> str:
+def _warning(p: PredictedCondition | LeftOutCurve, specimen: bool) -> str:
     said = []
-    if p["extrapolates"]:
-        said.append("extrapolates: " + ", ".join(setting_name(s, specimen) for s in p["extrapolates"]))
-    if p["prior_led"]:
+    if p.extrapolates:
+        said.append("extrapolates: " + ", ".join(setting_name(s, specimen) for s in p.extrapolates))
+    if p.prior_led:
         said.append("width led by the prior")
     return "; ".join(said)
 
@@ -352,15 +359,14 @@ def held_out_table(stored: StoredConditions) -> Table:
     )
 
 
-def _held_out_rows(found: Mapping[str, Any]) -> Iterator[tuple[Cell, ...]]:
-    specimen = found["specimen"]
-    for h in found["held_out"]:
-        size = 1.0 if h["on_log"] else h["span"]
-        for name, score in h["ways"].items():
+def _held_out_rows(found: ConditionsDocument) -> Iterator[tuple[Cell, ...]]:
+    specimen = found.specimen
+    for h in found.held_out:
+        for name, score in h.ways.items():
             yield (
-                h["condition"], h["branch"], h["quantity"], name,
-                *(Number(score[n], "1", 0.01) for n in ("covers_curve", "covers_samples")), score["holds_whole"],
-                *(_share(score[n] / size) for n in ("width", "error")),
+                h.condition, h.branch, h.quantity, name,
+                *(Number(n, "1", 0.01) for n in (score.covers_curve, score.covers_samples)), score.holds_whole,
+                *(_share(n / h.scale) for n in (score.width, score.error)),
                 _warning(h, specimen) if name == "hierarchical" else "",
             )  # fmt: skip
 
@@ -372,9 +378,9 @@ def _share(share: float) -> Cell:
 def pooled_table(stored: StoredConditions) -> Table:
     """A and B of each condition by itself, and with what the others say about it."""
     rows = [
-        (condition, p["branch"], name, estimate(v["own"], "1"), estimate(v["pooled"], "1"))
-        for p in stored.found["populations"]
-        for condition, parameters in p["parameters"].items()
+        (condition, p.branch, name, estimate(v.own, "1"), estimate(v.pooled, "1"))
+        for p in stored.found.populations
+        for condition, parameters in p.parameters.items()
         for name, v in parameters.items()
     ]
     return Table(

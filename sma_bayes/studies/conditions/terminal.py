@@ -6,6 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from sma_bayes.report.notation import interval_text, unit_label
+from sma_bayes.runs.schema import IntervalDocument
+from sma_bayes.studies.conditions.schema import (
+    ConditionsDocument,
+    LeftOutCurve,
+    PredictedFeature,
+    StatedEffect,
+    StatedScore,
+)
 from sma_bayes.studies.conditions.tables import (
     named,
     preferred_way,
@@ -22,39 +30,38 @@ HEADLINES: Final = (
 """Features whose effects are told on a terminal."""
 
 
-def conditions_text(found: Mapping[str, Any]) -> str:
+def conditions_text(stated: Mapping[str, Any]) -> str:
     """What `conditions.json` says, in a few lines for a terminal."""
-    lines, specimen = [f"{found['campaign']}, seed {found['seed']}"], found["specimen"]
-    if choice := found.get("model_choice"):
-        lines.append(f"model {choice['reason']}{_again(found['refitted'])}")
-    for group in found["groups"]:
-        ranges = [
-            _range_text(n, min(v["values"]), max(v["values"]), v["unit"]) for n, v in group["varied"].items()
-        ]
-        lines.append(f"{', '.join(group['conditions'])}: {', '.join(ranges) or 'nothing varied'}")
-    told = [e for e in found["effects"] if e["beyond"] and e["feature"] in HEADLINES]
+    found = ConditionsDocument.model_validate(stated)
+    lines, specimen = [f"{found.campaign}, seed {found.seed}"], found.specimen
+    if found.model_choice is not None:
+        lines.append(f"model {found.model_choice.reason}{_again(found.refitted)}")
+    for group in found.groups:
+        ranges = [_range_text(n, min(v.values), max(v.values), v.unit) for n, v in group.varied.items()]
+        lines.append(f"{', '.join(group.conditions)}: {', '.join(ranges) or 'nothing varied'}")
+    told = [e for e in found.effects if e.beyond and e.feature in HEADLINES]
     sure = [e for e in told if _sure(e)]
-    lines += [_effect_text(e, specimen) for e in sure]
+    lines += [_effect_text(e, e.beyond, specimen) for e in sure if e.beyond]
     if told:
         lines.append(
             f"  {len(sure)} of {len(told)} effects have a 95 % sure direction; the report has all of them"
         )
-    for p in found["predictions"]:
+    for p in found.predictions:
         note = (
-            f"; EXTRAPOLATES in {', '.join(setting_name(s, specimen) for s in p['extrapolates'])}"
-            if p["extrapolates"]
+            f"; EXTRAPOLATES in {', '.join(setting_name(s, specimen) for s in p.extrapolates)}"
+            if p.extrapolates
             else ""
         )
-        lines.append(f"predicted {p['condition']}, {p['branch']}, from {len(p['from'])} conditions{note}")
-        lines += [f"  {_estimate_text(f, specimen)}" for f in p["features"]]
-    for h in found["held_out"]:
-        ways = "; ".join(_score_text(n, s, h) for n, s in h["ways"].items())
-        lines.append(f"left out {h['condition']}, {h['branch']}, {h['quantity']}: {ways}")
+        lines.append(f"predicted {p.condition}, {p.branch}, from {len(p.from_)} conditions{note}")
+        lines += [f"  {_estimate_text(f, specimen)}" for f in p.features]
+    for h in found.held_out:
+        ways = "; ".join(_score_text(n, s, h) for n, s in h.ways.items())
+        lines.append(f"left out {h.condition}, {h.branch}, {h.quantity}: {ways}")
     advised = preferred_way(found)
     lines += [advised] if advised else []
-    lines += [f"caution: {c}" for c in found["cautions"]]
-    lines += [f"remark: {r}" for r in found["remarks"]]
-    if not found["converged"]:
+    lines += [f"caution: {c}" for c in found.cautions]
+    lines += [f"remark: {r}" for r in found.remarks]
+    if not found.converged:
         lines.append("NOT CONVERGED: the numbers must not be relied on.")
     return "\n".join(lines)
 
@@ -63,20 +70,20 @@ def _again(keys: Sequence[str]) -> str:
     return f"; fitted again with it: {', '.join(keys)}" if keys else ""
 
 
-def _sure(effect: Mapping[str, Any]) -> bool:
-    p = effect["probability_rises"]
+def _sure(effect: StatedEffect) -> bool:
+    p = effect.probability_rises
     return p is not None and (p < 0.05 or p > 0.95)
 
 
-def _effect_text(e: Mapping[str, Any], specimen: bool) -> str:
-    b = e["beyond"]
-    sign = "×" if e["kind"] == "factor" else ""
-    unit = "" if e["kind"] == "factor" else f" {unit_label(e['unit'])}"
-    along = ", ".join(named(c["name"]) for c in e["confounded_with"] if c["strong"])
-    reach = _range_text(e["setting"], e["from"], e["to"], e["setting_unit"])
-    return (
-        f"  {reach}: {_feature_text(e, specimen)} {sign}{interval_text(b['median'], b['q05'], b['q95'])}{unit}"
-        + (f"; or {along}" if along else "")
+def _effect_text(e: StatedEffect, b: IntervalDocument, specimen: bool) -> str:
+    sign = "×" if e.kind == "factor" else ""
+    unit = "" if e.kind == "factor" else f" {unit_label(e.unit)}"
+    along = ", ".join(named(c.name) for c in e.confounded_with if c.strong)
+    branch = "" if e.branch == "both" else f", {e.branch}"
+    reach = _range_text(e.setting, e.from_, e.to, e.setting_unit)
+    what = f"{_feature_text(e.feature, e.channel, specimen)}{branch}"
+    return f"  {reach}: {what} {sign}{interval_text(b.median, b.q05, b.q95)}{unit}" + (
+        f"; or {along}" if along else ""
     )
 
 
@@ -85,20 +92,19 @@ def _range_text(setting: str, low: float, high: float, unit: str) -> str:
     return f"{name} {setting_text(setting, low, unit)} to {setting_text(setting, high, unit)}"
 
 
-def _feature_text(e: Mapping[str, Any], specimen: bool) -> str:
-    name = e.get("feature") or e["name"]
-    of = f" of {quantity(e['channel'], specimen)}" if e["channel"] and e["channel"] not in name else ""
-    branch = f", {e['branch']}" if e.get("branch") and e["branch"] != "both" else ""
-    return f"{named(name)}{of}{branch}"
+def _feature_text(name: str, channel: str, specimen: bool) -> str:
+    of = f" of {quantity(channel, specimen)}" if channel and channel not in name else ""
+    return f"{named(name)}{of}"
 
 
-def _estimate_text(f: Mapping[str, Any], specimen: bool) -> str:
-    value = interval_text(f["median"], f["q05"], f["q95"])
-    return f"{_feature_text(f, specimen)}: {value} {unit_label(f['unit'])}".rstrip()
+def _estimate_text(f: PredictedFeature, specimen: bool) -> str:
+    value = interval_text(f.median, f.q05, f.q95)
+    return f"{_feature_text(f.name, f.channel, specimen)}: {value} {unit_label(f.unit)}".rstrip()
 
 
-def _score_text(name: str, score: Mapping[str, Any], held: Mapping[str, Any]) -> str:
-    size = 1.0 if held["on_log"] else held["span"]
-    width, error = score["width"] / size, score["error"] / size
-    of = "in ln" if held["on_log"] else "of the span"
-    return f"{name} covers {score['covers_curve']:.0%}, width {share_text(width)}, error {share_text(error)} {of}"
+def _score_text(name: str, score: StatedScore, held: LeftOutCurve) -> str:
+    width, error = score.width / held.scale, score.error / held.scale
+    of = "in ln" if held.on_log else "of the span"
+    return (
+        f"{name} covers {score.covers_curve:.0%}, width {share_text(width)}, error {share_text(error)} {of}"
+    )

@@ -21,7 +21,8 @@ from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import CONDITIONS
 from sma_bayes.runs.jobs import run as run_tasks
 from sma_bayes.runs.outputs import StoredRun, read_run
-from sma_bayes.runs.store import plain, write_csv
+from sma_bayes.runs.schema import ModelChoiceDocument
+from sma_bayes.runs.store import write_csv
 from sma_bayes.runs.stored_draws import stored_draws
 from sma_bayes.studies.condition_text import condition_at, text_of
 from sma_bayes.studies.conditions.document import (
@@ -29,9 +30,10 @@ from sma_bayes.studies.conditions.document import (
     held_out_columns,
     sample_columns,
     stem,
-    study_document,
+    study_parts,
 )
 from sma_bayes.studies.conditions.population import SCATTER
+from sma_bayes.studies.conditions.schema import ConditionsFindings, ConditionsOptions
 from sma_bayes.studies.conditions.study import ConditionStudy, bands_of, study
 from sma_bayes.studies.fit.tasks import FitTask, sample_task
 from sma_bayes.studies.identity import all_versions
@@ -179,25 +181,24 @@ def _studied(question: _Question, folder: Path | None, work: RunContext) -> dict
     if folder is not None:
         with work.account.timed("write"):
             _write(folder, found, q.seed)
-    document: dict[str, Any] = plain({
-        "schema": CONDITIONS.schema,
-        "campaign": q.run.summary.campaign,
-        "source": str(q.run.folder),
-        "seed": q.seed,
-        "options": {
-            "scatter": q.scatter,
-            "at": [text_of(c, specimen=specimen) for c in q.asked],
-            "leave_out": q.left_out,
-            "model": AUTO_MODEL if q.chooses else None,
-        },
-        "model_choice": None if choice is None else asdict(choice),
-        "refitted": refitted,
-        "versions": all_versions(),
-        "data_sha256": q.run.summary.data_sha256,
-        "specimen": specimen,
-        **study_document(found, specimen=specimen),
-    })  # fmt: skip
-    return document
+    return ConditionsFindings(
+        schema="sma-bayes/conditions/1",
+        campaign=q.run.summary.campaign,
+        source=str(q.run.folder),
+        seed=q.seed,
+        options=ConditionsOptions(
+            scatter=q.scatter,
+            at=tuple(text_of(c, specimen=specimen) for c in q.asked),
+            leave_out=q.left_out,
+            model=AUTO_MODEL if q.chooses else None,
+        ),
+        model_choice=None if choice is None else ModelChoiceDocument(**asdict(choice)),
+        refitted=tuple(refitted),
+        versions=all_versions(),
+        data_sha256=q.run.summary.data_sha256,
+        specimen=specimen,
+        **study_parts(found, specimen=specimen),
+    ).as_json()
 
 
 def _of_one_model(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
@@ -32,8 +33,16 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.report.notation import unit_label
+from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.leave_out import CURVES, PARAMETERS
 from sma_bayes.studies.conditions.outputs import StoredConditions
+from sma_bayes.studies.conditions.schema import (
+    LeftOutCurve,
+    PredictedChannel,
+    StatedEffect,
+    StatedFeature,
+    StatedGroup,
+)
 from sma_bayes.studies.conditions.tables import named, quantity, setting_name, setting_text
 
 BOTH: Final = "#555555"
@@ -58,10 +67,10 @@ def measured_figure(stored: StoredConditions, number: int) -> Drawing:
     number : int
         Group, from 1.
     """
-    group = stored.found["groups"][number - 1]
-    ids = group["conditions"]
-    features = [f for f in stored.found["features"] if f["condition"] in ids]
-    stiff = any(f["channel"] == "stiffness" for f in features)
+    group = stored.found.groups[number - 1]
+    ids = group.conditions
+    features = [f for f in stored.found.features if f.condition in ids]
+    stiff = any(f.channel == "stiffness" for f in features)
     left = label_width(ids)
     columns = 2 if stiff else 1
     figure = empty_sheet(left + max(2.9 * columns, 4.2) + 0.35, 1.25 + 0.34 * len(ids))
@@ -77,7 +86,7 @@ def measured_figure(stored: StoredConditions, number: int) -> Drawing:
         Line2D([], [], color=FAINT, lw=4, alpha=0.5, label="measured temperatures"),
         Line2D([], [], color=INK, marker="|", ms=6, ls="none", label="start and finish"),
     ])  # fmt: skip
-    heading(figure, _title(group, stored.found["specimen"]), "")
+    heading(figure, _title(group, stored.found.specimen), "")
     return Drawing(
         stem=numbered("measured", number),
         caption=(
@@ -92,9 +101,9 @@ def measured_figure(stored: StoredConditions, number: int) -> Drawing:
     )
 
 
-def _title(group: Mapping[str, Any], specimen: bool) -> str:
-    names = [setting_name(n, specimen) for n in group["varied"]]
-    return f"{len(group['conditions'])} conditions that differ in {' and '.join(names) or 'nothing'}"
+def _title(group: StatedGroup, specimen: bool) -> str:
+    names = [setting_name(n, specimen) for n in group.varied]
+    return f"{len(group.conditions)} conditions that differ in {' and '.join(names) or 'nothing'}"
 
 
 def _legend(figure: Any, handles: list[Any]) -> None:
@@ -107,22 +116,23 @@ def _offset(branch: str) -> float:
     return {"heating": -0.14, "cooling": 0.14}.get(branch, 0.0)
 
 
-def _record(f: Mapping[str, Any]) -> tuple[Any, ...]:
-    return (f["condition"], f["branch"], f["name"], f["channel"], f["unit"], f["q05"], f["median"], f["q95"])
+def _record(f: StatedFeature) -> tuple[Any, ...]:
+    return (f.condition, f.branch, f.name, f.channel, f.unit, *f.quantiles)
 
 
-def _stiffness(ax: Axes, ids: Sequence[str], features: Iterable[Mapping[str, Any]]) -> list[tuple[Any, ...]]:
+def _stiffness(ax: Axes, ids: Sequence[str], features: Iterable[StatedFeature]) -> list[tuple[Any, ...]]:
     rows = []
     ends: dict[tuple[str, str], list[float]] = {}
     unit = ""
     for f in features:
-        if f["name"] not in ("least_stiffness", "greatest_stiffness") or f["branch"] == "both":
+        if f.name not in ("least_stiffness", "greatest_stiffness") or f.branch == "both":
             continue
-        place = ids.index(f["condition"]) + _offset(f["branch"])
-        colour, unit = COLOURS[f["branch"]], f["unit"]
-        ax.plot([f["q05"], f["q95"]], [place, place], color=colour, lw=2.2, solid_capstyle="butt")
-        ax.plot(f["median"], place, "o", ms=3.4, color=colour)
-        ends.setdefault((f["condition"], f["branch"]), []).append(f["median"])
+        place = ids.index(f.condition) + _offset(f.branch)
+        colour, unit = COLOURS[f.branch], f.unit
+        low, median, high = f.quantiles
+        ax.plot([low, high], [place, place], color=colour, lw=2.2, solid_capstyle="butt")
+        ax.plot(median, place, "o", ms=3.4, color=colour)
+        ends.setdefault((f.condition, f.branch), []).append(median)
         rows.append(_record(f))
     for (condition, branch), values in ends.items():
         place = ids.index(condition) + _offset(branch)
@@ -132,30 +142,29 @@ def _stiffness(ax: Axes, ids: Sequence[str], features: Iterable[Mapping[str, Any
     return rows
 
 
-def _temperatures(
-    ax: Axes, ids: Sequence[str], features: Iterable[Mapping[str, Any]]
-) -> list[tuple[Any, ...]]:
+def _temperatures(ax: Axes, ids: Sequence[str], features: Iterable[StatedFeature]) -> list[tuple[Any, ...]]:
     rows, unit = [], ""
     reach: dict[str, list[float]] = {}
     for f in features:
-        place = ids.index(f["condition"]) + _offset(f["branch"])
-        colour = COLOURS.get(f["branch"], BOTH)
-        if f["name"] in ("least_temperature", "peak_temperature"):
-            reach.setdefault(f["condition"], []).append(f["median"])
-            unit = f["unit"]
-        elif f["name"] == "midpoint":
-            shift = {"force": -0.06, "displacement": 0.06}[f["channel"]]
-            ax.plot([f["q05"], f["q95"]], [place + shift] * 2, color=colour, lw=1.2)
-            ax.plot(f["median"], place + shift, "o", ms=3.2, color=colour)
-        elif f["name"] in ("As", "Af", "Ms", "Mf", "Rs", "Rf") and f["median"] is not None:
-            ax.plot([f["q05"], f["q95"]], [place, place], color=colour, lw=1.2)
-            ax.plot(f["median"], place, "|", ms=7, color=colour)
+        place = ids.index(f.condition) + _offset(f.branch)
+        colour = COLOURS.get(f.branch, BOTH)
+        low, median, high = f.quantiles
+        if f.name in ("least_temperature", "peak_temperature"):
+            reach.setdefault(f.condition, []).append(median)
+            unit = f.unit
+        elif f.name == "midpoint":
+            shift = {"force": -0.06, "displacement": 0.06}[f.channel]
+            ax.plot([low, high], [place + shift] * 2, color=colour, lw=1.2)
+            ax.plot(median, place + shift, "o", ms=3.2, color=colour)
+        elif f.name in ("As", "Af", "Ms", "Mf", "Rs", "Rf") and f.median is not None:
+            ax.plot([low, high], [place, place], color=colour, lw=1.2)
+            ax.plot(median, place, "|", ms=7, color=colour)
         else:
             continue
         rows.append(_record(f))
-    for condition, (low, high) in reach.items():
+    for condition, ends in reach.items():
         at = ids.index(condition)
-        ax.plot([low, high], [at, at], color=FAINT, lw=9, alpha=0.25, solid_capstyle="butt", zorder=0)
+        ax.plot(ends, [at, at], color=FAINT, lw=9, alpha=0.25, solid_capstyle="butt", zorder=0)
     ax.set_xlabel(f"temperature [{unit_label(unit)}]")
     return rows
 
@@ -170,16 +179,16 @@ def effects_figure(stored: StoredConditions, number: int, setting: str) -> Drawi
         Group, from 1.
     setting : str
     """
-    group = stored.found["groups"][number - 1]
+    group = stored.found.groups[number - 1]
     shown = [
-        e for e in stored.found["effects"]
-        if e["conditions"] == group["conditions"] and e["setting"] == setting and e["tested"] is not None
-        and e["feature"] in SHOWN
+        e for e in stored.found.effects
+        if e.conditions == group.conditions and e.setting == setting and e.tested is not None
+        and e.feature in SHOWN
     ]  # fmt: skip
-    shown.sort(key=lambda e: (SHOWN.index(e["feature"]), e["branch"], e["channel"]))
-    parts = [[e for e in shown if e["kind"] == kind] for kind in ("factor", "difference")]
+    shown.sort(key=lambda e: (SHOWN.index(e.feature), e.branch, e.channel))
+    parts = [[e for e in shown if e.kind == kind] for kind in ("factor", "difference")]
     parts = [p for p in parts if p]
-    specimen = stored.found["specimen"]
+    specimen = stored.found.specimen
     labels = [_label(e, specimen) for e in shown]
     left = label_width(labels)
     tall = [len(p) + 0.5 for p in parts]
@@ -195,15 +204,15 @@ def effects_figure(stored: StoredConditions, number: int, setting: str) -> Drawi
         Line2D([], [], color=INK, lw=3, marker="|", ms=9, mew=1.6, label="tested conditions"),
         Line2D([], [], color=INK, lw=0.8, marker="o", ms=3, mfc="white", label="with scatter"),
     ])  # fmt: skip
-    varied = group["varied"][setting]
-    ends = [setting_text(setting, choose(varied["values"]), varied["unit"]) for choose in (min, max)]
+    varied = group.varied[setting]
+    ends = [setting_text(setting, choose(varied.values), varied.unit) for choose in (min, max)]
     name = setting_name(setting, specimen)
     heading(figure, f"From {ends[0]} to {ends[1]} ({name})", "")
-    along = sorted({named(c["name"]) for e in shown for c in e["confounded_with"] if c["strong"]})
+    along = sorted({named(c.name) for e in shown for c in e.confounded_with if c.strong})
     return Drawing(
         stem=f"{numbered('effects', number)}-{setting}",
         caption=(
-            f"Change of each feature from the least to the greatest {name} in {', '.join(group['conditions'])}: "
+            f"Change of each feature from the least to the greatest {name} in {', '.join(group.conditions)}: "
             "medians and 90 % intervals. Thick: how the tested conditions differ. Thin: what the setting does, "
             "conditions scattering about a straight line."
             + (f" It can't be told from an effect of {', '.join(along)}, which went along." if along else "")
@@ -217,42 +226,36 @@ def effects_figure(stored: StoredConditions, number: int, setting: str) -> Drawi
     )  # fmt: skip
 
 
-def _label(e: Mapping[str, Any], specimen: bool) -> str:
-    of = f" ({quantity(e['channel'], specimen)})" if e["channel"] and e["channel"] != "stiffness" else ""
-    return f"{named(e['feature'])}{of}"
+def _label(e: StatedEffect, specimen: bool) -> str:
+    of = f" ({quantity(e.channel, specimen)})" if e.channel and e.channel != "stiffness" else ""
+    return f"{named(e.feature)}{of}"
 
 
-def _effects(ax: Axes, part: Sequence[Mapping[str, Any]], specimen: bool) -> list[tuple[Any, ...]]:
+def _effects(ax: Axes, part: Sequence[StatedEffect], specimen: bool) -> list[tuple[Any, ...]]:
     rows = []
-    factor = part[0]["kind"] == "factor"
+    factor = part[0].kind == "factor"
     ax.axvline(1.0 if factor else 0.0, color=INK, lw=0.6, zorder=0)
     for place, e in enumerate(part):
-        colour, t, b = COLOURS.get(e["branch"], BOTH), e["tested"], e["beyond"]
-        if b is not None:
-            ax.plot([b["q05"], b["q95"]], [place, place], color=colour, lw=0.8)
-            ax.plot(b["median"], place, "o", ms=3.4, mfc="white", mec=colour, mew=0.8, zorder=5)
-        ax.plot([t["q05"], t["q95"]], [place, place], color=colour, lw=3.2, solid_capstyle="butt", alpha=0.8)
-        ax.plot(t["median"], place, "|", ms=9, mew=1.6, color=colour)
-        none = {"q05": None, "median": None, "q95": None}
-        rows.append(
-            (
-                e["feature"],
-                e["branch"],
-                e["channel"],
-                e["kind"],
-                e["unit"],
-                *t.values(),
-                *(b or none).values(),
-            )
-        )
+        colour = COLOURS.get(e.branch, BOTH)
+        (low, median, high), beyond = _ends(e.tested), _ends(e.beyond)
+        ax.plot(beyond[::2], [place, place], color=colour, lw=0.8)
+        ax.plot(beyond[1], place, "o", ms=3.4, mfc="white", mec=colour, mew=0.8, zorder=5)
+        ax.plot([low, high], [place, place], color=colour, lw=3.2, solid_capstyle="butt", alpha=0.8)
+        ax.plot(median, place, "|", ms=9, mew=1.6, color=colour)
+        rows.append((e.feature, e.branch, e.channel, e.kind, e.unit, low, median, high, *beyond))
     name_rows(ax, [_label(e, specimen) for e in part], labelled=True)
-    units = sorted({unit_label(e["unit"]) for e in part if e["unit"] != "1"})
+    units = sorted({unit_label(e.unit) for e in part if e.unit != "1"})
     ax.set_xlabel("factor [1]" if factor else f"difference [{' or '.join(units) or '1'}]")
     if factor:
         _logarithmic(ax, ax.xaxis)
     else:
         ax.xaxis.set_major_locator(few_ticks(6))
     return rows
+
+
+def _ends(found: IntervalDocument | None) -> tuple[float, float, float]:
+    """Quantiles of an interval; NaN, which nothing is drawn for, where there is none."""
+    return (math.nan, math.nan, math.nan) if found is None else found.quantiles
 
 
 def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
@@ -263,18 +266,18 @@ def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
     stored : StoredConditions
     condition : str
     """
-    held = [h for h in stored.found["held_out"] if h["condition"] == condition]
-    channels, branches = _both(held)
+    held = [h for h in stored.found.held_out if h.condition == condition]
+    channels, branches = _channels_and_branches((h.channel, h.branch) for h in held)
     figure, axes = _grid(channels, branches)
     data: dict[str, Any] = {}
     ways: list[str] = []
     for h in held:
-        ax = axes[channels.index(h["channel"]), branches.index(h["branch"])]
-        columns, samples = stored.columns(h["file"]), stored.samples(h["file"])
-        ways += [w for w in h["ways"] if w in BY_HAND]
-        _band(ax, columns, "hierarchical", COLOURS[h["branch"]])
+        ax = axes[channels.index(h.channel), branches.index(h.branch)]
+        columns, samples = stored.columns(h.file), stored.samples(h.file)
+        ways += [w for w in h.ways if w in BY_HAND]
+        _band(ax, columns, "hierarchical", COLOURS[h.branch])
         t = _temperature(columns)
-        for name in (w for w in h["ways"] if w in BY_HAND):
+        for name in (w for w in h.ways if w in BY_HAND):
             colour, dashes = BY_HAND[name]
             ax.plot(t, columns[f"{name.replace(' ', '_')}_q50"], color=colour, ls=dashes, lw=1.1)
         if samples:
@@ -282,12 +285,11 @@ def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
             ax.plot(_temperature(samples), y, ".", ms=1.8, color=INK, alpha=0.5, rasterized=y.size > MANY)
         else:
             ax.plot(t, columns["own_median"], color=INK, lw=0.9)
-        _finish(ax, h, columns["own_median"], stored, channels)
-        score = h["ways"]["hierarchical"]
-        _said(
-            ax, f"holds {100 * score['covers_curve']:.0f} % of the curve", warn=score["holds_whole"] is False
-        )
-        data |= {f"{h['branch']} {h['channel']} {k}": v for k, v in columns.items()}
+        lowest = h.channel == channels[-1]
+        _finish(ax, columns["own_median"], h.channel, h, h.temperature_unit if lowest else "")
+        score = h.ways["hierarchical"]
+        _said(ax, f"holds {100 * score.covers_curve:.0f} % of the curve", warn=score.holds_whole is False)
+        data |= {f"{h.branch} {h.channel} {k}": v for k, v in columns.items()}
     handles = [
         Line2D([], [], color=INK, marker=".", lw=0.9, ms=4, label="measured there"),
         Patch(color=BOTH, alpha=0.25, lw=0, label="predicted, 90 %"),
@@ -295,14 +297,14 @@ def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
     ]
     _legend(figure, handles)
     first = held[0]
-    note = "EXTRAPOLATES" if first["extrapolates"] else ""
-    heading(figure, f"{condition} predicted from {len(first['from'])} others", note)
+    note = "EXTRAPOLATES" if first.extrapolates else ""
+    heading(figure, f"{condition} predicted from {len(first.from_)} others", note)
     return Drawing(
         stem=f"held-out-{condition}",
         caption=(
-            f"{condition} was left out and predicted from {', '.join(first['from'])}: 90 % band of the curve and its "
+            f"{condition} was left out and predicted from {', '.join(first.from_)}: 90 % band of the curve and its "
             "median, over what was measured there; dashed, interpolation by hand between the neighbours."
-            + (PRIOR_LED if first["prior_led"] else "")
+            + (PRIOR_LED if first.prior_led else "")
         ),
         alt="predicted bands over the measurements of a condition that was left out",
         figure=figure,
@@ -318,37 +320,36 @@ def predicted_figure(stored: StoredConditions, condition: str) -> Drawing:
     stored : StoredConditions
     condition : str
     """
-    parts = [p | {"channel": c, **v} for p in stored.found["predictions"] if p["condition"] == condition
-             for c, v in p["channels"].items()]  # fmt: skip
-    channels, branches = _both(parts)
+    parts = [p for p in stored.found.predictions if p.condition == condition]
+    curves = [(p, channel, of) for p in parts for channel, of in p.channels.items()]
+    channels, branches = _channels_and_branches((channel, p.branch) for p, channel, _ in curves)
     figure, axes = _grid(channels, branches)
     data: dict[str, Any] = {}
-    for p in parts:
-        ax = axes[channels.index(p["channel"]), branches.index(p["branch"])]
-        columns = stored.columns(p["band"])
+    for p, channel, of in curves:
+        ax = axes[channels.index(channel), branches.index(p.branch)]
+        columns = stored.columns(of.band)
         seen = []
-        for other in p["from"]:
-            own = stored.columns(f"curves/{other}-{p['branch']}-{p['channel']}.csv")
+        for other in p.from_:
+            own = stored.columns(f"curves/{other}-{p.branch}-{channel}.csv")
             ax.plot(_temperature(own), own["own_q50"], color=FAINT, lw=0.8)
             seen.append(own["own_q50"])
         shown = {f"hierarchical_{q}": columns[q] for q in ("q05", "q50", "q95")}
-        _band(ax, shown | {"temperature": _temperature(columns)}, "hierarchical", COLOURS[p["branch"]])
-        _finish(
-            ax, p | {"temperature_unit": p["temperature"]["unit"]}, np.concatenate(seen), stored, channels
-        )
-        data |= {f"{p['branch']} {p['channel']} {k}": v for k, v in columns.items() if k != "extrapolated"}
+        _band(ax, shown | {"temperature": _temperature(columns)}, "hierarchical", COLOURS[p.branch])
+        lowest = channel == channels[-1]
+        _finish(ax, np.concatenate(seen), channel, of, p.temperature.unit if lowest else "")
+        data |= {f"{p.branch} {channel} {k}": v for k, v in columns.items() if k != "extrapolated"}
     _legend(figure, [
         Line2D([], [], color=FAINT, label="measured conditions"),
         Patch(color=BOTH, alpha=0.25, lw=0, label="predicted, 90 %"),
     ])  # fmt: skip
     first = parts[0]
-    heading(figure, f"{condition}, not measured", "EXTRAPOLATES" if first["extrapolates"] else "")
+    heading(figure, f"{condition}, not measured", "EXTRAPOLATES" if first.extrapolates else "")
     return Drawing(
         stem=f"predicted-{condition}",
         caption=(
             f"Curve at {condition}, which was not measured: median and 90 % band, with the median curves of "
-            f"{', '.join(first['from'])}."
-            + (PRIOR_LED if first["prior_led"] else "")
+            f"{', '.join(first.from_)}."
+            + (PRIOR_LED if first.prior_led else "")
         ),
         alt="predicted bands of a condition that was not measured, with the curves of the measured ones",
         figure=figure,
@@ -356,11 +357,10 @@ def predicted_figure(stored: StoredConditions, condition: str) -> Drawing:
     )  # fmt: skip
 
 
-def _both(parts: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str]]:
-    return (
-        list(dict.fromkeys(p["channel"] for p in parts)),
-        [b for b in COLOURS if any(p["branch"] == b for p in parts)],
-    )
+def _channels_and_branches(places: Iterable[tuple[str, str]]) -> tuple[list[str], list[str]]:
+    """Channels, and branches in the order of figures, of pairs of the two."""
+    channels, branches = zip(*places, strict=True)
+    return list(dict.fromkeys(channels)), [b for b in COLOURS if b in branches]
 
 
 def _grid(channels: Sequence[str], branches: Sequence[str]) -> tuple[Any, Any]:
@@ -387,11 +387,11 @@ def _band(ax: Axes, columns: Mapping[str, Floats], name: str, colour: str) -> No
 
 
 def _finish(
-    ax: Axes, part: Mapping[str, Any], values: Floats, stored: StoredConditions, channels: Sequence[str]
+    ax: Axes, values: Floats, channel: str, of: LeftOutCurve | PredictedChannel, temperature_unit: str
 ) -> None:
-    """Limits about what was measured, and labels."""
+    """Limits about what was measured, and labels; none of the temperature without a unit."""
     low, high = float(np.min(values)), float(np.max(values))
-    if part["channel"] == "stiffness" and low > 0.0:
+    if channel == "stiffness" and low > 0.0:
         stretch = max((high / low) ** 0.75, 3.0)
         ax.set_ylim(low / stretch, high * stretch)
         _logarithmic(ax, ax.yaxis)
@@ -400,9 +400,9 @@ def _finish(
         reach = FAR * (high - low) / 4.0
         ax.set_ylim(max(bottom, low - reach), min(top, high + reach))
     power = take_power(ax.yaxis)
-    ax.set_ylabel(f"{part['quantity']} [{in_units_of(power, part['unit'])}]")
-    if part["channel"] == channels[-1]:
-        ax.set_xlabel(f"temperature [{unit_label(part['temperature_unit'])}]")
+    ax.set_ylabel(f"{of.quantity} [{in_units_of(power, of.unit)}]")
+    if temperature_unit:
+        ax.set_xlabel(f"temperature [{unit_label(temperature_unit)}]")
 
 
 def _logarithmic(ax: Axes, axis: Axis) -> None:

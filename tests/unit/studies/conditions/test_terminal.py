@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
+from sma_bayes.studies.conditions.schema import ConditionsDocument
 from sma_bayes.studies.conditions.tables import HOPELESS, preferred_way
 from sma_bayes.studies.conditions.terminal import conditions_text
 
 
 def held(**ways: tuple[float, float]) -> dict[str, Any]:
     return {
-        "condition": "c", "branch": "heating", "quantity": "displacement", "on_log": False, "span": 2.0,
-        "extrapolates": [],
+        "condition": "c", "settings": {}, "branch": "heating", "channel": "displacement", "quantity": "displacement",
+        "unit": "mm", "temperature_unit": "degC", "span": 2.0, "from": ["a", "b"], "extrapolates": [],
+        "prior_led": False, "correction_applied": True, "on_log": False, "file": "held_out/c-heating-displacement.csv",
         "ways": {
-            name.replace("_", " "): {"covers_curve": covers, "width": 2.0 * width, "error": 0.1}
+            name.replace("_", " "): {
+                "covers_curve": covers, "covers_samples": None, "holds_whole": None, "width": 2.0 * width, "error": 0.1,
+            }
             for name, (covers, width) in ways.items()
         },
     }  # fmt: skip
@@ -21,14 +25,23 @@ def held(**ways: tuple[float, float]) -> dict[str, Any]:
 
 def study(*held_out: dict[str, Any]) -> dict[str, Any]:
     return {
-        "campaign": "bench", "seed": 0, "specimen": False, "groups": [], "effects": [], "cautions": [], "remarks": [],
-        "converged": True, "held_out": list(held_out),
+        "schema": "sma-bayes/conditions/1", "campaign": "bench", "source": "fit", "seed": 0,
+        "options": {"scatter": 0.1, "at": [], "leave_out": [], "model": None}, "model_choice": None, "refitted": [],
+        "versions": {}, "data_sha256": "", "specimen": False, "groups": [], "features": [], "effects": [],
+        "populations": [], "cautions": [], "remarks": [], "converged": True, "held_out": list(held_out),
+        "figures": "none", "stages_s": {}, "stages_cpu_s": {}, "workers": {"where": "here", "lost": []}, "wall_s": 1.0,
         "predictions": [
-            {"condition": "new", "branch": "heating", "extrapolates": [], "from": ["a", "b"],
-             "features": [{"name": "As", "channel": "displacement", "branch": "heating", "median": 61.234, "q05": 60.1,
-                           "q95": 62.3, "unit": "degC"}]},
+            {"condition": "new", "settings": {}, "branch": "heating", "from": ["a", "b"], "extrapolates": [],
+             "prior_led": False, "temperature": {"unit": "degC", "covered_from": 20.0, "covered_to": 90.0},
+             "channels": {},
+             "features": [{"name": "As", "channel": "displacement", "unit": "degC", "q05": 60.1, "median": 61.234,
+                           "q95": 62.3, "meaning": "start"}]},
         ],
     }  # fmt: skip
+
+
+def advice(found: dict[str, Any]) -> str:
+    return preferred_way(ConditionsDocument.model_validate(found))
 
 
 def test_units_are_those_that_people_write_and_shares_that_say_nothing_are_not_told() -> None:
@@ -44,12 +57,10 @@ def test_of_ways_that_hold_what_was_left_out_the_narrowest_is_advised() -> None:
         held(hierarchical=(0.95, 0.4), curves_by_hand=(0.9, 0.2), parameters_by_hand=(0.3, 0.01)),
         held(hierarchical=(0.95, 0.4), curves_by_hand=(0.8, 0.2), parameters_by_hand=(0.2, 0.01)),
     )
-    assert preferred_way(found).startswith(
-        "where predictions disagree use curves by hand: its 90 % band held 85%"
-    )
-    assert preferred_way(found) in conditions_text(found)
+    assert advice(found).startswith("where predictions disagree use curves by hand: its 90 % band held 85%")
+    assert advice(found) in conditions_text(found)
 
 
 def test_where_no_way_holds_it_that_is_said() -> None:
-    assert preferred_way(study(held(hierarchical=(0.5, HOPELESS)))).startswith("no way of predicting holds")
-    assert preferred_way(study()) == ""
+    assert advice(study(held(hierarchical=(0.5, HOPELESS)))).startswith("no way of predicting holds")
+    assert advice(study()) == ""
