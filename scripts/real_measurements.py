@@ -3,7 +3,7 @@
 `run` fits each record with the package's defaults and with the baselines (extra ``bench``), holds out blocks, ends and
 sweeps, and adds a line of JSON for each record and method to a file; what is there already is not done again. `page`
 writes `docs/data/real_measurements.csv` and the tables of `docs/real_measurements.md`, with what is asked beside what
-was reached; `targets` prints the latter.
+was reached; `targets` prints the latter. Records and methods that the file does not hold are taken from the table as it stands.
 
     python scripts/real_measurements.py run --out real.jsonl --data FOLDER
     python scripts/real_measurements.py targets real.jsonl
@@ -22,8 +22,8 @@ from joblib import Parallel, delayed
 sys.path.insert(0, str(Path(__file__).parent))
 
 from calibration.trials import read
+from real_records.page import joined, write_page
 from real_records.page import targets as reached
-from real_records.page import write_page
 from real_records.records import SETS, measured_records
 from real_records.trials import METHODS, attempt
 
@@ -68,7 +68,7 @@ def page(path: Lines) -> None:
 @app.command()
 def targets(path: Lines) -> None:
     """Print what is asked and what was reached."""
-    for target in reached(list(read(path))):
+    for target in reached(joined(list(read(path)), ROOT / "docs" / "data" / "real_measurements.csv")):
         typer.echo(f"{'reached' if target.is_reached else 'NOT reached'}: {target.asked}: {target.found}")
 
 

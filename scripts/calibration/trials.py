@@ -23,7 +23,7 @@ from calibration.truths import TRUTHS, seed_of
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.parameters.priors_file import priors_folder
 
-DECIDES = ("response", "noise", "sampling", "fitting", "parameters", "discrepancy.py", "posterior.py")
+DECIDES = ("response", "noise", "sampling", "fitting", "parameters")
 """Parts of the package that decide what an interval is."""
 DIGITS = 5
 """To which results are kept."""
@@ -97,7 +97,7 @@ def code_version() -> str:
     """Digest of the sources that decide what an interval is, and of the priors that ship; twelve digits."""
     package = Path(sma_bayes.__file__).parent
     parts = [package / part for part in DECIDES]
-    files = [f for part in parts for f in ([part] if part.is_file() else part.rglob("*.py"))]
+    files = [f for part in parts for f in part.rglob("*.py")]
     files += priors_folder().glob("*.toml")
     digest = hashlib.sha256()
     for file in sorted(files):

@@ -21,6 +21,7 @@ SHARP: Final = ("flexinol_isobaric", "nitihf_sparse_isobaric")
 DESCRIBED: Final = (
     "model", "noise", "discrepancy", "converged", "rmse", "lag1", "width", "scatter", "seconds"
 )  # fmt: skip
+SCORES: Final = ("coverage", "log_score", "width")
 NOT_MEASURED: Final = "not measured"
 GAUSSIAN_PROCESSES: Final = ("gaussian_process", "celerite")
 
@@ -99,6 +100,8 @@ def _sharp(single: Sequence[Line], example: str) -> Target:
 def write_page(lines: Sequence[Line], docs: Path) -> None:
     """Write the numbers and the generated part of the page.
 
+    What the table holds of other records and methods stays, so that each can be measured anew by itself.
+
     Parameters
     ----------
     lines : sequence of mapping
@@ -106,20 +109,27 @@ def write_page(lines: Sequence[Line], docs: Path) -> None:
     docs : Path
         Folder of the documentation.
     """
-    ordered = sorted(
-        lines,
-        key=lambda line: (list(SETS).index(line["example"]), line["key"], METHODS.index(line["method"])),
-    )
-    write_csv(ordered, docs / "data" / "real_measurements.csv")
+    table = docs / "data" / "real_measurements.csv"
+    ordered = joined(lines, table)
+    write_csv(ordered, table)
     page = docs / "real_measurements.md"
     parts = (_targets(ordered), _fits(ordered), _scores(ordered, "blocks"), _rest(ordered))
     text = replaced(page.read_text(encoding="utf-8"), "\n\n".join(parts))
     page.write_text(text, encoding="utf-8", newline="\n")
 
 
+def joined(lines: Sequence[Line], table: Path) -> list[Line]:
+    """Lines, and those of a table as `write_csv` writes it for records and methods that have none; in order."""
+    found = {(line["key"], line["method"]): line for line in (*read_csv(table), *lines)}
+    return sorted(
+        found.values(),
+        key=lambda line: (list(SETS).index(line["example"]), line["key"], METHODS.index(line["method"])),
+    )
+
+
 def write_csv(lines: Sequence[Line], path: Path) -> None:
     """One row for each record and method, numbers to four digits."""
-    scored = [f"{scheme}_{key}" for scheme in SCHEMES for key in ("coverage", "log_score", "width")]
+    scored = [f"{scheme}_{key}" for scheme in SCHEMES for key in SCORES]
     names = [
         "example",
         "record",
@@ -142,6 +152,41 @@ def write_csv(lines: Sequence[Line], path: Path) -> None:
                 for key, value in (found or {}).items()
             }
             writer.writerow({k: _cell(v) for k, v in (line | held_out).items()})
+
+
+def read_csv(path: Path) -> list[Line]:
+    """What `write_csv` has written, to its four digits; nothing where there is no such file.
+
+    Raises
+    ------
+    ValueError
+        A cell that is not of its column's kind.
+    """
+    if not path.exists():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        return [_line(row) for row in csv.DictReader(file)]
+
+
+def _line(row: Mapping[str, str]) -> Line:
+    """One row as `attempt` gives it, but for ``model_asked``."""
+    about = {k: row[k] for k in ("example", "record", "branch", "method")}
+    about |= {"key": f"{row['example']}/{row['record']}", "n": int(row["n"]), "sweeps": int(row["sweeps"])}
+    if row["failed"]:
+        return about | {"failed": row["failed"]}
+    held_out = {scheme: {key: _number(row[f"{scheme}_{key}"]) for key in SCORES} for scheme in SCHEMES}
+    line = about | {
+        "held_out": {k: None if v["coverage"] is None else v for k, v in held_out.items()},
+        "held_out_seconds": _number(row["held_out_seconds"]),
+    }
+    if row["method"] != OURS:
+        return line
+    words = {k: row[k] for k in ("model", "noise")} | {"converged": row["converged"] == "True"}
+    return line | words | {k: _number(row[k]) for k in DESCRIBED if k not in words}
+
+
+def _number(cell: str) -> float | None:
+    return float(cell) if cell else None
 
 
 def _cell(value: object) -> object:

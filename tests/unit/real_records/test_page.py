@@ -88,6 +88,22 @@ def test_the_page_and_its_numbers(tmp_path: Path) -> None:
     assert rows[0]["sweeps_coverage"] == ""
 
 
+def test_what_was_not_measured_anew_stays(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    page = tmp_path / "real_measurements.md"
+    page.write_text(f"{BEGIN}\n{END}\n", encoding="utf-8")
+    refused = {k: line(2)[k] for k in ("key", "example", "record", "branch", "n", "sweeps", "method")}
+    lines = [line(0), line(0, "celerite"), line(1), refused | {"failed": "too few samples"}]
+    lines = [x | {"key": f"{x['example']}/{x['record']}"} for x in lines]
+    write_page(lines, tmp_path)
+    before = page.read_text(encoding="utf-8")
+    write_page([], tmp_path)
+    assert page.read_text(encoding="utf-8") == before
+    write_page([lines[0] | {"rmse": 0.0071}], tmp_path)
+    after = page.read_text(encoding="utf-8")
+    assert after.replace("| 0.71 |", "| 0.50 |") == before != after
+
+
 @pytest.mark.parametrize(
     "options", [["--methods", "magic"], ["--sets", "no set"], ["--data", "no such folder"]]
 )
