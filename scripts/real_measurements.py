@@ -3,7 +3,8 @@
 `run` fits each record with the package's defaults and with the baselines (extra ``bench``), holds out blocks, ends and
 sweeps, and adds a line of JSON for each record and method to a file; what is there already is not done again. `page`
 writes `docs/data/real_measurements.csv` and the tables of `docs/real_measurements.md`, with what is asked beside what
-was reached; `targets` prints the latter. Records and methods that the file does not hold are taken from the table as it stands.
+was reached; `targets` prints the latter. Records and methods that the file does not hold are taken from the table as
+it stands.
 
     python scripts/real_measurements.py run --out real.jsonl --data FOLDER
     python scripts/real_measurements.py targets real.jsonl
