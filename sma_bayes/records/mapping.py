@@ -89,6 +89,11 @@ def run_of_tables(declared: DeclaredCondition, tables: Sequence[RawTable]) -> tu
         row=whole.row,
         columns={CHANNEL_OF.get(quantity, quantity): v for quantity, v in values.items()},
         units={CHANNEL_OF.get(q, q): canonical_unit(q, column) for q, column in columns.items()},
+        declared_units={
+            channel: column.calibrated_unit
+            for q, column in columns.items()
+            if (channel := CHANNEL_OF.get(q, q)) in CHANNELS
+        },
         specimen=specimen,
         temperature_sd=_temperature_sd(columns["temperature"]),
         calibration={

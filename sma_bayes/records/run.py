@@ -34,6 +34,8 @@ class Run:
         Error of a temperature reading [unit of temperature].
     calibration : mapping of str to Calibration
         Channels whose scale or offset is uncertain.
+    declared_units : mapping of str to str
+        Unit of each channel as it was declared, in which people see it.
     """
 
     condition: Condition
@@ -44,6 +46,7 @@ class Run:
     specimen: bool = False
     temperature_sd: float = 0.0
     calibration: Mapping[str, Calibration] = field(default_factory=dict)
+    declared_units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def n(self) -> int:

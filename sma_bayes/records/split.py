@@ -526,6 +526,7 @@ def _record(
         held=held,
         rows_averaged=blocks.largest,
         source=run.file,
+        declared_units=run.declared_units,
     )
 
 

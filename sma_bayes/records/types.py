@@ -130,6 +130,8 @@ class Record:
         How many source rows a sample stands for, at most; 1 where nothing was averaged.
     source : str
         Name of the file.
+    declared_units : mapping of str to str
+        Unit of each channel as it was declared, in which people see it; empty where that is `units`.
     """
 
     condition: Condition
@@ -144,6 +146,7 @@ class Record:
     held: Mapping[str, HeldChannel] = field(default_factory=dict)
     rows_averaged: int = 1
     source: str = ""
+    declared_units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = np.shape(self.inputs["temperature"])
@@ -167,7 +170,7 @@ class Record:
         object.__setattr__(self, "inputs", MappingProxyType(frozen))
         object.__setattr__(self, "observed", MappingProxyType(channels))
         object.__setattr__(self, "row", row)
-        for name in ("units", "calibration", "held"):
+        for name in ("units", "calibration", "held", "declared_units"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def __reduce__(self) -> tuple[object, ...]:

@@ -71,6 +71,8 @@ class Channel:
         sse, rmse, r2, adj_r2, n, p at the warm start; empty where it was not observed.
     measured, replicated : mapping of str to Estimate
         r, r2, rmse against the measured data and against data replicated from the posterior.
+    scale : float
+        Of its `unit` in one of the unit of what is stored [1].
     """
 
     channel: str
@@ -81,6 +83,7 @@ class Channel:
     fit: Mapping[str, float]
     measured: Mapping[str, Estimate]
     replicated: Mapping[str, Estimate]
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +131,7 @@ class ParameterResult(SampledParameter):
     family: str
     numbers: Mapping[str, float]
     source: str
+    scale: float = 1.0
 
     @property
     def prior(self) -> str:

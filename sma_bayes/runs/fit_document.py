@@ -40,6 +40,10 @@ class Measure(DocumentPart):
 
     name: str = Field(description="what it is called: strain for the displacement of a specimen")
     unit: Unit
+    declared_unit: str | None = Field(
+        default=None,
+        description="unit in which it was declared, and in which reports show it; null where not measured",
+    )
 
 
 class TemperatureSummary(DocumentPart):
@@ -60,6 +64,9 @@ class HeldSummary(DocumentPart):
     mean: Number = Field(description="mean [unit]")
     sd: Number = Field(description="standard deviation [unit]")
     unit: str = Field(default="", description="unit of both")
+    declared_unit: str | None = Field(
+        default=None, description="unit in which it was declared, and in which reports show it"
+    )
 
 
 class CalibrationSummary(DocumentPart):

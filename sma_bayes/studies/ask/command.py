@@ -20,7 +20,10 @@ def command(
     ] = None,
     unit: Annotated[
         list[str] | None,
-        typer.Option(help="Unit of the answer to --at, such as 'N/mm', for what it suits; may be repeated."),
+        typer.Option(
+            help="Unit of the answer to --at, such as 'N/mm', for what it suits; may be repeated. "
+            "By default that of the measurements, with --json that of the fit."
+        ),
     ] = None,
     stiffness: Annotated[
         str | None, typer.Option("--stiffness", "--modulus", help="Wanted stiffness, such as '130 N/m'.")
@@ -53,9 +56,13 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Tell what a temperature gives, or which temperatures give a wanted value, and how surely."""
+    from sma_bayes.runs.declared_units import declared_units
+    from sma_bayes.runs.outputs import read_run
     from sma_bayes.studies.ask.terminal import answer_text, show_values_at
     from sma_bayes.studies.ask.workflow import ask
 
+    if at and not unit and not as_json:
+        unit = declared_units(read_run(folder).summary.records)
     found = ask(
         folder,
         at=at,

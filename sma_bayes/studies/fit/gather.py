@@ -28,6 +28,7 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.runs.declared_units import Shown, ShownUnit, in_shown_units, of_parameters, shown_units
 from sma_bayes.runs.fit_document import (
     CalibrationSummary,
     CheckSummary,
@@ -75,8 +76,12 @@ def report_content(run: StoredRun) -> Content:
     ----------
     run : StoredRun
     """
-    summary = run.summary
-    records = tuple(_record(r) for r in summary.records)
+    units = shown_units(run.summary.records)
+    summary = in_shown_units(run.summary, units)
+    records = tuple(
+        _record(shown, of_parameters(stored, units), units)
+        for shown, stored in zip(summary.records, run.summary.records, strict=True)
+    )
     names = {r.condition: {c.channel: c.name for c in r.channels} for r in records}
     return Content(
         campaign=summary.campaign,
@@ -96,7 +101,7 @@ def is_twin(summary: FitFindings) -> bool:
     return summary.source.startswith(TWIN_SOURCE) and keys <= set(printed_values())
 
 
-def _record(r: RecordSummary) -> RecordContent:
+def _record(r: RecordSummary, scale: Mapping[str, float], units: Shown) -> RecordContent:
     names = {channel: q.name for channel, q in r.quantities.items()}
     temperature = r.temperature
     measured = {**r.quantities, "temperature": Measure(name="temperature", unit=temperature.unit)}
@@ -116,14 +121,14 @@ def _record(r: RecordSummary) -> RecordContent:
         n=r.n,
         rows_averaged=r.rows_averaged,
         segments=r.segments,
-        settings={k: Number(v, _setting_unit(k, names)) for k, v in r.settings.items()},
+        settings={k: _setting(k, v, names, units) for k, v in r.settings.items()},
         temperature_unit=temperature.unit,
         temperature_range=(temperature.lowest, temperature.highest),
         temperature_sd=temperature.sd or 0.0,
-        channels=tuple(_channel(c, q, r) for c, q in r.quantities.items()),
+        channels=tuple(_channel(c, q, r, units) for c, q in r.quantities.items()),
         held=tuple(_held(c, h, names) for c, h in r.held.items()),
         calibration=tuple(_calibration(k, measured[c]) for c, k in r.calibration.items() if c in measured),
-        parameters=tuple(_parameter(n, p, r, names) for n, p in r.parameters.items()),
+        parameters=tuple(_parameter(n, p, r, names, scale.get(n, 1.0)) for n, p in r.parameters.items()),
         free_directions=tuple((d.text, d.contraction or 0.0) for d in r.free_directions),
         jacobian_rank=r.jacobian_rank,
         path_kind=r.path.kind,
@@ -138,12 +143,17 @@ def _record(r: RecordSummary) -> RecordContent:
     )
 
 
-def _setting_unit(setting: str, names: Mapping[str, str]) -> str:
-    specimen = set(names.values()) & set(SPECIMEN_QUANTITY.values())
-    return setting_unit(setting, specimen=bool(specimen))
+def _setting(setting: str, value: float, names: Mapping[str, str], units: Shown) -> Number:
+    """A setting; the stress of a specimen in the unit of the measured one, or in MPa, as it is declared."""
+    specimen = bool(set(names.values()) & set(SPECIMEN_QUANTITY.values()))
+    unit = setting_unit(setting, specimen=specimen)
+    if not (setting == "load" and specimen):
+        return Number(value, unit)
+    shown = units.get(SPECIMEN_QUANTITY["force"]) or ShownUnit(unit, "MPa", 1e-6)
+    return Number(value * shown.factor, shown.shown)
 
 
-def _channel(channel: str, quantity: Measure, r: RecordSummary) -> Channel:
+def _channel(channel: str, quantity: Measure, r: RecordSummary, units: Shown) -> Channel:
     def agreement(found: Mapping[str, Mapping[str, Factor]]) -> dict[str, Estimate]:
         units = {"r": "1", "r2": "1", "adj_r2": "1", "rmse": quantity.unit}
         return {n: _estimate(f, units[n]) for n, f in found.get(channel, {}).items() if n in units}
@@ -159,6 +169,7 @@ def _channel(channel: str, quantity: Measure, r: RecordSummary) -> Channel:
         fit=goodness.as_json() if goodness else {},
         measured=agreement(r.correlation),
         replicated=agreement(r.correlation_replicated),
+        scale=units[name].factor if name in units and units[name].shown == quantity.unit else 1.0,
     )
 
 
@@ -191,7 +202,9 @@ def _calibration(c: CalibrationSummary, quantity: Measure) -> str:
     )
 
 
-def _parameter(name: str, p: ParameterSummary, r: RecordSummary, names: Mapping[str, str]) -> ParameterResult:
+def _parameter(
+    name: str, p: ParameterSummary, r: RecordSummary, names: Mapping[str, str], scale: float
+) -> ParameterResult:
     prior = dict(p.prior)
     family, source = str(prior.pop("family", "")), str(prior.pop("source", ""))
     return ParameterResult(
@@ -215,6 +228,7 @@ def _parameter(name: str, p: ParameterSummary, r: RecordSummary, names: Mapping[
         family=family,
         numbers={n: v for n, v in prior.items() if isinstance(v, float)},
         source=source,
+        scale=scale,
     )
 
 

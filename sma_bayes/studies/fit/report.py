@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from sma_bayes.account import Account
+from sma_bayes.arrays import Floats
 from sma_bayes.report.assembly import written_tables
 from sma_bayes.report.choice import FEW, Drawn, ReportOptions
 from sma_bayes.report.content import Content, RecordContent
@@ -95,11 +96,12 @@ class _RecordTask:
         return self.record.key
 
     def drawings(self) -> Iterator[Callable[[], Drawing]]:
-        branch = _branch_data(self.folder, self.record)
+        stored = _stored_branch(self.folder, self.record)
+        branch = _in_shown_units(stored)
         yield partial(corner_figure, branch)
         yield partial(trace_figure, branch)
         yield partial(predictive_figure, branch)
-        residuals = standardised_residuals(self.record, branch.stored, branch.curve)
+        residuals = standardised_residuals(self.record, stored.stored, stored.curve)
         yield partial(residual_figure, branch, residuals)
 
 
@@ -186,6 +188,37 @@ def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask
 
 
 def _branch_data(folder: Path, record: RecordContent) -> BranchData:
+    return _in_shown_units(_stored_branch(folder, record))
+
+
+def _in_shown_units(branch: BranchData) -> BranchData:
+    """What is drawn of a record, from the units in which it is stored to those in which people see it."""
+    record, stored = branch.content, branch.stored
+    channels = {c.channel: c.scale for c in record.channels}
+    parameters = {p.name: p.scale for p in record.parameters}
+    if all(scale == 1.0 for scale in (*channels.values(), *parameters.values())):
+        return branch
+
+    def scaled(values: Mapping[str, Floats], by: Mapping[str, float]) -> dict[str, Floats]:
+        return {name: by.get(name, 1.0) * v for name, v in values.items()}
+
+    return replace(
+        branch,
+        stored=replace(
+            stored,
+            observed=scaled(stored.observed, channels),
+            draws=scaled(stored.draws, parameters),
+            prior_curves=scaled(stored.prior_curves, channels),
+        ),
+        bands={
+            c: replace(band, quantiles={n: channels[c] * q for n, q in band.quantiles.items()})
+            for c, band in branch.bands.items()
+        },
+        curve=scaled(branch.curve, channels),
+    )
+
+
+def _stored_branch(folder: Path, record: RecordContent) -> BranchData:
     stored = posterior_of(folder, record.key, record.checksum)
     bands = {
         c.channel: band_of(folder, record.key, c.channel, record.band_checksums.get(c.channel))

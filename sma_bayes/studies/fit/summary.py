@@ -77,14 +77,24 @@ def record_summary(
         rows_averaged=r.rows_averaged,
         segments=int(np.unique(r.inputs["segment"]).size),
         channels=r.channels,
-        quantities={c: Measure(name=r.quantity(c), unit=channel_unit(r.units, c)) for c in band_channels(r)},
+        quantities={
+            c: Measure(
+                name=r.quantity(c), unit=channel_unit(r.units, c), declared_unit=r.declared_units.get(c)
+            )
+            for c in band_channels(r)
+        },
         temperature=TemperatureSummary(
             unit=r.units["temperature"],
             lowest=float(r.temperature.min()),
             highest=float(r.temperature.max()),
             sd=r.temperature_sd,
         ),
-        held={c: HeldSummary(mean=h.mean, sd=h.sd, unit=r.units.get(c, "")) for c, h in r.held.items()},
+        held={
+            c: HeldSummary(
+                mean=h.mean, sd=h.sd, unit=r.units.get(c, ""), declared_unit=r.declared_units.get(c)
+            )
+            for c, h in r.held.items()
+        },
         calibration={
             c: CalibrationSummary.model_validate(k, from_attributes=True) for c, k in r.calibration.items()
         },

@@ -60,7 +60,7 @@ def test_a_specimen_is_called_what_it_is(run_copy: Path, edit_summary: Edit) -> 
     found = report_content(read_run(edit_summary(run_copy, change)))
     record = found.records[0]
     assert [c.symbol for c in record.channels] == ["σ", "ε", "E"]
-    assert record.settings["load"].unit == "Pa"
+    assert record.settings["load"].unit == "MPa"  # as stress_MPa declares it
     assert record.held == ("stress held at 1.5 × 10⁸ Pa (sd 1 × 10⁵ Pa)",)
     meanings = " ".join(p.meaning for p in record.parameters)
     assert "strain" in meanings

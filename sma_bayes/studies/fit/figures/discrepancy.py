@@ -54,7 +54,7 @@ def discrepancy_figure(content: RecordContent, draws: RecordDraws) -> Drawing:
     )  # fmt: skip
     rows: list[tuple[Any, ...]] = []
     for (above, below), channel in zip(axes.T, channels, strict=True):
-        found = _quantiles(draws, channel.channel)
+        found = _quantiles(draws, channel)
         _draw_curves(above, content, draws, channel, found)
         _draw_discrepancy(below, content, draws, channel, found)
         rows += _rows(draws, channel, found)
@@ -85,17 +85,17 @@ def discrepancy_figure(content: RecordContent, draws: RecordDraws) -> Drawing:
     )
 
 
-def _quantiles(draws: RecordDraws, channel: str) -> Mapping[str, Floats]:
+def _quantiles(draws: RecordDraws, shown: Channel) -> Mapping[str, Floats]:
     """Temperatures (m,), and there quantiles (5, m) of total curve and discrepancy, model and noise (m,)."""
-    t = draws.grid()
+    t, channel, scale = draws.grid(), shown.channel, shown.scale
     whole, missed = draws.curves.curve(channel, t), draws.curves.discrepancy(channel, t)
     model = np.median(whole - missed, axis=0)
     return {
         "temperature": t,
-        "whole": np.quantile(whole, LEVELS, axis=0),
-        "missed": np.quantile(missed, LEVELS, axis=0),
-        "model": model,
-        "noise": _noise(draws, channel, t, np.median(whole, axis=0)),
+        "whole": scale * np.quantile(whole, LEVELS, axis=0),
+        "missed": scale * np.quantile(missed, LEVELS, axis=0),
+        "model": scale * model,
+        "noise": scale * _noise(draws, channel, t, np.median(whole, axis=0)),
     }
 
 
@@ -117,7 +117,7 @@ def _draw_curves(
     ax: Axes, content: RecordContent, draws: RecordDraws, channel: Channel, found: Mapping[str, Floats]
 ) -> None:
     t, whole, colour = found["temperature"], found["whole"], COLOURS[content.branch]
-    y = draws.record.observed[channel.channel]
+    y = channel.scale * draws.record.observed[channel.channel]
     ax.fill_between(t, whole[0], whole[4], color=colour, alpha=0.3, lw=0, zorder=2)
     ax.scatter(
         draws.record.temperature, y, s=5 if y.size < 200 else 2.5, color=INK, alpha=0.7, linewidths=0, zorder=5,
@@ -142,7 +142,7 @@ def _draw_discrepancy(
     at = int(np.argmax(np.abs(missed[2])))
     ax.plot(t[at], missed[2, at], marker="o", ms=6, mfc="none", mec=INK, mew=1.0, ls="none", zorder=5)
     ax.margins(y=0.12)
-    span = draws.posterior.observed_range(0, channel.channel)[1]
+    span = channel.scale * draws.posterior.observed_range(0, channel.channel)[1]
     percent = ax.secondary_yaxis(
         "right", functions=(partial(np.multiply, 100.0 / span), partial(np.multiply, 0.01 * span))
     )
@@ -173,7 +173,7 @@ def _header(temperature_unit: str) -> tuple[str, ...]:
 
 
 def _rows(draws: RecordDraws, channel: Channel, found: Mapping[str, Floats]) -> list[tuple[Any, ...]]:
-    measured = draws.record.observed[channel.channel]
+    measured = channel.scale * draws.record.observed[channel.channel]
     empty = (math.nan,) * 10
     rows: list[tuple[Any, ...]] = [
         ("measured", channel.name, channel.unit, t, y, *empty)
