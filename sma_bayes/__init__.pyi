@@ -34,6 +34,7 @@ from .studies.gap.workflow import study_gap as study_gap
 from .studies.inspect.workflow import inspect_campaign as inspect_campaign
 from .studies.paper.build import reproduce_paper as reproduce_paper
 from .studies.run.workflow import run_study as run_study
+from .studies.sensitivity.workflow import sensitivity as sensitivity
 
 __version__: str
 __all__: list[str]

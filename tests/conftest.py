@@ -64,6 +64,21 @@ def _heed_signals() -> None:
 
 
 @pytest.fixture(scope="session")
+def arviz_psens() -> Callable[..., Any]:
+    """Sensitivity of draws (chain, draw) by name to the power of a log density (chain, draw), by arviz itself."""
+    from sma_bayes.arviz_bridge import arviz
+
+    def psens(draws: dict[str, Any], log_density: Any) -> Any:
+        az = arviz()
+        density = {"y": np.asarray(log_density)[..., None]}
+        if hasattr(az, "psens"):  # 0.23
+            return az.psens(az.from_dict(posterior=draws, log_likelihood=density), component="likelihood")
+        return az.psense(az.from_dict({"posterior": draws, "log_likelihood": density}), group="likelihood")
+
+    return psens
+
+
+@pytest.fixture(scope="session")
 def make_record() -> Callable[..., Record]:
     """Build a record drawn from the modified sigmoid with AR(1) noise."""
     return _draw_record

@@ -20,6 +20,7 @@ STAGES: Final = {
     "score": "scoring candidates on held-out measurements",
     "next_experiment": "what would separate rivals",
     "compare": "fitting all models, with folds held out",
+    "sensitivity": "sensitivity, with sweeps left out",
     "write": "writing posteriors, bands and series",
     "figures": "drawing figures",
 }

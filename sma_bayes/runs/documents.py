@@ -193,4 +193,11 @@ CONDITIONS: Final = Document(
     "a study of conditions",
     ("groups", "features", "effects", "predictions", "held_out"),
 )
+SENSITIVITY: Final = Document(
+    "sensitivity",
+    "sensitivity.json",
+    "sma-bayes/sensitivity/1",
+    "a study of sensitivity",
+    ("records", "conclusion"),
+)
 STUDY: Final = Document("study", "study.json", "sma-bayes/study/1", "the folders of a study")

@@ -15,7 +15,17 @@ from sma_bayes.arrays import Floats
 from sma_bayes.checksum import KEY, netcdf_checksum
 from sma_bayes.errors import OutputError
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis
-from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FINISH, FIT, GAP, MARK, STUDY, refuse_another
+from sma_bayes.runs.documents import (
+    COMPARISON,
+    CONDITIONS,
+    FINISH,
+    FIT,
+    GAP,
+    MARK,
+    SENSITIVITY,
+    STUDY,
+    refuse_another,
+)
 from sma_bayes.runs.fit_document import FitSummary, read_fit
 from sma_bayes.runs.store import FUNCTIONS, NODE, WEIGHTS, unguarded_text
 
@@ -141,7 +151,10 @@ def read_run(folder: Path) -> StoredRun:
             "is not a folder", file=folder, expected="the output folder of a fit", remedy="check the path"
         )
     if not (folder / FIT.file).is_file():
-        other = next((d for d in (GAP, COMPARISON, CONDITIONS, STUDY) if (folder / d.file).is_file()), None)
+        other = next(
+            (d for d in (GAP, COMPARISON, CONDITIONS, SENSITIVITY, STUDY) if (folder / d.file).is_file()),
+            None,
+        )
         if other:
             raise OutputError(
                 f"holds {other.what}, no fit",

@@ -114,7 +114,7 @@ def assess(draws: Floats, target: Target) -> Convergence:
 def rank_rhat(chains: Floats) -> Floats:
     """Rank-normalised split R-hat, the greater of bulk and folded; `chains` (C, N, D) gives (D,)."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(_array_stats().rhat(chains, chain_axis=0, draw_axis=1))
+        return np.asarray(array_stats().rhat(chains, chain_axis=0, draw_axis=1))
 
 
 def ess_bulk(chains: Floats) -> Floats:
@@ -129,10 +129,10 @@ def ess_tail(chains: Floats) -> Floats:
 
 def _ess(chains: Floats, **how: Any) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(_array_stats().ess(chains, chain_axis=0, draw_axis=1, **how))
+        return np.asarray(array_stats().ess(chains, chain_axis=0, draw_axis=1, **how))
 
 
-def _array_stats() -> Any:
+def array_stats() -> Any:
     """Functions of arviz-stats for arrays, imported only where draws are diagnosed."""
     from arviz_stats.base import array_stats
 

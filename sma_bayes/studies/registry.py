@@ -30,6 +30,7 @@ _SHIPPED: Final = (
     "gap",
     "compare",
     "ask",
+    "sensitivity",
     "diff",
     "conditions",
     "run",

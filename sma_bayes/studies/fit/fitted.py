@@ -264,6 +264,17 @@ class Fits(dict[str, RecordFit]):
 
     def ask(self, **question: Unpack[Question]) -> dict[str, Any]:
         """Answer what `sma_bayes.ask` answers of a folder, with the same arguments."""
+        return answer(self._source(), **question)
+
+    def sensitivity(
+        self, at: str | Sequence[str] = (), *, seed: int = 0, jobs: int | None = None
+    ) -> dict[str, Any]:
+        """Tell what the numbers rest on, as `sma_bayes.sensitivity` tells of a folder."""
+        from sma_bayes.studies.sensitivity.workflow import sensitivity_of
+
+        return sensitivity_of(self._source(), at, seed, jobs)
+
+    def _source(self) -> FitSource:
         first = next(iter(self.values()))
         records = tuple(fit.summarised for fit in self.values())
         summary = FitFindings(
@@ -278,7 +289,7 @@ class Fits(dict[str, RecordFit]):
             fit = self[entry.key]
             return record_draws(fit, fit.index)
 
-        return answer(FitSource("the fit", summary, draws), **question)
+        return FitSource("the fit", summary, draws)
 
     def __repr__(self) -> str:
         return "\n".join(map(repr, self.values())) or "<no fits>"

@@ -1,0 +1,64 @@
+"""The report of a study of sensitivity: which figures it has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+from sma_bayes.report.assembly import assemble
+from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
+from sma_bayes.report.figures.sheet import Drawing, FigureFiles
+from sma_bayes.report.html import write_page
+from sma_bayes.report.tables import Table
+from sma_bayes.studies.sensitivity.figures.sensitivity import powers_figure, readings_figure
+from sma_bayes.studies.sensitivity.outputs import StoredSensitivity, read_sensitivity
+from sma_bayes.studies.sensitivity.tables import sensitivity_tables
+from sma_bayes.studies.sensitivity.words import reported
+
+
+def build_report(folder: Path, wanted: ReportOptions) -> None:
+    """Write the report of a study of sensitivity; see `sma_bayes.report.choice.ReportBuilder`."""
+    stored = read_sensitivity(folder)
+    assemble(stored, wanted, _drawings(stored, wanted.drawn), sensitivity_tables, write_sensitivity_report)
+
+
+def _drawings(stored: StoredSensitivity, drawn: Drawn) -> list[Callable[[StoredSensitivity], Drawing]]:
+    records = stored.found.records
+    if drawn == "none" or (drawn == REPORT and len(records) > MANY):
+        return []
+    drawings: list[Callable[[StoredSensitivity], Drawing]] = [
+        partial(powers_figure, record=r) for r in records
+    ]
+    told = [r for r in records if any(q.reading is not None for q in reported(r))]
+    return drawings + [partial(readings_figure, record=r) for r in told]
+
+
+def write_sensitivity_report(
+    stored: StoredSensitivity, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
+) -> None:
+    """Write ``report.html`` of a study of sensitivity.
+
+    Parameters
+    ----------
+    stored : StoredSensitivity
+    tables : mapping of str to Table
+    figures : mapping of str to FigureFiles
+        By stem; their PNG files are in ``figures/``.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written, or a figure can't be read.
+    """
+    found = stored.found
+    at = "".join(f' --at "{t}"' for t in found.at)
+    write_page(
+        stored.folder,
+        "sma_bayes.studies.sensitivity",
+        figures,
+        found=found,
+        tables=tables,
+        keys=[r.key for r in found.records],
+        command=f'sma-bayes sensitivity "{found.source}" --out DIR --seed {found.seed}{at}',
+    )

@@ -1,0 +1,257 @@
+"""What the numbers of one record rest on: prior, likelihood, sweeps, readings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from sma_bayes.arrays import Floats
+from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.fitting.curves import quantiles
+from sma_bayes.runs.store import plain
+from sma_bayes.sampling.power_scaling import THRESHOLD, mean_gradient, power_sensitivity
+from sma_bayes.studies.sensitivity.bootstrap import SweepBootstrap, bootstrap_sweeps
+from sma_bayes.studies.sensitivity.influence import (
+    LeftOut,
+    left_out_sweeps,
+    reading_influence,
+    sweeps_of,
+    without_readings,
+)
+from sma_bayes.studies.sensitivity.quantities import Densities, QuantityDraws, densities_of, quantities_of
+from sma_bayes.studies.sensitivity.schema import (
+    CONFLICT,
+    NONE,
+    STRONG_PRIOR,
+    BootstrapAccount,
+    BootstrapInterval,
+    DecidingReading,
+    LeadingPrior,
+    LeftOutSweepChange,
+    LeftOutSweepWeights,
+    QuantitySensitivity,
+    RecordSensitivity,
+)
+
+LEVELS = (0.05, 0.5, 0.95)
+DEFINED = 0.5
+"""Share of the draws from which on what moves a number is told [1]."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordTask:
+    """A record to be studied.
+
+    Attributes
+    ----------
+    draws : RecordDraws
+    at : tuple of float
+        Temperatures at which curves are told [unit of temperature].
+    stiffness : bool
+        Whether the fit gives a stiffness.
+    seed : int
+    """
+
+    draws: RecordDraws
+    at: tuple[float, ...]
+    stiffness: bool
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class StudiedRecord:
+    """What was found of a record.
+
+    Attributes
+    ----------
+    found : RecordSensitivity
+    readings : mapping of str to sequence
+        Columns: each reading, and what leaving it out does to each quantity [posterior sd].
+    """
+
+    found: RecordSensitivity
+    readings: Mapping[str, Sequence[object] | Floats]
+
+
+def studied(task: RecordTask) -> StudiedRecord:
+    """Study one record."""
+    draws = task.draws
+    quantities = quantities_of(draws, task.at, stiffness=task.stiffness)
+    densities = densities_of(draws)
+    left_out = left_out_sweeps(draws, quantities, densities, task.at, task.seed)
+    bootstrap = bootstrap_sweeps(draws, task.at, task.seed, stiffness=task.stiffness)
+    values = np.stack([q.tamed for q in quantities], axis=1)
+    sd = values.std(axis=0)
+    influence = {
+        c: np.divide(i, sd[:, None], out=np.zeros_like(i), where=sd[:, None] > 0.0)
+        for c, i in reading_influence(values, densities.readings).items()
+    }
+    record = draws.record
+    sweeps = sweeps_of(draws)
+    found = RecordSensitivity(
+        key=draws.key,
+        condition=draws.condition.id,
+        branch=draws.branch.value,
+        converged=draws.converged,
+        n=record.n,
+        rows_averaged=record.rows_averaged,
+        draws=draws.size,
+        temperature_unit=record.units["temperature"],
+        memory=bool(draws.posterior.noise.autocorrelated),
+        quantities=_quantities(draws, quantities, densities, influence, left_out, bootstrap),
+        left_out_sweeps=tuple(
+            LeftOutSweepWeights(
+                sweep=i + 1,
+                first_row=int(record.row[s].min()),
+                readings=int(s.size),
+                pareto_k=plain(one.pareto_k),
+                refitted=one.refitted,
+            )
+            for i, (s, one) in enumerate(zip(sweeps, left_out, strict=False))
+        ),
+        bootstrap=None
+        if bootstrap is None
+        else BootstrapAccount(replicates=bootstrap.quantities[0].draws.size, failed=bootstrap.failed),
+    )
+    return StudiedRecord(found, _columns(draws, quantities, influence))
+
+
+def _quantities(
+    draws: RecordDraws,
+    quantities: Sequence[QuantityDraws],
+    densities: Densities,
+    influence: Mapping[str, Floats],
+    left_out: Sequence[LeftOut],
+    bootstrap: SweepBootstrap | None,
+) -> tuple[QuantitySensitivity, ...]:
+    raw = np.stack([q.draws for q in quantities], axis=1)
+    values = np.stack([q.tamed for q in quantities], axis=1)
+    mean, sd = values.mean(axis=0), values.std(axis=0)
+    per_sd = np.divide(1.0, sd, out=np.full(sd.size, np.nan), where=sd > 0.0)
+    per_sd[np.isfinite(raw).mean(axis=0) < DEFINED] = np.nan
+    of_prior = power_sensitivity(raw, densities.log_prior)
+    of_likelihood = power_sensitivity(raw, densities.log_likelihood)
+    prior_shift = mean_gradient(values, densities.log_prior) * per_sd
+    likelihood_shift = mean_gradient(values, densities.log_likelihood) * per_sd
+    readings = _deciding(draws, values, mean, per_sd, densities, influence)
+    again = {} if bootstrap is None else {q.name: q for q in bootstrap.quantities}
+    out = []
+    of_prior[np.isnan(per_sd)] = of_likelihood[np.isnan(per_sd)] = np.nan
+    for i, q in enumerate(quantities):
+        diagnosis = diagnose(of_prior[i], of_likelihood[i])
+        finite = np.isfinite(q.draws)
+        ends = quantiles(q.draws[finite], LEVELS).tolist() if finite.any() else [np.nan] * 3
+        changes = [(one.mean[i] - mean[i]) * per_sd[i] for one in left_out]
+        numbers = plain({
+            **dict(zip(("q05", "median", "q95"), ends, strict=True)),
+            "defined": float(finite.mean()), "mean": mean[i], "sd": sd[i],
+            "prior": of_prior[i], "likelihood": of_likelihood[i],
+            "prior_shift": prior_shift[i], "likelihood_shift": likelihood_shift[i],
+            "temperature": q.temperature,
+        })  # fmt: skip
+        out.append(
+            QuantitySensitivity(
+                name=q.name,
+                kind=q.kind,
+                channel=q.channel,
+                unit=q.unit,
+                meaning=q.meaning,
+                diagnosis=diagnosis,
+                leading_prior=None if diagnosis == NONE else _leading(draws, q.draws, densities),
+                reading=readings[i] if np.isfinite(per_sd[i]) else None,
+                sweeps=tuple(
+                    LeftOutSweepChange(sweep=s + 1, change=plain(float(c))) for s, c in enumerate(changes)
+                ),
+                bootstrap=_interval(again[q.name], ends) if q.name in again else None,
+                **numbers,
+            )
+        )
+    return tuple(out)
+
+
+def diagnose(
+    prior: float, likelihood: float
+) -> Literal["prior-data conflict", "strong prior / weak likelihood", "none"]:
+    """What the two sensitivities say together, see `sma_bayes.sampling.power_scaling.THRESHOLD`.
+
+    Examples
+    --------
+    >>> diagnose(0.2, 0.1), diagnose(0.2, 0.01), diagnose(0.01, 0.1)
+    ('prior-data conflict', 'strong prior / weak likelihood', 'none')
+    """
+    if not prior >= THRESHOLD:
+        return NONE
+    return CONFLICT if likelihood >= THRESHOLD else STRONG_PRIOR
+
+
+def _leading(draws: RecordDraws, values: Floats, densities: Densities) -> LeadingPrior:
+    """The parameter whose prior alone moves a quantity most."""
+    each = [
+        power_sensitivity(values[:, None], densities.prior[:, k])[0] for k in range(densities.prior.shape[1])
+    ]
+    most = int(np.nanargmax(each))
+    return LeadingPrior(parameter=draws.posterior.names[most], sensitivity=float(each[most]))
+
+
+def _deciding(
+    draws: RecordDraws,
+    values: Floats,
+    mean: Floats,
+    per_sd: Floats,
+    densities: Densities,
+    influence: Mapping[str, Floats],
+) -> list[DecidingReading]:
+    """For each quantity, the reading that moves it most, also by weights."""
+    record, channels = draws.record, list(influence)
+    joined = np.concatenate([influence[c] for c in channels], axis=1)
+    most = np.argmax(np.abs(joined), axis=1)
+    channel, at = [channels[i] for i in most // record.n], most % record.n
+    out_of = np.stack([densities.readings[c][:, i] for c, i in zip(channel, at, strict=True)], axis=1)
+    without, k = without_readings(values, out_of)
+    number = np.unique(record.inputs["segment"], return_inverse=True)[1]
+    size = np.abs(joined)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        spread = size.sum(axis=1) ** 2 / (size**2).sum(axis=1)
+    return [
+        DecidingReading(
+            channel=c,
+            row=int(record.row[i]),
+            sweep=int(number[i]) + 1,
+            temperature=float(record.temperature[i]),
+            change=plain(float(joined[q, most[q]])),
+            change_by_weights=plain(float((without[q, q] - mean[q]) * per_sd[q])),
+            pareto_k=plain(float(k[q])),
+            readings_in_effect=plain(float(spread[q])),
+        )
+        for q, (c, i) in enumerate(zip(channel, at.tolist(), strict=True))
+    ]
+
+
+def _interval(quantity: QuantityDraws, of_posterior: Sequence[float]) -> BootstrapInterval:
+    finite = quantity.draws[np.isfinite(quantity.draws)]
+    if not finite.size:
+        return BootstrapInterval(q05=None, median=None, q95=None, width=None)
+    q05, median, q95 = quantiles(finite, LEVELS).tolist()
+    wide = of_posterior[2] - of_posterior[0]
+    return BootstrapInterval(**plain({
+        "q05": q05, "median": median, "q95": q95, "width": (q95 - q05) / wide if wide > 0.0 else np.nan,
+    }))  # fmt: skip
+
+
+def _columns(
+    draws: RecordDraws, quantities: Sequence[QuantityDraws], influence: Mapping[str, Floats]
+) -> dict[str, Sequence[object] | Floats]:
+    """Each reading of each channel in a row."""
+    record, channels = draws.record, list(influence)
+    number = np.unique(record.inputs["segment"], return_inverse=True)[1] + 1
+    times = len(channels)
+    return {
+        "channel": np.repeat(channels, record.n).tolist(),
+        "row": np.tile(record.row, times).tolist(),
+        "sweep": np.tile(number, times).tolist(),
+        f"temperature_{record.units['temperature']}": np.tile(record.temperature, times),
+        **{q.name: np.concatenate([influence[c][i] for c in channels]) for i, q in enumerate(quantities)},
+    }

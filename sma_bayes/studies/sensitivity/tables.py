@@ -1,0 +1,171 @@
+"""Tables of a study of sensitivity."""
+
+from __future__ import annotations
+
+from sma_bayes.report.content import INTERVAL, Estimate, Number
+from sma_bayes.report.notation import unit_label
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.studies.sensitivity.outputs import StoredSensitivity
+from sma_bayes.studies.sensitivity.schema import NONE, QuantitySensitivity, RecordSensitivity
+from sma_bayes.studies.sensitivity.words import reported, worst_sweep
+
+_OF_RECORD = (Column("condition", "condition"), Column("branch", "branch"))
+SD = "posterior sd"
+"""Unit of changes."""
+
+
+def sensitivity_tables(stored: StoredSensitivity) -> dict[str, Table]:
+    """All tables, by name."""
+    records = stored.found.records
+    tables = [_powers(records, stored.found.thresholds.sensitivity), _readings(records)]
+    if any(r.left_out_sweeps for r in records):
+        tables += [_sweeps(records, stored.found.thresholds.pareto_k), _bootstrap(records)]
+    return {table.name: table for table in tables if table.rows}
+
+
+def _number(value: float | None, unit: str = "1", digits: float = 0.001) -> Number:
+    return Number(value, unit, digits)
+
+
+def _powers(records: tuple[RecordSensitivity, ...], threshold: float) -> Table:
+    return Table(
+        "sensitivity",
+        "Prior and data",
+        f"Median and {INTERVAL}. Sensitivity: gradient of the cumulative Jensen-Shannon distance with the "
+        f"binary logarithm "
+        f"of the power of prior or likelihood; from {threshold:g} on it counts. Shift: what the mean does where "
+        f"that power "
+        "is doubled.",
+        (
+            *_OF_RECORD,
+            Column("number", "number"),
+            Column("kind", "kind", brief=False),
+            Column("unit", "unit"),
+            Column("posterior", "posterior", OF_ROW),
+            Column("prior", "prior", "1"),
+            Column("likelihood", "likelihood", "1"),
+            Column("shift, prior", "prior_shift", SD),
+            Column("shift, likelihood", "likelihood_shift", SD, brief=False),
+            Column("diagnosis", "diagnosis"),
+            Column("prior of", "leading_prior"),
+        ),
+        tuple((r.condition, r.branch, *_power_cells(q)) for r in records for q in r.quantities),
+        grouped=2,
+    )
+
+
+def _power_cells(q: QuantitySensitivity) -> tuple[Cell, ...]:
+    return (
+        q.name,
+        q.kind,
+        unit_label(q.unit) or "1",
+        Estimate(q.median, q.q05, q.q95, q.unit),
+        _number(q.prior),
+        _number(q.likelihood),
+        _number(q.prior_shift, SD, 0.01),
+        _number(q.likelihood_shift, SD, 0.01),
+        "" if q.diagnosis == NONE else q.diagnosis,
+        "" if q.leading_prior is None else q.leading_prior.parameter,
+    )
+
+
+def _readings(records: tuple[RecordSensitivity, ...]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for r in records:
+        for q in r.quantities:
+            one = q.reading
+            if one is not None:
+                rows.append((
+                    r.condition, r.branch, q.name, one.row, one.sweep, one.channel,
+                    _number(one.temperature, r.temperature_unit, 0.01), unit_label(r.temperature_unit),
+                    _number(one.change, SD), _number(one.change_by_weights, SD), _number(one.pareto_k, "1", 0.01),
+                    _number(one.readings_in_effect, "1", 1.0),
+                ))  # fmt: skip
+    return Table(
+        "readings",
+        "Which reading decides a number",
+        "The reading without which the posterior mean changes most. First order: less the posterior covariance "
+        "with the log "
+        "density of the reading; by weights: draws weighted by one over that density. Readings in effect: over "
+        "how many "
+        "the influence is spread.",
+        (
+            *_OF_RECORD,
+            Column("number", "number"),
+            Column("row", "row"),
+            Column("sweep", "sweep"),
+            Column("channel", "channel"),
+            Column("temperature", "temperature", OF_ROW),
+            Column("unit", "unit", brief=False),
+            Column("change, first order", "change", SD),
+            Column("change, by weights", "change_by_weights", SD),
+            Column("Pareto k", "pareto_k", "1", brief=False),
+            Column("readings in effect", "readings_in_effect", "1"),
+        ),
+        tuple(rows),
+        grouped=2,
+    )
+
+
+def _sweeps(records: tuple[RecordSensitivity, ...], reliable: float) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for r in records:
+        for one in r.left_out_sweeps:
+            told = [(q.name, s.change) for q in reported(r) for s in q.sweeps if s.sweep == one.sweep]
+            known = [(name, change) for name, change in told if change is not None]
+            name, change = max(known, key=lambda x: abs(x[1]), default=("", None))
+            rows.append((
+                r.condition, r.branch, one.sweep, one.first_row, one.readings, _number(one.pareto_k, "1", 0.01),
+                "yes" if one.refitted else "no", name, _number(change, SD, 0.01),
+            ))  # fmt: skip
+    return Table(
+        "sweeps",
+        "Without a sweep",
+        f"Each sweep left out, by weights of the draws; where their Pareto k exceeds {reliable:g}, by a fit of "
+        f"the others. "
+        "Shown is the number that changes most.",
+        (
+            *_OF_RECORD,
+            Column("sweep", "sweep"),
+            Column("first row", "first_row"),
+            Column("readings", "readings"),
+            Column("Pareto k", "pareto_k", "1"),
+            Column("fitted again", "refitted"),
+            Column("changes most", "number"),
+            Column("by", "change", SD),
+        ),
+        tuple(rows),
+        grouped=2,
+    )
+
+
+def _bootstrap(records: tuple[RecordSensitivity, ...]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for r in records:
+        for q in r.quantities:
+            b, sweep = q.bootstrap, worst_sweep(q)
+            if b is not None:
+                rows.append((
+                    r.condition, r.branch, q.name, unit_label(q.unit) or "1", Estimate(q.median, q.q05, q.q95, q.unit),
+                    Estimate(b.median, b.q05, b.q95, q.unit), _number(b.width, "1", 0.01),
+                    None if sweep is None else sweep[0], _number(None if sweep is None else sweep[1], SD, 0.01),
+                ))  # fmt: skip
+    return Table(
+        "bootstrap",
+        "A second opinion from the scatter of sweeps",
+        f"Median and {INTERVAL}. Bootstrap: the curve fitted by penalised least squares to sweeps weighted at random "
+        "(Dirichlet), which asks no noise model how far sweeps differ. With few sweeps it is rough and a little "
+        "narrow.",
+        (
+            *_OF_RECORD,
+            Column("number", "number"),
+            Column("unit", "unit"),
+            Column("posterior", "posterior", OF_ROW),
+            Column("bootstrap", "bootstrap", OF_ROW),
+            Column("width, over the posterior's", "width", "1"),
+            Column("worst sweep", "sweep"),
+            Column("change without it", "change", SD),
+        ),
+        tuple(rows),
+        grouped=2,
+    )

@@ -1,0 +1,83 @@
+"""A study of sensitivity on the screen: a row for each number, and what follows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from sma_bayes.quantities import unit_text
+from sma_bayes.report.notation import interval_text
+from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.studies.sensitivity.schema import (
+    NONE,
+    QuantitySensitivity,
+    RecordSensitivity,
+    SensitivityFindings,
+)
+from sma_bayes.studies.sensitivity.words import reported, worst_sweep
+
+
+def show_sensitivity(found: dict[str, Any], out: Path | None) -> None:
+    """Tell what `sensitivity.json` says."""
+    document = SensitivityFindings.model_validate(found)
+    console = screen()
+    console.print(
+        f"{document.campaign}: what moves each number. Sensitive from {document.thresholds.sensitivity:g}; changes in "
+        "posterior standard deviations",
+        soft_wrap=True,
+    )
+    for record in document.records[:SHOWN]:
+        console.print()
+        console.print(_table(record))
+    if len(document.records) > SHOWN:
+        console.print(f"and {len(document.records) - SHOWN} records more: see --json or --out")
+    console.print()
+    if not document.converged:
+        console.print("NOT CONVERGED: these numbers must not be relied on", soft_wrap=True)
+    console.print(document.conclusion, soft_wrap=True)
+    if out is not None:
+        show_end(console, found, out)
+
+
+def _table(record: RecordSensitivity) -> Table:
+    table = Table(title=f"{record.key}, {record.n} readings", title_justify="left")
+    table.add_column("number", no_wrap=True)
+    table.add_column("median, 90 % interval", justify="right")
+    for name in ("prior", "data"):
+        table.add_column(name, justify="right")
+    table.add_column("diagnosis")
+    swept = any(q.sweeps for q in record.quantities)
+    doubled = any(q.bootstrap for q in record.quantities)
+    if swept:
+        table.add_column("without sweep", justify="right")
+    table.add_column("without row", justify="right")
+    if doubled:
+        table.add_column("bootstrap", justify="right")
+    for q in reported(record):
+        table.add_row(*_cells(q, swept, doubled))
+    return table
+
+
+def _cells(q: QuantitySensitivity, swept: bool, doubled: bool) -> list[str]:
+    unit = unit_text(q.unit)
+    diagnosis: str = "-" if q.diagnosis == NONE else q.diagnosis
+    if q.leading_prior is not None:
+        diagnosis += f" ({q.leading_prior.parameter})"
+    sweep = worst_sweep(q)
+    width = None if q.bootstrap is None else q.bootstrap.width
+    return [
+        q.name,
+        f"{interval_text(q.median, q.q05, q.q95)} {'' if unit == '1' else unit}".rstrip(),
+        _number(q.prior),
+        _number(q.likelihood),
+        diagnosis,
+        *(["-" if sweep is None else f"{sweep[0]}: {sweep[1]:+.2f}"] if swept else []),
+        "-" if q.reading is None else f"{q.reading.row}: {q.reading.change or 0.0:+.2f}",
+        *(["-" if width is None else f"× {width:.2f}"] if doubled else []),
+    ]
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"

@@ -1,0 +1,100 @@
+"""What a study of sensitivity found, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from sma_bayes.errors import many
+from sma_bayes.quantities import unit_text
+from sma_bayes.studies.sensitivity.schema import (
+    NONE,
+    QuantitySensitivity,
+    RecordSensitivity,
+)
+
+NAMED: Final = 3
+"""Numbers that a sentence names."""
+MOVED: Final = 1.0
+"""Change without a sweep that is told as a change [posterior sd]."""
+WIDER: Final = 1.5
+"""How much wider the bootstrap of sweeps has to be than the posterior for that to be told."""
+
+
+def reported(record: RecordSensitivity) -> tuple[QuantitySensitivity, ...]:
+    """Numbers of a record without those of the noise."""
+    return tuple(q for q in record.quantities if q.kind != "noise")
+
+
+def worst_sweep(q: QuantitySensitivity) -> tuple[int, float] | None:
+    """The sweep without which a number changes most, and its change [posterior sd]; None where none is told."""
+    told = [(s.sweep, s.change) for s in q.sweeps if s.change is not None]
+    return max(told, key=lambda s: abs(s[1])) if told else None
+
+
+def conclusion(records: Sequence[RecordSensitivity]) -> str:
+    """What follows of all records together."""
+    told = [(r, q) for r in records for q in reported(r)]
+    return " ".join(f"{sentence}." for sentence in (
+        _of_priors(told), *_of_sweeps(told), *_of_readings(told), *_of_bootstrap(told),
+    ))  # fmt: skip
+
+
+Told = Sequence[tuple[RecordSensitivity, QuantitySensitivity]]
+
+
+def _of_priors(told: Told) -> str:
+    flagged = [(r, q) for r, q in told if q.diagnosis != NONE]
+    if not flagged:
+        return f"The prior moves none of {many(len(told), 'number')}"
+    flagged.sort(key=lambda x: -(x[1].prior or 0.0))
+    named = ", ".join(
+        f"{q.name} of {r.key} ({q.diagnosis}, prior of {q.leading_prior.parameter if q.leading_prior else '-'})"
+        for r, q in flagged[:NAMED]
+    )
+    more = f" and {len(flagged) - NAMED} more" if len(flagged) > NAMED else ""
+    return f"The prior moves {len(flagged)} of {many(len(told), 'number')}: {named}{more}"
+
+
+def _of_sweeps(told: Told) -> Iterator[str]:
+    found = [(abs(w[1]), w, r, q) for r, q in told for w in [worst_sweep(q)] if w is not None]
+    if not found:
+        return
+    size, (sweep, change), r, q = max(found, key=lambda x: x[0])
+    if size < MOVED:
+        yield f"No single sweep moves a number by more than {size:.2g} of its posterior standard deviation"
+        return
+    yield (
+        f"Without sweep {sweep} {q.name} of {r.key} moves by {change:+.2g} posterior standard deviations; "
+        f"{sum(x[0] >= MOVED for x in found)} of {many(len(found), 'number')} move by one or more without some sweep"
+    )
+
+
+def _of_readings(told: Told) -> Iterator[str]:
+    found = [(abs(q.reading.change or 0.0), q.reading, r, q) for r, q in told if q.reading is not None]
+    if not found:
+        return
+    _, reading, r, q = max(found, key=lambda x: x[0])
+    yield (
+        f"The reading that decides most is row {reading.row} of {r.key} ({reading.channel} at "
+        f"{reading.temperature:.4g} {unit_text(r.temperature_unit)}): without it {q.name} moves by "
+        f"{reading.change or 0.0:+.2g} posterior standard deviations"
+    )
+
+
+def _of_bootstrap(told: Told) -> Iterator[str]:
+    found = [
+        (q.bootstrap.width, r, q)
+        for r, q in told
+        if q.bootstrap is not None and q.bootstrap.width is not None
+    ]
+    if not found:
+        return
+    width, r, q = max(found, key=lambda x: x[0])
+    if width >= WIDER:
+        yield (
+            f"Sweeps differ by more than the noise says: weighted at random, they make the interval of {q.name} of "
+            f"{r.key} {width:.2g} times as wide as the posterior's"
+        )
+    else:
+        yield "Sweeps weighted at random give no interval much wider than the posterior's"
