@@ -1,7 +1,8 @@
-"""LaTeX: plain text escaped, and long tables for the packages array, booktabs and longtable."""
+"""LaTeX: plain text escaped, units, and long tables for the packages array, booktabs, longtable and siunitx."""
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from typing import Final
@@ -19,6 +20,22 @@ _TEX: Final = {
     "’": "'",
 }  # fmt: skip
 
+_STATISTICS: Final = {"R²": "$R^2$", "adjusted R²": "adjusted $R^2$", "R-hat": r"$\hat{R}$", "r": "$r$"}
+_UNITS: Final = {
+    "N": r"\newton", "m": r"\metre", "Pa": r"\pascal", "degC": r"\degreeCelsius", "s": r"\second", "A": r"\ampere",
+    "Hz": r"\hertz", "K": r"\kelvin", "kelvin": r"\kelvin", "percent": r"\percent", "ohm": r"\ohm", "V": r"\volt",
+}  # fmt: skip
+_PREFIXES: Final = {
+    "n": r"\nano", "u": r"\micro", "µ": r"\micro", "m": r"\milli", "c": r"\centi", "k": r"\kilo", "M": r"\mega",
+    "G": r"\giga",
+}  # fmt: skip
+
+
+class Tex(str):
+    """LaTeX as it stands, where other text is escaped."""
+
+    __slots__ = ()
+
 
 def tex_text(text: str) -> str:
     r"""Text as LaTeX shows it, with nothing but ASCII and Latin letters left.
@@ -28,7 +45,46 @@ def tex_text(text: str) -> str:
     >>> tex_text("5 % of B_1 [°C]")
     '5 \\% of B\\_1 [\\textdegree{}C]'
     """
-    return "".join(_tex_character(c) for c in text)
+    return text if isinstance(text, Tex) else "".join(_tex_character(c) for c in text)
+
+
+def tex_symbol(name: str) -> Tex:
+    r"""Name of a parameter or statistic as it is set in print.
+
+    Examples
+    --------
+    >>> tex_symbol("A1"), tex_symbol("force_sd"), tex_symbol("R-hat")
+    ('$A_{1}$', 'force\\_sd', '$\\hat{R}$')
+    """
+    if name in _STATISTICS:
+        return Tex(_STATISTICS[name])
+    letter = re.fullmatch(r"([A-Z])(\d)", name)
+    return Tex(f"${letter[1]}_{{{letter[2]}}}$" if letter else tex_text(name))
+
+
+def tex_unit(unit: str) -> Tex:
+    r"""Unit for the package siunitx; as text where it has a part that siunitx does not know, empty for a pure number.
+
+    Examples
+    --------
+    >>> tex_unit("mN/mm"), tex_unit("1/degC"), tex_unit("1")
+    ('\\unit{\\milli\\newton\\per\\milli\\metre}', '\\unit{\\per\\degreeCelsius}', '')
+    """
+    parts = []
+    for number, factor in enumerate(unit.split("/")):
+        words = [w for w in factor.split(" ") if w not in ("1", "")]
+        macros = [_unit_macro(w) for w in words]
+        if None in macros:
+            return Tex(tex_text(unit))
+        parts += [(r"\per" if number else "") + str(m) for m in macros]
+    return Tex(rf"\unit{{{''.join(parts)}}}" if parts else "")
+
+
+def _unit_macro(name: str) -> str | None:
+    if name in _UNITS:
+        return _UNITS[name]
+    prefix = _PREFIXES.get(name[:1])
+    return prefix + _UNITS[name[1:]] if prefix and name[1:] in _UNITS else None
 
 
 def tex_row(cells: Iterable[str]) -> str:
@@ -51,7 +107,7 @@ def longtable(
     label : str
         Follows ``tab:``.
     caption, heads : str, sequence of str
-        Plain text.
+        Plain text, or `Tex`.
     alignment : sequence of str
         Of each column, in LaTeX: ``l``, ``r`` or `wrapped`.
     rows : iterable of str
@@ -60,7 +116,7 @@ def longtable(
     size, gap = (r"\scriptsize", 2) if len(heads) > MANY else (r"\footnotesize", 3)
     header = " & ".join(rf"\textbf{{{tex_text(head)}}}" for head in heads) + r" \\"
     lines = [
-        "% needs \\usepackage{array,booktabs,longtable,textcomp}; wide tables want a landscape page",
+        "% needs \\usepackage{array,booktabs,longtable,siunitx,textcomp}; wide tables want a landscape page",
         rf"\begingroup{size}\setlength{{\tabcolsep}}{{{gap}pt}}",
         rf"\begin{{longtable}}{{{''.join(alignment)}}}",
         rf"\caption{{{tex_text(caption)}}}\label{{tab:{label}}}\\",

@@ -10,7 +10,7 @@ from typing import Final
 
 from sma_bayes.assess.adequacy import Missed
 from sma_bayes.assess.checks import CHECKED
-from sma_bayes.latex import longtable, tex_row, tex_text, wrapped
+from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_text, tex_unit, wrapped
 from sma_bayes.records.severity import severity
 from sma_bayes.report.content import (
     INTERVAL,
@@ -49,8 +49,11 @@ NEAREST: Final = (
 )
 """Norm and range of the nearest published parameters."""
 
-WIDE: Final = {"finding": "0.45", "why": "0.5", "prior": "0.17", "meaning": "0.2", "remedy": "0.3"}
+WIDE: Final = {"finding": "0.38", "why": "0.5", "prior": "0.17", "meaning": "0.2", "remedy": "0.3"}
 """Columns whose words may be broken in LaTeX, with their share of the line."""
+
+SYMBOLS: Final = ("parameter", "rhat_of", "ess_of")
+"""Columns of names of parameters."""
 
 Cell = str | int | bool | Number | Estimate | None
 """What a table holds; None where there is nothing to say."""
@@ -589,7 +592,7 @@ def noise_table(records: Sequence[RecordContent]) -> Table:
             Column("noise model", "noise"),
             Column("chosen by", "chosen_by"),
             *(Column(f"lag 1, {name}", f"lag1_{name}", "1") for name in names),
-            *(Column(f"ln evidence, {name}", f"ln_evidence_{name}", "1") for name in rivals),
+            *(Column(f"ln evidence, {name}", f"ln_evidence_{name}", "1", brief=False) for name in rivals),
         ),
         tuple(
             (
@@ -804,7 +807,7 @@ def _csv_value(cell: object, column: Column) -> object:
 
 
 def tex(table: Table) -> str:
-    """A table in LaTeX, for the packages array, booktabs and longtable.
+    """A table in LaTeX, for the packages array, booktabs, longtable and siunitx.
 
     Parameters
     ----------
@@ -820,10 +823,19 @@ def tex(table: Table) -> str:
     return longtable(
         table.name,
         f"{table.title}. {table.note}",
-        [table.columns[i].header_with(common[i] or 0) for i in places],
+        [_tex_head(table.columns[i], common[i] or 0) for i in places],
         [_alignment(table, i) for i in places],
         _tex_rows(table, places),
     )
+
+
+def _tex_head(column: Column, power: int) -> Tex:
+    """Header with its unit for siunitx, and the power of ten that the numbers of the column have in common."""
+    name = tex_symbol(column.name)
+    if column.unit in ("", "1", OF_ROW, SQUARED):
+        return Tex(tex_text(column.header_with(power)) if name == tex_text(column.name) else name)
+    unit = " ".join(part for part in (f"$10^{{{power}}}$" if power else "", tex_unit(column.unit)) if part)
+    return Tex(f"{name} [{unit}]")
 
 
 def _alignment(table: Table, place: int) -> str:
@@ -842,7 +854,12 @@ def _tex_rows(table: Table, places: Sequence[int]) -> Iterator[str]:
             if number:
                 yield r"\addlinespace"
             yield rf"\multicolumn{{{len(places)}}}{{l}}{{\textit{{{tex_text(group_text(table, group))}}}}} \\*"
-        yield tex_row(cell_text(row[i], common[i]) for i in places)
+        yield tex_row(_tex_cell(table.columns[i], row[i], common[i]) for i in places)
+
+
+def _tex_cell(column: Column, cell: Cell, power: int | None) -> str:
+    text = cell_text(cell, power)
+    return tex_symbol(text) if column.key in SYMBOLS else text
 
 
 def group_text(table: Table, group: Sequence[Cell]) -> str:

@@ -36,6 +36,7 @@ from sma_bayes.studies.fit.figures.record import predictive_figure, residual_fig
 from sma_bayes.studies.fit.gather import report_content
 from sma_bayes.studies.fit.methods import bibliography, methods_text
 from sma_bayes.studies.fit.page import write_record_page, write_report
+from sma_bayes.studies.fit.publication import publication_tex, supplement_tex
 from sma_bayes.studies.fit.residuals import median_curves, standardised_residuals
 
 
@@ -51,6 +52,10 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
         tables = report_tables(content) | {t.name: t for t in answer_tables(content)}
         tables = written_tables(tables, stored.summary.as_json(), folder, wanted)
         write_text(folder / "methods.md", methods_text(content))
+        write_text(folder / "tables" / "publication.tex", publication_tex(content))
+        write_text(
+            folder / "tables" / "supplement.tex", supplement_tex([n for n, t in tables.items() if t.rows])
+        )
         write_text(folder / "references.bib", bibliography(content))
         write_report(folder, content, tables, figures)
     if content.paged:

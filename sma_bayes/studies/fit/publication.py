@@ -1,0 +1,99 @@
+"""Tables for a paper: conditions by parameters, which fit a page, and a document of all others as a supplement."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_unit
+from sma_bayes.report.content import INTERVAL, Content, ParameterResult, parameters_by_channel
+from sma_bayes.report.notation import NORMAL_90, write
+
+ACROSS: Final = 5
+"""Parameters that a table has side by side, so that it fits the width of a page."""
+
+
+def publication_tex(content: Content) -> str:
+    """Parameters of the response in LaTeX, a row a record, a table for each channel and each set of units.
+
+    For the packages array, booktabs, longtable and siunitx. Records that did not converge are left out.
+
+    Parameters
+    ----------
+    content : Content
+    """
+    return "\n".join(_tables(content)) or "% no record converged\n"
+
+
+def _tables(content: Content) -> Iterator[str]:
+    number = 0
+    for part in content.by_units():
+        for channel, names in parameters_by_channel(part.converged).items():
+            called = next((c.name for c in part.channels if c.channel == channel), channel or "the response")
+            for first in range(0, len(names), ACROSS):
+                number += 1
+                yield _table(part, called, names[first : first + ACROSS], number)
+
+
+def _table(part: Content, called: str, names: Sequence[str], number: int) -> str:
+    found = [(r, {p.name: p for p in r.parameters}) for r in part.converged]
+    of_name = {n: [p[n] for _, p in found if n in p] for n in names}
+    units = {n: {p.unit for p in of_name[n]} for n in names}
+    powers = {n: _power(of_name[n]) for n in names}
+    heads = ["Condition", "Branch", *(_head(n, min(units[n]), powers[n]) for n in names)]
+    rows = [
+        tex_row((r.condition, r.branch, *(_cell(p.get(n), powers[n]) for n in names))) + "[3pt]"
+        for r, p in found
+    ]
+    driven = any(p.prior_driven for n in names for p in of_name[n])
+    caption = (
+        f"Parameters of {called}. Posterior median; sub- and superscript lead to the ends of the {INTERVAL}."
+        + (" Dagger: not identified by the data." if driven else "")
+    )
+    return longtable(f"parameters-{number}", caption, heads, ["l"] * (2 + len(names)), rows)
+
+
+def _power(parameters: Sequence[ParameterResult]) -> int:
+    """Power of ten that all numbers of a column share."""
+    sizes = [abs(p.estimate.median) for p in parameters if p.estimate.median is not None]
+    return write([max(sizes)]).exponent if sizes else 0
+
+
+def _head(name: str, unit: str, power: int) -> Tex:
+    label = " ".join(part for part in (f"$10^{{{power}}}$" if power else "", tex_unit(unit)) if part)
+    name = tex_symbol(name)
+    return Tex(rf"\shortstack[l]{{{name}\\{{}}\mdseries[{label}]}}") if label else name
+
+
+def _cell(p: ParameterResult | None, power: int) -> Tex:
+    if p is None:
+        return Tex("--")
+    if p.fixed:
+        return Tex(f"${write([p.mean], exponent=power).digits[0]}$ (fixed)")
+    middle, low, high = p.estimate.median, p.estimate.q05, p.estimate.q95
+    if middle is None or low is None or high is None:
+        return Tex("--")
+    digits = write([middle, high - middle, middle - low], (high - low) / NORMAL_90, exponent=power).digits
+    median, up, down = digits
+    mark = r"\,$^\dagger$" if p.prior_driven else ""
+    return Tex(f"${median}_{{-{down}}}^{{+{up}}}${mark}")
+
+
+def supplement_tex(names: Sequence[str]) -> str:
+    """Document in LaTeX with tables of a folder, one after the other, on landscape pages.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of their files, without ending.
+    """
+    lines = [
+        "% pdflatex supplement.tex, twice",
+        r"\documentclass[a4paper]{article}",
+        r"\usepackage[landscape,margin=15mm]{geometry}",
+        r"\usepackage{array,booktabs,longtable,siunitx,textcomp}",
+        r"\begin{document}",
+        *(rf"\input{{{name}}}" for name in names),
+        r"\end{document}",
+    ]
+    return "\n".join(lines) + "\n"

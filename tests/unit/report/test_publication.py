@@ -1,0 +1,104 @@
+"""Tables for a paper: their numbers, and that LaTeX sets them within its page."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sma_bayes.latex import tex_symbol, tex_unit
+from sma_bayes.report.content import Content, RecordContent
+from sma_bayes.studies.fit.publication import publication_tex
+from sma_bayes.studies.report.build import build_report
+
+CELL = re.compile(r"\$(-?[\d.]+)_\{-([\d.]+)\}\^\{\+([\d.]+)\}")
+PAPER = r"""\documentclass[a4paper]{article}
+\usepackage{array,booktabs,longtable,siunitx,textcomp}
+\begin{document}
+\input{publication}
+\end{document}
+"""
+
+
+def _numbers(text: str) -> list[tuple[float, ...]]:
+    return [tuple(map(float, found)) for found in CELL.findall(text)]
+
+
+def test_cells_lead_from_the_median_to_the_ends_of_the_interval(content: Content) -> None:
+    text = publication_tex(content)
+    told = [n for line in text.splitlines() if line.startswith("100g") for n in _numbers(line)]
+    estimates = [
+        p.estimate
+        for channel in ("displacement", "force")
+        for r in content.records
+        for p in r.model_parameters
+        if p.channel == channel and not p.fixed
+    ]
+    assert len(told) == len(estimates) > 10
+    for (median, down, up), e in zip(told, estimates, strict=True):
+        assert e.median is not None
+        assert e.q05 is not None
+        assert e.q95 is not None
+        fine = 0.02 * (e.q95 - e.q05)
+        assert median == pytest.approx(e.median, abs=fine)
+        assert median - down == pytest.approx(e.q05, abs=2 * fine)
+        assert median + up == pytest.approx(e.q95, abs=2 * fine)
+
+
+def test_heads_have_symbols_and_units_and_records_that_failed_are_left_out(content: Content) -> None:
+    text = publication_tex(content)
+    assert r"\textbf{\shortstack[l]{$A_{1}$\\{}\mdseries[\unit{\centi\metre}]}}" in text
+    assert "heating" in text
+    only = replace(content, records=(content.records[0], replace(content.records[1], converged=False)))
+    assert "cooling" not in publication_tex(only)
+    nothing = replace(content, records=tuple(replace(r, converged=False) for r in content.records))
+    assert publication_tex(nothing).startswith("% no record")
+
+
+def test_a_model_of_many_parameters_is_parted_and_what_is_not_identified_marked(content: Content) -> None:
+    def richer(r: RecordContent) -> RecordContent:
+        more = [replace(p, name=f"{p.name}b", identified=False) for p in r.parameters if p.channel == "force"]
+        return replace(r, parameters=(*r.parameters, *more))
+
+    text = publication_tex(replace(content, records=tuple(richer(r) for r in content.records)))
+    heads = [line for line in text.splitlines() if line.startswith(r"\textbf{Condition}")]
+    assert max(line.count("&") for line in heads) == 6
+    assert r"\dagger" in text
+    assert "Dagger: not identified" in text
+
+
+def test_units_that_siunitx_does_not_know_stay_words() -> None:
+    assert tex_unit("percent degC") == r"\unit{\percent\degreeCelsius}"
+    assert tex_unit("N/arbitrary") == "N/arbitrary"
+    assert tex_symbol("temperature_sd") == r"temperature\_sd"
+
+
+def _latex(folder: Path, name: str) -> str:
+    """Log of the second run over a document."""
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", name]
+    for _ in range(2):
+        done = subprocess.run(command, cwd=folder, capture_output=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stdout.decode("latin-1")[-2000:]
+    return (folder / name).with_suffix(".log").read_text(encoding="latin-1")
+
+
+def _has_latex() -> bool:
+    if shutil.which("pdflatex") is None or shutil.which("kpsewhich") is None:
+        return False
+    found = subprocess.run(["kpsewhich", "siunitx.sty", "booktabs.sty"], capture_output=True, check=False)
+    return found.stdout.count(b".sty") == 2
+
+
+@pytest.mark.skipif(not _has_latex(), reason="needs pdflatex with siunitx and booktabs (texlive-science)")
+def test_all_tables_fit_their_pages(run_copy: Path) -> None:
+    build_report(run_copy, figures="none", jobs=1)
+    tables = run_copy / "tables"
+    (tables / "paper.tex").write_text(PAPER, encoding="utf-8")
+    for name in ("paper.tex", "supplement.tex"):
+        log = _latex(tables, name)
+        assert "Overfull" not in log
+        assert "undefined" not in log.lower()
