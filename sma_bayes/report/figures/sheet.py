@@ -6,8 +6,11 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from logging import Handler, getLogger
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
+from warnings import catch_warnings, simplefilter
 
 import matplotlib as mpl
 import numpy as np
@@ -19,6 +22,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, NullFormatter, ScalarFormatter
 
 from sma_bayes.arrays import Floats
+from sma_bayes.errors import SmaBayesError
 from sma_bayes.report.content import (
     Channel,
     RecordContent,
@@ -133,7 +137,42 @@ class BranchData:
     curve: Mapping[str, Floats]
 
 
-def save(draw: Callable[[], Drawing], folder: Path, formats: Sequence[str] = ("pdf", "png")) -> FigureFiles:
+def style_of(path: Path) -> dict[Any, Any]:
+    """Settings of a style file of matplotlib.
+
+    Raises
+    ------
+    SmaBayesError
+        If it can't be read, or has a line that matplotlib does not know.
+    """
+    told: list[str] = []
+    handler = Handler()
+    handler.emit = lambda record: told.append(record.getMessage())  # type: ignore[method-assign]
+    logger = getLogger("matplotlib")
+    logger.addHandler(handler)
+    try:
+        with catch_warnings():
+            simplefilter("error")
+            found: dict[Any, Any] = dict(mpl.rc_params_from_file(path, use_default_template=False))
+    except (OSError, ValueError, Warning) as error:
+        told.append(str(error))
+    finally:
+        logger.removeHandler(handler)
+    if told:
+        raise SmaBayesError(
+            f"can't be read as a style: {' '.join(told[0].partition('You probably')[0].split())}",
+            file=path,
+            expected="a style file of matplotlib, with lines such as 'font.size: 7'",
+        )
+    return found
+
+
+def save(
+    draw: Callable[[], Drawing],
+    folder: Path,
+    formats: Sequence[str] = ("pdf", "png"),
+    style: Mapping[Any, Any] = MappingProxyType({}),
+) -> FigureFiles:
     """Draw a figure and write it, by default as PDF and PNG, its data beside it as CSV.
 
     Parameters
@@ -143,13 +182,15 @@ def save(draw: Callable[[], Drawing], folder: Path, formats: Sequence[str] = ("p
     folder : Path
     formats : sequence of str
         Of ``png``, ``pdf``, ``svg``.
+    style : mapping of str to object
+        Settings of matplotlib that go before those of `STYLE`.
 
     Raises
     ------
     OutputError
         If a file can't be written.
     """
-    with mpl.rc_context({**STYLE, "font.family": list(families())}):
+    with mpl.rc_context({**STYLE, "font.family": list(families()), **style}):
         drawing = draw()
         for name in sorted(formats, reverse=True):
             options = SAVED[name]

@@ -140,7 +140,7 @@ class _ConditionTask:
         return self.condition
 
     def drawings(self) -> Iterator[Callable[[], Drawing]]:
-        yield partial(loop_figure, self.condition, [_branch_data(self.folder, r) for r in self.records])
+        yield partial(loop_figure, self.condition, [branch_data(self.folder, r) for r in self.records])
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +167,7 @@ class _CampaignTask:
                 yield partial(parameters_of_many if many else parameter_figure, part, number)
             if many:
                 continue
-            branches = {c: [_branch_data(self.folder, r) for r in part.branches(c)] for c in part.conditions}
+            branches = {c: [branch_data(self.folder, r) for r in part.branches(c)] for c in part.conditions}
             for channel in part.channels:
                 if not several and channel.channel != "stiffness":
                     continue  # the loop of the only condition shows it
@@ -192,7 +192,8 @@ def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask
     return tasks
 
 
-def _branch_data(folder: Path, record: RecordContent) -> BranchData:
+def branch_data(folder: Path, record: RecordContent) -> BranchData:
+    """What there is to draw of a record of a finished fit, in the units in which people see it."""
     return _in_shown_units(_stored_branch(folder, record))
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from sma_bayes.errors import SmaBayesError
 from sma_bayes.studies.command_execution import progress_shown, workers
 from sma_bayes.studies.command_options import Figures, Jobs, Quiet, Scheduler, Verbose
 
@@ -22,12 +23,37 @@ def command(
     workbook: Annotated[
         bool, typer.Option("--workbook", help="All tables as tables/results.xlsx too, a sheet a table.")
     ] = False,
+    figure_width: Annotated[
+        str | None,
+        typer.Option(
+            help="Of a fit: only its loops for a paper, so wide, such as '85mm', into figures/publication."
+        ),
+    ] = None,
+    condition: Annotated[
+        list[str] | None, typer.Option(help="With --figure-width: only this condition; may be repeated.")
+    ] = None,
+    style: Annotated[
+        Path | None, typer.Option(help="With --figure-width: a style file of matplotlib, which goes first.")
+    ] = None,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Rebuild the HTML report, figures and LaTeX tables from what a folder holds."""
+    if figure_width is not None:
+        from sma_bayes.studies.fit.publication_figures import publication_figures
+
+        files = publication_figures(
+            folder, figure_width, conditions=condition or (), formats=formats.split(","), style=style
+        )
+        if not quiet:
+            typer.echo("\n".join(map(str, files)))
+        return
+    if condition or style:
+        raise SmaBayesError(
+            f"{'--condition' if condition else '--style'} without --figure-width", expected="both, or neither"
+        )
     from sma_bayes.studies.report.build import build_report
 
     with workers(scheduler, jobs), progress_shown(quiet, verbose) as progress:

@@ -15,7 +15,7 @@ from sma_bayes.report.tables import csv_columns, report_tables
 from sma_bayes.runs.declared_units import ShownUnit, declared_units, shown_unit, shown_units
 from sma_bayes.runs.outputs import read_columns, read_run
 from sma_bayes.studies.fit.gather import report_content
-from sma_bayes.studies.fit.report import _branch_data
+from sma_bayes.studies.fit.report import branch_data
 from sma_bayes.studies.report.build import build_report
 
 EditSummary = Callable[[Path, Callable[[dict[str, Any]], None]], Path]
@@ -77,7 +77,7 @@ def test_curves_draws_and_measurements_of_figures_are_in_the_declared_units(
     finished: Path, declared: Path
 ) -> None:
     was, now = (
-        _branch_data(folder, report_content(read_run(folder)).records[0]) for folder in (finished, declared)
+        branch_data(folder, report_content(read_run(folder)).records[0]) for folder in (finished, declared)
     )
     for channel, factor in (("force", 1e3), ("displacement", 10.0), ("stiffness", 100.0)):
         np.testing.assert_allclose(

@@ -56,7 +56,7 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
     condition : str
     branches : sequence of BranchData
     """
-    channels = _channels(branches)
+    channels = channels_of(branches)
     width = 3.15 * max(len(channels), 1.8)
     figure = empty_sheet(width, 4.9)
     note = unconverged_note([b.content for b in branches])
@@ -65,7 +65,7 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
     for upper, lower, channel in zip(*axes, channels, strict=True):
         for branch in branches:
             if branch.content.channel(channel.channel) is not None:
-                _branch(upper, branch, channel.channel)
+                branch_on_axes(upper, branch, channel.channel)
                 _about_median(lower, branch, channel.channel)
         _frame(upper, channel, branches)
         for branch in branches:
@@ -76,7 +76,7 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
         lower.set_ylabel(f"less median [{in_units_of(take_power(lower.yaxis), channel.unit)}]", fontsize=6.5)
     heading(figure, condition, note)
     figure.legend(
-        handles=_loop_legend(branches, channels),
+        handles=loop_legend(branches, channels),
         loc="lower center",
         ncols=4 if width < 9 else 8,
         borderaxespad=0.2,
@@ -107,7 +107,7 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
         ),
         alt=f"{names} against temperature for condition {condition}, {what}, with credible bands",
         figure=figure,
-        data=_loop_data(branches),
+        data=loop_data(branches),
     )
 
 
@@ -137,8 +137,8 @@ def overview_figure(channel: str, conditions: Mapping[str, Sequence[BranchData]]
     for ax, (condition, branches) in zip(axes.flat, conditions.items(), strict=False):
         for branch in branches:
             if branch.content.channel(channel) is not None:
-                _branch(ax, branch, channel, small=True)
-        shown = _limits(ax, channel, branches, ("q05", "q95"))
+                branch_on_axes(ax, branch, channel, small=True)
+        shown = limits(ax, channel, branches, ("q05", "q95"))
         power = take_power(ax.yaxis)
         name = "\n".join(textwrap.wrap(abridged(condition, 58), 30)[:2])
         ax.set_title(f"{name}  [{in_units_of(power, found.unit)}]" if power else name, fontsize=7.5)
@@ -180,7 +180,7 @@ def overview_figure(channel: str, conditions: Mapping[str, Sequence[BranchData]]
     )
 
 
-def _branch(ax: Axes, branch: BranchData, channel: str, *, small: bool = False) -> None:
+def branch_on_axes(ax: Axes, branch: BranchData, channel: str, *, small: bool = False) -> None:
     """Draw one branch of one channel."""
     colour = COLOURS[branch.content.branch]
     band = branch.bands[channel]
@@ -292,7 +292,7 @@ def _points(ax: Axes, branch: BranchData, channel: str, size: float) -> None:
 
 def _frame(ax: Axes, channel: Channel, branches: Sequence[BranchData]) -> None:
     ax.set_title(channel.name.capitalize() + ("" if channel.observed else " (derived)"))
-    shown = _limits(ax, channel.channel, branches, ("q05", "q95", "pred_q05", "pred_q95"))
+    shown = limits(ax, channel.channel, branches, ("q05", "q95", "pred_q05", "pred_q95"))
     log = ", log axis" if ax.get_yscale() == "log" else ""
     ax.set_ylabel(axis_label(channel, take_power(ax.yaxis)) + log)
     notes = [shown] if shown else []
@@ -302,7 +302,7 @@ def _frame(ax: Axes, channel: Channel, branches: Sequence[BranchData]) -> None:
         remark(ax, "\n".join(notes), FAINT)
 
 
-def _limits(ax: Axes, channel: str, branches: Sequence[BranchData], shown: Sequence[str]) -> str:
+def limits(ax: Axes, channel: str, branches: Sequence[BranchData], shown: Sequence[str]) -> str:
     """Set the vertical limits by data and median, let bands have twice that, and say what was done."""
     base = [b.stored.observed[channel] for b in branches if channel in b.stored.observed]
     bands = [b.bands[channel].quantiles for b in branches if channel in b.bands]
@@ -326,7 +326,8 @@ def _limits(ax: Axes, channel: str, branches: Sequence[BranchData], shown: Seque
     return "the band goes beyond the axis" if wide.min() < lowest or wide.max() > highest else ""
 
 
-def _loop_legend(branches: Sequence[BranchData], channels: Sequence[Channel]) -> list[Any]:
+def loop_legend(branches: Sequence[BranchData], channels: Sequence[Channel]) -> list[Any]:
+    """Entries of the legend of a loop."""
     handles: list[Any] = []
     for b in branches:
         colour = COLOURS[b.content.branch]
@@ -358,7 +359,8 @@ def _short_legend() -> list[Any]:
     ]
 
 
-def _loop_data(branches: Sequence[BranchData]) -> dict[str, Any]:
+def loop_data(branches: Sequence[BranchData]) -> dict[str, Any]:
+    """Measurements, bands and transformation temperatures of a loop, as columns."""
     rows: list[tuple[Any, ...]] = []
     names = ("q05", "q25", "q50", "q75", "q95", "pred_q05", "pred_q95")
     blank = (math.nan,) * len(names)
@@ -415,7 +417,8 @@ def _overview_data(channel: str, conditions: Mapping[str, Sequence[BranchData]])
     return as_columns((*header, *(f"{n} [{unit}]" for n in names), f"measured [{unit}]"), rows)
 
 
-def _channels(branches: Sequence[BranchData]) -> list[Channel]:
+def channels_of(branches: Sequence[BranchData]) -> list[Channel]:
+    """Channels that any of the branches has, in order."""
     found = {c.channel: c for b in branches for c in b.content.channels}
     return [found[name] for name in ("force", "displacement", "stiffness") if name in found]
 
