@@ -35,6 +35,7 @@ from .studies.inspect.workflow import inspect_campaign as inspect_campaign
 from .studies.paper.build import reproduce_paper as reproduce_paper
 from .studies.run.workflow import run_study as run_study
 from .studies.sensitivity.workflow import sensitivity as sensitivity
+from .studies.simulate.workflow import simulate as simulate
 
 __version__: str
 __all__: list[str]

@@ -49,6 +49,8 @@ WORKBOOK_ROWS: Final = Limit(1_048_576, "rows of a sheet, as Excel has it")
 WORKBOOK_CELLS: Final = Limit(10_000_000, "cells of a sheet, empty ones up to the last included")
 MATLAB_BYTES: Final = Limit(256_000_000, "bytes of a MATLAB file when unpacked")
 BINARY_NUMBERS: Final = Limit(30_000_000, "numbers in a MATLAB or TDMS file")
+PROFILE_ROWS: Final = Limit(100_000, "rows of a profile of the current")
+PROFILE_TIME: Final = Limit(20_000, "its length in time constants of the heat balance")
 DOCUMENT_BYTES: Final = Limit(500_000_000, "bytes of a JSON document of an output folder")
 
 LIMITS: Final = tuple(value for value in list(globals().values()) if isinstance(value, Limit))

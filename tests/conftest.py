@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import signal
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from threadpoolctl import threadpool_limits
 
+import sma_bayes
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
@@ -119,3 +122,92 @@ def _draw_record(
     return Record(
         Condition(condition), branch, inputs, observed, np.arange(n) + 2, units, temperature_sd=temperature_sd
     )
+
+
+@dataclass(frozen=True)
+class HeatedWire:
+    """A wire that a current heats, integrated by scipy; it shares nothing with the package.
+
+    Inside the loop the share of austenite follows the Duhem equation of Ivshin and Pence (1994).
+    """
+
+    gain: float = 7.0
+    loss: float = 0.1
+    room: float = 22.0
+    latent: float = 12.0
+    resistance: float = 0.0
+    width: float = 4.0
+    middle: tuple[float, float] = (62.0, 50.0)
+
+    def share(self, temperature: float, heating: bool) -> float:
+        """Share of austenite on the outer loop."""
+        return float(0.5 * (1.0 + np.tanh((temperature - self.middle[not heating]) / self.width)))
+
+    def grows(self, temperature: float, heating: bool) -> float:
+        """Its derivative."""
+        there = (temperature - self.middle[not heating]) / self.width
+        return float(0.5 / self.width / np.cosh(there) ** 2)
+
+    def course(
+        self, edges: Sequence[float], currents: Sequence[float], told: Any, *, heating: bool = True
+    ) -> tuple[Any, Any]:
+        """Temperature and share of austenite at instants; a current holds from each edge to the next."""
+        at = np.array([self.room, self.share(self.room, heating)])
+        out = np.full((2, len(told)), np.nan)
+        for begin, end, current in zip(edges[:-1], edges[1:], currents, strict=True):
+            power = self.gain * current**2
+            if power - self.loss * (at[0] - self.room) != 0.0:
+                heating = bool(power > self.loss * (at[0] - self.room))
+
+            def rate(_: float, y: Any, power: float = power, heating: bool = heating) -> list[float]:
+                t, s = y
+                whole = self.share(t, heating)
+                left = (1.0 - s) / max(1.0 - whole, 1e-12) if heating else s / max(whole, 1e-12)
+                grown = left * self.grows(t, heating)
+                net = power * (1.0 + self.resistance * (s - 0.5)) - self.loss * (t - self.room)
+                return [net / (1.0 + self.latent * grown), grown * net / (1.0 + self.latent * grown)]
+
+            found = solve_ivp(rate, (begin, end), at, rtol=1e-9, atol=1e-9, max_step=0.5, dense_output=True)
+            here = (told >= begin) & (told <= end)
+            out[:, here] = found.sol(told[here])
+            at = found.y[:, -1]
+        return out[0], out[1]
+
+    @staticmethod
+    def force(share: Any) -> Any:
+        """Of the spring [N]; it runs ahead of the displacement, so that the slope between them changes."""
+        return 1.0 + 5.0 * share - share**2
+
+    @staticmethod
+    def displacement(share: Any) -> Any:
+        """Of the spring [m]."""
+        return 0.01 + 0.02 * share
+
+
+@pytest.fixture(scope="session")
+def heated_wire() -> HeatedWire:
+    """The wire of `heated_fit`."""
+    return HeatedWire()
+
+
+@pytest.fixture(scope="session")
+def heated_fit(heated_wire: HeatedWire, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fit of two square waves of the current, 1.0 A and 1.2 A."""
+    place = tmp_path_factory.mktemp("heated")
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 240.0, 0.8)
+    frames, edges = {}, [40.0 * k for k in range(7)]
+    for current in (1.0, 1.2):
+        on = [current, 0.0] * 3
+        temperature, share = heated_wire.course(edges, on, time)
+        noise = rng.standard_normal((3, time.size))
+        frames[f"{current}A"] = {
+            "time_s": time,
+            "temperature_C": temperature + 0.1 * noise[0],
+            "force_N": heated_wire.force(share) + 0.02 * noise[1],
+            "displacement_m": heated_wire.displacement(share) + 1e-4 * noise[2],
+            "current_A": np.array(on)[(time // 40.0).astype(int)],
+        }
+    campaign = sma_bayes.campaign_of(frames, name="wire")
+    sma_bayes.fit_campaign(campaign, place / "fit", noise="independent", jobs=1, figures=False)
+    return place / "fit"

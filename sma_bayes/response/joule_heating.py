@@ -71,7 +71,7 @@ class JouleHeating:
             what the current has delivered, if that was
             kept (see `delivered`). Effects may add ``heat_capacity_factor``, ``loss_factor`` and
             ``resistance_factor``, by which these differ from their constants; ``loss_exponent`` and ``radiated``, see
-            `_loss_law`; ``heat_taken``, what something else than
+            `loss_law`; ``heat_taken``, what something else than
             the wire's heat capacity has taken up so far, over that [K]; ``sensor_lag`` [s], of what is read behind the
             alloy, and ``read`` [degC], what that says, where ``temperature`` is what it would say without; and
             ``switching_shift``, by which switching differs in the step that ends at a sample.
@@ -93,7 +93,7 @@ class JouleHeating:
             heat = _late(heat, inputs)
         capacity = _middle(inputs.get("heat_capacity_factor", np.ones(1)))
         room = inputs.get("ambient_temperature", ambient)
-        cooled = inputs.get("loss_factor", np.ones(1)) * _loss_law(inputs, room)
+        cooled = inputs.get("loss_factor", np.ones(1)) * loss_law(inputs, room)
         passed = loss * _middle(cooled) / capacity * _step(inputs["time"])
         surroundings = _middle(room)
         lost = -np.expm1(-passed)
@@ -148,10 +148,17 @@ def _late(heat: Floats, inputs: Mapping[str, Floats]) -> Floats:
     return np.asarray(dt * (power + (begin - power) * mean))
 
 
-def _loss_law(inputs: Mapping[str, Floats], room: Floats) -> Floats:
+def loss_law(inputs: Mapping[str, Floats], room: Floats) -> Floats:
     """Loss over its constant at the measured temperature: natural convection, and radiation beside it.
 
     ``(abs(T - Ta)/(40 K))**loss_exponent + radiated (T**2 + Ta**2) (T + Ta)/(4 T0**3)``, in the second term in kelvin.
+
+    Parameters
+    ----------
+    inputs : mapping of str to ndarray
+        See `JouleHeating.predict`.
+    room : ndarray
+        Ta [degC].
     """
     out = np.ones(1)
     if "loss_exponent" in inputs:

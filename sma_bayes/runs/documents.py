@@ -200,4 +200,11 @@ SENSITIVITY: Final = Document(
     "a study of sensitivity",
     ("records", "conclusion"),
 )
+SIMULATION: Final = Document(
+    "simulate",
+    "simulate.json",
+    "sma-bayes/simulation/1",
+    "a simulation",
+    ("balance", "runs", "reach"),
+)
 STUDY: Final = Document("study", "study.json", "sma-bayes/study/1", "the folders of a study")

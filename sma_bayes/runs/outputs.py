@@ -23,6 +23,7 @@ from sma_bayes.runs.documents import (
     GAP,
     MARK,
     SENSITIVITY,
+    SIMULATION,
     STUDY,
     refuse_another,
 )
@@ -152,7 +153,11 @@ def read_run(folder: Path) -> StoredRun:
         )
     if not (folder / FIT.file).is_file():
         other = next(
-            (d for d in (GAP, COMPARISON, CONDITIONS, SENSITIVITY, STUDY) if (folder / d.file).is_file()),
+            (
+                d
+                for d in (GAP, COMPARISON, CONDITIONS, SENSITIVITY, SIMULATION, STUDY)
+                if (folder / d.file).is_file()
+            ),
             None,
         )
         if other:

@@ -33,6 +33,7 @@ _SHIPPED: Final = (
     "sensitivity",
     "diff",
     "conditions",
+    "simulate",
     "run",
     "report",
     "paper",

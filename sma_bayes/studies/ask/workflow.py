@@ -468,7 +468,8 @@ def _answer(run: FitSource, summary: RecordSummary, question: _Question) -> dict
     draws = run.draws(summary)
     channel = "stiffness" if question.channel == OVERALL else question.channel
     stored = (summary.temperature.unit, summary.quantities[channel].unit)
-    unit, target, bounds = _target(question, stored[1], _named(_name(summary, question.channel)))
+    what = _named(_name(summary, question.channel))
+    unit, target, bounds = wanted_value(question.value, question.tolerance, stored[1], what)
     degrees = stored[0] if question.temperature_unit is None else question.temperature_unit
     low, high = (_temperature(t, stored[0], degrees) for t in (draws.coldest, draws.hottest))
     ends = (low - question.extrapolate, high + question.extrapolate)
@@ -513,32 +514,40 @@ def _answer(run: FitSource, summary: RecordSummary, question: _Question) -> dict
     }
 
 
-def _target(question: _Question, stored: str, what: str) -> tuple[str, float, tuple[float, float]]:
-    """Unit of the question, the wanted value, and the bounds within which it will do [that unit].
+def wanted_value(
+    asked: str, tolerance: str, stored: str, what: str
+) -> tuple[str, float, tuple[float, float]]:
+    """Unit of a question, the wanted value, and the bounds within which it will do [that unit].
 
     Parameters
     ----------
-    question : _Question
+    asked : str
+        Value with its unit.
+    tolerance : str
+        How far off it may be: a share, ``"5 %"``, or in a unit, ``"4 N/m"``.
     stored : str
         Unit of the fit, in which a number without a unit is understood where that has none itself.
     what : str
         Name of the quantity.
+
+    Raises
+    ------
+    QuantityError
+        If a number has no unit or another one, or the tolerance is nothing.
     """
-    value, given = number_and_unit(question.value, what=what)
+    value, given = number_and_unit(asked, what=what)
     unit = given or stored
-    _in_unit(question.value, stored, stored, what)  # refuses what has no unit, or one of another kind
-    text = question.tolerance.strip()
+    _in_unit(asked, stored, stored, what)  # refuses what has no unit, or one of another kind
+    text = tolerance.strip()
     if text.endswith("%"):
         share, rest = number_and_unit(text[:-1], what="tolerance")
         margin = abs(value) * share / 100.0
         if rest:
-            raise QuantityError(f"tolerance {question.tolerance!r}", expected="such as '5 %' or '4 N/m'")
+            raise QuantityError(f"tolerance {tolerance!r}", expected="such as '5 %' or '4 N/m'")
     else:
         margin = _in_unit(text, stored, unit, "tolerance")
     if not margin > 0.0:
-        raise QuantityError(
-            f"tolerance {question.tolerance!r} of {question.value!r}", expected="more than nothing"
-        )
+        raise QuantityError(f"tolerance {tolerance!r} of {asked!r}", expected="more than nothing")
     return unit, value, (value - margin, value + margin)
 
 

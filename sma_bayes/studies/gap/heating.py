@@ -8,7 +8,7 @@ an input: it comes from the model of the response as it was found.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -52,10 +52,41 @@ def study_heating(
     GapStudy or None
         None where temperature is no outcome, as current or time were not recorded in all conditions.
     """
+    shares = [share_along(response.final, i) for i in range(len(response.final.hypothesis.histories))]
+    return study_balance(
+        campaign, shares, priors, pooled=pooled, effects=effects, seed=seed, progress=progress
+    )
+
+
+def study_balance(
+    campaign: Campaign,
+    shares: Sequence[Mapping[str, Floats]],
+    priors: PriorSet,
+    *,
+    pooled: bool = False,
+    effects: Mapping[str, Effect] = EFFECTS,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> GapStudy | None:
+    """The same from the shares of austenite along the histories, whatever model they come from.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    shares : sequence of mapping
+        ``share`` (n,) along each of its histories; empty where no curve tells of it.
+    priors, pooled, effects, seed, progress
+        See `study_campaign`.
+
+    Returns
+    -------
+    GapStudy or None
+        See `study_heating`.
+    """
     whole = histories(campaign)
     if not all("temperature" in h.observed for h in whole):
         return None
-    own = [h.of({"temperature"}, **share_along(response.final, i)) for i, h in enumerate(whole)]
+    own = [h.of({"temperature"}, **share) for h, share in zip(whole, shares, strict=True)]
     rng = np.random.default_rng(np.random.SeedSequence([seed, 19]))
     hypothesis = baseline(campaign, own, priors, pooled=pooled)
     first = fit_with_noise(hypothesis, baseline_start(hypothesis, campaign, priors, pooled=pooled, rng=rng))

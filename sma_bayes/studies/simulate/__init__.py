@@ -1,0 +1,1 @@
+"""Force, displacement and stiffness in time, from a heating current."""

@@ -1,0 +1,83 @@
+"""The verb `simulate` on the command line."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sma_bayes.studies.command_execution import finish, progress_shown
+from sma_bayes.studies.command_options import Figures, Json, NoFigures, Quiet, Resume, Seed, Verbose
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit has written.")],
+    current: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PROFILE",
+            help="File of the current, columns such as time_s and current_A; each value holds until the next row.",
+        ),
+    ] = None,
+    reach: Annotated[
+        str | None,
+        typer.Option(
+            help="A value to reach by a steady current, heated from cold, such as 'stiffness=500 N/m'."
+        ),
+    ] = None,
+    condition: Annotated[str | None, typer.Option(help="Only this condition.")] = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="'cold', 'hot' (both by default), 'heating:60 degC' or 'cooling:60 degC'; may be repeated."
+        ),
+    ] = None,
+    ambient: Annotated[
+        str | None, typer.Option(help="Temperature of the surroundings, such as '23 degC'.")
+    ] = None,
+    rule: Annotated[
+        str, typer.Option(help="Of loops inside the loop: 'proportional' or 'play'.")
+    ] = "proportional",
+    pool: Annotated[
+        str, typer.Option(help="'campaign': one heat balance for all conditions; 'none': own ones.")
+    ] = "campaign",
+    tolerance: Annotated[str, typer.Option(help="How far off --reach may be: '5 %' or '4 N/m'.")] = "5 %",
+    probability: Annotated[float, typer.Option(help="With which --reach is to be met.")] = 0.9,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results: new or empty, or --resume.")
+    ] = None,
+    draws: Annotated[int, typer.Option(help="Draws that are followed.")] = 400,
+    seed: Seed = 0,
+    figures: Figures = "report",
+    no_figures: NoFigures = False,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Tell what a heating current does: temperature, force, displacement and stiffness in time, with bands."""
+    from sma_bayes.studies.simulate.terminal import show_simulation
+    from sma_bayes.studies.simulate.workflow import simulate
+
+    with progress_shown(quiet or as_json, verbose) as progress:
+        found = simulate(
+            folder,
+            current,
+            out,
+            reach=reach,
+            condition=condition,
+            start=start,
+            ambient=ambient,
+            rule=rule,  # type: ignore[arg-type]
+            pool=pool,  # type: ignore[arg-type]
+            tolerance=tolerance,
+            probability=probability,
+            draws=draws,
+            seed=seed,
+            resume=resume,
+            figures="none" if no_figures else figures,
+            progress=progress,
+        )
+    finish(found, quiet, as_json, partial(show_simulation, found, out))

@@ -1,0 +1,126 @@
+"""Current, temperature and channels in time, from each start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, Literal
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from sma_bayes.arrays import Floats
+from sma_bayes.quantities import QUANTITIES
+from sma_bayes.report.figures.sheet import (
+    FAINT,
+    INK,
+    Drawing,
+    empty_sheet,
+    heading,
+    in_units_of,
+    panels,
+    remark,
+    take_power,
+)
+from sma_bayes.studies.simulate.outputs import StoredSimulation
+from sma_bayes.studies.simulate.schema import SimulatedRun
+from sma_bayes.studies.simulate.terminal import start_text
+
+LOOKS: Final = {"cold": "#1f6fb2", "hot": "#c8501e", "heating": "#2f7d4f", "cooling": "#6a3d9a"}
+DASHES: Final[dict[str, Literal["-", "--"]]] = {"cold": "-", "hot": "--", "heating": "-", "cooling": "--"}
+
+
+def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
+    """Bands in time of one condition, all starts together.
+
+    Parameters
+    ----------
+    stored : StoredSimulation
+    condition : str
+        Its id.
+    """
+    runs = [r for r in stored.found.runs if r.condition == condition]
+    first = runs[0]
+    channels = list(first.units)
+    figure = empty_sheet(6.8, 1.35 + 0.62 + 1.35 * len(channels))
+    axes = panels(
+        figure, 1 + len(channels), 1, left=0.75, right=0.15, bottom=0.75, top=0.35, gap_y=0.16,
+        tall=(0.5, *[1.0] * len(channels)),
+    )[:, 0]  # fmt: skip
+    time, current = (stored.bands[first.file][name] for name in ("time_s", "current_A"))
+    axes[0].step(time, current, where="post", color=INK, linewidth=0.9)
+    axes[0].set_ylabel("I [A]")
+    for ax, channel in zip(axes[1:], channels, strict=True):
+        for run in runs:
+            _draw(ax, run, channel, stored.bands[run.file])
+        unit = first.units[channel]
+        _limit(ax, [(stored.bands[r.file], r) for r in runs], channel)
+        symbol = QUANTITIES[first.names[channel]].symbol
+        ax.set_ylabel(f"{symbol} [{in_units_of(take_power(ax.yaxis), unit)}]")
+    low, high = first.measured
+    for edge in (low, high):
+        if axes[1].get_ylim()[0] < edge < axes[1].get_ylim()[1]:
+            axes[1].axhline(edge, color=FAINT, linewidth=0.7, linestyle=":")
+    remark(axes[1], "dotted: coldest and hottest that was measured", INK)
+    for ax in axes:
+        ax.set_xlim(time[0], time[-1])
+        if ax is not axes[-1]:
+            ax.tick_params(labelbottom=False)
+    axes[-1].set_xlabel("time [s]")
+    heading(figure, f"{condition}: course in time", "")
+    handles: list[Any] = [
+        Line2D(
+            [], [], color=LOOKS[r.start], linestyle=DASHES[r.start], label=f"{start_text(r)} start, median"
+        )
+        for r in runs
+    ]
+    handles += [
+        Patch(facecolor=INK, alpha=0.45, label="90 % of the curve"),
+        Patch(facecolor=INK, alpha=0.15, label="90 % of another run"),
+    ]
+    figure.legend(handles=handles, loc="lower center", ncols=4, borderaxespad=0.2)
+    return Drawing(
+        stem=f"course-{condition}",
+        caption=(
+            f"{condition}: current, and temperature, {', '.join(first.names[c] for c in channels[1:])} that it makes. "
+            "Lines are medians, dark bands hold 90 % of the curve, light ones 90 % of another run."
+        ),
+        alt=f"current, temperature and response of {condition} in time, with bands",
+        figure=figure,
+        data={
+            "start": [r.start for r in runs for _ in stored.bands[r.file]["time_s"]],
+            **{
+                name: np.concatenate([stored.bands[r.file][name] for r in runs])
+                for name in stored.bands[first.file]
+            },
+        },
+    )
+
+
+def _draw(ax: Any, run: SimulatedRun, channel: str, band: Mapping[str, Floats]) -> None:
+    """Median and bands of a channel from one start."""
+    time, colour = band["time_s"], LOOKS[run.start]
+    at = {
+        q: band[f"{channel}_{q} [{run.units[channel]}]"]
+        for q in ("q05", "q50", "q95", "pred_q05", "pred_q95")
+    }
+    finite = {q: np.where(np.isfinite(v), v, np.nan) for q, v in at.items()}
+    ax.fill_between(time, finite["pred_q05"], finite["pred_q95"], color=colour, alpha=0.15, linewidth=0.0)
+    ax.fill_between(time, finite["q05"], finite["q95"], color=colour, alpha=0.35, linewidth=0.0)
+    ax.plot(time, finite["q50"], color=colour, linestyle=DASHES[run.start], linewidth=1.0)
+
+
+def _limit(ax: Any, bands: list[tuple[Mapping[str, Floats], SimulatedRun]], channel: str) -> None:
+    """Keep an axis to where the median goes, as a slope may have bands without end."""
+    middle = np.concatenate([b[f"{channel}_q50 [{r.units[channel]}]"] for b, r in bands])
+    edges = np.concatenate(
+        [b[f"{channel}_{q} [{r.units[channel]}]"] for b, r in bands for q in ("pred_q05", "pred_q95")]
+    )
+    middle, edges = middle[np.isfinite(middle)], edges[np.isfinite(edges)]
+    if not middle.size or not edges.size:
+        return
+    low, high = np.quantile(middle, (0.01, 0.99))
+    room = max(3.0 * (high - low), 0.5 * abs(high + low), 1e-12)
+    least, most = max(edges.min(), low - room), min(edges.max(), high + room)
+    pad = 0.06 * (most - least)
+    ax.set_ylim(least - pad, most + pad)

@@ -1,0 +1,114 @@
+"""Tables of a simulation."""
+
+from __future__ import annotations
+
+from sma_bayes.report.content import Estimate
+from sma_bayes.report.notation import unit_label
+from sma_bayes.report.tables import Column, Table
+from sma_bayes.studies.simulate.outputs import StoredSimulation
+from sma_bayes.studies.simulate.schema import SimulationDocument
+from sma_bayes.studies.simulate.terminal import start_text
+
+
+def simulation_tables(stored: StoredSimulation) -> dict[str, Table]:
+    """All tables of a simulation, by name; those without rows are left out."""
+    found = stored.found
+    tables = [_balance(found), _ends(found), _reach(found)]
+    return {t.name: t for t in tables if t.rows}
+
+
+def _balance(found: SimulationDocument) -> Table:
+    return Table(
+        "balance",
+        "Heat balance",
+        "Fitted to the measured temperatures; median and 90 % credible interval.",
+        (
+            Column("parameter", "parameter"),
+            Column("value", "value", "unit"),
+            Column("unit", "unit"),
+            Column("meaning", "meaning"),
+        ),
+        tuple(
+            (name, Estimate(p.median, p.q05, p.q95, p.unit), unit_label(p.unit), p.meaning)
+            for name, p in found.balance.parameters.items()
+        ),
+    )
+
+
+def _ends(found: SimulationDocument) -> Table:
+    rows = []
+    for r in found.runs:
+        for c, v in r.end.items():
+            rows.append(
+                (
+                    r.condition,
+                    start_text(r),
+                    v.name,
+                    Estimate(v.median, v.q05, v.q95, v.unit),
+                    Estimate(v.median, v.pred_q05, v.pred_q95, v.unit),
+                    unit_label(v.unit) or "1",
+                )
+            )
+            if c == "temperature":
+                h = r.hottest
+                rows.append(
+                    (
+                        r.condition,
+                        start_text(r),
+                        "hottest temperature",
+                        Estimate(h.median, h.q05, h.q95, h.unit),
+                        Estimate(h.median, h.pred_q05, h.pred_q95, h.unit),
+                        unit_label(h.unit),
+                    )
+                )
+    return Table(
+        "end",
+        "At the end of the profile",
+        "Median and equal-tailed 90 % intervals: of the curve, and of another run, in which the temperature is off as "
+        "measured ones were and readings have their noise.",
+        (
+            Column("condition", "condition"),
+            Column("start", "start"),
+            Column("quantity", "quantity"),
+            Column("value", "value", "unit"),
+            Column("another run", "another_run", "unit"),
+            Column("unit", "unit"),
+        ),
+        tuple(rows),
+        grouped=2,
+    )
+
+
+def _reach(found: SimulationDocument) -> Table:
+    rows = []
+    reach = found.reach
+    for c in () if reach is None else reach.conditions:
+        for p in c.passages:
+            rows.append(
+                (
+                    c.condition,
+                    p.direction,
+                    Estimate(p.median, p.q05, p.q95, "A"),
+                    p.probability,
+                    c.reachable,
+                    None if c.best is None else c.best.current,
+                    None if c.best is None else c.best.probability,
+                )
+            )
+    cells = tuple(tuple(f"{x:.3g}" if isinstance(x, float) else x for x in row) for row in rows)
+    return Table(
+        "reach",
+        "Steady currents",
+        "Heated from cold until the temperature no longer changes. The best current meets the value within the "
+        "tolerance most surely.",
+        (
+            Column("condition", "condition"),
+            Column("direction", "direction"),
+            Column("current", "current", "A"),
+            Column("in a share of the draws", "share"),
+            Column("reachable with probability", "reachable"),
+            Column("best current in A", "best_current"),
+            Column("probability there", "best_probability"),
+        ),
+        cells,
+    )

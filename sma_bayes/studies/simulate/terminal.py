@@ -1,0 +1,134 @@
+"""A simulation on the screen: what the current ends in, which current reaches a value, and what to doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from sma_bayes.quantities import unit_text
+from sma_bayes.report.notation import interval_text
+from sma_bayes.report.screen import screen, show_end
+from sma_bayes.studies.simulate.schema import (
+    ReachDocument,
+    ReachOfCondition,
+    SimulatedRun,
+    SimulationFindings,
+    ValueAtEnd,
+)
+
+
+def show_simulation(found: dict[str, Any], out: Path | None) -> None:
+    """What `simulate.json` says, for a terminal."""
+    document = SimulationFindings.model_validate(found)
+    console = screen()
+    console.print(f"{document.campaign}: {balance_text(document)}", soft_wrap=True)
+    if document.profile is not None:
+        console.print()
+        console.print(_ends(document))
+    if document.reach is not None:
+        console.print()
+        for line in reach_lines(document.reach):
+            console.print(line, soft_wrap=True)
+    for caution in document.cautions:
+        console.print(f"caution: {caution}", soft_wrap=True)
+    console.print(closing(document), soft_wrap=True)
+    if out is not None:
+        show_end(console, found, out)
+
+
+def balance_text(document: SimulationFindings) -> str:
+    """What heats and cools, in a sentence."""
+    told = []
+    for name, p in document.balance.parameters.items():
+        if name.partition("[")[0] in ("gain", "time_constant"):
+            value = interval_text(p.median, p.q05, p.q95)
+            told.append(f"{name.replace('_', ' ')} {value} {unit_text(p.unit)}")
+    effects = ", ".join(document.balance.effects)
+    return f"heat balance with {'; '.join(told)}" + (f"; with {effects.replace('_', ' ')}" if effects else "")
+
+
+def _ends(document: SimulationFindings) -> Table:
+    profile = document.profile
+    assert profile is not None
+    table = Table(
+        title=f"after {profile.duration_s:.4g} s of {profile.file}: median (90 % interval of another run)",
+        title_justify="left",
+    )
+    table.add_column("condition")
+    table.add_column("start")
+    table.add_column("hottest [°C]", justify="right")
+    columns = {(c, unit): name for r in document.runs for c, (name, unit) in _named(r).items()}
+    for (_, unit), name in columns.items():
+        table.add_column(f"{name} [{unit_text(unit) or '1'}]", justify="right")
+    for r in document.runs:
+        cells = [value_text(r.end[c]) if c in r.end and r.end[c].unit == unit else "-" for c, unit in columns]
+        table.add_row(r.condition, start_text(r), value_text(r.hottest), *cells)
+    return table
+
+
+def _named(run: SimulatedRun) -> Mapping[str, tuple[str, str]]:
+    return {c: (v.name, v.unit) for c, v in run.end.items()}
+
+
+def start_text(run: SimulatedRun) -> str:
+    """Where a simulation begins."""
+    return run.start if run.start_temperature is None else f"{run.start} at {run.start_temperature:g} °C"
+
+
+def value_text(v: ValueAtEnd) -> str:
+    """Median with the interval of another run."""
+    if v.median is None:
+        return "-"
+    if v.pred_q05 is None or v.pred_q95 is None:
+        return f"{v.median:.4g}"
+    return f"{v.median:.4g} ({v.pred_q05:.4g} to {v.pred_q95:.4g})"
+
+
+def reach_lines(reach: ReachDocument) -> Iterator[str]:
+    """Which steady current gives a value, in lines."""
+    yield f"steady current for {reach.asked}, tolerance {reach.tolerance}, heated from cold:"
+    for c in reach.conditions:
+        yield f"  {c.condition}: {_current_text(c)}"
+        yield f"    {_surely(c, reach.probability)}"
+        if c.caution:
+            yield f"    caution: {c.caution}"
+    if not reach.conditions:
+        yield "  no condition has that quantity on both branches"
+
+
+def _current_text(c: ReachOfCondition) -> str:
+    told = [
+        f"{interval_text(p.median, p.q05, p.q95)} A ({p.direction}, in {p.probability:.0%} of the draws"
+        f"{', beyond the measured currents' if p.beyond_measured else ''})"
+        for p in c.passages
+    ]
+    reachable = f"reached within the measured temperatures with probability {c.reachable:.3g}"
+    return f"{'; '.join(told) or 'none'}; {reachable}"
+
+
+def _surely(c: ReachOfCondition, probability: float) -> str:
+    if c.best is None:
+        return f"no current up to {c.searched:.3g} A gives it"
+    best = f"{c.best.current:.4g} A meets it most surely, with probability {c.best.probability:.2g}"
+    stretches = ", ".join(f"{s.low:.4g} to {s.high:.4g} A" for s in c.intervals)
+    return f"{best}; with {probability:g} or more: {stretches or 'none'}"
+
+
+def closing(document: SimulationFindings) -> str:
+    """The last sentence: how far the numbers go."""
+    if not document.converged:
+        return "NOT CONVERGED: these numbers must not be relied on."
+    beyond = [f"{r.condition} ({start_text(r)})" for r in document.runs if r.extrapolated_from is not None]
+    if beyond:
+        return (
+            f"Part of it is extrapolated: {', '.join(beyond)} went beyond the temperatures that were measured. "
+            "Measure there before you rely on it."
+        )
+    if document.balance.verdict == "unnamed":
+        return "Temperatures stay within what was measured; the heat balance misses something: look at its bands."
+    if document.runs:
+        return "Temperatures stay within what was measured: bands hold as far as heat balance and curves describe it."
+    return "Steady states only; how long they take, a profile of the current tells."
