@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -11,6 +11,7 @@ import numpy as np
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
+from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors
@@ -129,10 +130,11 @@ def simulate(
     room = None if ambient is None else asked_temperature(ambient, UNIT, UNIT)
     with spent.timed("read"):
         run = read_run(Path(folder))
-        able, why = _able(run, condition)
+        read = _reader(run)
+        able, why = _able(run, condition, read)
         wanted = None if reach is None else _Wanted.of(reach, tolerance, probability, able)
         left_out = [f"{name} was left out: {reason}." for name, reason in why.items() if condition is None]
-        springs = [BothDraws(*(draws_of(run.folder, r, run.summary.seed) for r in pair)) for pair in able]
+        springs = [BothDraws(*map(read, pair)) for pair in able]
     followed = [s.condition for s in springs if condition in (None, s.condition)]
     asked = _Question(
         run, able, springs, followed, profile, starts, room, rule, pool, wanted, draws, seed, left_out
@@ -168,7 +170,21 @@ def _require_options(
 Pair = tuple[RecordSummary, RecordSummary]
 
 
-def _able(run: StoredRun, condition: str | None) -> tuple[list[Pair], dict[str, str]]:
+def _reader(run: StoredRun) -> Callable[[RecordSummary], RecordDraws]:
+    """Draws of a record of the fit, read once."""
+    found: dict[str, RecordDraws] = {}
+
+    def read(summary: RecordSummary) -> RecordDraws:
+        if summary.key not in found:
+            found[summary.key] = draws_of(run.folder, summary, run.summary.seed)
+        return found[summary.key]
+
+    return read
+
+
+def _able(
+    run: StoredRun, condition: str | None, read: Callable[[RecordSummary], RecordDraws]
+) -> tuple[list[Pair], dict[str, str]]:
     """Heating and cooling of each condition that a heat balance can be learnt from, and why others are none.
 
     Raises
@@ -185,7 +201,7 @@ def _able(run: StoredRun, condition: str | None) -> tuple[list[Pair], dict[str, 
         raise UnknownNameError(
             f"unknown condition {condition!r}", file=run.folder, expected=near_matches(condition, by_id)
         )
-    reasons = {name: _lacking(run, branches) for name, branches in by_id.items()}
+    reasons = {name: _lacking(branches, read) for name, branches in by_id.items()}
     why = {name: reason for name, reason in reasons.items() if reason}
     able = [(b["heating"], b["cooling"]) for name, b in by_id.items() if name not in why]
     refused = condition if condition in why else None if able else next(iter(why))
@@ -202,7 +218,7 @@ def _able(run: StoredRun, condition: str | None) -> tuple[list[Pair], dict[str, 
     return able, why
 
 
-def _lacking(run: StoredRun, branches: Mapping[str, RecordSummary]) -> str:
+def _lacking(branches: Mapping[str, RecordSummary], read: Callable[[RecordSummary], RecordDraws]) -> str:
     """Why a condition can't be simulated; empty where it can."""
     missing = [b.value for b in Branch if b.value not in branches]
     if missing:
@@ -213,7 +229,7 @@ def _lacking(run: StoredRun, branches: Mapping[str, RecordSummary]) -> str:
     if not any(c in set(records[0].channels) & set(records[1].channels) for c in ("force", "displacement")):
         return "neither force nor displacement was measured on both branches, so nothing tells what has transformed"
     for quantity in ("current", "time"):
-        if any(quantity not in draws_of(run.folder, r, run.summary.seed).record.inputs for r in records):
+        if any(quantity not in read(r).record.inputs for r in records):
             return f"no {quantity} was recorded"
     return ""
 

@@ -58,10 +58,11 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
         symbol = QUANTITIES[first.names[channel]].symbol
         ax.set_ylabel(f"{symbol} [{in_units_of(take_power(ax.yaxis), unit)}]")
     low, high = first.measured
-    for edge in (low, high):
-        if axes[1].get_ylim()[0] < edge < axes[1].get_ylim()[1]:
-            axes[1].axhline(edge, color=FAINT, linewidth=0.7, linestyle=":")
-    remark(axes[1], "dotted: coldest and hottest that was measured", INK)
+    seen = [edge for edge in (low, high) if axes[1].get_ylim()[0] < edge < axes[1].get_ylim()[1]]
+    for edge in seen:
+        axes[1].axhline(edge, color=FAINT, linewidth=0.7, linestyle=":")
+    if seen:
+        remark(axes[1], "dotted: coldest or hottest that was measured", INK)
     for ax in axes:
         ax.set_xlim(time[0], time[-1])
         if ax is not axes[-1]:
