@@ -205,7 +205,7 @@ def heated_fit(heated_wire: HeatedWire, tmp_path_factory: pytest.TempPathFactory
             "time_s": time,
             "temperature_C": temperature + 0.1 * noise[0],
             "force_N": heated_wire.force(share) + 0.02 * noise[1],
-            "displacement_m": heated_wire.displacement(share) + 1e-4 * noise[2],
+            "displacement_mm": 1e3 * heated_wire.displacement(share) + 0.1 * noise[2],
             "current_A": np.array(on)[(time // 40.0).astype(int)],
         }
     campaign = sma_bayes.campaign_of(frames, name="wire")

@@ -50,6 +50,8 @@ def test_people_get_a_table_a_current_and_a_closing_sentence(
         "meets it most surely",
     ):
         assert words in outcome.out
+    assert "displacement [mm]" in outcome.out
+    assert "stiffness [N/mm]" in outcome.out
     assert outcome.out.rstrip().splitlines()[-1].startswith(("Temperatures stay within", "Part of it"))
     assert run("simulate", heated_fit, "--current", profile, "--draws", "60", "--quiet").out == ""
 

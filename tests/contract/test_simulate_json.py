@@ -44,6 +44,9 @@ def test_there_is_a_run_for_each_condition_and_start_with_its_bands(found: Any, 
         assert set(r["end"]) == {"temperature", "force", "displacement", "stiffness"}
         with (folder / r["file"]).open(encoding="utf-8") as file:
             header, *rows = csv.reader(file)
+        assert r["declared_units"] == {
+            "temperature": "degC", "force": "N", "displacement": "mm", "stiffness": "N/mm"
+        }  # fmt: skip
         told = [f"{c}_{q} [{r['units'][c]}]" for c in r["units"] for q in quantiles]
         assert header == ["time_s", "current_A", *told, "on_heating_branch", "share_extrapolated"]
         assert (float(rows[0][0]), float(rows[-1][0])) == (0.0, 60.0)

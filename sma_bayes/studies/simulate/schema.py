@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.quantities import convert
 from sma_bayes.runs.schema import DocumentPart, IntervalDocument, Items, Number, NumberOrNull, RunAccount
 
 
@@ -46,6 +47,23 @@ class ValueAtEnd(IntervalDocument):
     pred_q05: NumberOrNull = Field(description="5 % quantile of another run [unit]")
     pred_q95: NumberOrNull = Field(description="95 % quantile of another run [unit]")
 
+    def shown_in(self, unit: str) -> ValueAtEnd:
+        """The same in another unit."""
+
+        def to(value: float | None) -> float | None:
+            return None if value is None else float(convert(value, self.unit, unit))
+
+        q05, median, q95 = map(to, (self.q05, self.median, self.q95))
+        return ValueAtEnd(
+            name=self.name,
+            unit=unit,
+            q05=q05,
+            median=median,
+            q95=q95,
+            pred_q05=to(self.pred_q05),
+            pred_q95=to(self.pred_q95),
+        )
+
 
 class OtherRule(DocumentPart):
     """What another rule for loops inside the loop would give."""
@@ -64,6 +82,9 @@ class SimulatedRun(DocumentPart):
     start_temperature: NumberOrNull = Field(description="as given [°C]; null: that of the room")
     file: str = Field(description="bands in time, a CSV in the folder")
     units: dict[str, str] = Field(description="unit of temperature and of each channel")
+    declared_units: dict[str, str] = Field(
+        description="the units that the campaign declares, in which people see these numbers"
+    )
     names: dict[str, str] = Field(description="what each channel is called")
     measured: Items[Number] = Field(description="lowest and highest measured temperature [°C]")
     hottest: ValueAtEnd = Field(description="hottest temperature")
@@ -83,6 +104,11 @@ class SimulatedRun(DocumentPart):
     caution: str | None = Field(
         description="what the slope means on this rig, where it does not tell of the spring"
     )
+
+    @property
+    def shown(self) -> dict[str, ValueAtEnd]:
+        """What is at the end, by channel, in the declared units."""
+        return {c: v.shown_in(self.declared_units.get(c, v.unit)) for c, v in self.end.items()}
 
 
 class CurrentPassage(IntervalDocument):

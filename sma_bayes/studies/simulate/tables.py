@@ -38,7 +38,7 @@ def _balance(found: SimulationDocument) -> Table:
 def _ends(found: SimulationDocument) -> Table:
     rows = []
     for r in found.runs:
-        for c, v in r.end.items():
+        for c, v in r.shown.items():
             rows.append(
                 (
                     r.condition,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rich.table import Table
 
+from sma_bayes.errors import many
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.screen import screen, show_end
@@ -18,6 +19,9 @@ from sma_bayes.studies.simulate.schema import (
     SimulationFindings,
     ValueAtEnd,
 )
+
+OFTEN: Final = 0.05
+"""Share of the draws that pass a value, below which where they do is only counted."""
 
 
 def show_simulation(found: dict[str, Any], out: Path | None) -> None:
@@ -64,13 +68,14 @@ def _ends(document: SimulationFindings) -> Table:
     for (_, unit), name in columns.items():
         table.add_column(f"{name} [{unit_text(unit) or '1'}]", justify="right")
     for r in document.runs:
-        cells = [value_text(r.end[c]) if c in r.end and r.end[c].unit == unit else "-" for c, unit in columns]
+        end = r.shown
+        cells = [value_text(end[c]) if c in end and end[c].unit == unit else "-" for c, unit in columns]
         table.add_row(r.condition, start_text(r), value_text(r.hottest), *cells)
     return table
 
 
 def _named(run: SimulatedRun) -> Mapping[str, tuple[str, str]]:
-    return {c: (v.name, v.unit) for c, v in run.end.items()}
+    return {c: (v.name, v.unit) for c, v in run.shown.items()}
 
 
 def start_text(run: SimulatedRun) -> str:
@@ -100,11 +105,16 @@ def reach_lines(reach: ReachDocument) -> Iterator[str]:
 
 
 def _current_text(c: ReachOfCondition) -> str:
+    often = [p for p in c.passages if p.probability >= OFTEN]
     told = [
         f"{interval_text(p.median, p.q05, p.q95)} A ({p.direction}, in {p.probability:.0%} of the draws"
         f"{', beyond the measured currents' if p.beyond_measured else ''})"
-        for p in c.passages
+        for p in often
     ]
+    if len(often) < len(c.passages):
+        told.append(
+            f"{many(len(c.passages) - len(often), 'other')} in less than {OFTEN:.0%} of the draws each"
+        )
     reachable = f"reached within the measured temperatures with probability {c.reachable:.3g}"
     return f"{'; '.join(told) or 'none'}; {reachable}"
 

@@ -16,9 +16,10 @@ from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, 
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors
 from sma_bayes.progress import Progress, silent
-from sma_bayes.quantities import SPECIMEN_QUANTITY, unit_text
+from sma_bayes.quantities import SPECIMEN_QUANTITY, convert, unit_text
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.runs.declared_units import shown_units
 from sma_bayes.runs.documents import SIMULATION
 from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.outputs import StoredRun, read_run
@@ -452,8 +453,9 @@ def _said_of_one(r: Mapping[str, Any]) -> list[str]:
         )
     if r["other_rule"] is not None:
         other = r["other_rule"]
+        shown = r["declared_units"]
         apart = ", ".join(
-            f"{r['names'][c]} {v:.2g} {unit_text(r['units'][c]) or '1'}"
+            f"{r['names'][c]} {convert(v, r['units'][c], shown[c]):.2g} {unit_text(shown[c]) or '1'}"
             for c, v in other["difference"].items()
         )
         out.append(
@@ -496,6 +498,7 @@ def _run(
         "start_temperature": start.temperature,
         "file": file,
         "units": units,
+        "declared_units": _declared(q, units, names),
         "names": names,
         "measured": [coldest, hottest],
         "hottest": _value_at(bands["temperature"], peak, names["temperature"], units["temperature"]),
@@ -507,6 +510,12 @@ def _run(
         "other_rule": _other_rule(spring, balance, profile, start, course) if inside > RARELY else None,
         "caution": path.message if "stiffness" in names and path.kind != "path_slope" else None,
     }
+
+
+def _declared(q: _Question, units: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
+    """Unit in which people see each channel: as first declared."""
+    shown = shown_units(r for pair in q.able for r in pair)
+    return {c: shown[names[c]].shown if names[c] in shown else unit for c, unit in units.items()}
 
 
 Bands = dict[str, dict[str, Floats]]

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sma_bayes.arrays import Floats
-from sma_bayes.quantities import QUANTITIES
+from sma_bayes.quantities import QUANTITIES, convert
 from sma_bayes.report.figures.sheet import (
     FAINT,
     INK,
@@ -53,7 +53,7 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
     for ax, channel in zip(axes[1:], channels, strict=True):
         for run in runs:
             _draw(ax, run, channel, stored.bands[run.file])
-        unit = first.units[channel]
+        unit = first.declared_units.get(channel, first.units[channel])
         _limit(ax, [(stored.bands[r.file], r) for r in runs], channel)
         symbol = QUANTITIES[first.names[channel]].symbol
         ax.set_ylabel(f"{symbol} [{in_units_of(take_power(ax.yaxis), unit)}]")
@@ -101,22 +101,23 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
 def _draw(ax: Any, run: SimulatedRun, channel: str, band: Mapping[str, Floats]) -> None:
     """Median and bands of a channel from one start."""
     time, colour = band["time_s"], LOOKS[run.start]
-    at = {
-        q: band[f"{channel}_{q} [{run.units[channel]}]"]
-        for q in ("q05", "q50", "q95", "pred_q05", "pred_q95")
-    }
+    at = {q: _shown(run, channel, band, q) for q in ("q05", "q50", "q95", "pred_q05", "pred_q95")}
     finite = {q: np.where(np.isfinite(v), v, np.nan) for q, v in at.items()}
     ax.fill_between(time, finite["pred_q05"], finite["pred_q95"], color=colour, alpha=0.15, linewidth=0.0)
     ax.fill_between(time, finite["q05"], finite["q95"], color=colour, alpha=0.35, linewidth=0.0)
     ax.plot(time, finite["q50"], color=colour, linestyle=DASHES[run.start], linewidth=1.0)
 
 
+def _shown(run: SimulatedRun, channel: str, band: Mapping[str, Floats], quantile: str) -> Floats:
+    """A quantile of a channel in its declared unit."""
+    unit = run.units[channel]
+    return convert(band[f"{channel}_{quantile} [{unit}]"], unit, run.declared_units.get(channel, unit))
+
+
 def _limit(ax: Any, bands: list[tuple[Mapping[str, Floats], SimulatedRun]], channel: str) -> None:
     """Keep an axis to where the median goes, as a slope may have bands without end."""
-    middle = np.concatenate([b[f"{channel}_q50 [{r.units[channel]}]"] for b, r in bands])
-    edges = np.concatenate(
-        [b[f"{channel}_{q} [{r.units[channel]}]"] for b, r in bands for q in ("pred_q05", "pred_q95")]
-    )
+    middle = np.concatenate([_shown(r, channel, b, "q50") for b, r in bands])
+    edges = np.concatenate([_shown(r, channel, b, q) for b, r in bands for q in ("pred_q05", "pred_q95")])
     middle, edges = middle[np.isfinite(middle)], edges[np.isfinite(edges)]
     if not middle.size or not edges.size:
         return
