@@ -1,0 +1,298 @@
+"""Laws of training: how the numbers of sweeps go with the cycle, pooled over cycles, in closed form.
+
+A number of sweep ``i``, such as its shift, was found to be ``y_i`` with the standard deviation ``sqrt(v_i)``:
+
+    y_i = a + b x(N_i; N0) + w(N_i) + u_i + e_i
+
+with a law ``x``, which all numbers of a condition share with its one ``N0``, a random walk ``w`` from cycle to cycle with
+steps of standard deviation ``omega``, a random effect ``u_i`` of the sweep with ``tau``, and the error ``e_i``. Without
+a law the rest is free to change with every sweep, by chance or along a walk, and a law has to beat that. ``b`` is nought
+with probability 1/2, number by number.
+
+Given ``N0``, ``tau`` and ``omega`` all else is normal and is integrated exactly; these three are on grids. So the
+evidence of each law is a sum, and draws are exact up to the grids.
+
+References
+----------
+A. Gelman et al., Bayesian Data Analysis, 3rd ed. (2013), ch. 5 (partial pooling); A. Gelman, Bayesian Anal. 1 (2006) 515
+(half-Cauchy priors of the standard deviations of effects); A. G. Journel and C. J. Huijbregts, Mining Geostatistics
+(1978), ch. VII (draws of a normal process that are made conditional by a correction of unconditional ones).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import logsumexp
+
+from sma_bayes.arrays import Floats, Ints
+
+NONE: Final = "none"
+FORMS: Final = ("exponential", "logarithmic")
+LAWS: Final = (NONE, *FORMS)
+PACES: Final = np.geomspace(0.3, 300.0, 49)
+"""Cycles N0 on the grid."""
+USUAL_PACE: Final = 5.0
+PACE_SD: Final = 1.2
+"""Standard deviation of the prior of ln N0 about that of `USUAL_PACE`: 90 % between 0.7 and 36 cycles."""
+SCATTERS: Final = np.geomspace(0.02, 50.0, 16)
+"""Standard deviations of the effect of a sweep on the grid [usual ones]."""
+STEPS: Final = np.concatenate([[0.0], np.geomspace(0.01, 10.0, 10)])
+"""Steps of the walk on the grid [usual scatter]; nought has half the prior."""
+USUAL_STEP: Final = 1.0 / 3.0
+LEVEL_SD: Final = 3.0
+"""Standard deviation of the level about the mean of the data [usual changes]."""
+EARNED: Final = 3.0
+"""What a law must gain in ln evidence over free changes of each sweep: odds of 20 to 1."""
+FEWEST_CYCLES: Final = 3
+"""Cycles from which a law can be told from anything."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """One of the numbers of the sweeps of a curve.
+
+    Attributes
+    ----------
+    cycle, value, variance : ndarray, shape (n,)
+        Cycle, counted from the first of the condition as 0; the number; the square of its standard deviation.
+    change, scatter : float
+        Standard deviation of the prior of the change until the last measured cycle, and scatter that is usual.
+    """
+
+    cycle: Floats
+    value: Floats
+    variance: Floats
+    change: float
+    scatter: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draws:
+    """Draws of one number of all cycles of a condition.
+
+    Attributes
+    ----------
+    state : ndarray, shape (S, G)
+        Level, law and walk: what the sweeps of a cycle scatter about.
+    sweep : ndarray, shape (S, G)
+        The number of the sweep itself; where none was measured, that of one to come.
+    law : ndarray, shape (S, G)
+        Level and law alone.
+    moving : ndarray of bool, shape (S,)
+        Whether the law acts on the number.
+    scatter, step : ndarray, shape (S,)
+        ``tau`` and ``omega``.
+    """
+
+    state: Floats
+    sweep: Floats
+    law: Floats
+    moving: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    scatter: Floats
+    step: Floats
+
+
+def approach(form: str, pace: float, cycle: Floats, last: float) -> Floats:
+    """A law of training, 0 at cycle 0 and 1 at the last measured one.
+
+    Parameters
+    ----------
+    form : str
+        ``exponential``, ``1 - exp(-N/N0)``, or ``logarithmic``, ``ln(1 + N/N0)``, each over its value at `last`.
+    pace : float
+        N0.
+    cycle : ndarray
+        N, counted from 0.
+    last : float
+        Last measured cycle, greater than 0.
+    """
+    if form == "exponential":
+        return np.asarray(np.expm1(-cycle / pace) / np.expm1(-last / pace))
+    return np.asarray(np.log1p(cycle / pace) / np.log1p(last / pace))
+
+
+class LawPosterior:
+    """Posterior of laws over the numbers of one condition.
+
+    Parameters
+    ----------
+    series : sequence of Series
+    forms : sequence of str
+        Laws that are considered beside none.
+    """
+
+    def __init__(self, series: Sequence[Series], forms: Sequence[str] = FORMS) -> None:
+        self.last = max(float(s.cycle.max()) for s in series)
+        tested = len({c for s in series for c in s.cycle.tolist()}) >= FEWEST_CYCLES
+        self.laws = [(form, float(pace)) for form in forms for pace in PACES] if tested else []
+        self.testable = tested
+        self._series = [_Marginal(s, self.laws, self.last) for s in series]
+
+    @cached_property
+    def _log_joint(self) -> Floats:
+        """Log of prior times likelihood: of no law, and of each law and N0, shape (1 + K,)."""
+        none = sum(float(logsumexp(s.still)) for s in self._series)
+        each = np.zeros(len(self.laws))
+        for s in self._series:
+            each += np.logaddexp(logsumexp(s.still), logsumexp(s.moving, axis=0)) - np.log(2.0)
+        prior = -0.5 * (np.log(PACES / USUAL_PACE) / PACE_SD) ** 2
+        prior -= logsumexp(prior)
+        return np.concatenate([[none], each + np.tile(prior, len(self.laws) // PACES.size)])
+
+    @cached_property
+    def ln_evidence(self) -> dict[str, float]:
+        """Of each law, in the order of `LAWS`, less that of none."""
+        joint = self._log_joint
+        parts = joint[1:].reshape(-1, PACES.size)
+        found = {form: float(logsumexp(part) - joint[0]) for form, part in zip(FORMS, parts, strict=False)}
+        return {NONE: 0.0, **found}
+
+    @cached_property
+    def probability(self) -> dict[str, float]:
+        """Of each law, all as probable beforehand."""
+        logs = np.array(list(self.ln_evidence.values()))
+        return dict(zip(self.ln_evidence, np.exp(logs - logsumexp(logs)).tolist(), strict=True))
+
+    @property
+    def chosen(self) -> str:
+        """The law with the greatest evidence, if it gains `EARNED` over none; else none."""
+        best = max(self.ln_evidence, key=lambda law: self.ln_evidence[law])
+        return best if self.ln_evidence[best] >= EARNED else NONE
+
+    def pace_weights(self, form: str) -> Floats:
+        """Posterior of N0 under a law, on `PACES`."""
+        place = FORMS.index(form) * PACES.size
+        logs = self._log_joint[1 + place : 1 + place + PACES.size]
+        return np.exp(logs - logsumexp(logs))
+
+    def draw(self, grid: Floats, size: int, rng: np.random.Generator) -> tuple[Ints, list[Draws]]:
+        """Draw laws, and with them the numbers of measured and later cycles.
+
+        Parameters
+        ----------
+        grid : ndarray, shape (G,)
+            Cycles, counted from 0, rising; all measured ones are among them.
+        size : int
+            S.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        law : ndarray of int, shape (S,)
+            0 for none, else 1 more than the place in `laws`.
+        draws : list of Draws
+            One for each series.
+        """
+        weight = np.exp(self._log_joint - logsumexp(self._log_joint))
+        law = rng.choice(weight.size, size=size, p=weight / weight.sum())
+        shapes = np.array([np.zeros_like(grid), *(approach(f, p, grid, self.last) for f, p in self.laws)])
+        return law, [s.draw(law, shapes, grid, rng) for s in self._series]
+
+
+class _Marginal:
+    """One series with level and change integrated out, at each place (tau, omega) of the grid.
+
+    Attributes
+    ----------
+    still : ndarray, shape (C,)
+        Log of prior times likelihood where no law acts.
+    moving : ndarray, shape (C, K)
+        The same with each law.
+    """
+
+    def __init__(self, series: Series, laws: Sequence[tuple[str, float]], last: float) -> None:
+        self.series, n = series, series.cycle.size
+        self.centre = float(series.value.mean())
+        self.y = series.value - self.centre
+        tau, omega = np.meshgrid(SCATTERS * series.scatter, STEPS * series.scatter, indexing="ij")
+        self.tau, self.omega = tau.ravel(), omega.ravel()
+        design = [np.ones(n), *(approach(form, pace, series.cycle, last) for form, pace in laws)]
+        self.design = np.array(design).T
+        self.factors = [cho_factor(self._covariance(t, w), lower=True) for t, w in zip(self.tau, self.omega, strict=True)]
+        columns = np.column_stack([self.y, self.design])
+        solved = [cho_solve(f, columns) for f in self.factors]
+        gram = np.array([columns.T @ s[:, :2] for s in solved])  # with y and with the level
+        own = np.array([np.einsum("ij,ij->j", columns, s) for s in solved])
+        log_det = np.array([2.0 * np.log(np.diag(f[0])).sum() for f in self.factors])
+        base = self._log_prior() - 0.5 * (log_det + own[:, 0] + n * np.log(2.0 * np.pi))
+        level, change = (LEVEL_SD * series.change) ** -2, series.change**-2
+        self.m11, self.h1 = gram[:, 1, 1] + level, gram[:, 1, 0]
+        self.m1k, self.mkk, self.hk = gram[:, 2:, 1], own[:, 2:] + change, gram[:, 2:, 0]
+        self.still = base + 0.5 * (self.h1**2 / self.m11 - np.log(self.m11 / level))
+        det = self.m11[:, None] * self.mkk - self.m1k**2
+        h1 = self.h1[:, None]
+        explained = (self.mkk * h1**2 - 2.0 * self.m1k * h1 * self.hk + self.m11[:, None] * self.hk**2) / det
+        self.moving = base[:, None] + 0.5 * (explained - np.log(det / (level * change)))
+
+    def _covariance(self, tau: float, omega: float) -> Floats:
+        s = self.series
+        walk = omega**2 * np.minimum.outer(s.cycle, s.cycle)
+        return np.asarray(walk + np.diag(tau**2 + s.variance))
+
+    def _log_prior(self) -> Floats:
+        """Half-Cauchy priors on grids that are even in the logarithm, shape (C,)."""
+        tau = SCATTERS / (1.0 + SCATTERS**2)
+        steps = STEPS[1:] / USUAL_STEP
+        omega = steps / (1.0 + steps**2)
+        omega = np.concatenate([[0.5], 0.5 * omega / omega.sum()])
+        return np.asarray(np.log(np.outer(tau / tau.sum(), omega)).ravel())
+
+    def draw(self, law: Ints, shapes: Floats, grid: Floats, rng: np.random.Generator) -> Draws:
+        """Draws along a grid, given the law of each."""
+        size, many = law.size, self.still.size
+        place = np.empty(size, dtype=np.int64)
+        for k in np.unique(law):
+            mine = law == k
+            logs = self.still if k == 0 else np.concatenate([self.still, self.moving[:, k - 1]])
+            weight = np.exp(logs - logsumexp(logs))
+            place[mine] = rng.choice(weight.size, size=int(mine.sum()), p=weight / weight.sum())
+        moving, at = place >= many, place % many
+        b = self._coefficients(law, moving, at, rng)
+        mean = self.centre + b[:, :1] + b[:, 1:] * shapes[law]
+        walk, effect = np.zeros_like(mean), rng.standard_normal(mean.shape) * self.tau[at, None]
+        seen = np.searchsorted(grid, self.series.cycle)
+        for c, own in _groups(at):
+            left = self.series.value - mean[np.ix_(own, seen)]
+            walk[own] = self._walk(c, left, grid, seen, rng)
+            left -= walk[np.ix_(own, seen)]
+            kept = self.tau[c] ** 2 / (self.tau[c] ** 2 + self.series.variance)
+            noise = rng.standard_normal(left.shape) * np.sqrt(kept * self.series.variance)
+            effect[np.ix_(own, seen)] = kept * left + noise
+        state = mean + walk
+        return Draws(state, state + effect, mean, moving, self.tau[at], self.omega[at])
+
+    def _coefficients(self, law: Ints, moving: Floats, at: Ints, rng: np.random.Generator) -> Floats:
+        """Level and change of each draw, (S, 2)."""
+        m11, h1 = self.m11[at], self.h1[at]
+        k = np.maximum(law - 1, 0)
+        if self.hk.shape[1]:
+            m1k, mkk, hk = (np.where(moving, m[at, k], 0.0) for m in (self.m1k, self.mkk, self.hk))
+        else:
+            m1k = mkk = hk = np.zeros(law.size)
+        rest = np.where(moving, mkk - m1k**2 / m11, 1.0)
+        change = np.where(moving, (hk - m1k * h1 / m11) / rest + rng.standard_normal(law.size) / np.sqrt(rest), 0.0)
+        level = (h1 - m1k * change) / m11 + rng.standard_normal(law.size) / np.sqrt(m11)
+        return np.column_stack([level, change])
+
+    def _walk(self, c: int, left: Floats, grid: Floats, seen: Ints, rng: np.random.Generator) -> Floats:
+        """Walks given what they and scatter leave together: unconditional ones, corrected by what they miss."""
+        omega = float(self.omega[c])
+        if omega == 0.0:
+            return np.zeros((len(left), grid.size))
+        steps = np.sqrt(np.diff(grid, prepend=0.0))
+        free = np.cumsum(omega * steps * rng.standard_normal((len(left), grid.size)), axis=1)
+        noise = rng.standard_normal(left.shape) * np.sqrt(self.tau[c] ** 2 + self.series.variance)
+        missed = cho_solve(self.factors[c], (left - free[:, seen] - noise).T)
+        return free + (omega**2 * np.minimum.outer(grid, self.series.cycle) @ missed).T
+
+
+def _groups(places: Ints) -> Iterator[tuple[int, Ints]]:
+    """Each place with the draws that are there."""
+    for c in np.unique(places):
+        yield int(c), np.flatnonzero(places == c)

@@ -1,0 +1,365 @@
+"""Every sweep as a common curve with four numbers: offset, stroke, shift in temperature, width.
+
+The shape-invariant model: a sweep of a channel reads
+
+    y(T) = L + S a + exp(g) (f(m + (T - m - d) exp(-w)) - L)
+
+with the curve f that all sweeps of the branch have in common, its level L halfway between the ends of the measured
+temperatures, its span S between them, and the temperature m at which it is at L. The four numbers of each sweep are a
+(offset over span), g (ln stroke), d (shift [K]) and w (ln width). Curve and numbers are found by least squares in turn.
+What is left has a memory within a sweep; standard deviations of the numbers allow for it.
+
+References
+----------
+W. H. Beath, Stat. Med. 26 (2007) 2547 and T. J. Cole et al., Int. J. Epidemiol. 39 (2010) 1558: the shape-invariant
+model with random effects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy import optimize
+from scipy.signal import lfilter
+
+from sma_bayes.arrays import Bools, Floats, Ints
+from sma_bayes.assess.transformation import Tangents, tangents
+from sma_bayes.errors import MeasurementError
+from sma_bayes.fitting.least_squares import least_squares
+from sma_bayes.records.types import Record
+from sma_bayes.response import AUTO_MODEL, RESPONSE_MODELS, ladder
+from sma_bayes.response.base import ResponseModel
+
+NUMBERS: Final = ("offset", "stroke", "shift", "width")
+PRIOR_SD: Final = np.array([0.5, 0.5, 20.0, 0.5])
+"""How far the numbers may go: offset in spans, ln stroke, shift [K], ln width."""
+USUAL_SCATTER: Final = np.array([0.02, 0.05, 1.0, 0.1])
+"""How well one specimen in one rig usually repeats, in the same units."""
+LEAST_SAMPLES: Final = 8
+"""Fewest samples of a sweep that gets numbers of its own."""
+ROUNDS: Final = 40
+"""Most rounds of curve and numbers."""
+STEPS: Final = 20
+"""Most evaluations of the curve in one of them."""
+SETTLED: Final = 3e-3
+"""Share by which what is left may still shrink in the last."""
+ITERATIONS: Final = 30
+LEAST_NOISE: Final = 1e-4
+"""Least noise that is reckoned with [spans]."""
+GREATEST_MEMORY: Final = 0.98
+STEP: Final = 0.01
+"""Step of finite differences in temperature [K]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strand:
+    """All sweeps of one channel of a record.
+
+    Attributes
+    ----------
+    record : Record
+        With the one channel, its sweeps one after the other.
+    channel : str
+    starts : ndarray of int, shape (n,)
+        First sample of each sweep.
+    cycle : ndarray, shape (n,)
+    numbers, sds : ndarray, shape (n, 4)
+        The numbers of each sweep by itself, and their standard deviations.
+    model : ResponseModel
+    theta : ndarray
+        Of the common curve.
+    level, span, middle : float
+        L and S [unit of the channel], m [unit of temperature].
+    noise : float
+        Standard deviation of what is left [unit of the channel].
+    lag1_correlation : float
+        Of neighbours in a sweep.
+    converged : bool
+        Whether curve and numbers have settled.
+    """
+
+    record: Record
+    channel: str
+    starts: Ints
+    cycle: Floats
+    numbers: Floats
+    sds: Floats
+    model: ResponseModel
+    theta: Floats
+    level: float
+    span: float
+    middle: float
+    noise: float = 0.0
+    lag1_correlation: float = 0.0
+    converged: bool = False
+
+    @property
+    def unit(self) -> str:
+        """Unit of the channel."""
+        return self.record.units[self.channel]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lowest and highest measured temperature."""
+        return float(self.record.temperature.min()), float(self.record.temperature.max())
+
+    @property
+    def range(self) -> float:
+        """Between the least and the greatest measured value."""
+        return float(np.ptp(self.record.observed[self.channel]))
+
+    def common(self, temperature: Floats) -> Floats:
+        """The common curve."""
+        with np.errstate(all="ignore"):
+            out = self.model.predict(self.theta, {"temperature": temperature.ravel()})[self.channel]
+        return np.asarray(out).reshape(temperature.shape)
+
+    def curve(self, numbers: Floats, temperature: Floats) -> Floats:
+        """Curves of sweeps with some numbers (..., 4) at temperatures that broadcast with (..., 1)."""
+        a, g, d, w = (numbers[..., i, None] for i in range(4))
+        at = self.middle + (temperature - self.middle - d) * np.exp(-w)
+        return np.asarray(self.level + self.span * a + np.exp(g) * (self.common(at) - self.level))
+
+    def slope(self, numbers: Floats, temperature: Floats) -> Floats:
+        """Their derivatives with respect to temperature."""
+        up, down = (self.curve(numbers, temperature + by) for by in (STEP, -STEP))
+        return (up - down) / (2.0 * STEP)
+
+    def tangents(self) -> Tangents:
+        """What the tangent rule gives for the common curve; it moves with shift and width as the curve does."""
+        return tangents(lambda t: self.common(np.atleast_2d(t)), *self.ends)
+
+    def part(self, kept: Bools) -> tuple[Record, Floats]:
+        """Record and cycles of some of the sweeps."""
+        own = np.repeat(kept, self.lengths)
+        return _part(self.record, np.flatnonzero(own)), self.cycle[kept]
+
+    @property
+    def lengths(self) -> Ints:
+        """Samples of each sweep."""
+        return np.diff(np.append(self.starts, self.record.n))
+
+
+def sweeps_of(record: Record, channel: str) -> tuple[Record, Floats, list[str]]:
+    """The sweeps of a channel that can have numbers of their own.
+
+    Returns
+    -------
+    record : Record
+        With these sweeps one after the other and the one channel.
+    cycle : ndarray, shape (n,)
+        Cycle of each.
+    left_out : list of str
+        What was left out, in words.
+    """
+    cycles = record.inputs.get("cycle", np.ones(record.n))
+    found: dict[float, Ints] = {}
+    short: list[str] = []
+    double: list[str] = []
+    for segment in np.unique(record.inputs["segment"]):
+        own = np.flatnonzero(record.inputs["segment"] == segment)
+        cycle = float(np.median(cycles[own]))
+        if own.size < LEAST_SAMPLES:
+            short.append(f"{cycle:g}")
+            continue
+        if cycle in found:
+            double.append(f"{cycle:g}")
+            if own.size <= found[cycle].size:
+                continue
+        found[cycle] = own
+    told = []
+    if short:
+        told.append(
+            f"{record.key}: sweeps of fewer than {LEAST_SAMPLES} samples have no numbers of their own: cycle {', '.join(short)}"
+        )
+    if double:
+        told.append(
+            f"{record.key}: of two sweeps of a cycle the one with more samples is taken: cycle {', '.join(double)}"
+        )
+    order = sorted(found)
+    rows = np.concatenate([found[c] for c in order]) if order else np.zeros(0, dtype=np.int64)
+    alone = replace(record, observed={channel: record.observed[channel]})
+    return _part(alone, rows) if order else alone, np.array(order), told
+
+
+def _part(record: Record, rows: Ints) -> Record:
+    inputs = {name: values[rows] for name, values in record.inputs.items()}
+    observed = {c: values[rows] for c, values in record.observed.items()}
+    return replace(record, inputs=inputs, observed=observed, row=record.row[rows])
+
+
+def fit_strand(record: Record, channel: str, cycle: Floats, model: str, seed: int) -> Strand:
+    """Find the common curve and the numbers of each sweep.
+
+    Parameters
+    ----------
+    record : Record
+        Sweeps one after the other, see `sweeps_of`.
+    channel : str
+    cycle : ndarray, shape (n,)
+    model : str
+        Name of a response model, or ``auto``: that of the ladder with the least information criterion (BIC) of what is
+        left once the memory is taken out.
+    seed : int
+
+    Raises
+    ------
+    MeasurementError
+        If the model can't be fitted to the channel, or there are too few samples.
+    """
+    types = ladder((channel,)) if model == AUTO_MODEL else (RESPONSE_MODELS[model],)
+    found = [
+        _alternate(record, channel, cycle, t.made_for((record,)), seed)
+        for t in types
+        if len(types) == 1 or 3 * len(t.made_for((record,)).parameter_names) <= record.n
+    ]
+    return min(found, key=_criterion)
+
+
+def _criterion(strand: Strand) -> float:
+    innovation = strand.noise**2 * (1.0 - strand.lag1_correlation**2)
+    n = strand.record.n
+    return n * float(np.log(max(innovation, 1e-300))) + len(strand.model.parameter_names) * float(np.log(n))
+
+
+def _alternate(record: Record, channel: str, cycle: Floats, model: ResponseModel, seed: int) -> Strand:
+    segment = record.inputs["segment"]
+    starts = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1.0) != 0)
+    fitted = least_squares(record, model, seed=seed)
+    theta = np.array(list(fitted.estimate.values()))
+    none = np.zeros((cycle.size, 4))
+    strand = _centred(Strand(record, channel, starts, cycle, none, none, model, theta, 0.0, 0.0, 0.0))
+    strand, left, converged = _with_numbers(strand), np.inf, False
+    for _ in range(ROUNDS):
+        strand = _with_numbers(_with_curve(strand))
+        converged = strand.noise >= (1.0 - SETTLED) * left
+        if converged:
+            break
+        left = strand.noise
+    strand = _with_numbers(_centred(strand))
+    return _with_sds(replace(strand, converged=converged))
+
+
+def _centred(strand: Strand) -> Strand:
+    """Level, span and middle of the curve as it is."""
+    t = np.linspace(*strand.ends, 400)
+    y = strand.common(t)
+    level, span = 0.5 * float(y[0] + y[-1]), abs(float(y[-1] - y[0]))
+    if not np.isfinite(y).all() or span <= 0.0:
+        raise MeasurementError(
+            f"{strand.record.key}: {strand.channel} has no curve that sweeps could have in common",
+            expected="a transformation that shows in it",
+            remedy="choose another --model, or leave the condition out",
+        )
+    return replace(strand, level=level, span=span, middle=float(t[np.argmin(np.abs(y - level))]))
+
+
+def _with_curve(strand: Strand) -> Strand:
+    """The curve fitted anew to all sweeps, each moved onto it."""
+    a, g, d, w = np.repeat(strand.numbers, strand.lengths, axis=0).T
+    y = strand.record.observed[strand.channel]
+    there = strand.level + (y - strand.level - strand.span * a) * np.exp(-g)
+    at = strand.middle + (strand.record.temperature - strand.middle - d) * np.exp(-w)
+    moved = replace(
+        strand.record, inputs={**strand.record.inputs, "temperature": at}, observed={strand.channel: there}
+    )
+    model, channel = strand.model, strand.channel
+
+    def left(theta: Floats) -> Floats:
+        with np.errstate(all="ignore"):
+            curve = model.predict(theta, moved.inputs)[channel]
+        return np.nan_to_num((curve - there) / strand.span, nan=1e30, posinf=1e30, neginf=-1e30)
+
+    def jacobian(theta: Floats) -> Floats:
+        with np.errstate(all="ignore"):
+            return np.asarray(np.nan_to_num(model.jacobian(theta, moved.inputs)[channel] / strand.span))
+
+    found = optimize.least_squares(
+        left, strand.theta, jac=jacobian, x_scale="jac", xtol=1e-6, ftol=1e-6, max_nfev=STEPS
+    )
+    return replace(strand, theta=np.asarray(found.x, dtype=float))
+
+
+def _with_numbers(strand: Strand) -> Strand:
+    """The numbers of all sweeps by Levenberg and Marquardt's steps, each held back as `PRIOR_SD` says."""
+    noise = max(strand.noise, 0.005 * strand.span if strand.noise == 0.0 else LEAST_NOISE * strand.span)
+    hold, p = np.diag(PRIOR_SD**-2), strand.numbers
+    damping, eye = np.full(len(p), 1e-3), np.eye(4)
+    left, rows = _left(strand, p), _rows(strand, p)
+    cost = _cost(strand, left, p, noise)
+    for _ in range(ITERATIONS):
+        normal = _sums(rows[:, :, None] * rows[:, None, :], strand) / noise**2 + hold
+        uphill = _sums(rows * left[:, None], strand) / noise**2 - p @ hold
+        damped = normal + damping[:, None, None] * eye * np.einsum("nii->ni", normal)[:, None, :]
+        step = np.linalg.solve(damped, uphill[:, :, None])[:, :, 0]
+        tried = p + step
+        new = _cost(strand, _left(strand, tried), tried, noise)
+        better = new < cost
+        damping = np.where(better, damping / 5.0, damping * 5.0)
+        gained = np.max(np.where(better, cost - new, 0.0))
+        p, cost = np.where(better[:, None], tried, p), np.where(better, new, cost)
+        left, rows = _left(strand, p), _rows(strand, p)
+        if gained < 1e-6 and not np.any(damping < 1e-1 * ~better):
+            break
+    return replace(strand, numbers=p, noise=float(np.sqrt(np.mean(left**2))))
+
+
+def _sample_numbers(strand: Strand, numbers: Floats) -> Floats:
+    return np.repeat(numbers, strand.lengths, axis=0)
+
+
+def _left(strand: Strand, numbers: Floats) -> Floats:
+    t = strand.record.temperature[:, None]
+    curve = strand.curve(_sample_numbers(strand, numbers), t)[:, 0]
+    return np.asarray(strand.record.observed[strand.channel] - curve)
+
+
+def _rows(strand: Strand, numbers: Floats) -> Floats:
+    """What each number does to each sample, (N, 4)."""
+    p = _sample_numbers(strand, numbers)
+    t = strand.record.temperature[:, None]
+    slope = strand.slope(p, t)[:, 0]
+    raised = strand.curve(p, t)[:, 0] - strand.level - strand.span * p[:, 0]
+    away = strand.record.temperature - strand.middle - p[:, 2]
+    return np.column_stack([np.full(t.size, strand.span), raised, -slope, -slope * away])
+
+
+def _cost(strand: Strand, left: Floats, p: Floats, noise: float) -> Floats:
+    squares = _sums(np.nan_to_num(left, nan=1e150) ** 2, strand) / noise**2
+    return np.asarray(squares + np.sum((p / PRIOR_SD) ** 2, axis=1))
+
+
+def _sums(values: Floats, strand: Strand) -> Floats:
+    """Sums over the samples of each sweep."""
+    return np.asarray(np.add.reduceat(values, strand.starts, axis=0))
+
+
+def _with_sds(strand: Strand) -> Strand:
+    """Standard deviations of the numbers under noise with a memory (AR(1)) of which least squares knows nothing."""
+    left, rows = _left(strand, strand.numbers), _rows(strand, strand.numbers)
+    first = np.zeros(left.size, dtype=bool)
+    first[strand.starts] = True
+    pairs = ~first[1:]
+    memory = float(np.sum((left[1:] * left[:-1])[pairs]) / max(np.sum(left[:-1][pairs] ** 2), 1e-300))
+    memory = float(np.clip(memory, 0.0, GREATEST_MEMORY))
+    spent = 4 * strand.cycle.size + len(strand.model.parameter_names)
+    noise = max(
+        float(np.sqrt(np.sum(left**2) / max(left.size - spent, 1))), LEAST_NOISE * strand.span
+    )
+    hold, sds = np.diag(PRIOR_SD**-2), np.empty_like(strand.numbers)
+    for i, own in enumerate(np.split(rows, strand.starts[1:])):
+        normal = own.T @ own / noise**2 + hold
+        middle = own.T @ _correlated(own, memory) / noise**2 + hold
+        inverse = np.linalg.inv(normal)
+        sds[i] = np.sqrt(np.diag(inverse @ middle @ inverse))
+    return replace(strand, sds=sds, noise=noise, lag1_correlation=memory)
+
+
+def _correlated(rows: Floats, memory: float) -> Floats:
+    """Rows multiplied by the correlation matrix of AR(1) noise."""
+    ahead = lfilter([1.0], [1.0, -memory], rows, axis=0)
+    behind = lfilter([1.0], [1.0, -memory], rows[::-1], axis=0)[::-1]
+    return np.asarray(ahead + behind - rows)
+
