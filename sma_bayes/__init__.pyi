@@ -25,6 +25,7 @@ from .studies.compare.workflow import compare as compare
 from .studies.conditions.effects import operating_effects as operating_effects
 from .studies.conditions.features import condition_features as condition_features
 from .studies.conditions.workflow import study_conditions as study_conditions
+from .studies.cycles.workflow import cycles as cycles
 from .studies.diff.workflow import diff as diff
 from .studies.fit.fitted import Fits as Fits
 from .studies.fit.fitted import RecordFit as RecordFit

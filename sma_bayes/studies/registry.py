@@ -34,6 +34,7 @@ _SHIPPED: Final = (
     "diff",
     "conditions",
     "simulate",
+    "cycles",
     "run",
     "report",
     "paper",

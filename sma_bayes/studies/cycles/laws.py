@@ -214,7 +214,9 @@ class _Marginal:
         self.tau, self.omega = tau.ravel(), omega.ravel()
         design = [np.ones(n), *(approach(form, pace, series.cycle, last) for form, pace in laws)]
         self.design = np.array(design).T
-        self.factors = [cho_factor(self._covariance(t, w), lower=True) for t, w in zip(self.tau, self.omega, strict=True)]
+        self.factors = [
+            cho_factor(self._covariance(t, w), lower=True) for t, w in zip(self.tau, self.omega, strict=True)
+        ]
         columns = np.column_stack([self.y, self.design])
         solved = [cho_solve(f, columns) for f in self.factors]
         gram = np.array([columns.T @ s[:, :2] for s in solved])  # with y and with the level
@@ -276,7 +278,9 @@ class _Marginal:
         else:
             m1k = mkk = hk = np.zeros(law.size)
         rest = np.where(moving, mkk - m1k**2 / m11, 1.0)
-        change = np.where(moving, (hk - m1k * h1 / m11) / rest + rng.standard_normal(law.size) / np.sqrt(rest), 0.0)
+        change = np.where(
+            moving, (hk - m1k * h1 / m11) / rest + rng.standard_normal(law.size) / np.sqrt(rest), 0.0
+        )
         level = (h1 - m1k * change) / m11 + rng.standard_normal(law.size) / np.sqrt(m11)
         return np.column_stack([level, change])
 

@@ -136,6 +136,12 @@ class Strand:
         own = np.repeat(kept, self.lengths)
         return _part(self.record, np.flatnonzero(own)), self.cycle[kept]
 
+    def about(self, record: Record, cycle: Floats) -> Strand:
+        """Other sweeps, with their numbers about the curve of these."""
+        none = np.zeros((cycle.size, 4))
+        other = replace(self, record=record, starts=_starts(record), cycle=cycle, numbers=none, sds=none)
+        return _with_sds(_with_numbers(other))
+
     @property
     def lengths(self) -> Ints:
         """Samples of each sweep."""
@@ -225,12 +231,12 @@ def _criterion(strand: Strand) -> float:
 
 
 def _alternate(record: Record, channel: str, cycle: Floats, model: ResponseModel, seed: int) -> Strand:
-    segment = record.inputs["segment"]
-    starts = np.flatnonzero(np.diff(segment, prepend=segment[0] - 1.0) != 0)
     fitted = least_squares(record, model, seed=seed)
     theta = np.array(list(fitted.estimate.values()))
     none = np.zeros((cycle.size, 4))
-    strand = _centred(Strand(record, channel, starts, cycle, none, none, model, theta, 0.0, 0.0, 0.0))
+    strand = _centred(
+        Strand(record, channel, _starts(record), cycle, none, none, model, theta, 0.0, 0.0, 0.0)
+    )
     strand, left, converged = _with_numbers(strand), np.inf, False
     for _ in range(ROUNDS):
         strand = _with_numbers(_with_curve(strand))
@@ -240,6 +246,12 @@ def _alternate(record: Record, channel: str, cycle: Floats, model: ResponseModel
         left = strand.noise
     strand = _with_numbers(_centred(strand))
     return _with_sds(replace(strand, converged=converged))
+
+
+def _starts(record: Record) -> Ints:
+    """First sample of each sweep."""
+    segment = record.inputs["segment"]
+    return np.flatnonzero(np.diff(segment, prepend=segment[0] - 1.0) != 0)
 
 
 def _centred(strand: Strand) -> Strand:
@@ -345,9 +357,7 @@ def _with_sds(strand: Strand) -> Strand:
     memory = float(np.sum((left[1:] * left[:-1])[pairs]) / max(np.sum(left[:-1][pairs] ** 2), 1e-300))
     memory = float(np.clip(memory, 0.0, GREATEST_MEMORY))
     spent = 4 * strand.cycle.size + len(strand.model.parameter_names)
-    noise = max(
-        float(np.sqrt(np.sum(left**2) / max(left.size - spent, 1))), LEAST_NOISE * strand.span
-    )
+    noise = max(float(np.sqrt(np.sum(left**2) / max(left.size - spent, 1))), LEAST_NOISE * strand.span)
     hold, sds = np.diag(PRIOR_SD**-2), np.empty_like(strand.numbers)
     for i, own in enumerate(np.split(rows, strand.starts[1:])):
         normal = own.T @ own / noise**2 + hold
@@ -362,4 +372,3 @@ def _correlated(rows: Floats, memory: float) -> Floats:
     ahead = lfilter([1.0], [1.0, -memory], rows, axis=0)
     behind = lfilter([1.0], [1.0, -memory], rows[::-1], axis=0)[::-1]
     return np.asarray(ahead + behind - rows)
-

@@ -1,0 +1,75 @@
+"""The verb `cycles` on the command line."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Annotated
+
+import typer
+
+from sma_bayes.studies.command_execution import finish, working_on
+from sma_bayes.studies.command_options import (
+    Data,
+    Figures,
+    Jobs,
+    Json,
+    Model,
+    NoFigures,
+    Out,
+    Quiet,
+    Resume,
+    Scheduler,
+    Seed,
+    SourceArgument,
+    Verbose,
+)
+
+
+def command(
+    path: SourceArgument,
+    out: Out,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A temperature, such as '60 degC', at which to tell channels and stiffness; may be repeated. The middle "
+            "of those that were measured by default."
+        ),
+    ] = None,
+    share: Annotated[
+        float, typer.Option(help="Greatest change per cycle of a stable curve, as a share of its stroke.")
+    ] = 0.02,
+    probability: Annotated[float, typer.Option(help="With which it is to be stable.")] = 0.9,
+    ahead: Annotated[int, typer.Option(help="Cycles to forecast.")] = 10,
+    data: Data = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    model: Model = "modified_sigmoid",
+    figures: Figures = "report",
+    no_figures: NoFigures = False,
+    scheduler: Scheduler = None,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Tell cycle by cycle how sweeps change, by which law, when they are stable, and what later ones will be."""
+    from sma_bayes.records.campaign import read_campaign
+    from sma_bayes.studies.cycles.terminal import show_cycles
+    from sma_bayes.studies.cycles.workflow import cycles
+
+    read = partial(read_campaign, path, data_dir=data)
+    with working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
+        found = cycles(
+            campaign,
+            out,
+            at=at or (),
+            share=share,
+            probability=probability,
+            ahead=ahead,
+            model=model,
+            seed=seed,
+            resume=resume,
+            figures="none" if no_figures else figures,
+            **shared,
+        )
+    finish(found, quiet, as_json, lambda: show_cycles(found, out))

@@ -1,0 +1,212 @@
+"""Figures of a study of cycles: curves, the numbers of the sweeps, temperatures and values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+
+from sma_bayes.report.figures.sheet import (
+    COLOURS,
+    FAINT,
+    INK,
+    Drawing,
+    dot_handle,
+    empty_sheet,
+    heading,
+    in_units_of,
+    numbered,
+    panels,
+    take_power,
+)
+from sma_bayes.report.notation import unit_label
+from sma_bayes.studies.cycles.outputs import StoredCycles
+from sma_bayes.studies.cycles.schema import ConditionCycles, QuantityByCycle
+
+NUMBERS: Final = ("offset", "stroke", "shift", "width")
+FORECAST: Final = "#eef1f4"
+
+
+def curves_figure(stored: StoredCycles, number: int) -> Drawing:
+    """Median curves of all cycles of a condition, first to last, and those that are forecast.
+
+    Parameters
+    ----------
+    stored : StoredCycles
+    number : int
+        Condition, from 1.
+    """
+    one, unit = stored.found.conditions[number - 1], stored.found.temperature_unit
+    channels = list(dict.fromkeys(c.channel for c in one.curves))
+    branches = list(dict.fromkeys(c.branch for c in one.curves))
+    figure = empty_sheet(0.9 + 3.0 * len(branches), 1.0 + 2.3 * len(channels))
+    axes = panels(
+        figure,
+        len(channels),
+        len(branches),
+        left=0.75,
+        right=0.15,
+        bottom=0.5,
+        top=0.6,
+        gap_x=0.75,
+        gap_y=0.5,
+    )
+    data: dict[str, list[Any]] = {
+        k: [] for k in ("branch", "channel", "cycle", "temperature", "q05", "q50", "q95")
+    }
+    last = one.measured[-1]
+    colours = colormaps["viridis"](np.linspace(0.0, 0.85, max(last - one.cycles[0] + 1, 2)))
+    for curve in one.curves:
+        ax = axes[channels.index(curve.channel)][branches.index(curve.branch)]
+        columns = stored.curves(one.condition, curve.branch, curve.channel)
+        cycle, t = columns["cycle"], columns[f"temperature_{unit}"]
+        for c in one.cycles:
+            own = cycle == c
+            if c == one.cycles[-1]:
+                ax.fill_between(
+                    t[own], columns["q05"][own], columns["q95"][own], color=FAINT, alpha=0.35, lw=0
+                )
+                ax.plot(t[own], columns["q50"][own], color=INK, ls="--", lw=0.9)
+            elif c in one.measured:
+                ax.plot(t[own], columns["q50"][own], color=colours[c - one.cycles[0]], lw=0.9)
+        data["branch"] += [curve.branch] * cycle.size
+        data["channel"] += [curve.channel] * cycle.size
+        for key, name in (("cycle", "cycle"), ("temperature", f"temperature_{unit}")):
+            data[key] += columns[name].tolist()
+        for key in ("q05", "q50", "q95"):
+            data[key] += columns[key].tolist()
+        ax.set_title(curve.branch, color=COLOURS[curve.branch])
+        ax.set_xlabel(f"temperature [{unit_label(unit)}]")
+        _label(ax, curve.channel, curve.unit)
+    heading(figure, f"{one.condition}: curves by cycle", "")
+    figure.text(
+        0.1 / figure.get_figwidth(), 1.0 - 0.3 / figure.get_figheight(), va="top", fontsize=7.0, color="#555555",
+        s=f"dark to light: cycles {one.cycles[0]} to {last}; dashed with 90 % band: cycle {one.cycles[-1]}, forecast",
+    )  # fmt: skip
+    caption = (
+        f"Median curve of each measured cycle of {one.condition}, and of cycle {one.cycles[-1]} as it is forecast, with its "
+        "90 % predictive interval."
+    )
+    return Drawing(numbered("curves", number), caption, caption, figure, data)
+
+
+def numbers_figure(stored: StoredCycles, number: int) -> Drawing:
+    """The four numbers of each sweep against the cycle.
+
+    Parameters
+    ----------
+    stored : StoredCycles
+    number : int
+        Condition, from 1.
+    """
+    one = stored.found.conditions[number - 1]
+    channels = list(dict.fromkeys(q.channel for q in one.quantities if q.name in NUMBERS))
+    rows = [[_of(one, name, channel) for name in NUMBERS] for channel in channels]
+    caption = (
+        f"Offset, stroke, shift and width of every sweep of {one.condition}: points are sweeps by themselves with their 90 % "
+        "intervals, lines and bands pooled over cycles; the shaded part is forecast."
+    )
+    return _against_cycle(
+        one, rows, numbered("numbers", number), f"{one.condition}: numbers by cycle", caption, ""
+    )
+
+
+def values_figure(stored: StoredCycles, number: int) -> Drawing:
+    """Transformation temperatures, and channels and stiffness at some temperatures, against the cycle.
+
+    Parameters
+    ----------
+    stored : StoredCycles
+    number : int
+        Condition, from 1.
+    """
+    one, unit = stored.found.conditions[number - 1], stored.found.temperature_unit
+    rest = [q for q in one.quantities if q.name not in NUMBERS]
+    keys = list(dict.fromkeys((q.name, q.at) for q in rest))
+    groups = [[q for q in rest if (q.name, q.at) == key] for key in keys]
+    rows = [groups[i : i + 4] for i in range(0, len(groups), 4)]
+    caption = (
+        f"Transformation temperatures of {one.condition}, and channels and stiffness at the temperatures that were asked: "
+        "points are sweeps by themselves with their 90 % intervals, lines and bands pooled over cycles; the shaded part is "
+        "forecast."
+    )
+    return _against_cycle(
+        one, rows, numbered("values", number), f"{one.condition}: values by cycle", caption, unit
+    )
+
+
+def _of(one: ConditionCycles, name: str, channel: str) -> list[QuantityByCycle]:
+    return [q for q in one.quantities if q.name == name and q.channel == channel]
+
+
+def _against_cycle(
+    one: ConditionCycles,
+    rows: Sequence[Sequence[Sequence[QuantityByCycle]]],
+    stem: str,
+    title: str,
+    caption: str,
+    temperature_unit: str,
+) -> Drawing:
+    wide = max(len(r) for r in rows)
+    figure = empty_sheet(0.85 + 2.3 * wide, 1.0 + 1.95 * len(rows))
+    axes = panels(figure, len(rows), wide, left=0.7, right=0.12, bottom=0.5, top=0.55, gap_x=0.75, gap_y=0.6)
+    data: dict[str, list[Any]] = {
+        k: []
+        for k in ("branch", "channel", "name", "unit", "at", "cycle", "own", "own_sd", "q05", "median", "q95")
+    }
+    for r, row in enumerate(rows):
+        for c in range(wide):
+            ax = axes[r][c]
+            if c >= len(row):
+                ax.set_visible(False)
+                continue
+            for q in row[c]:
+                _draw(ax, one, q)
+                _keep(data, one, q)
+            first = row[c][0]
+            at = f" at {first.at:g} {unit_label(temperature_unit)}" if first.at is not None else ""
+            named = first.channel if first.at is None and first.name in NUMBERS else ""
+            ax.set_title(f"{named} {first.name}{at}".strip(), fontsize=7.5)
+            ax.set_xlabel("cycle")
+            ax.axvspan(one.measured[-1] + 0.5, one.cycles[-1] + 0.5, color=FORECAST, lw=0, zorder=-2)
+            ax.set_xlim(one.cycles[0] - 0.5, one.cycles[-1] + 0.5)
+            _label(ax, "", first.unit)
+    heading(figure, title, "")
+    branches = list(dict.fromkeys(q.branch for q in one.quantities))
+    figure.legend(
+        handles=[dot_handle(COLOURS[b], b) for b in branches], loc="upper right", ncols=len(branches),
+        bbox_to_anchor=(1.0, 1.0),
+    )  # fmt: skip
+    return Drawing(stem, caption, caption, figure, data)
+
+
+def _label(ax: Axes, name: str, unit: str) -> None:
+    power = take_power(ax.yaxis)
+    ax.set_ylabel(f"{name} [{in_units_of(power, unit)}]".strip())
+
+
+def _draw(ax: Axes, one: ConditionCycles, q: QuantityByCycle) -> None:
+    cycle, colour = np.array(one.cycles, dtype=float), COLOURS[q.branch]
+    low, middle, high, own, sd = (
+        np.array([np.nan if v is None else v for v in values])
+        for values in (q.q05, q.median, q.q95, q.own, q.own_sd)
+    )
+    ax.fill_between(cycle, low, high, color=colour, alpha=0.2, lw=0)
+    ax.plot(cycle, middle, color=colour, lw=0.9)
+    seen = np.isfinite(own)
+    ax.errorbar(
+        cycle[seen], own[seen], yerr=1.645 * np.nan_to_num(sd[seen]), fmt="o", ms=2.4, lw=0.7, color=colour,
+        mfc="white", mew=0.7,
+    )  # fmt: skip
+
+
+def _keep(data: dict[str, list[Any]], one: ConditionCycles, q: QuantityByCycle) -> None:
+    for key in ("branch", "channel", "name", "unit"):
+        data[key] += [getattr(q, key)] * len(one.cycles)
+    data["at"] += [np.nan if q.at is None else q.at] * len(one.cycles)
+    data["cycle"] += list(one.cycles)
+    for key in ("own", "own_sd", "q05", "median", "q95"):
+        data[key] += [np.nan if v is None else v for v in getattr(q, key)]

@@ -1,0 +1,50 @@
+"""What an output folder of a study of cycles holds, read back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from sma_bayes.arrays import Floats
+from sma_bayes.runs.outputs import read_columns
+from sma_bayes.runs.schema import read_document
+from sma_bayes.studies.cycles.schema import CyclesDocument
+from sma_bayes.studies.cycles.workflow import CYCLES
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredCycles:
+    """A finished study of cycles.
+
+    Attributes
+    ----------
+    folder : Path
+    found : CyclesDocument
+        What ``cycles.json`` holds.
+    """
+
+    folder: Path
+    found: CyclesDocument
+
+    def curves(self, condition: str, branch: str, channel: str) -> Mapping[str, Floats]:
+        """Columns of the curves of a channel, cycle by cycle.
+
+        Raises
+        ------
+        OutputError
+            If they can't be read.
+        """
+        path = self.folder / "curves" / f"{condition}-{branch}-{channel}.csv"
+        return read_columns(path, CYCLES.anew(self.folder))
+
+
+def read_cycles(folder: Path) -> StoredCycles:
+    """Read a study of cycles.
+
+    Raises
+    ------
+    OutputError
+        If it is not finished, of another version, or can't be read.
+    """
+    return StoredCycles(folder, read_document(CYCLES, CyclesDocument, folder))

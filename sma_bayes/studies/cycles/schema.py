@@ -1,0 +1,168 @@
+"""What `cycles.json` holds."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from pydantic import Field
+
+from sma_bayes.runs.schema import (
+    DocumentPart,
+    FindingDocument,
+    IntervalDocument,
+    Items,
+    Number,
+    NumberOrNull,
+    RunAccount,
+)
+
+
+class CyclesOptions(DocumentPart):
+    """What was asked for."""
+
+    model: str = Field(description="response model of the common curves, or `auto`")
+    at: Items[str] = Field(description="temperatures at which channels and stiffness are told")
+    share: Number = Field(description="greatest change per cycle of a stable curve [share of its stroke]")
+    probability: Number = Field(description="with which it is to be stable [1]")
+    ahead: int = Field(description="cycles that are forecast")
+
+
+class CommonCurve(DocumentPart):
+    """The curve that all sweeps of a channel and branch have in common, and what is left."""
+
+    branch: str = Field(description="`heating` or `cooling`")
+    channel: str = Field(description="the channel")
+    unit: str = Field(description="its unit")
+    model: str = Field(description="name of its response model")
+    parameters: dict[str, Number] = Field(description="least-squares estimates of the curve's parameters")
+    midpoint: Number = Field(description="temperature at which it is halfway [unit of temperature]")
+    level: Number = Field(description="level there [`unit`]")
+    span: Number = Field(description="its stroke between the ends of the measured temperatures [`unit`]")
+    noise: Number = Field(description="standard deviation of what curve and numbers leave [`unit`]")
+    missed: Number = Field(description="the same over the range of the channel [1]")
+    lag1_correlation: Number = Field(description="of neighbouring samples in a sweep [1]")
+    converged: bool = Field(description="whether curve and numbers have settled")
+
+
+class LawOfTraining(DocumentPart):
+    """The law that the numbers of a condition follow together."""
+
+    chosen: Literal["none", "exponential", "logarithmic"] = Field(
+        description="the law with the greatest evidence, if it gains 3 over free changes of each sweep; else `none`"
+    )
+    testable: bool = Field(description="whether there are cycles enough, 3, to tell a law")
+    ln_evidence: dict[str, Number] = Field(description="of each law, less that of free changes (`none`)")
+    probability: dict[str, Number] = Field(description="of each, all as probable beforehand [1]")
+    n0: IntervalDocument | None = Field(
+        description="N0 of the law with the greatest evidence [cycles]; null where none is testable"
+    )
+    reason: str = Field(description="one sentence")
+
+
+class ChangeOfNumber(IntervalDocument):
+    """Change of a number by the law, from the first to the last measured cycle.
+
+    The interval is that of the change: of an offset or stroke over the span of the common curve, of a shift in kelvins,
+    of the logarithm of a width.
+    """
+
+    branch: str = Field(description="`heating` or `cooling`")
+    channel: str = Field(description="the channel")
+    number: str = Field(description="`offset`, `stroke`, `shift` or `width`")
+    unit: str = Field(description="unit of the change; a stroke or width changes by its logarithm, 1")
+    probability: Number = Field(description="that a law acts on it [1]")
+    scatter: IntervalDocument = Field(description="standard deviation of the effect of a sweep [`unit`]")
+    step: IntervalDocument = Field(
+        description="standard deviation of the steps of the walk from cycle to cycle [`unit`]"
+    )
+
+
+class Stability(DocumentPart):
+    """From which cycle on the curves change by less than a share of their stroke per cycle."""
+
+    from_cycle: int | None = Field(
+        description="the first from which on that has the probability asked for; null where no cycle has it"
+    )
+    cycles: Items[int] = Field(description="cycles; the change is that to the next")
+    probability: Items[Number] = Field(
+        description="that from the cycle on no change is greater, up to the last that is forecast [1]"
+    )
+    change: Items[Number] = Field(description="median of the greatest change of any curve to the next [1]")
+    statement: str = Field(description="the same in a sentence")
+
+
+class HeldOutCycles(DocumentPart):
+    """The last cycles, forecast from those before."""
+
+    branch: str = Field(description="`heating` or `cooling`")
+    channel: str = Field(description="the channel")
+    trained: Items[Number] = Field(description="cycles that the forecast is made from")
+    held_out: Items[Number] = Field(description="cycles that were forecast")
+    rmse: Number = Field(description="what the median misses, root mean square over the range [1]")
+    rmse_last: Number = Field(description="what the last curve before misses [1]")
+    covered: Number = Field(description="share of the samples in their 90 % predictive intervals [1]")
+    numbers_covered: Number = Field(description="share of the numbers of the sweeps in theirs [1]")
+
+
+class QuantityByCycle(DocumentPart):
+    """A quantity cycle by cycle; lists go along `cycles` of the condition."""
+
+    branch: str = Field(description="`heating` or `cooling`")
+    channel: str = Field(description="the channel")
+    name: str = Field(
+        description="`offset` (level halfway), `stroke`, `shift` (against the common curve), `width` (over that of the "
+        "common curve), `As`, `Af`, `Ms`, `Mf`, or at a temperature the channel or `stiffness`"
+    )
+    unit: str = Field(description="its unit")
+    at: NumberOrNull = Field(
+        description="temperature [unit of temperature]; null where it is of the whole sweep"
+    )
+    own: Items[NumberOrNull] = Field(description="of the sweep by itself; null where there is none")
+    own_sd: Items[NumberOrNull] = Field(description="its standard deviation")
+    q05: Items[NumberOrNull] = Field(description="lower end of the 90 % interval, pooled over cycles")
+    median: Items[NumberOrNull] = Field(description="median")
+    q95: Items[NumberOrNull] = Field(description="upper end; after the last measured cycle it is predictive")
+
+
+class ConditionCycles(DocumentPart):
+    """The cycles of one condition."""
+
+    condition: str = Field(description="its id")
+    cycles: Items[int] = Field(description="every cycle from the first measured to the last forecast")
+    measured: Items[int] = Field(description="those of which a sweep was measured")
+    curves: Items[CommonCurve] = Field(description="one for each branch and channel")
+    law: LawOfTraining = Field(description="the law of training")
+    changes: Items[ChangeOfNumber] = Field(description="what it does to each number")
+    stable: Stability = Field(description="from which cycle on the spring is stable")
+    held_out: Items[HeldOutCycles] = Field(
+        description="one for each branch and channel; none where there are fewer than 5 cycles"
+    )
+    quantities: Items[QuantityByCycle] = Field(description="numbers, temperatures, values at temperatures")
+    remarks: Items[str] = Field(description="what can't be told, and why")
+
+
+class CyclesDocument(RunAccount):
+    """What `sma-bayes cycles` writes: `cycles.json`."""
+
+    schema_: Literal["sma-bayes/cycles/1"] = Field(alias="schema", description="name and version")
+    campaign: str = Field(description="name of the campaign")
+    source: str = Field(description="folder or file of the campaign")
+    seed: int = Field(description="decides every draw")
+    options: CyclesOptions = Field(description="what was asked for")
+    temperature_unit: str = Field(description="unit of temperatures")
+    specimen: bool = Field(
+        description="whether stress, strain and modulus stand for force, displacement and stiffness"
+    )
+    versions: dict[str, str] = Field(description="of what computed it")
+    data_sha256: str = Field(description="checksum of declaration and data files")
+    converged: bool = Field(description="whether all common curves have settled")
+    conditions: Items[ConditionCycles] = Field(description="one for each condition with two cycles or more")
+    left_out: Items[str] = Field(description="conditions that have fewer, in words")
+    findings: Items[FindingDocument] = Field(description="about the measurements")
+    files_sha256: dict[str, str] = Field(
+        default={},
+        description="checksum of each CSV of results beside the document, which every reader compares",
+    )
+
+
+DOCUMENTS: Final = {"cycles": CyclesDocument}

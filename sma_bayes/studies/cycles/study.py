@@ -1,0 +1,319 @@
+"""The cycles of one condition: numbers of every sweep, the law that they follow, when they are stable, what comes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from sma_bayes.arrays import Bools, Floats, Ints
+from sma_bayes.assess.transformation import NAMES
+from sma_bayes.quantities import quotient
+from sma_bayes.records.types import Branch, Record
+from sma_bayes.studies.cycles.laws import Draws, LawPosterior, Series
+from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, Strand, fit_strand
+
+DRAWS: Final = 2000
+PLACES: Final = 31
+"""Temperatures at which the change of a curve is looked at, from the lowest to the highest that was measured."""
+HELD_OUT: Final = 0.3
+"""Share of the cycles, the last ones, that are forecast from the others."""
+FEWEST_TO_HOLD_OUT: Final = 5
+"""Cycles from which that is done."""
+FLAT: Final = 1e-3
+"""Slope below which a displacement is level and has no stiffness [greatest slope of the common curve]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pooled:
+    """The cycles of one condition.
+
+    Attributes
+    ----------
+    strands : tuple of Strand
+    posterior : LawPosterior
+    cycle : ndarray, shape (G,)
+        Every cycle from the first that was measured to the last that is forecast.
+    last : int
+        Last measured cycle.
+    draws : tuple of Draws
+        Of each number of each strand, strand by strand.
+    """
+
+    strands: tuple[Strand, ...]
+    posterior: LawPosterior
+    cycle: Floats
+    last: float
+    draws: tuple[Draws, ...]
+
+    def numbers(self, strand: int, what: str = "sweep") -> Floats:
+        """Draws of the four numbers of a strand, shape (S, G, 4)."""
+        own = self.draws[4 * strand : 4 * strand + 4]
+        return np.stack([getattr(d, what) for d in own], axis=-1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CycleSeries:
+    """A quantity cycle by cycle.
+
+    Attributes
+    ----------
+    branch, channel, name, unit : str
+        `name` is one of the four numbers, a transformation temperature, or a channel or the stiffness at `at`.
+    at : float or None
+        Temperature [unit of temperature].
+    own, own_sd : ndarray, shape (G,)
+        Of each sweep by itself; NaN where there is none.
+    draws : ndarray, shape (S, G)
+        Pooled over cycles.
+    """
+
+    branch: str
+    channel: str
+    name: str
+    unit: str
+    at: float | None
+    own: Floats
+    own_sd: Floats
+    draws: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """How well cycles that were held out were forecast.
+
+    Attributes
+    ----------
+    branch, channel : str
+    trained, held_out : tuple of float
+        Cycles.
+    rmse, rmse_last : float
+        What the median of the forecast misses, and the last curve of those that it was made from, over the range [1].
+    covered : float
+        Share of the samples within their 90 % predictive intervals.
+    numbers_covered : float
+        Share of the numbers of the sweeps within theirs.
+    """
+
+    branch: str
+    channel: str
+    trained: tuple[float, ...]
+    held_out: tuple[float, ...]
+    rmse: float
+    rmse_last: float
+    covered: float
+    numbers_covered: float
+
+
+def pool(strands: Sequence[Strand], ahead: int, seed: int, size: int = DRAWS) -> Pooled:
+    """Pool the numbers of the sweeps of one condition over its cycles.
+
+    Parameters
+    ----------
+    strands : sequence of Strand
+    ahead : int
+        Cycles to forecast.
+    seed, size : int
+        Of the draws.
+    """
+    first = min(float(s.cycle.min()) for s in strands)
+    last = max(float(s.cycle.max()) for s in strands)
+    series = [
+        Series(
+            s.cycle - first, s.numbers[:, i], s.sds[:, i] ** 2, float(PRIOR_SD[i]), float(USUAL_SCATTER[i])
+        )
+        for s in strands
+        for i in range(4)
+    ]
+    posterior = LawPosterior(series)
+    grid = np.arange(last - first + ahead + 1.0)
+    _, draws = posterior.draw(grid, size, np.random.default_rng(seed))
+    return Pooled(tuple(strands), posterior, grid + first, last, tuple(draws))
+
+
+def changes(pooled: Pooled) -> Floats:
+    """Greatest change of any curve from each cycle to the next, over its span, shape (S, G - 1).
+
+    It is that of level, law and walk; the scatter from sweep to sweep is no change that lasts.
+    """
+    found = np.zeros((pooled.draws[0].state.shape[0], pooled.cycle.size - 1))
+    for place, strand in enumerate(pooled.strands):
+        t = np.linspace(*strand.ends, PLACES)
+        state = pooled.numbers(place, "state")
+        before = strand.curve(state[:, 0], t)
+        for n in range(found.shape[1]):
+            after = strand.curve(state[:, n + 1], t)
+            change = np.max(np.abs(after - before), axis=1) / strand.span
+            found[:, n] = np.maximum(found[:, n], change)
+            before = after
+    return found
+
+
+def probability_stable(change: Floats, share: float) -> Floats:
+    """Probability that from each cycle on no change exceeds a share of the stroke, as far as is forecast: (G - 1,)."""
+    to_come = np.maximum.accumulate(change[:, ::-1], axis=1)[:, ::-1]
+    return np.asarray(np.mean(to_come <= share, axis=0))
+
+
+def quantities(pooled: Pooled, at: Sequence[float]) -> Iterator[CycleSeries]:
+    """Numbers of the sweeps, transformation temperatures, and channels and stiffness at some temperatures."""
+    for place, strand in enumerate(pooled.strands):
+        yield from _four(pooled, place)
+    for branch in Branch:
+        own = {s.channel: i for i, s in enumerate(pooled.strands) if s.record.branch is branch}
+        main = next((c for c in ("displacement", "force", "stiffness") if c in own), None)
+        if main is None:
+            continue
+        yield from _temperatures(pooled, own[main])
+        for temperature in at:
+            for place in own.values():
+                yield _value(pooled, place, temperature)
+            if "stiffness" not in own and {"force", "displacement"} <= set(own):
+                yield _stiffness(pooled, own["force"], own["displacement"], temperature)
+
+
+def _series(
+    pooled: Pooled, place: int, name: str, unit: str, at: float | None, own: Floats, sd: Floats, draws: Floats
+) -> CycleSeries:
+    """With the values of single sweeps at their cycles."""
+    strand = pooled.strands[place]
+    seen = np.searchsorted(pooled.cycle, strand.cycle)
+    values, sds = np.full(pooled.cycle.size, np.nan), np.full(pooled.cycle.size, np.nan)
+    values[seen], sds[seen] = own, sd
+    return CycleSeries(strand.record.branch.value, strand.channel, name, unit, at, values, sds, draws)
+
+
+def _four(pooled: Pooled, place: int) -> Iterator[CycleSeries]:
+    strand = pooled.strands[place]
+    draws, own, sds = pooled.numbers(place), strand.numbers, strand.sds
+    temperature = strand.record.units["temperature"]
+    stroke = strand.span * np.exp(own[:, 1])
+    shift = "K" if temperature == "degC" else temperature
+    for i, (name, unit, value, sd, drawn) in enumerate((
+        ("offset", strand.unit, strand.level + strand.span * own[:, 0], strand.span * sds[:, 0],
+         strand.level + strand.span * draws[..., 0]),
+        ("stroke", strand.unit, stroke, stroke * sds[:, 1], strand.span * np.exp(draws[..., 1])),
+        ("shift", shift, own[:, 2], sds[:, 2], draws[..., 2]),
+        ("width", "1", np.exp(own[:, 3]), np.exp(own[:, 3]) * sds[:, 3], np.exp(draws[..., 3])),
+    )):  # fmt: skip
+        assert name == NUMBERS[i]
+        yield _series(pooled, place, name, unit, None, value, sd, drawn)
+
+
+def _temperatures(pooled: Pooled, place: int) -> Iterator[CycleSeries]:
+    """Start and finish: crossings of tangents of the common curve go where shift and width take them."""
+    strand = pooled.strands[place]
+    found, unit = strand.tangents(), strand.record.units["temperature"]
+    draws, own, sds = pooled.numbers(place), strand.numbers, strand.sds
+    for name, crossing in zip(NAMES[strand.record.branch], (found.lower, found.upper), strict=True):
+        away = float(crossing[0]) - strand.middle
+        value = strand.middle + own[:, 2] + away * np.exp(own[:, 3])
+        sd = np.hypot(sds[:, 2], away * np.exp(own[:, 3]) * sds[:, 3])
+        drawn = strand.middle + draws[..., 2] + away * np.exp(draws[..., 3])
+        yield _series(pooled, place, name, unit, None, value, sd, drawn)
+
+
+def _value(pooled: Pooled, place: int, temperature: float) -> CycleSeries:
+    strand, t = pooled.strands[place], np.array([temperature])
+    value, sd = _propagated(lambda p: strand.curve(p, t)[..., 0], strand)
+    drawn = strand.curve(pooled.numbers(place), t)[..., 0]
+    return _series(pooled, place, strand.channel, strand.unit, temperature, value, sd, drawn)
+
+
+def _propagated(value_of: Callable[[Floats], Floats], strand: Strand) -> tuple[Floats, Floats]:
+    """Values of single sweeps, and standard deviations by their derivatives."""
+    value = value_of(strand.numbers)
+    variance = np.zeros(value.size)
+    for i in range(4):
+        by = np.zeros_like(strand.numbers)
+        by[:, i] = 0.5 * strand.sds[:, i]
+        variance += (value_of(strand.numbers + by) - value_of(strand.numbers - by)) ** 2
+    return value, np.sqrt(variance)
+
+
+def _stiffness(pooled: Pooled, force: int, displacement: int, temperature: float) -> CycleSeries:
+    """K = F'/X' along the path."""
+    f, x = pooled.strands[force], pooled.strands[displacement]
+    t = np.array([temperature])
+    steepest = float(np.max(np.abs(x.slope(np.zeros(4), np.linspace(*x.ends, 200)))))
+
+    def ratio(of_force: Floats, of_displacement: Floats) -> Floats:
+        with np.errstate(all="ignore"):
+            k = of_force / of_displacement
+        return np.asarray(np.where(np.abs(of_displacement) > FLAT * steepest, k, np.nan))
+
+    drawn = ratio(f.slope(pooled.numbers(force), t)[..., 0], x.slope(pooled.numbers(displacement), t)[..., 0])
+    both, of_f, of_x = np.intersect1d(f.cycle, x.cycle, return_indices=True)
+    fs, sd_f = _propagated(lambda p: f.slope(p, t)[..., 0], f)
+    xs, sd_x = _propagated(lambda p: x.slope(p, t)[..., 0], x)
+    k = ratio(fs[of_f], xs[of_x])
+    with np.errstate(all="ignore"):
+        sd = np.abs(k) * np.hypot(sd_f[of_f] / fs[of_f], sd_x[of_x] / xs[of_x])
+    seen = np.searchsorted(pooled.cycle, both)
+    own, own_sd = np.full(pooled.cycle.size, np.nan), np.full(pooled.cycle.size, np.nan)
+    own[seen], own_sd[seen] = k, sd
+    unit = quotient(f.unit, x.unit) if x.unit != "1" else f.unit
+    return CycleSeries(f.record.branch.value, "stiffness", "stiffness", unit, temperature, own, own_sd, drawn)
+
+
+def held_out(strands: Sequence[Strand], seed: int) -> list[Forecast]:
+    """Forecast the last cycles from the others; empty where there are fewer than `FEWEST_TO_HOLD_OUT`."""
+    cycles = sorted({float(c) for s in strands for c in s.cycle})
+    if len(cycles) < FEWEST_TO_HOLD_OUT:
+        return []
+    kept = cycles[: len(cycles) - max(int(HELD_OUT * len(cycles)), 1)]
+    last = kept[-1]
+    if any(np.sum(s.cycle <= last) < 2 or np.all(s.cycle <= last) for s in strands):
+        return []
+    trained = []
+    for s in strands:
+        record, cycle = s.part(s.cycle <= last)
+        trained.append(fit_strand(record, s.channel, cycle, s.model.name, seed))
+    pooled = pool(trained, int(cycles[-1] - last), seed)
+    return [_forecast(pooled, i, s, last, seed) for i, s in enumerate(strands)]
+
+
+def _forecast(pooled: Pooled, place: int, strand: Strand, last: float, seed: int) -> Forecast:
+    trained, later = pooled.strands[place], strand.cycle > last
+    record, cycle = strand.part(later)
+    grid = np.searchsorted(pooled.cycle, cycle)
+    numbers = pooled.numbers(place)
+    rng = np.random.default_rng([seed, 1])
+    measured = record.observed[strand.channel]
+    missed, missed_last, covered, start = [], [], [], 0
+    before = trained.numbers[-1]
+    for n, length in zip(grid, strand.lengths[later], strict=True):
+        own = slice(start, start + int(length))
+        start += int(length)
+        t, y = record.temperature[own], measured[own]
+        curve = trained.curve(numbers[:, n], t)
+        missed.append(y - np.median(curve, axis=0))
+        missed_last.append(y - trained.curve(before, t))
+        reading = curve + trained.noise * rng.standard_normal(curve.shape)
+        low, high = np.quantile(reading, [0.05, 0.95], axis=0)
+        covered.append((low <= y) & (y <= high))
+    size = strand.range
+    return Forecast(
+        strand.record.branch.value, strand.channel, tuple(trained.cycle.tolist()), tuple(cycle.tolist()),
+        float(np.sqrt(np.mean(np.concatenate(missed) ** 2)) / size),
+        float(np.sqrt(np.mean(np.concatenate(missed_last) ** 2)) / size),
+        float(np.mean(np.concatenate(covered))),
+        float(np.mean(_numbers_covered(trained, record, cycle, numbers[:, grid], rng))),
+    )  # fmt: skip
+
+
+def _numbers_covered(
+    trained: Strand, record: Record, cycle: Floats, numbers: Floats, rng: np.random.Generator
+) -> Bools:
+    """Which numbers of later sweeps, about the curve of the earlier ones, are within their 90 % intervals, (n, 4)."""
+    own = trained.about(record, cycle)
+    read = numbers + own.sds * rng.standard_normal(numbers.shape)
+    low, high = np.quantile(read, [0.05, 0.95], axis=0)
+    return np.asarray((low <= own.numbers) & (own.numbers <= high))
+
+
+def measured_cycles(strands: Sequence[Strand]) -> Ints:
+    """All cycles of which a sweep was measured."""
+    return np.unique(np.concatenate([s.cycle for s in strands])).astype(np.int64)

@@ -1,0 +1,85 @@
+"""A study of cycles on the screen: cycle by cycle, the law, and one closing sentence for each condition."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from rich.console import Console
+from rich.table import Table
+
+from sma_bayes.quantities import unit_text
+from sma_bayes.report.notation import interval_text
+from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.studies.cycles.schema import ConditionCycles, CyclesDocument, QuantityByCycle
+
+COLUMNS: Final = 6
+"""Quantities side by side, at most; the report has all of them."""
+
+
+def show_cycles(told: Mapping[str, Any], out: Path) -> None:
+    """Tell what was found of each condition, and what to doubt."""
+    found = CyclesDocument.model_validate(told)
+    console = screen()
+    console.print(f"{found.campaign}, seed {found.seed}", soft_wrap=True)
+    for one in found.conditions[:SHOWN]:
+        _show_condition(console, one, found.temperature_unit)
+    if len(found.conditions) > SHOWN:
+        console.print(f"and {len(found.conditions) - SHOWN} more conditions")
+    for text in found.left_out:
+        console.print(f"left out {text}", soft_wrap=True)
+    if not found.converged:
+        console.print("NOT CONVERGED: the numbers must not be relied on.")
+    show_end(console, dict(told), out)
+
+
+def _show_condition(console: Console, one: ConditionCycles, temperature_unit: str) -> None:
+    console.print()
+    for branch in dict.fromkeys(q.branch for q in one.quantities):
+        own = [q for q in one.quantities if q.branch == branch]
+        shown = [q for q in own if q.name in ("offset", "stroke", "shift", "width")]
+        shown = [
+            *shown[:4],
+            *(q for q in own if q.name == "stiffness"),
+            *(q for q in own if q.name[-1] in "sf"),
+        ]
+        _show_branch(console, one, branch, list(dict.fromkeys(map(id, shown))), own, temperature_unit)
+    console.print(f"law of training: {one.law.reason}", soft_wrap=True)
+    for h in one.held_out:
+        console.print(
+            f"cycles {_span(h.held_out)} forecast from {_span(h.trained)}, {h.branch}, {h.channel}: misses {h.rmse:.2%} of the "
+            f"range (the last curve {h.rmse_last:.2%}); {h.covered:.0%} of the samples in their 90 % intervals",
+            soft_wrap=True,
+        )
+    for text in one.remarks:
+        console.print(f"remark: {text}", soft_wrap=True)
+    console.print(f"{one.condition}: {one.stable.statement}", soft_wrap=True)
+
+
+def _show_branch(
+    console: Console,
+    one: ConditionCycles,
+    branch: str,
+    order: list[int],
+    own: list[QuantityByCycle],
+    temperature_unit: str,
+) -> None:
+    by_id = {id(q): q for q in own}
+    shown = [by_id[i] for i in order][:COLUMNS]
+    table = Table(title=f"{one.condition}, {branch}: median (90 %), pooled over cycles", title_justify="left")
+    table.add_column("cycle", justify="right")
+    for q in shown:
+        at = f" at {q.at:g} {unit_text(temperature_unit)}" if q.at is not None else ""
+        table.add_column(f"{q.name}{at} [{unit_text(q.unit) or '1'}]", justify="right")
+    rows = list(range(len(one.cycles)))
+    for i in rows if len(rows) <= SHOWN else [*rows[: SHOWN // 2], *rows[-SHOWN // 2 :]]:
+        later = "" if one.cycles[i] in one.measured else " forecast"
+        table.add_row(
+            f"{one.cycles[i]}{later}", *(interval_text(q.median[i], q.q05[i], q.q95[i]) for q in shown)
+        )
+    console.print(table)
+
+
+def _span(cycles: tuple[float, ...]) -> str:
+    return f"{cycles[0]:g} to {cycles[-1]:g}" if len(cycles) > 1 else f"{cycles[0]:g}"

@@ -1,0 +1,429 @@
+"""Studying cycles, from a campaign to files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from sma_bayes.account import Account
+from sma_bayes.arrays import Floats
+from sma_bayes.errors import MeasurementError, SmaBayesError
+from sma_bayes.progress import Progress, silent
+from sma_bayes.records.severity import finding_document
+from sma_bayes.records.types import Campaign, Record
+from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.runs.documents import Document
+from sma_bayes.runs.jobs import run
+from sma_bayes.runs.store import plain, write_csv
+from sma_bayes.studies.ask.workflow import asked_temperature
+from sma_bayes.studies.cycles.laws import EARNED, FORMS, NONE, PACES
+from sma_bayes.studies.cycles.study import (
+    CycleSeries,
+    Pooled,
+    changes,
+    held_out,
+    measured_cycles,
+    pool,
+    probability_stable,
+    quantities,
+)
+from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand, fit_strand, sweeps_of
+from sma_bayes.studies.identity import all_versions, run_identity
+from sma_bayes.studies.options import FitOptions, model_named, prior_set
+from sma_bayes.studies.run_context import RunContext
+
+CYCLES: Final = Document(
+    "cycles", "cycles.json", "sma-bayes/cycles/1", "a study of cycles", ("conditions", "options")
+)
+SHARE: Final = 0.02
+PROBABILITY: Final = 0.9
+AHEAD: Final = 10
+MOST_CYCLES: Final = 1000
+"""Most cycles of a condition, those that are forecast included: matrices grow with their square."""
+FEWEST_CYCLES: Final = 2
+CURVE_POINTS: Final = 41
+
+
+def cycles(
+    campaign: Campaign,
+    out: str | Path | None = None,
+    *,
+    at: Sequence[str] = (),
+    share: float = SHARE,
+    probability: float = PROBABILITY,
+    ahead: int = AHEAD,
+    model: str = DEFAULT_MODEL,
+    seed: int = 0,
+    jobs: int | None = None,
+    resume: bool = False,
+    figures: str | bool = REPORT,
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Tell cycle by cycle what every sweep is, by which law it settles, when it is stable, and what comes.
+
+    Every sweep is the common curve of its branch with four numbers: offset, stroke, shift in temperature, and width (the
+    shape-invariant model). These are pooled over cycles under a law of training with one N0, exponential or
+    logarithmic, or none, with a random effect of the sweep and a random walk.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    out : str or Path, optional
+        Folder for `cycles.json`, CSV files, tables, figures and the report; nothing is written without it.
+    at : sequence of str
+        Temperatures, ``"60 degC"``, at which channels and stiffness are told; by default the middle of those that were
+        measured.
+    share : float
+        A curve is stable while it changes by at most this share of its stroke from one cycle to the next [1].
+    probability : float
+        With which it is to be stable [1].
+    ahead : int
+        Cycles that are forecast.
+    model : str
+        Name of the response model of the common curves; ``auto``: for each that with the least BIC of the ladder.
+    seed : int
+        Decides every draw.
+    jobs : int, optional
+        Processes; by default one for each core.
+    resume : bool
+        Where `out` holds this very study already, only what is missing of its report is made.
+    figures : str or bool
+        ``report``, ``all`` or ``none`` (no report either), see `figures_for`.
+    progress : callable, optional
+    account : Account, optional
+        Account to go on with, such as one in which the reading was timed.
+
+    Returns
+    -------
+    dict
+        What `cycles.json` holds.
+
+    Raises
+    ------
+    MeasurementError
+        If no condition has sweeps of two cycles, or one has more than can be pooled.
+    SmaBayesError, QuantityError, UnknownNameError
+        If an option is none that can be.
+    OutputError, ResumeError
+        If `out` can't be used.
+    """
+    _check(share, probability, ahead)
+    model_named(model)
+    units = {r.units["temperature"] for r in campaign.records}
+    asked = [[asked_temperature(text, unit, unit) for text in at] for unit in sorted(units)]
+    groups, left_out = _groups(campaign, ahead)
+    options = FitOptions(prior_set(None, model), seed, model=model)
+    work = RunContext(
+        CYCLES, _build_report, jobs, figures_for(figures), progress or silent, account or Account()
+    )
+    stated = {"model": model, "at": list(at), "share": share, "probability": probability, "ahead": ahead}
+    identity = {**run_identity(campaign, options), "kind": CYCLES.verb, **stated}
+    tasks = [
+        _Condition(tuple(records), tuple(told), tuple(asked[0]), stated, seed) for records, told in groups
+    ]
+
+    def find(folder: Path | None) -> dict[str, Any]:
+        found = []
+        for parts in run(_studied, tasks, jobs, account=work.account, stage="study"):
+            found.append(parts.document)
+            work.tell(len(found), len(tasks), f"pooled {parts.document['condition']}")
+            if folder is not None:
+                with work.account.timed("write"):
+                    for name, columns in parts.curves.items():
+                        write_csv(folder / "curves" / name, columns)
+        if folder is not None:
+            write_csv(folder / "quantities.csv", quantity_columns(found))
+        record = campaign.records[0]
+        document: dict[str, Any] = plain({
+            "schema": CYCLES.schema,
+            "campaign": campaign.name,
+            "source": campaign.source,
+            "seed": seed,
+            "options": stated,
+            "temperature_unit": record.units["temperature"],
+            "specimen": record.specimen,
+            "versions": all_versions(),
+            "data_sha256": campaign.sha256,
+            "converged": all(c["converged"] for one in found for c in one["curves"]),
+            "conditions": found,
+            "left_out": left_out,
+            "findings": [finding_document(f) for f in campaign.findings],
+        })  # fmt: skip
+        return document
+
+    with threadpool_limits(limits=1):
+        return work.execute(out, identity, resume, find)
+
+
+def _build_report(folder: Path, wanted: ReportOptions) -> None:
+    from sma_bayes.studies.cycles.report import build_report  # what draws takes long to import
+
+    build_report(folder, wanted)
+
+
+def _check(share: float, probability: float, ahead: int) -> None:
+    if not 0.0 < share <= 1.0:
+        raise SmaBayesError(f"--share {share:g}", expected="a share of the stroke above 0 and at most 1")
+    if not 0.0 < probability < 1.0:
+        raise SmaBayesError(f"--probability {probability:g}", expected="a number between 0 and 1")
+    if not 1 <= ahead <= MOST_CYCLES:
+        raise SmaBayesError(f"--ahead {ahead}", expected=f"a number of cycles from 1 to {MOST_CYCLES}")
+
+
+Sweeps = tuple[Record, str, Floats]
+"""Sweeps of a channel: the record with them, the channel, their cycles."""
+
+
+def _groups(campaign: Campaign, ahead: int) -> tuple[list[tuple[list[Sweeps], list[str]]], list[str]]:
+    """Sweeps of each condition with remarks, and conditions that are left out, in words."""
+    found: list[tuple[list[Sweeps], list[str]]] = []
+    left_out = []
+    for name in dict.fromkeys(r.condition.id for r in campaign.records):
+        own: list[Sweeps] = []
+        told: list[str] = []
+        most = 0
+        for record in (r for r in campaign.records if r.condition.id == name):
+            for channel in record.channels:
+                sweeps, cycle, remarks = sweeps_of(record, channel)
+                told += [r for r in remarks if r not in told]
+                most = max(most, cycle.size)
+                if cycle.size >= FEWEST_CYCLES:
+                    own.append((sweeps, channel, cycle))
+        if not own:
+            left_out.append(f"{name}: sweeps of {most} cycle{'' if most == 1 else 's'}")
+            continue
+        reach = max(c.max() for _, _, c in own) - min(c.min() for _, _, c in own) + 1 + ahead
+        if reach > MOST_CYCLES:
+            raise MeasurementError(
+                f"{name} goes over {reach:.0f} cycles, those that are forecast included",
+                expected=f"at most {MOST_CYCLES}",
+                remedy="declare time_from and time_to in [segmentation], or give a smaller --ahead",
+            )
+        found.append((own, told))
+    if not found:
+        raise MeasurementError(
+            f"no condition has sweeps of two cycles: {'; '.join(left_out)}",
+            file=campaign.source or None,
+            expected="at least two cycles of one condition, each with a sweep of 8 samples or more",
+            remedy="record more cycles; `sma-bayes inspect` tells which sweeps were found",
+        )
+    return found, left_out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Condition:
+    sweeps: tuple[Sweeps, ...]
+    remarks: tuple[str, ...]
+    at: tuple[float, ...]
+    options: dict[str, Any]
+    seed: int
+
+    title = "pool cycles"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    document: dict[str, Any]
+    curves: dict[str, dict[str, Any]]
+
+
+def _studied(task: _Condition) -> _Found:
+    options, seed = task.options, task.seed
+    strands = [fit_strand(r, channel, cycle, options["model"], seed) for r, channel, cycle in task.sweeps]
+    pooled = pool(strands, options["ahead"], seed)
+    ends = np.array([s.ends for s in strands])
+    at = task.at or (float(np.round(0.5 * (ends[:, 0].max() + ends[:, 1].min()))),)
+    condition = strands[0].record.condition.id
+    document = {
+        "condition": condition,
+        "cycles": pooled.cycle.astype(int).tolist(),
+        "measured": measured_cycles(strands).tolist(),
+        "curves": [_curve(s) for s in strands],
+        "law": _law(pooled),
+        "changes": _changes(pooled),
+        "stable": _stable(pooled, options["share"], options["probability"]),
+        "held_out": [asdict(f) for f in held_out(strands, seed)],
+        "quantities": [_by_cycle(q) for q in quantities(pooled, at)],
+        "remarks": [*task.remarks, *_remarks(strands, at)],
+    }
+    return _Found(
+        document, {f"{s.record.key}-{s.channel}.csv": _columns(pooled, i) for i, s in enumerate(strands)}
+    )
+
+
+def _curve(s: Strand) -> dict[str, Any]:
+    return {
+        "branch": s.record.branch.value,
+        "channel": s.channel,
+        "unit": s.unit,
+        "model": s.model.name,
+        "parameters": dict(zip(s.model.parameter_names, s.theta.tolist(), strict=True)),
+        "midpoint": s.middle,
+        "level": s.level,
+        "span": s.span,
+        "noise": s.noise,
+        "missed": s.noise / s.range,
+        "lag1_correlation": s.lag1_correlation,
+        "converged": s.converged,
+    }
+
+
+def _interval(draws: Floats) -> dict[str, Any]:
+    low, middle, high = np.quantile(draws, [0.05, 0.5, 0.95])
+    return {"q05": low, "median": middle, "q95": high}
+
+
+def _law(pooled: Pooled) -> dict[str, Any]:
+    p = pooled.posterior
+    n0, best = None, NONE
+    if p.testable:
+        best = max(FORMS, key=lambda form: p.ln_evidence[form])
+        reached = np.cumsum(p.pace_weights(best))
+        n0 = {
+            k: float(np.interp(q, reached, PACES)) for k, q in (("q05", 0.05), ("median", 0.5), ("q95", 0.95))
+        }
+    return {
+        "chosen": p.chosen,
+        "testable": p.testable,
+        "ln_evidence": p.ln_evidence,
+        "probability": p.probability,
+        "n0": n0,
+        "reason": _reason(pooled, best, n0),
+    }
+
+
+def _reason(pooled: Pooled, best: str, n0: dict[str, float] | None) -> str:
+    p = pooled.posterior
+    if n0 is None:
+        return f"not testable: {measured_cycles(pooled.strands).size} cycles; a law needs 3 or more"
+    gain = p.ln_evidence[best]
+    if p.chosen == NONE:
+        return f"no law: {best} gains {gain:.1f} in ln evidence over free changes of each sweep, and {EARNED:g} are asked"
+    other = next(form for form in FORMS if form != best)
+    return (
+        f"{best}, N0 = {n0['median']:.2g} cycles ({n0['q05']:.2g} to {n0['q95']:.2g}): {gain:.1f} more in ln evidence than "
+        f"free changes of each sweep, {gain - p.ln_evidence[other]:.1f} more than {other}"
+    )
+
+
+def _changes(pooled: Pooled) -> list[dict[str, Any]]:
+    last = int(np.searchsorted(pooled.cycle, pooled.last))
+    out = []
+    for place, strand in enumerate(pooled.strands):
+        for i, number in enumerate(NUMBERS):
+            d = pooled.draws[4 * place + i]
+            out.append({
+                "branch": strand.record.branch.value,
+                "channel": strand.channel,
+                "number": number,
+                "unit": "K" if number == "shift" else "1",
+                "probability": float(np.mean(d.moving)),
+                **_interval(d.law[:, last] - d.law[:, 0]),
+                "scatter": _interval(d.scatter),
+                "step": _interval(d.step),
+            })  # fmt: skip
+    return out
+
+
+def _stable(pooled: Pooled, share: float, wanted: float) -> dict[str, Any]:
+    change = changes(pooled)
+    p = probability_stable(change, share)
+    at, numbers = np.flatnonzero(p >= wanted), pooled.cycle[:-1].astype(int)
+    first = int(numbers[at[0]]) if at.size else None
+    size, horizon = f"{share:.2g} of the stroke per cycle", f"cycle {pooled.cycle[-1]:.0f}"
+    if first is None:
+        told = f"not stable up to {horizon}: the probability of changes below {size} stays below {wanted:.0%}"
+    else:
+        told = f"stable from cycle {first} on with a probability of {p[at[0]]:.0%}: no change above {size} up to {horizon}"
+        if first > pooled.last:
+            told += f", which is a forecast: the last measured cycle is {pooled.last:.0f}"
+    return {
+        "from_cycle": first,
+        "cycles": numbers.tolist(),
+        "probability": p.tolist(),
+        "change": np.median(change, axis=0).tolist(),
+        "statement": told,
+    }
+
+
+def _by_cycle(q: CycleSeries) -> dict[str, Any]:
+    """Quantiles; null where some draws have no value."""
+    with np.errstate(all="ignore"):
+        low, middle, high = np.quantile(q.draws, [0.05, 0.5, 0.95], axis=0)
+    stated = {"q05": low, "median": middle, "q95": high}
+    return {
+        **{name: getattr(q, name) for name in ("branch", "channel", "name", "unit", "at")},
+        **{name: _or_null(v) for name, v in ({"own": q.own, "own_sd": q.own_sd} | stated).items()},
+    }
+
+
+def _or_null(values: Floats) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def _remarks(strands: Sequence[Strand], at: Sequence[float]) -> list[str]:
+    out = []
+    channels = {s.channel for s in strands}
+    if "stiffness" not in channels and not {"force", "displacement"} <= channels:
+        held = ", ".join(sorted({c for s in strands for c in s.record.held}))
+        why = f"{held} is held constant" if held else "force and displacement were not both measured"
+        out.append(f"no stiffness along the path: {why}")
+    for t in at:
+        for s in strands:
+            low, high = s.ends
+            if not low <= t <= high:
+                out.append(
+                    f"{t:g} is beyond the temperatures of {s.record.key}, {low:g} to {high:g} {s.record.units['temperature']}: "
+                    "what is told there is an extrapolation"
+                )
+    single = [s for s in strands if s.cycle.size < len(measured_cycles(strands))]
+    out += [
+        f"{s.record.key}: {s.cycle.size} of {len(measured_cycles(strands))} cycles have a sweep"
+        for s in single
+    ]
+    out += [f"{s.record.key}: curve and numbers have not settled" for s in strands if not s.converged]
+    return list(dict.fromkeys(out))
+
+
+def _columns(pooled: Pooled, place: int) -> dict[str, Any]:
+    """Median and 90 % interval of the curve of each cycle."""
+    strand = pooled.strands[place]
+    t = np.linspace(*strand.ends, CURVE_POINTS)
+    numbers = pooled.numbers(place)
+    bands = [
+        np.quantile(strand.curve(numbers[:, n], t), [0.05, 0.5, 0.95], axis=0)
+        for n in range(pooled.cycle.size)
+    ]
+    low, middle, high = np.concatenate(bands, axis=1)
+    return {
+        "cycle": np.repeat(pooled.cycle.astype(int), t.size),
+        f"temperature_{strand.record.units['temperature']}": np.tile(t, pooled.cycle.size),
+        "q05": low, "q50": middle, "q95": high,
+    }  # fmt: skip
+
+
+QUANTITY_KEYS: Final = ("condition", "branch", "channel", "name", "unit", "at")
+
+
+def quantity_columns(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """All quantities of all conditions, a row for each cycle."""
+    rows = [
+        (
+            one["condition"], q["branch"], q["channel"], q["name"], q["unit"], _cell(q["at"]), cycle,
+            cycle in one["measured"], *(_cell(q[k][i]) for k in ("own", "own_sd", "q05", "median", "q95")),
+        )
+        for one in found for q in one["quantities"] for i, cycle in enumerate(one["cycles"])
+    ]  # fmt: skip
+    names = (*QUANTITY_KEYS, "cycle", "measured", "own", "own_sd", "q05", "median", "q95")
+    return dict(zip(names, zip(*rows, strict=True), strict=True))
+
+
+def _cell(value: float | None) -> float:
+    return float("nan") if value is None else value
