@@ -4,19 +4,21 @@ A number of sweep ``i``, such as its shift, was found to be ``y_i`` with the sta
 
     y_i = a + b x(N_i; N0) + w(N_i) + u_i + e_i
 
-with a law ``x``, which all numbers of a condition share with its one ``N0``, a random walk ``w`` from cycle to cycle with
-steps of standard deviation ``omega``, a random effect ``u_i`` of the sweep with ``tau``, and the error ``e_i``. Without
-a law the rest is free to change with every sweep, by chance or along a walk, and a law has to beat that. ``b`` is nought
-with probability 1/2, number by number.
+with a law ``x``, which all numbers of a condition share with its one ``N0``, a random walk ``w`` whose first step has the
+standard deviation ``omega``, a random effect ``u_i`` of the sweep with ``tau``, and the error ``e_i``. The walk goes with
+the cycle, or with its logarithm, so that what a law misses early is not expected again later. Without a law the rest is
+free to change with every sweep, by chance or along a walk, and a law has to beat that. ``b`` is nought with probability
+1/2, number by number.
 
-Given ``N0``, ``tau`` and ``omega`` all else is normal and is integrated exactly; these three are on grids. So the
-evidence of each law is a sum, and draws are exact up to the grids.
+Given ``N0``, ``tau`` and ``omega`` all else is normal and is integrated exactly; these are on grids. So the evidence of
+each law is a sum, and draws are exact up to the grids.
 
 References
 ----------
 A. Gelman et al., Bayesian Data Analysis, 3rd ed. (2013), ch. 5 (partial pooling); A. Gelman, Bayesian Anal. 1 (2006) 515
-(half-Cauchy priors of the standard deviations of effects); A. G. Journel and C. J. Huijbregts, Mining Geostatistics
-(1978), ch. VII (draws of a normal process that are made conditional by a correction of unconditional ones).
+(half-Cauchy priors of standard deviations of effects); G. Williams and D. C. Watts, Trans. Faraday Soc. 66 (1970) 80
+(stretched exponential); A. G. Journel and C. J. Huijbregts, Mining Geostatistics (1978), ch. VII (draws of a normal
+process made conditional by a correction of unconditional ones).
 """
 
 from __future__ import annotations
@@ -33,17 +35,19 @@ from scipy.special import logsumexp
 from sma_bayes.arrays import Floats, Ints
 
 NONE: Final = "none"
-FORMS: Final = ("exponential", "logarithmic")
+POWERS: Final = {"exponential": (1.0,), "stretched": (0.75, 0.5, 0.35), "logarithmic": (0.0,)}
+"""Laws with their powers on the grid: 1 - exp(-(N/N0)^power), and for the power 0 its limit ln(1 + N/N0)."""
+FORMS: Final = tuple(POWERS)
 LAWS: Final = (NONE, *FORMS)
-PACES: Final = np.geomspace(0.3, 300.0, 49)
+PACES: Final = np.geomspace(0.3, 300.0, 33)
 """Cycles N0 on the grid."""
 USUAL_PACE: Final = 5.0
 PACE_SD: Final = 1.2
 """Standard deviation of the prior of ln N0 about that of `USUAL_PACE`: 90 % between 0.7 and 36 cycles."""
-SCATTERS: Final = np.geomspace(0.02, 50.0, 16)
+SCATTERS: Final = np.geomspace(0.02, 50.0, 12)
 """Standard deviations of the effect of a sweep on the grid [usual ones]."""
-STEPS: Final = np.concatenate([[0.0], np.geomspace(0.01, 10.0, 10)])
-"""Steps of the walk on the grid [usual scatter]; nought has half the prior."""
+STEPS: Final = np.geomspace(0.02, 10.0, 7)
+"""First steps of the walk on the grid [usual scatter]; no walk has half the prior, either clock a quarter."""
 USUAL_STEP: Final = 1.0 / 3.0
 LEVEL_SD: Final = 3.0
 """Standard deviation of the level about the mean of the data [usual changes]."""
@@ -98,13 +102,13 @@ class Draws:
     step: Floats
 
 
-def approach(form: str, pace: float, cycle: Floats, last: float) -> Floats:
+def approach(power: float, pace: float, cycle: Floats, last: float) -> Floats:
     """A law of training, 0 at cycle 0 and 1 at the last measured one.
 
     Parameters
     ----------
-    form : str
-        ``exponential``, ``1 - exp(-N/N0)``, or ``logarithmic``, ``ln(1 + N/N0)``, each over its value at `last`.
+    power : float
+        Of `POWERS`: ``1 - exp(-(N/N0)^power)``, or for 0 ``ln(1 + N/N0)``, each over its value at `last`.
     pace : float
         N0.
     cycle : ndarray
@@ -112,9 +116,14 @@ def approach(form: str, pace: float, cycle: Floats, last: float) -> Floats:
     last : float
         Last measured cycle, greater than 0.
     """
-    if form == "exponential":
-        return np.asarray(np.expm1(-cycle / pace) / np.expm1(-last / pace))
-    return np.asarray(np.log1p(cycle / pace) / np.log1p(last / pace))
+    if power == 0.0:
+        return np.asarray(np.log1p(cycle / pace) / np.log1p(last / pace))
+    return np.asarray(np.expm1(-((cycle / pace) ** power)) / np.expm1(-((last / pace) ** power)))
+
+
+def _clock(logarithmic: bool, cycle: Floats) -> Floats:
+    """By which the variance of a walk grows, 1 in the first cycle."""
+    return np.log2(1.0 + cycle) if logarithmic else cycle
 
 
 class LawPosterior:
@@ -130,7 +139,8 @@ class LawPosterior:
     def __init__(self, series: Sequence[Series], forms: Sequence[str] = FORMS) -> None:
         self.last = max(float(s.cycle.max()) for s in series)
         tested = len({c for s in series for c in s.cycle.tolist()}) >= FEWEST_CYCLES
-        self.laws = [(form, float(pace)) for form in forms for pace in PACES] if tested else []
+        self.forms = tuple(forms) if tested else ()
+        self.laws = [(power, float(pace)) for form in self.forms for power in POWERS[form] for pace in PACES]
         self.testable = tested
         self._series = [_Marginal(s, self.laws, self.last) for s in series]
 
@@ -143,15 +153,22 @@ class LawPosterior:
             each += np.logaddexp(logsumexp(s.still), logsumexp(s.moving, axis=0)) - np.log(2.0)
         prior = -0.5 * (np.log(PACES / USUAL_PACE) / PACE_SD) ** 2
         prior -= logsumexp(prior)
-        return np.concatenate([[none], each + np.tile(prior, len(self.laws) // PACES.size)])
+        each += np.concatenate([
+            prior - np.log(len(POWERS[form])) for form in self.forms for _ in POWERS[form]
+        ] or [[]])  # fmt: skip
+        return np.concatenate([[none], each])
+
+    def _of(self, form: str) -> Floats:
+        """Log of prior times likelihood of a law, by power and N0, shape (powers, N0)."""
+        before = [len(POWERS[f]) for f in self.forms[: self.forms.index(form)]]
+        first = 1 + PACES.size * sum(before)
+        return self._log_joint[first : first + PACES.size * len(POWERS[form])].reshape(-1, PACES.size)
 
     @cached_property
     def ln_evidence(self) -> dict[str, float]:
         """Of each law, in the order of `LAWS`, less that of none."""
-        joint = self._log_joint
-        parts = joint[1:].reshape(-1, PACES.size)
-        found = {form: float(logsumexp(part) - joint[0]) for form, part in zip(FORMS, parts, strict=False)}
-        return {NONE: 0.0, **found}
+        none = self._log_joint[0]
+        return {NONE: 0.0, **{form: float(logsumexp(self._of(form)) - none) for form in self.forms}}
 
     @cached_property
     def probability(self) -> dict[str, float]:
@@ -167,9 +184,8 @@ class LawPosterior:
 
     def pace_weights(self, form: str) -> Floats:
         """Posterior of N0 under a law, on `PACES`."""
-        place = FORMS.index(form) * PACES.size
-        logs = self._log_joint[1 + place : 1 + place + PACES.size]
-        return np.exp(logs - logsumexp(logs))
+        logs = logsumexp(self._of(form), axis=0)
+        return np.asarray(np.exp(logs - logsumexp(logs)))
 
     def draw(self, grid: Floats, size: int, rng: np.random.Generator) -> tuple[Ints, list[Draws]]:
         """Draw laws, and with them the numbers of measured and later cycles.
@@ -206,17 +222,17 @@ class _Marginal:
         The same with each law.
     """
 
-    def __init__(self, series: Series, laws: Sequence[tuple[str, float]], last: float) -> None:
+    def __init__(self, series: Series, laws: Sequence[tuple[float, float]], last: float) -> None:
         self.series, n = series, series.cycle.size
         self.centre = float(series.value.mean())
         self.y = series.value - self.centre
-        tau, omega = np.meshgrid(SCATTERS * series.scatter, STEPS * series.scatter, indexing="ij")
-        self.tau, self.omega = tau.ravel(), omega.ravel()
-        design = [np.ones(n), *(approach(form, pace, series.cycle, last) for form, pace in laws)]
+        steps = np.concatenate([[0.0], STEPS, STEPS]) * series.scatter
+        self.tau = np.repeat(SCATTERS * series.scatter, steps.size)
+        self.omega = np.tile(steps, SCATTERS.size)
+        self.logarithmic = np.tile(np.arange(steps.size) > STEPS.size, SCATTERS.size)
+        design = [np.ones(n), *(approach(power, pace, series.cycle, last) for power, pace in laws)]
         self.design = np.array(design).T
-        self.factors = [
-            cho_factor(self._covariance(t, w), lower=True) for t, w in zip(self.tau, self.omega, strict=True)
-        ]
+        self.factors = [cho_factor(self._covariance(c), lower=True) for c in range(self.tau.size)]
         columns = np.column_stack([self.y, self.design])
         solved = [cho_solve(f, columns) for f in self.factors]
         gram = np.array([columns.T @ s[:, :2] for s in solved])  # with y and with the level
@@ -232,17 +248,23 @@ class _Marginal:
         explained = (self.mkk * h1**2 - 2.0 * self.m1k * h1 * self.hk + self.m11[:, None] * self.hk**2) / det
         self.moving = base[:, None] + 0.5 * (explained - np.log(det / (level * change)))
 
-    def _covariance(self, tau: float, omega: float) -> Floats:
+    def _covariance(self, c: int) -> Floats:
         s = self.series
-        walk = omega**2 * np.minimum.outer(s.cycle, s.cycle)
-        return np.asarray(walk + np.diag(tau**2 + s.variance))
+        walk = self._of_walk(c, s.cycle)
+        return np.asarray(walk + np.diag(self.tau[c] ** 2 + s.variance))
+
+    def _of_walk(self, c: int, cycle: Floats) -> Floats:
+        """Covariance of the walk at some cycles with that at the measured ones."""
+        logarithmic = bool(self.logarithmic[c])
+        seen, there = _clock(logarithmic, self.series.cycle), _clock(logarithmic, cycle)
+        return np.asarray(self.omega[c] ** 2 * np.minimum.outer(there, seen))
 
     def _log_prior(self) -> Floats:
         """Half-Cauchy priors on grids that are even in the logarithm, shape (C,)."""
         tau = SCATTERS / (1.0 + SCATTERS**2)
-        steps = STEPS[1:] / USUAL_STEP
+        steps = STEPS / USUAL_STEP
         omega = steps / (1.0 + steps**2)
-        omega = np.concatenate([[0.5], 0.5 * omega / omega.sum()])
+        omega = np.concatenate([[0.5], 0.25 * omega / omega.sum(), 0.25 * omega / omega.sum()])
         return np.asarray(np.log(np.outer(tau / tau.sum(), omega)).ravel())
 
     def draw(self, law: Ints, shapes: Floats, grid: Floats, rng: np.random.Generator) -> Draws:
@@ -289,11 +311,11 @@ class _Marginal:
         omega = float(self.omega[c])
         if omega == 0.0:
             return np.zeros((len(left), grid.size))
-        steps = np.sqrt(np.diff(grid, prepend=0.0))
+        steps = np.sqrt(np.diff(_clock(bool(self.logarithmic[c]), grid), prepend=0.0))
         free = np.cumsum(omega * steps * rng.standard_normal((len(left), grid.size)), axis=1)
         noise = rng.standard_normal(left.shape) * np.sqrt(self.tau[c] ** 2 + self.series.variance)
         missed = cho_solve(self.factors[c], (left - free[:, seen] - noise).T)
-        return free + (omega**2 * np.minimum.outer(grid, self.series.cycle) @ missed).T
+        return np.asarray(free + (self._of_walk(c, grid) @ missed).T)
 
 
 def _groups(places: Ints) -> Iterator[tuple[int, Ints]]:

@@ -47,7 +47,7 @@ class CommonCurve(DocumentPart):
 class LawOfTraining(DocumentPart):
     """The law that the numbers of a condition follow together."""
 
-    chosen: Literal["none", "exponential", "logarithmic"] = Field(
+    chosen: Literal["none", "exponential", "stretched", "logarithmic"] = Field(
         description="the law with the greatest evidence, if it gains 3 over free changes of each sweep; else `none`"
     )
     testable: bool = Field(description="whether there are cycles enough, 3, to tell a law")

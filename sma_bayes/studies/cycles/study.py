@@ -159,7 +159,7 @@ def probability_stable(change: Floats, share: float) -> Floats:
 
 def quantities(pooled: Pooled, at: Sequence[float]) -> Iterator[CycleSeries]:
     """Numbers of the sweeps, transformation temperatures, and channels and stiffness at some temperatures."""
-    for place, strand in enumerate(pooled.strands):
+    for place in range(len(pooled.strands)):
         yield from _four(pooled, place)
     for branch in Branch:
         own = {s.channel: i for i, s in enumerate(pooled.strands) if s.record.branch is branch}

@@ -29,6 +29,7 @@ def _law(conditions: tuple[ConditionCycles, ...]) -> Table:
     columns = (
         CONDITION, Column("cycles", "cycles"), Column("law", "law"), Column("N0", "n0", "1"),
         Column("probability of none", "p_none", "1"), Column("exponential", "p_exponential", "1"),
+        Column("stretched", "p_stretched", "1"),
         Column("logarithmic", "p_logarithmic", "1"), Column("why", "why", brief=False),
     )  # fmt: skip
     rows = tuple(
@@ -37,7 +38,7 @@ def _law(conditions: tuple[ConditionCycles, ...]) -> Table:
             len(c.measured),
             c.law.chosen,
             None if c.law.n0 is None else Estimate(c.law.n0.median, c.law.n0.q05, c.law.n0.q95),
-            *(_share(c.law.probability.get(law)) for law in ("none", "exponential", "logarithmic")),
+            *(_share(c.law.probability.get(law)) for law in ("none", "exponential", "stretched", "logarithmic")),
             c.law.reason,
         )
         for c in conditions

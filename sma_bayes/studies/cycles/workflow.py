@@ -44,7 +44,7 @@ CYCLES: Final = Document(
 SHARE: Final = 0.02
 PROBABILITY: Final = 0.9
 AHEAD: Final = 10
-MOST_CYCLES: Final = 1000
+MOST_CYCLES: Final = 500
 """Most cycles of a condition, those that are forecast included: matrices grow with their square."""
 FEWEST_CYCLES: Final = 2
 CURVE_POINTS: Final = 41
@@ -69,8 +69,8 @@ def cycles(
     """Tell cycle by cycle what every sweep is, by which law it settles, when it is stable, and what comes.
 
     Every sweep is the common curve of its branch with four numbers: offset, stroke, shift in temperature, and width (the
-    shape-invariant model). These are pooled over cycles under a law of training with one N0, exponential or
-    logarithmic, or none, with a random effect of the sweep and a random walk.
+    shape-invariant model). These are pooled over cycles under a law of training with one N0, exponential,
+    stretched or logarithmic, or none, with a random effect of the sweep and a random walk.
 
     Parameters
     ----------
@@ -285,7 +285,8 @@ def _law(pooled: Pooled) -> dict[str, Any]:
     n0, best = None, NONE
     if p.testable:
         best = max(FORMS, key=lambda form: p.ln_evidence[form])
-        reached = np.cumsum(p.pace_weights(best))
+        weights = p.pace_weights(best)
+        reached = np.cumsum(weights) - 0.5 * weights
         n0 = {
             k: float(np.interp(q, reached, PACES)) for k, q in (("q05", 0.05), ("median", 0.5), ("q95", 0.95))
         }
@@ -306,7 +307,7 @@ def _reason(pooled: Pooled, best: str, n0: dict[str, float] | None) -> str:
     gain = p.ln_evidence[best]
     if p.chosen == NONE:
         return f"no law: {best} gains {gain:.1f} in ln evidence over free changes of each sweep, and {EARNED:g} are asked"
-    other = next(form for form in FORMS if form != best)
+    other = max((form for form in FORMS if form != best), key=lambda form: p.ln_evidence[form])
     return (
         f"{best}, N0 = {n0['median']:.2g} cycles ({n0['q05']:.2g} to {n0['q95']:.2g}): {gain:.1f} more in ln evidence than "
         f"free changes of each sweep, {gain - p.ln_evidence[other]:.1f} more than {other}"

@@ -1,0 +1,77 @@
+"""Cycles of a spring that trains by laws of its own: none of them, and no curve, is one of the package's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_bayes.records.types import Branch, Condition, Record
+
+SAMPLES = 40
+NOISE = 0.004
+"""Standard deviation of a reading [spans]."""
+STROKE = {"force": 3.0, "displacement": 0.02}
+"""[N], [m]"""
+UNITS = {"temperature": "degC", "force": "N", "displacement": "m", "cycle": "1", "segment": "1"}
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What trains: numbers of each cycle (cycles, 4) by branch, about which sweeps scatter, and those of the sweeps."""
+
+    state: dict[Branch, np.ndarray]
+    sweep: dict[Branch, np.ndarray]
+
+
+def settled(cycle: np.ndarray, pace: float, slow: float) -> np.ndarray:
+    """Two processes side by side: one that is over soon, and one four times as slow."""
+    return 1.0 - (1.0 - slow) * np.exp(-cycle / pace) - slow / (1.0 + cycle / (4.0 * pace)) ** 1.5
+
+
+def draw_truth(rng: np.random.Generator, cycles: int, scatter: float = 1.0) -> Truth:
+    """Each number has a size, and all nearly one pace; offset [spans], ln stroke, shift [K], ln width."""
+    n = np.arange(cycles, dtype=float)
+    pace, slow = rng.uniform(2.0, 8.0), rng.uniform(0.1, 0.5)
+    state, sweep = {}, {}
+    for branch in Branch:
+        own = pace * np.exp(0.15 * rng.standard_normal(4))
+        size = np.array([0.2, 0.15, 8.0, 0.3]) * rng.standard_normal(4)
+        state[branch] = np.column_stack([s * settled(n, p, slow) for s, p in zip(size, own, strict=True)])
+        sd = scatter * np.array([0.003, 0.004, 0.15, 0.01])
+        sweep[branch] = state[branch] + sd * rng.standard_normal((cycles, 4))
+    return Truth(state, sweep)
+
+
+def curve(numbers: np.ndarray, temperature: np.ndarray, branch: Branch, channel: str) -> np.ndarray:
+    """A Gompertz curve with four numbers, shape (..., n)."""
+    a, g, d, w = (numbers[..., i, None] for i in range(4))
+    middle = 60.0 if branch is Branch.HEATING else 45.0
+    at = (temperature - middle - d) / (5.0 * np.exp(w))
+    share = np.exp(-np.log(2.0) * np.exp(-at))
+    return STROKE[channel] * (0.5 + a + np.exp(g) * (share - 0.5))
+
+
+def measured(
+    truth: Truth, rng: np.random.Generator, channels: tuple[str, ...] = ("displacement",), noise: float = NOISE
+) -> list[Record]:
+    """One record a branch; force and displacement train alike."""
+    records = []
+    for branch in Branch:
+        cycles = len(truth.sweep[branch])
+        t = np.linspace(20.0, 95.0, SAMPLES) + rng.uniform(-0.3, 0.3, (cycles, SAMPLES))
+        t = t if branch is Branch.HEATING else t[:, ::-1]
+        observed = {
+            c: (
+                curve(truth.sweep[branch], t, branch, c)
+                + noise * STROKE[c] * rng.standard_normal(t.shape)
+            ).ravel()
+            for c in channels
+        }
+        cycle = np.repeat(np.arange(1.0, cycles + 1.0), SAMPLES)
+        inputs = {"temperature": t.ravel(), "cycle": cycle, "segment": 2.0 * cycle}
+        units = {k: v for k, v in UNITS.items() if k in (*inputs, *channels)}
+        records.append(
+            Record(Condition("bench"), branch, inputs, observed, np.arange(1, cycle.size + 1), units)
+        )
+    return records
