@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import signal
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -79,6 +82,15 @@ def arviz_psens() -> Callable[..., Any]:
         return az.psense(az.from_dict({"posterior": draws, "log_likelihood": density}), group="likelihood")
 
     return psens
+def training_spring() -> ModuleType:
+    """Generator of the cycles of a spring that trains, which shares nothing with the package but the record."""
+    spec = importlib.util.spec_from_file_location("training_spring", ROOT / "tests" / "training_spring.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look themselves up there
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session")

@@ -31,8 +31,8 @@ def command(
     at: Annotated[
         list[str] | None,
         typer.Option(
-            help="A temperature, such as '60 degC', at which to tell channels and stiffness; may be repeated. The middle "
-            "of those that were measured by default."
+            help="A temperature, such as '60 degC', at which to tell channels and stiffness; may be repeated. "
+            "The middle of those that were measured by default."
         ),
     ] = None,
     share: Annotated[

@@ -4,20 +4,20 @@ A number of sweep ``i``, such as its shift, was found to be ``y_i`` with the sta
 
     y_i = a + b x(N_i; N0) + w(N_i) + u_i + e_i
 
-with a law ``x``, which all numbers of a condition share with its one ``N0``, a random walk ``w`` whose first step has the
-standard deviation ``omega``, a random effect ``u_i`` of the sweep with ``tau``, and the error ``e_i``. The walk goes with
-the cycle, or with its logarithm, so that what a law misses early is not expected again later. Without a law the rest is
-free to change with every sweep, by chance or along a walk, and a law has to beat that. ``b`` is nought with probability
-1/2, number by number.
+with a law ``x``, which all numbers of a condition share with its one ``N0``, a random walk ``w`` whose first step has
+the standard deviation ``omega``, a random effect ``u_i`` of the sweep with ``tau``, and the error ``e_i``. The walk
+goes with the cycle, or with its logarithm, so that what a law misses early is not expected again later. Without a law the
+rest is free to change with every sweep, by chance or along a walk, and a law has to beat that. ``b`` is nought with
+probability 1/2, number by number.
 
 Given ``N0``, ``tau`` and ``omega`` all else is normal and is integrated exactly; these are on grids. So the evidence of
 each law is a sum, and draws are exact up to the grids.
 
 References
 ----------
-A. Gelman et al., Bayesian Data Analysis, 3rd ed. (2013), ch. 5 (partial pooling); A. Gelman, Bayesian Anal. 1 (2006) 515
-(half-Cauchy priors of standard deviations of effects); G. Williams and D. C. Watts, Trans. Faraday Soc. 66 (1970) 80
-(stretched exponential); A. G. Journel and C. J. Huijbregts, Mining Geostatistics (1978), ch. VII (draws of a normal
+A. Gelman et al., Bayesian Data Analysis, 3rd ed. (2013), ch. 5 (partial pooling); A. Gelman, Bayesian Anal. 1 (2006)
+515 (half-Cauchy priors of standard deviations of effects); G. Williams and D. C. Watts, Trans. Faraday Soc. 66 (1970)
+80 (stretched exponential); A. G. Journel and C. J. Huijbregts, Mining Geostatistics (1978), ch. VII (draws of a normal
 process made conditional by a correction of unconditional ones).
 """
 

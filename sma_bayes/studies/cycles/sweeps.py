@@ -178,7 +178,8 @@ def sweeps_of(record: Record, channel: str) -> tuple[Record, Floats, list[str]]:
     told = []
     if short:
         told.append(
-            f"{record.key}: sweeps of fewer than {LEAST_SAMPLES} samples have no numbers of their own: cycle {', '.join(short)}"
+            f"{record.key}: sweeps of fewer than {LEAST_SAMPLES} samples have no numbers of their own: "
+            f"cycle {', '.join(short)}"
         )
     if double:
         told.append(
@@ -282,7 +283,7 @@ def _with_curve(strand: Strand) -> Strand:
     def left(theta: Floats) -> Floats:
         with np.errstate(all="ignore"):
             curve = model.predict(theta, moved.inputs)[channel]
-        return np.nan_to_num((curve - there) / strand.span, nan=1e30, posinf=1e30, neginf=-1e30)
+        return np.asarray(np.nan_to_num((curve - there) / strand.span, nan=1e30, posinf=1e30, neginf=-1e30))
 
     def jacobian(theta: Floats) -> Floats:
         with np.errstate(all="ignore"):

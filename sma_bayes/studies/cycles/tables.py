@@ -38,7 +38,10 @@ def _law(conditions: tuple[ConditionCycles, ...]) -> Table:
             len(c.measured),
             c.law.chosen,
             None if c.law.n0 is None else Estimate(c.law.n0.median, c.law.n0.q05, c.law.n0.q95),
-            *(_share(c.law.probability.get(law)) for law in ("none", "exponential", "stretched", "logarithmic")),
+            *(
+                _share(c.law.probability.get(law))
+                for law in ("none", "exponential", "stretched", "logarithmic")
+            ),
             c.law.reason,
         )
         for c in conditions
@@ -62,7 +65,8 @@ def _stable(conditions: tuple[ConditionCycles, ...]) -> Table:
         for cycle, change, p in zip(c.stable.cycles, c.stable.change, c.stable.probability, strict=True)
     )
     note = (
-        "Median of the greatest change of any curve to the next cycle, over its stroke, and probability that from here on "
+        "Median of the greatest change of any curve to the next cycle, over its stroke, and "
+        "probability that from here on "
         "none exceeds the share that was asked."
     )
     return Table("stable", "When the spring is stable", note, columns, rows, 1)
@@ -81,7 +85,8 @@ def _changes(conditions: tuple[ConditionCycles, ...]) -> Table:
         for c in conditions for n in c.changes
     )  # fmt: skip
     note = (
-        "Change by the law from the first to the last measured cycle: of offset and stroke over the span of the common curve "
+        "Change by the law from the first to the last measured cycle: of offset and stroke over the "
+        "span of the common curve "
         "(stroke and width: logarithms), of the shift in kelvins. Acted on: probability that the law moves the number. "
         "Scatter: standard deviation from sweep to sweep. Step: that of a walk from cycle to cycle."
     )
@@ -116,7 +121,8 @@ def _quantities(conditions: tuple[ConditionCycles, ...], temperature_unit: str) 
         Column("pooled", "pooled", OF_ROW),
     )  # fmt: skip
     note = (
-        "Each sweep by itself (median and 90 % interval), and pooled over cycles; of cycles that were not measured, the "
+        "Each sweep by itself (median and 90 % interval), and pooled over cycles; of cycles that "
+        "were not measured, the "
         "90 % predictive interval."
     )
     rows = tuple(row for c in conditions for row in _rows(c))
@@ -148,7 +154,8 @@ def _curves(conditions: tuple[ConditionCycles, ...], temperature_unit: str) -> T
     rows = tuple(
         (
             c.condition, k.branch, k.channel, k.model, unit_label(k.unit) or "1",
-            Number(k.midpoint, temperature_unit, 0.01), Number(k.level, k.unit, k.noise), Number(k.span, k.unit, k.noise),
+            Number(k.midpoint, temperature_unit, 0.01), Number(k.level, k.unit, k.noise),
+            Number(k.span, k.unit, k.noise),
             Number(k.missed, "1", 1e-4), Number(k.lag1_correlation, "1", 0.01),
         )
         for c in conditions for k in c.curves

@@ -48,8 +48,9 @@ def _show_condition(console: Console, one: ConditionCycles, temperature_unit: st
     console.print(f"law of training: {one.law.reason}", soft_wrap=True)
     for h in one.held_out:
         console.print(
-            f"cycles {_span(h.held_out)} forecast from {_span(h.trained)}, {h.branch}, {h.channel}: misses {h.rmse:.2%} of the "
-            f"range (the last curve {h.rmse_last:.2%}); {h.covered:.0%} of the samples in their 90 % intervals",
+            f"cycles {_span(h.held_out)} forecast from {_span(h.trained)}, {h.branch}, {h.channel}: misses "
+            f"{h.rmse:.2%} of the range (the last curve {h.rmse_last:.2%}); "
+            f"{h.covered:.0%} of the samples in their 90 % intervals",
             soft_wrap=True,
         )
     for text in one.remarks:

@@ -68,8 +68,8 @@ def cycles(
 ) -> dict[str, Any]:
     """Tell cycle by cycle what every sweep is, by which law it settles, when it is stable, and what comes.
 
-    Every sweep is the common curve of its branch with four numbers: offset, stroke, shift in temperature, and width (the
-    shape-invariant model). These are pooled over cycles under a law of training with one N0, exponential,
+    Every sweep is the common curve of its branch with four numbers: offset, stroke, shift in temperature, and width
+    (the shape-invariant model). These are pooled over cycles under a law of training with one N0, exponential,
     stretched or logarithmic, or none, with a random effect of the sweep and a random walk.
 
     Parameters
@@ -306,11 +306,14 @@ def _reason(pooled: Pooled, best: str, n0: dict[str, float] | None) -> str:
         return f"not testable: {measured_cycles(pooled.strands).size} cycles; a law needs 3 or more"
     gain = p.ln_evidence[best]
     if p.chosen == NONE:
-        return f"no law: {best} gains {gain:.1f} in ln evidence over free changes of each sweep, and {EARNED:g} are asked"
+        return (
+            f"no law: {best} gains {gain:.1f} in ln evidence over free changes of each sweep, "
+            f"and {EARNED:g} are asked"
+        )
     other = max((form for form in FORMS if form != best), key=lambda form: p.ln_evidence[form])
     return (
-        f"{best}, N0 = {n0['median']:.2g} cycles ({n0['q05']:.2g} to {n0['q95']:.2g}): {gain:.1f} more in ln evidence than "
-        f"free changes of each sweep, {gain - p.ln_evidence[other]:.1f} more than {other}"
+        f"{best}, N0 = {n0['median']:.2g} cycles ({n0['q05']:.2g} to {n0['q95']:.2g}): {gain:.1f} more in ln "
+        f"evidence than free changes of each sweep, {gain - p.ln_evidence[other]:.1f} more than {other}"
     )
 
 
@@ -342,7 +345,10 @@ def _stable(pooled: Pooled, share: float, wanted: float) -> dict[str, Any]:
     if first is None:
         told = f"not stable up to {horizon}: the probability of changes below {size} stays below {wanted:.0%}"
     else:
-        told = f"stable from cycle {first} on with a probability of {p[at[0]]:.0%}: no change above {size} up to {horizon}"
+        told = (
+            f"stable from cycle {first} on with a probability of {p[at[0]]:.0%}: "
+            f"no change above {size} up to {horizon}"
+        )
         if first > pooled.last:
             told += f", which is a forecast: the last measured cycle is {pooled.last:.0f}"
     return {
@@ -381,8 +387,8 @@ def _remarks(strands: Sequence[Strand], at: Sequence[float]) -> list[str]:
             low, high = s.ends
             if not low <= t <= high:
                 out.append(
-                    f"{t:g} is beyond the temperatures of {s.record.key}, {low:g} to {high:g} {s.record.units['temperature']}: "
-                    "what is told there is an extrapolation"
+                    f"{t:g} is beyond the temperatures of {s.record.key}, {low:g} to {high:g} "
+                    f"{s.record.units['temperature']}: what is told there is an extrapolation"
                 )
     single = [s for s in strands if s.cycle.size < len(measured_cycles(strands))]
     out += [

@@ -87,8 +87,8 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
         s=f"dark to light: cycles {one.cycles[0]} to {last}; dashed with 90 % band: cycle {one.cycles[-1]}, forecast",
     )  # fmt: skip
     caption = (
-        f"Median curve of each measured cycle of {one.condition}, and of cycle {one.cycles[-1]} as it is forecast, with its "
-        "90 % predictive interval."
+        f"Median curve of each measured cycle of {one.condition}, and of cycle {one.cycles[-1]} as it is forecast, "
+        "with its 90 % predictive interval."
     )
     return Drawing(numbered("curves", number), caption, caption, figure, data)
 
@@ -106,8 +106,8 @@ def numbers_figure(stored: StoredCycles, number: int) -> Drawing:
     channels = list(dict.fromkeys(q.channel for q in one.quantities if q.name in NUMBERS))
     rows = [[_of(one, name, channel) for name in NUMBERS] for channel in channels]
     caption = (
-        f"Offset, stroke, shift and width of every sweep of {one.condition}: points are sweeps by themselves with their 90 % "
-        "intervals, lines and bands pooled over cycles; the shaded part is forecast."
+        f"Offset, stroke, shift and width of every sweep of {one.condition}: points are sweeps by themselves with "
+        "their 90 % intervals, lines and bands pooled over cycles; the shaded part is forecast."
     )
     return _against_cycle(
         one, rows, numbered("numbers", number), f"{one.condition}: numbers by cycle", caption, ""
@@ -129,8 +129,9 @@ def values_figure(stored: StoredCycles, number: int) -> Drawing:
     groups = [[q for q in rest if (q.name, q.at) == key] for key in keys]
     rows = [groups[i : i + 4] for i in range(0, len(groups), 4)]
     caption = (
-        f"Transformation temperatures of {one.condition}, and channels and stiffness at the temperatures that were asked: "
-        "points are sweeps by themselves with their 90 % intervals, lines and bands pooled over cycles; the shaded part is "
+        f"Transformation temperatures of {one.condition}, and channels and stiffness at the temperatures that were "
+        "asked: points are sweeps by themselves with their 90 % intervals, lines and bands pooled over "
+        "cycles; the shaded part is "
         "forecast."
     )
     return _against_cycle(

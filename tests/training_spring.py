@@ -53,7 +53,10 @@ def curve(numbers: np.ndarray, temperature: np.ndarray, branch: Branch, channel:
 
 
 def measured(
-    truth: Truth, rng: np.random.Generator, channels: tuple[str, ...] = ("displacement",), noise: float = NOISE
+    truth: Truth,
+    rng: np.random.Generator,
+    channels: tuple[str, ...] = ("displacement",),
+    noise: float = NOISE,
 ) -> list[Record]:
     """One record a branch; force and displacement train alike."""
     records = []
@@ -63,8 +66,7 @@ def measured(
         t = t if branch is Branch.HEATING else t[:, ::-1]
         observed = {
             c: (
-                curve(truth.sweep[branch], t, branch, c)
-                + noise * STROKE[c] * rng.standard_normal(t.shape)
+                curve(truth.sweep[branch], t, branch, c) + noise * STROKE[c] * rng.standard_normal(t.shape)
             ).ravel()
             for c in channels
         }
