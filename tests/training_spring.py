@@ -13,6 +13,8 @@ NOISE = 0.004
 """Standard deviation of a reading [spans]."""
 STROKE = {"force": 3.0, "displacement": 0.02}
 """[N], [m]"""
+FOLLOWS = {"force": 0.5, "displacement": 1.0}
+"""How much of the training each channel shows."""
 UNITS = {"temperature": "degC", "force": "N", "displacement": "m", "cycle": "1", "segment": "1"}
 
 
@@ -44,7 +46,8 @@ def draw_truth(rng: np.random.Generator, cycles: int, scatter: float = 1.0) -> T
 
 
 def curve(numbers: np.ndarray, temperature: np.ndarray, branch: Branch, channel: str) -> np.ndarray:
-    """A Gompertz curve with four numbers, shape (..., n)."""
+    """A Gompertz curve with four numbers, shape (..., n); force changes half as much, which changes the stiffness."""
+    numbers = numbers * FOLLOWS[channel]
     a, g, d, w = (numbers[..., i, None] for i in range(4))
     middle = 60.0 if branch is Branch.HEATING else 45.0
     at = (temperature - middle - d) / (5.0 * np.exp(w))

@@ -6,8 +6,8 @@ A number of sweep ``i``, such as its shift, was found to be ``y_i`` with the sta
 
 with a law ``x``, which all numbers of a condition share with its one ``N0``, a random walk ``w`` whose first step has
 the standard deviation ``omega``, a random effect ``u_i`` of the sweep with ``tau``, and the error ``e_i``. The walk
-goes with the cycle, or with its logarithm, so that what a law misses early is not expected again later. Without a law the
-rest is free to change with every sweep, by chance or along a walk, and a law has to beat that. ``b`` is nought with
+goes with the cycle, or with its logarithm, so that what a law misses early is not expected again later. Without a law
+the rest is free to change with every sweep, by chance or along a walk, and a law has to beat that. ``b`` is nought with
 probability 1/2, number by number.
 
 Given ``N0``, ``tau`` and ``omega`` all else is normal and is integrated exactly; these are on grids. So the evidence of

@@ -4,9 +4,10 @@ The shape-invariant model: a sweep of a channel reads
 
     y(T) = L + S a + exp(g) (f(m + (T - m - d) exp(-w)) - L)
 
-with the curve f that all sweeps of the branch have in common, its level L halfway between the ends of the measured
-temperatures, its span S between them, and the temperature m at which it is at L. The four numbers of each sweep are a
-(offset over span), g (ln stroke), d (shift [K]) and w (ln width). Curve and numbers are found by least squares in turn.
+with the curve f that all sweeps of the branch have in common (a response model, and a spline of what it misses of all
+of them alike), its level L halfway between the ends of the measured temperatures, its span S between them, and the
+temperature m at which it is at L. The four numbers of each sweep are a (offset over span), g (ln stroke), d (shift [K])
+and w (ln width). Curve and numbers are found by least squares in turn.
 What is left has a memory within a sweep; standard deviations of the numbers allow for it.
 
 References
@@ -22,12 +23,15 @@ from typing import Final
 
 import numpy as np
 from scipy import optimize
+from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.signal import lfilter
 
 from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.assess.transformation import Tangents, tangents
 from sma_bayes.errors import MeasurementError
-from sma_bayes.fitting.least_squares import least_squares
+from sma_bayes.fitting.posterior import build_posterior
+from sma_bayes.fitting.warm_start import warm_start
+from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.records.types import Record
 from sma_bayes.response import AUTO_MODEL, RESPONSE_MODELS, ladder
 from sma_bayes.response.base import ResponseModel
@@ -46,9 +50,17 @@ STEPS: Final = 20
 SETTLED: Final = 3e-3
 """Share by which what is left may still shrink in the last."""
 ITERATIONS: Final = 30
+REFINED: Final = 3
+"""Rounds of numbers and of what the response model misses of all sweeps alike, once both have settled."""
+MOST_KNOTS: Final = 10
+"""Most inner knots of the spline of that."""
+SAMPLES_A_KNOT: Final = 12
+"""Fewest samples for each of its coefficients."""
 LEAST_NOISE: Final = 1e-4
 """Least noise that is reckoned with [spans]."""
-GREATEST_MEMORY: Final = 0.98
+GREATEST_MEMORY: Final = 0.9
+MOST_SAMPLES: Final = 200
+"""Samples of a sweep from which what least squares takes of the noise is told."""
 STEP: Final = 0.01
 """Step of finite differences in temperature [K]."""
 
@@ -70,6 +82,8 @@ class Strand:
     model : ResponseModel
     theta : ndarray
         Of the common curve.
+    free : ndarray of int
+        Positions of the parameters that are estimated.
     level, span, middle : float
         L and S [unit of the channel], m [unit of temperature].
     noise : float
@@ -78,6 +92,8 @@ class Strand:
         Of neighbours in a sweep.
     converged : bool
         Whether curve and numbers have settled.
+    missed : BSpline, optional
+        What the response model misses of all sweeps alike [unit of the channel], against temperature on the curve.
     """
 
     record: Record
@@ -88,12 +104,14 @@ class Strand:
     sds: Floats
     model: ResponseModel
     theta: Floats
+    free: Ints
     level: float
     span: float
     middle: float
     noise: float = 0.0
     lag1_correlation: float = 0.0
     converged: bool = False
+    missed: BSpline | None = None
 
     @property
     def unit(self) -> str:
@@ -112,6 +130,15 @@ class Strand:
 
     def common(self, temperature: Floats) -> Floats:
         """The common curve."""
+        curve = self.smooth(temperature)
+        if self.missed is None:
+            return curve
+        degree = self.missed.k
+        inside = np.clip(temperature, self.missed.t[degree], self.missed.t[-degree - 1])
+        return np.asarray(curve + self.missed(inside))
+
+    def smooth(self, temperature: Floats) -> Floats:
+        """That of the response model alone."""
         with np.errstate(all="ignore"):
             out = self.model.predict(self.theta, {"temperature": temperature.ravel()})[self.channel]
         return np.asarray(out).reshape(temperature.shape)
@@ -128,8 +155,8 @@ class Strand:
         return (up - down) / (2.0 * STEP)
 
     def tangents(self) -> Tangents:
-        """What the tangent rule gives for the common curve; it moves with shift and width as the curve does."""
-        return tangents(lambda t: self.common(np.atleast_2d(t)), *self.ends)
+        """What the tangent rule gives for the response model; it moves with shift and width as the curve does."""
+        return tangents(lambda t: self.smooth(np.atleast_2d(t)), *self.ends)
 
     def part(self, kept: Bools) -> tuple[Record, Floats]:
         """Record and cycles of some of the sweeps."""
@@ -164,9 +191,9 @@ def sweeps_of(record: Record, channel: str) -> tuple[Record, Floats, list[str]]:
     found: dict[float, Ints] = {}
     short: list[str] = []
     double: list[str] = []
-    for segment in np.unique(record.inputs["segment"]):
-        own = np.flatnonzero(record.inputs["segment"] == segment)
-        cycle = float(np.median(cycles[own]))
+    segment = record.inputs["segment"]
+    for number, cycle in sorted(set(zip(segment.tolist(), cycles.tolist(), strict=True))):
+        own = np.flatnonzero((segment == number) & (cycles == cycle))
         if own.size < LEAST_SAMPLES:
             short.append(f"{cycle:g}")
             continue
@@ -192,6 +219,7 @@ def sweeps_of(record: Record, channel: str) -> tuple[Record, Floats, list[str]]:
 
 
 def _part(record: Record, rows: Ints) -> Record:
+    """Some rows of a record; a sweep has a cycle of its own, also where nothing lies between it and the next."""
     inputs = {name: values[rows] for name, values in record.inputs.items()}
     observed = {c: values[rows] for c, values in record.observed.items()}
     return replace(record, inputs=inputs, observed=observed, row=record.row[rows])
@@ -232,11 +260,10 @@ def _criterion(strand: Strand) -> float:
 
 
 def _alternate(record: Record, channel: str, cycle: Floats, model: ResponseModel, seed: int) -> Strand:
-    fitted = least_squares(record, model, seed=seed)
-    theta = np.array(list(fitted.estimate.values()))
+    theta, free = _start(record, model, seed)
     none = np.zeros((cycle.size, 4))
     strand = _centred(
-        Strand(record, channel, _starts(record), cycle, none, none, model, theta, 0.0, 0.0, 0.0)
+        Strand(record, channel, _starts(record), cycle, none, none, model, theta, free, 0.0, 0.0, 0.0)
     )
     strand, left, converged = _with_numbers(strand), np.inf, False
     for _ in range(ROUNDS):
@@ -245,14 +272,44 @@ def _alternate(record: Record, channel: str, cycle: Floats, model: ResponseModel
         if converged:
             break
         left = strand.noise
+    for _ in range(REFINED):
+        strand = _with_numbers(_with_missed(strand))
     strand = _with_numbers(_centred(strand))
     return _with_sds(replace(strand, converged=converged))
 
 
+def _with_missed(strand: Strand) -> Strand:
+    """With a spline of what the response model misses of all sweeps alike, where there are samples enough for one."""
+    n = strand.record.n
+    inner = min(MOST_KNOTS, n // SAMPLES_A_KNOT - 4)
+    if inner < 1:
+        return strand
+    a, g, d, w = np.repeat(strand.numbers, strand.lengths, axis=0).T
+    y = strand.record.observed[strand.channel]
+    at = strand.middle + (strand.record.temperature - strand.middle - d) * np.exp(-w)
+    there = strand.level + (y - strand.level - strand.span * a) * np.exp(-g)
+    order = np.argsort(at, kind="stable")
+    at, left = at[order], (there - strand.smooth(at))[order]
+    at = at + np.arange(n) * 1e-9 * (at[-1] - at[0])  # ties are no order
+    knots = np.quantile(at, np.linspace(0.0, 1.0, inner + 2))
+    knots = np.concatenate([np.repeat(knots[0], 3), knots, np.repeat(knots[-1], 3)])
+    return replace(strand, missed=make_lsq_spline(at, left, knots, k=3, w=np.exp(g[order])))
+
+
+def _start(record: Record, model: ResponseModel, seed: int) -> tuple[Floats, Ints]:
+    """Parameters to start from, and positions of those that are not held fixed."""
+    posterior = build_posterior((record,), NOISE_MODELS["independent"], model.default_priors(), model=model)
+    size = len(model.parameter_names)
+    free = [i for i, p in enumerate(posterior.space.parameters[:size]) if p.fixed is None]
+    start = warm_start(posterior, np.random.default_rng(seed))
+    return np.array(start.theta[:size]), np.array(free, dtype=np.int64)
+
+
 def _starts(record: Record) -> Ints:
     """First sample of each sweep."""
-    segment = record.inputs["segment"]
-    return np.flatnonzero(np.diff(segment, prepend=segment[0] - 1.0) != 0)
+    segment, cycle = record.inputs["segment"], record.inputs.get("cycle", np.ones(record.n))
+    changes = (np.diff(segment, prepend=segment[0] - 1.0) != 0) | (np.diff(cycle, prepend=cycle[0]) != 0)
+    return np.flatnonzero(changes)
 
 
 def _centred(strand: Strand) -> Strand:
@@ -278,21 +335,29 @@ def _with_curve(strand: Strand) -> Strand:
     moved = replace(
         strand.record, inputs={**strand.record.inputs, "temperature": at}, observed={strand.channel: there}
     )
-    model, channel = strand.model, strand.channel
+    model, channel, free = strand.model, strand.channel, strand.free
 
-    def left(theta: Floats) -> Floats:
+    def whole(x: Floats) -> Floats:
+        theta = strand.theta.copy()
+        theta[free] = x
+        return theta
+
+    def left(x: Floats) -> Floats:
         with np.errstate(all="ignore"):
-            curve = model.predict(theta, moved.inputs)[channel]
+            curve = model.predict(whole(x), moved.inputs)[channel]
         return np.asarray(np.nan_to_num((curve - there) / strand.span, nan=1e30, posinf=1e30, neginf=-1e30))
 
-    def jacobian(theta: Floats) -> Floats:
+    def jacobian(x: Floats) -> Floats:
         with np.errstate(all="ignore"):
-            return np.asarray(np.nan_to_num(model.jacobian(theta, moved.inputs)[channel] / strand.span))
+            slopes = model.jacobian(whole(x), moved.inputs)[channel]
+        return np.asarray(np.nan_to_num(slopes[:, free] / strand.span))
 
+    if not free.size:
+        return strand
     found = optimize.least_squares(
-        left, strand.theta, jac=jacobian, x_scale="jac", xtol=1e-6, ftol=1e-6, max_nfev=STEPS
+        left, strand.theta[free], jac=jacobian, x_scale="jac", xtol=1e-6, ftol=1e-6, max_nfev=STEPS
     )
-    return replace(strand, theta=np.asarray(found.x, dtype=float))
+    return replace(strand, theta=whole(found.x))
 
 
 def _with_numbers(strand: Strand) -> Strand:
@@ -352,13 +417,8 @@ def _sums(values: Floats, strand: Strand) -> Floats:
 def _with_sds(strand: Strand) -> Strand:
     """Standard deviations of the numbers under noise with a memory (AR(1)) of which least squares knows nothing."""
     left, rows = _left(strand, strand.numbers), _rows(strand, strand.numbers)
-    first = np.zeros(left.size, dtype=bool)
-    first[strand.starts] = True
-    pairs = ~first[1:]
-    memory = float(np.sum((left[1:] * left[:-1])[pairs]) / max(np.sum(left[:-1][pairs] ** 2), 1e-300))
-    memory = float(np.clip(memory, 0.0, GREATEST_MEMORY))
-    spent = 4 * strand.cycle.size + len(strand.model.parameter_names)
-    noise = max(float(np.sqrt(np.sum(left**2) / max(left.size - spent, 1))), LEAST_NOISE * strand.span)
+    memory, spared = _memory(strand, left, rows)
+    noise = max(float(np.sqrt(np.mean(left**2) / spared)), LEAST_NOISE * strand.span)
     hold, sds = np.diag(PRIOR_SD**-2), np.empty_like(strand.numbers)
     for i, own in enumerate(np.split(rows, strand.starts[1:])):
         normal = own.T @ own / noise**2 + hold
@@ -366,6 +426,31 @@ def _with_sds(strand: Strand) -> Strand:
         inverse = np.linalg.inv(normal)
         sds[i] = np.sqrt(np.diag(inverse @ middle @ inverse))
     return replace(strand, sds=sds, noise=noise, lag1_correlation=memory)
+
+
+def _memory(strand: Strand, left: Floats, rows: Floats) -> tuple[float, float]:
+    """Correlation of neighbours, and the share of the variance of the noise that is left once numbers are estimated.
+
+    Least squares takes some of both away; how much, a sweep of median length tells.
+    """
+    first = np.zeros(left.size, dtype=bool)
+    first[strand.starts] = True
+    pairs = ~first[1:]
+    ratio = np.sum((left[1:] * left[:-1])[pairs]) / max(float(np.sum(left**2)), 1e-300)
+    typical = int(np.argsort(strand.lengths)[strand.cycle.size // 2])
+    own = rows[strand.starts[typical] :][: min(strand.lengths[typical], MOST_SAMPLES)]
+    q = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
+    lag = np.abs(np.subtract.outer(np.arange(len(own)), np.arange(len(own))))
+    memories = np.linspace(0.0, GREATEST_MEMORY, 50)
+    expected, spared = np.empty(memories.size), np.empty(memories.size)
+    for i, memory in enumerate(memories):
+        r = memory**lag
+        r -= q @ (q.T @ r)
+        r -= (r @ q) @ q.T
+        spared[i] = np.trace(r) / len(own)
+        expected[i] = np.trace(r, offset=1) / np.trace(r)
+    memory = float(np.interp(ratio, np.maximum.accumulate(expected), memories))
+    return memory, float(np.interp(memory, memories, spared))
 
 
 def _correlated(rows: Floats, memory: float) -> Floats:

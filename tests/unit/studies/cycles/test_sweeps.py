@@ -32,16 +32,30 @@ def strand(record: Record, channel: str = "displacement", model: str = "sinh_arc
     return fit_strand(sweeps, channel, cycle, model, 0)
 
 
-def test_numbers_come_back_against_each_other(truth: Any, measured: Callable[..., list[Record]]) -> None:
-    """Differences between cycles, in standard deviations: mean square 1 within 3 sd of its 44 degrees of freedom."""
+def deviations(found: Strand, silent: Record) -> np.ndarray:
+    """Numbers less those of the same sweeps without noise about the same curve, in standard deviations."""
+    quiet, cycle, _ = sweeps_of(silent, found.channel)
+    return np.asarray((found.numbers - found.about(quiet, cycle).numbers) / found.sds)
+
+
+def test_numbers_and_curves_come_back(
+    training_spring: ModuleType, truth: Any, measured: Callable[..., list[Record]]
+) -> None:
+    """Mean squares of 96 deviations, 1 within 4 sd; curves within 1 % of the stroke of the true ones."""
+    z = []
     for record in measured(truth, np.random.default_rng(4)):
         found = strand(record)
         assert found.converged
         assert found.noise / found.range < 0.006
-        true = truth.sweep[record.branch]
-        z = (found.numbers - found.numbers.mean(axis=0) - (true - true.mean(axis=0))) / found.sds
-        assert np.mean(z**2) < 1.0 + 3.0 * np.sqrt(2.0 / 44.0)
-        assert np.mean(z**2) > 0.3
+        t = np.linspace(25.0, 90.0, 50)
+        true = training_spring.curve(truth.sweep[record.branch], t, record.branch, "displacement")
+        assert np.abs(found.curve(found.numbers, t) - true).max() < 0.015 * found.span
+        exact = training_spring.curve(
+            np.repeat(truth.sweep[record.branch], training_spring.SAMPLES, axis=0),
+            record.temperature[:, None], record.branch, "displacement",
+        )[:, 0]  # fmt: skip
+        z.append(deviations(found, replace(record, observed={"displacement": exact})))
+    assert np.mean(np.square(z)) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 96.0))
 
 
 def test_a_richer_curve_is_taken_where_it_is_earned(
@@ -67,9 +81,7 @@ def test_standard_deviations_allow_for_the_memory_of_what_is_left(
     read = record.observed["displacement"] + 0.004 * 0.02 * noise
     found = strand(replace(record, observed={"displacement": read}))
     assert 0.6 < found.lag1_correlation < 0.85
-    true = truth.sweep[record.branch]
-    z = (found.numbers - found.numbers.mean(axis=0) - (true - true.mean(axis=0))) / found.sds
-    assert 0.3 < np.mean(z**2) < 2.0
+    assert np.mean(deviations(found, record) ** 2) == pytest.approx(1.0, abs=0.6)  # 4 sd of 48, a little more
 
 
 def test_short_and_double_sweeps_are_left_out_and_named(
