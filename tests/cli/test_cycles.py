@@ -16,6 +16,8 @@ import sma_bayes
 from sma_bayes.records.types import Branch
 
 CYCLES = 10
+AT = ["48 degC", "52 degC", "56 degC", "60 degC", "64 degC", "68 degC"]
+OPTIONS = [option for text in AT for option in ("--at", text)]
 TOML = """\
 [campaign]
 name = "training"
@@ -39,7 +41,7 @@ def write_cycles(
     heating, cooling = spring.measured(truth, np.random.default_rng(8), ("force", "displacement"), 0.002)
     lines, time = ["time_s,temperature_C,force_N,displacement_mm,cycle,branch"], 0.0
     for cycle in range(1, cycles + 1):
-        for record in (heating, cooling) if up else (heating,):
+        for record in (heating, cooling):
             own = np.flatnonzero(record.inputs["cycle"] == cycle)
             for i in own:
                 time += 1.0
@@ -67,7 +69,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory, training_spring: ModuleType,
 def out(bench: Path) -> Path:
     folder = bench.parent / "out"
     campaign = sma_bayes.read_campaign(bench)
-    sma_bayes.cycles(campaign, folder, at=["48 degC", "60 degC"], jobs=1)
+    sma_bayes.cycles(campaign, folder, at=AT, jobs=1)
     return folder
 
 
@@ -101,11 +103,12 @@ def test_the_document_is_as_published_and_every_file_is_there(
 def test_stiffness_changes_with_the_cycle_as_it_does_in_truth(
     out: Path, training_spring: ModuleType, truth: Any
 ) -> None:
-    """Intervals of 90 % where the displacement has a slope: at most a quarter of them may miss.
+    """Intervals of 90 % where the displacement has a slope, within 10 % of the truth in the middle.
 
-    That is four standard deviations beyond a tenth of 30 that are independent; the seed is fixed.
+    Cycles share the error of the common curve, so each temperature and branch counts once: at most 4 of 11 may miss more
+    than half of their cycles, a false alarm once in 350 runs; the seed is fixed.
     """
-    missed, changed = [], []
+    missed, errors, changed = [], [], []
     (one,) = found_in(out)["conditions"]
     for q in one["quantities"]:
         if q["name"] != "stiffness":
@@ -117,16 +120,19 @@ def test_stiffness_changes_with_the_cycle_as_it_does_in_truth(
             np.diff(training_spring.curve(numbers, t, Branch(q["branch"]), c), axis=1)[:, 0] / 0.02
             for c in ("force", "displacement")
         )
-        steep = displacement > 2e-5  # [m/K], a fiftieth of the steepest
+        steep = displacement > 1.5e-4  # [m/K], a tenth of the steepest
+        if not steep.any():
+            continue
         k = force[steep] / displacement[steep]
         low, high, middle = (
             np.array(q[name][:CYCLES], dtype=float)[steep] for name in ("q05", "q95", "median")
         )
-        missed += ((k < low) | (k > high)).tolist()
-        changed.append(np.ptp(k) / np.mean(k) if k.size else 0.0)
-        assert np.median(np.abs(middle / k - 1.0)) < 0.1
-    assert len(missed) >= 30
-    assert np.mean(missed) <= 0.25
+        missed.append(np.mean((k < low) | (k > high)) > 0.5)
+        errors += np.abs(middle / k - 1.0).tolist()
+        changed.append(np.ptp(k) / np.mean(k))
+    assert 9 <= len(missed) <= 11
+    assert sum(missed) <= 4
+    assert np.median(errors) < 0.1
     assert max(changed) > 0.2
 
 
@@ -137,7 +143,7 @@ def test_later_sweeps_are_in_their_predictive_intervals(
     missed, told = 0, 0
     (one,) = found_in(out)["conditions"]
     for q in one["quantities"]:
-        if q["name"] != "displacement":
+        if q["name"] != "displacement" or q["at"] not in (48.0, 60.0):
             continue
         branch = Branch(q["branch"])
         true = training_spring.curve(
@@ -154,9 +160,7 @@ def test_the_terminal_tells_the_same_and_closes_with_a_sentence(
     run: Callable[..., Any], bench: Path, out: Path, tmp_path: Path
 ) -> None:
     again = tmp_path / "again"
-    outcome = run(
-        "cycles", bench, "--out", again, "--at", "48 degC", "--at", "60 degC", "--jobs", "1", "--no-figures"
-    )
+    outcome = run("cycles", bench, "--out", again, *OPTIONS, "--jobs", "1", "--no-figures")
     assert outcome.status == 0
     one, other = found_in(out)["conditions"][0], found_in(again)["conditions"][0]
     assert one == other
@@ -167,7 +171,7 @@ def test_the_terminal_tells_the_same_and_closes_with_a_sentence(
 def test_resuming_and_reporting_change_nothing(run: Callable[..., Any], bench: Path, out: Path) -> None:
     before = found_in(out)
     (out / "report.html").unlink()
-    options = ("--at", "48 degC", "--at", "60 degC", "--jobs", "1")
+    options = (*OPTIONS, "--jobs", "1")
     assert run("cycles", bench, "--out", out, *options, "--resume", "--quiet").status == 0
     assert (out / "report.html").is_file()
     assert run("report", out, "--quiet").status == 0
@@ -191,12 +195,12 @@ def test_one_cycle_is_refused(
     assert not (tmp_path / "out").exists()
 
 
-def test_two_cycles_of_one_branch_tell_numbers_and_no_law(
+def test_two_cycles_tell_numbers_and_no_law(
     run: Callable[..., Any], tmp_path: Path, training_spring: ModuleType, truth: Any
 ) -> None:
-    two = write_cycles(tmp_path / "two", training_spring, truth, cycles=2, up=False)
+    two = write_cycles(tmp_path / "two", training_spring, truth, cycles=2)
     outcome = run("cycles", two, "--out", tmp_path / "out", "--jobs", "1", "--json", "--at", "200 degC")
-    assert outcome.status == 0
+    assert outcome.status == 0, outcome.err
     (one,) = json.loads(outcome.out)["conditions"]
     assert not one["law"]["testable"]
     assert one["law"]["chosen"] == "none"

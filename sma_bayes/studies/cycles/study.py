@@ -22,6 +22,8 @@ HELD_OUT: Final = 0.3
 """Share of the cycles, the last ones, that are forecast from the others."""
 FEWEST_TO_HOLD_OUT: Final = 5
 """Cycles from which that is done."""
+ERROR_DRAWS: Final = 200
+"""Draws of the common curve that tell how uncertain it makes a single sweep."""
 FLAT: Final = 1e-3
 """Slope below which a displacement is level and has no stiffness [greatest slope of the common curve]."""
 
@@ -40,6 +42,8 @@ class Pooled:
         Last measured cycle.
     draws : tuple of Draws
         Of each number of each strand, strand by strand.
+    errors : tuple of ndarray or None
+        Of the common curve of each strand, in as many draws.
     """
 
     strands: tuple[Strand, ...]
@@ -47,6 +51,7 @@ class Pooled:
     cycle: Floats
     last: float
     draws: tuple[Draws, ...]
+    errors: tuple[Floats | None, ...]
 
     def numbers(self, strand: int, what: str = "sweep") -> Floats:
         """Draws of the four numbers of a strand, shape (S, G, 4)."""
@@ -129,8 +134,10 @@ def pool(strands: Sequence[Strand], ahead: int, seed: int, size: int = DRAWS) ->
     ]
     posterior = LawPosterior(series)
     grid = np.arange(last - first + ahead + 1.0)
-    _, draws = posterior.draw(grid, size, np.random.default_rng(seed))
-    return Pooled(tuple(strands), posterior, grid + first, last, tuple(draws))
+    rng = np.random.default_rng(seed)
+    _, draws = posterior.draw(grid, size, rng)
+    errors = tuple(s.errors(size, rng) for s in strands)
+    return Pooled(tuple(strands), posterior, grid + first, last, tuple(draws), errors)
 
 
 def changes(pooled: Pooled) -> Floats:
@@ -217,19 +224,24 @@ def _temperatures(pooled: Pooled, place: int) -> Iterator[CycleSeries]:
 
 def _value(pooled: Pooled, place: int, temperature: float) -> CycleSeries:
     strand, t = pooled.strands[place], np.array([temperature])
-    value, sd = _propagated(lambda p: strand.curve(p, t)[..., 0], strand)
-    drawn = strand.curve(pooled.numbers(place), t)[..., 0]
+    value, sd = _propagated(lambda p, e: strand.curve(p, t, e)[..., 0], strand)
+    drawn = strand.curve(pooled.numbers(place), t, pooled.errors[place])[..., 0]
     return _series(pooled, place, strand.channel, strand.unit, temperature, value, sd, drawn)
 
 
-def _propagated(value_of: Callable[[Floats], Floats], strand: Strand) -> tuple[Floats, Floats]:
-    """Values of single sweeps, and standard deviations by their derivatives."""
-    value = value_of(strand.numbers)
+def _propagated(value_of: Callable[[Floats, Floats | None], Floats], strand: Strand) -> tuple[Floats, Floats]:
+    """Values of single sweeps, and standard deviations: by derivatives in the numbers, and errors of the curve."""
+    value = value_of(strand.numbers, None)
     variance = np.zeros(value.size)
     for i in range(4):
         by = np.zeros_like(strand.numbers)
         by[:, i] = 0.5 * strand.sds[:, i]
-        variance += (value_of(strand.numbers + by) - value_of(strand.numbers - by)) ** 2
+        up, down = (value_of(strand.numbers + sign * by, None) for sign in (1.0, -1.0))
+        variance += (up - down) ** 2
+    errors = strand.errors(ERROR_DRAWS, np.random.default_rng(0))
+    if errors is not None:
+        numbers = np.broadcast_to(strand.numbers, (ERROR_DRAWS, *strand.numbers.shape))
+        variance += np.var(value_of(numbers, errors), axis=0)
     return value, np.sqrt(variance)
 
 
@@ -244,10 +256,12 @@ def _stiffness(pooled: Pooled, force: int, displacement: int, temperature: float
             k = of_force / of_displacement
         return np.asarray(np.where(np.abs(of_displacement) > FLAT * steepest, k, np.nan))
 
-    drawn = ratio(f.slope(pooled.numbers(force), t)[..., 0], x.slope(pooled.numbers(displacement), t)[..., 0])
+    drawn = ratio(*(
+        pooled.strands[i].slope(pooled.numbers(i), t, pooled.errors[i])[..., 0] for i in (force, displacement)
+    ))  # fmt: skip
     both, of_f, of_x = np.intersect1d(f.cycle, x.cycle, return_indices=True)
-    fs, sd_f = _propagated(lambda p: f.slope(p, t)[..., 0], f)
-    xs, sd_x = _propagated(lambda p: x.slope(p, t)[..., 0], x)
+    fs, sd_f = _propagated(lambda p, e: f.slope(p, t, e)[..., 0], f)
+    xs, sd_x = _propagated(lambda p, e: x.slope(p, t, e)[..., 0], x)
     k = ratio(fs[of_f], xs[of_x])
     with np.errstate(all="ignore"):
         sd = np.abs(k) * np.hypot(sd_f[of_f] / fs[of_f], sd_x[of_x] / xs[of_x])
@@ -288,7 +302,7 @@ def _forecast(pooled: Pooled, place: int, strand: Strand, last: float, seed: int
         own = slice(start, start + int(length))
         start += int(length)
         t, y = record.temperature[own], measured[own]
-        curve = trained.curve(numbers[:, n], t)
+        curve = trained.curve(numbers[:, n], t, pooled.errors[place])
         missed.append(y - np.median(curve, axis=0))
         missed_last.append(y - trained.curve(before, t))
         reading = curve + trained.noise * rng.standard_normal(curve.shape)

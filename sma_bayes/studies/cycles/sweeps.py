@@ -18,6 +18,7 @@ model with random effects.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -43,18 +44,16 @@ USUAL_SCATTER: Final = np.array([0.02, 0.05, 1.0, 0.1])
 """How well one specimen in one rig usually repeats, in the same units."""
 LEAST_SAMPLES: Final = 8
 """Fewest samples of a sweep that gets numbers of its own."""
-ROUNDS: Final = 40
+ROUNDS: Final = 60
 """Most rounds of curve and numbers."""
 STEPS: Final = 20
 """Most evaluations of the curve in one of them."""
-SETTLED: Final = 3e-3
+SETTLED: Final = 1e-3
 """Share by which what is left may still shrink in the last."""
 ITERATIONS: Final = 30
-REFINED: Final = 3
-"""Rounds of numbers and of what the response model misses of all sweeps alike, once both have settled."""
-MOST_KNOTS: Final = 10
-"""Most inner knots of the spline of that."""
-SAMPLES_A_KNOT: Final = 12
+MOST_KNOTS: Final = 20
+"""Most inner knots of the spline of what the response model misses."""
+SAMPLES_A_KNOT: Final = 16
 """Fewest samples for each of its coefficients."""
 LEAST_NOISE: Final = 1e-4
 """Least noise that is reckoned with [spans]."""
@@ -94,6 +93,8 @@ class Strand:
         Whether curve and numbers have settled.
     missed : BSpline, optional
         What the response model misses of all sweeps alike [unit of the channel], against temperature on the curve.
+    root : ndarray, shape (k, k - 4), optional
+        Of the covariance of its coefficients.
     """
 
     record: Record
@@ -112,6 +113,7 @@ class Strand:
     lag1_correlation: float = 0.0
     converged: bool = False
     missed: BSpline | None = None
+    root: Floats | None = None
 
     @property
     def unit(self) -> str:
@@ -128,14 +130,25 @@ class Strand:
         """Between the least and the greatest measured value."""
         return float(np.ptp(self.record.observed[self.channel]))
 
-    def common(self, temperature: Floats) -> Floats:
-        """The common curve."""
+    def common(self, temperature: Floats, errors: Floats | None = None) -> Floats:
+        """The common curve; with its errors in each of S draws where they are given."""
         curve = self.smooth(temperature)
         if self.missed is None:
             return curve
-        degree = self.missed.k
-        inside = np.clip(temperature, self.missed.t[degree], self.missed.t[-degree - 1])
-        return np.asarray(curve + self.missed(inside))
+        knots, degree = self.missed.t, self.missed.k
+        inside = np.clip(temperature, knots[degree], knots[-degree - 1])
+        if errors is None:
+            return np.asarray(curve + self.missed(inside))
+        rows = BSpline.design_matrix(inside.ravel(), knots, degree).toarray()
+        design = rows.reshape(len(errors), -1, errors.shape[1])
+        off = np.einsum("snk,sk->sn", design, errors).reshape(temperature.shape)
+        return np.asarray(curve + self.missed(inside) + off)
+
+    def errors(self, size: int, rng: np.random.Generator) -> Floats | None:
+        """Errors of the common curve in S draws, as coefficients of its spline; None where it has none."""
+        if self.missed is None or self.root is None:
+            return None
+        return np.asarray(rng.standard_normal((size, self.root.shape[1])) @ self.root.T)
 
     def smooth(self, temperature: Floats) -> Floats:
         """That of the response model alone."""
@@ -143,15 +156,18 @@ class Strand:
             out = self.model.predict(self.theta, {"temperature": temperature.ravel()})[self.channel]
         return np.asarray(out).reshape(temperature.shape)
 
-    def curve(self, numbers: Floats, temperature: Floats) -> Floats:
-        """Curves of sweeps with some numbers (..., 4) at temperatures that broadcast with (..., 1)."""
+    def curve(self, numbers: Floats, temperature: Floats, errors: Floats | None = None) -> Floats:
+        """Curves of sweeps with some numbers (..., 4) at temperatures that broadcast with (..., 1).
+
+        Where `errors` of the common curve are given, (S, k), the numbers are of as many draws, (S, ..., 4).
+        """
         a, g, d, w = (numbers[..., i, None] for i in range(4))
         at = self.middle + (temperature - self.middle - d) * np.exp(-w)
-        return np.asarray(self.level + self.span * a + np.exp(g) * (self.common(at) - self.level))
+        return np.asarray(self.level + self.span * a + np.exp(g) * (self.common(at, errors) - self.level))
 
-    def slope(self, numbers: Floats, temperature: Floats) -> Floats:
+    def slope(self, numbers: Floats, temperature: Floats, errors: Floats | None = None) -> Floats:
         """Their derivatives with respect to temperature."""
-        up, down = (self.curve(numbers, temperature + by) for by in (STEP, -STEP))
+        up, down = (self.curve(numbers, temperature + by, errors) for by in (STEP, -STEP))
         return (up - down) / (2.0 * STEP)
 
     def tangents(self) -> Tangents:
@@ -265,17 +281,21 @@ def _alternate(record: Record, channel: str, cycle: Floats, model: ResponseModel
     strand = _centred(
         Strand(record, channel, _starts(record), cycle, none, none, model, theta, free, 0.0, 0.0, 0.0)
     )
-    strand, left, converged = _with_numbers(strand), np.inf, False
-    for _ in range(ROUNDS):
-        strand = _with_numbers(_with_curve(strand))
-        converged = strand.noise >= (1.0 - SETTLED) * left
-        if converged:
-            break
-        left = strand.noise
-    for _ in range(REFINED):
-        strand = _with_numbers(_with_missed(strand))
+    strand, first = _settled(_with_numbers(strand), _with_curve)
+    strand, second = _settled(strand, _with_missed)
     strand = _with_numbers(_centred(strand))
-    return _with_sds(replace(strand, converged=converged))
+    return _with_sds(replace(strand, converged=first and second))
+
+
+def _settled(strand: Strand, with_curve: Callable[[Strand], Strand]) -> tuple[Strand, bool]:
+    """Curve and numbers in turn, until both leave no less than before, and whether they came to that."""
+    left = np.inf
+    for _ in range(ROUNDS):
+        strand = _with_numbers(with_curve(strand))
+        if strand.noise >= (1.0 - SETTLED) * left:
+            return strand, True
+        left = strand.noise
+    return strand, False
 
 
 def _with_missed(strand: Strand) -> Strand:
@@ -291,9 +311,35 @@ def _with_missed(strand: Strand) -> Strand:
     order = np.argsort(at, kind="stable")
     at, left = at[order], (there - strand.smooth(at))[order]
     at = at + np.arange(n) * 1e-9 * (at[-1] - at[0])  # ties are no order
-    knots = np.quantile(at, np.linspace(0.0, 1.0, inner + 2))
+    knots = _knots(strand, at, inner)
     knots = np.concatenate([np.repeat(knots[0], 3), knots, np.repeat(knots[-1], 3)])
-    return replace(strand, missed=make_lsq_spline(at, left, knots, k=3, w=np.exp(g[order])))
+    missed = make_lsq_spline(at, left, knots, k=3, w=np.exp(g[order]))
+    design = np.empty((n, len(missed.c)))
+    design[order] = BSpline.design_matrix(at, knots, 3).toarray()
+    return replace(strand, missed=missed, root=_root(strand, design))
+
+
+def _knots(strand: Strand, at: Floats, inner: int) -> Floats:
+    """Knots that are spread over both temperature and curve, with samples between all of them."""
+    t = np.linspace(at[0], at[-1], 1000)
+    passed = np.cumsum(np.abs(np.diff(strand.smooth(t), prepend=strand.smooth(t[:1]))))
+    place = np.linspace(0.0, 1.0, t.size) + passed / max(float(passed[-1]), 1e-300)
+    knots = np.interp(np.linspace(0.0, place[-1], inner + 2), place, t)
+    samples = np.histogram(at, knots)[0]
+    return knots if samples.min() >= 4 else np.quantile(at, np.linspace(0.0, 1.0, inner + 2))
+
+
+def _root(strand: Strand, design: Floats) -> Floats:
+    """Root of the covariance of a common spline, beside numbers of each sweep, under noise of size 1.
+
+    The numbers can take the place of four of its combinations, which are left to them.
+    """
+    rows = _rows(strand, strand.numbers)
+    for own in np.split(np.arange(len(design)), strand.starts[1:]):
+        q = np.linalg.qr(rows[own] / np.linalg.norm(rows[own], axis=0))[0]
+        design[own] -= q @ (q.T @ design[own])
+    size, axes = np.linalg.eigh(design.T @ design)
+    return np.asarray(axes[:, 4:] / np.sqrt(size[4:]))
 
 
 def _start(record: Record, model: ResponseModel, seed: int) -> tuple[Floats, Ints]:
@@ -425,7 +471,10 @@ def _with_sds(strand: Strand) -> Strand:
         middle = own.T @ _correlated(own, memory) / noise**2 + hold
         inverse = np.linalg.inv(normal)
         sds[i] = np.sqrt(np.diag(inverse @ middle @ inverse))
-    return replace(strand, sds=sds, noise=noise, lag1_correlation=memory)
+    root = strand.root
+    if root is not None:  # until now that of independent noise of size 1
+        root = root * noise * np.sqrt((1.0 + memory) / (1.0 - memory))
+    return replace(strand, sds=sds, noise=noise, lag1_correlation=memory, root=root)
 
 
 def _memory(strand: Strand, left: Floats, rows: Floats) -> tuple[float, float]:

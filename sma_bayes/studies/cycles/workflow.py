@@ -405,7 +405,7 @@ def _columns(pooled: Pooled, place: int) -> dict[str, Any]:
     t = np.linspace(*strand.ends, CURVE_POINTS)
     numbers = pooled.numbers(place)
     bands = [
-        np.quantile(strand.curve(numbers[:, n], t), [0.05, 0.5, 0.95], axis=0)
+        np.quantile(strand.curve(numbers[:, n], t, pooled.errors[place]), [0.05, 0.5, 0.95], axis=0)
         for n in range(pooled.cycle.size)
     ]
     low, middle, high = np.concatenate(bands, axis=1)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from sma_bayes.errors import MeasurementError
 from sma_bayes.records.types import Branch, Record
@@ -58,30 +59,39 @@ def test_numbers_and_curves_come_back(
     assert np.mean(np.square(z)) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 96.0))
 
 
-def test_a_richer_curve_is_taken_where_it_is_earned(
-    truth: Any, measured: Callable[..., list[Record]]
+@pytest.mark.parametrize("model", ["modified_sigmoid", "sinh_arcsinh", "auto"])
+def test_what_a_model_misses_of_all_sweeps_is_in_the_common_curve(
+    truth: Any, measured: Callable[..., list[Record]], model: str
 ) -> None:
+    """What is left is the noise, 0.4 % of the span, less what was fitted; the plain sigmoid misses 1.3 % by itself."""
     record = measured(truth, np.random.default_rng(4))[0]
-    plain, chosen = strand(record, model="modified_sigmoid"), strand(record, model="auto")
-    assert chosen.model.name != "modified_sigmoid"
-    assert chosen.noise < 0.6 * plain.noise
+    found = strand(record, model=model)
+    assert 0.0034 * 0.02 < found.noise < 0.0046 * 0.02
+    plain = replace(found, missed=None)
+    t = np.linspace(25.0, 90.0, 50)
+    if model == "modified_sigmoid":
+        assert np.std(found.curve(found.numbers, t) - plain.curve(found.numbers, t)) > 0.005 * found.span
 
 
 def test_standard_deviations_allow_for_the_memory_of_what_is_left(
     truth: Any, measured: Callable[..., list[Record]]
 ) -> None:
-    """AR(1) noise with a correlation of 0.8 makes numbers about three times as uncertain as it seems."""
-    rng = np.random.default_rng(5)
-    record = measured(truth, rng, noise=0.0)[0]
-    n = record.n
-    noise = np.empty(n)
-    noise[0] = 0.0
-    for i in range(1, n):
-        noise[i] = 0.8 * noise[i - 1] + 0.6 * rng.standard_normal()
-    read = record.observed["displacement"] + 0.004 * 0.02 * noise
-    found = strand(replace(record, observed={"displacement": read}))
-    assert 0.6 < found.lag1_correlation < 0.85
-    assert np.mean(deviations(found, record) ** 2) == pytest.approx(1.0, abs=0.6)  # 4 sd of 48, a little more
+    """AR(1) noise with a correlation of 0.8: mean square of the deviations of eight records.
+
+    One record's scatters by some 0.5 (12 sweeps, numbers that go together, a memory that is estimated), so the mean of
+    eight is within 0.7 of 1 but once in 10,000 times. Without the memory it would be 4 or more.
+    """
+    found = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        record = measured(truth, rng, noise=0.0)[0]
+        noise = lfilter([0.6], [1.0, -0.8], rng.standard_normal(record.n))
+        read = record.observed["displacement"] + 0.004 * 0.02 * noise
+        noisy = strand(replace(record, observed={"displacement": read}))
+        found.append((noisy.lag1_correlation, np.mean(deviations(noisy, record) ** 2)))
+    memory, square = np.mean(found, axis=0)
+    assert memory == pytest.approx(0.8, abs=0.1)
+    assert square == pytest.approx(1.0, abs=0.7)
 
 
 def test_short_and_double_sweeps_are_left_out_and_named(
