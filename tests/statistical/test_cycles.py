@@ -1,4 +1,4 @@
-"""Cycles of springs that train by two processes, which no law of the package is: what is forecast, and 'stable from'."""
+"""Springs that train by two processes, which no law of the package is: what is forecast, and 'stable from'."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CHANNEL = "displacement"
 
 @pytest.fixture(scope="module")
 def outcome(training_spring: ModuleType) -> dict[str, Any]:
-    """Thirty cycles measured, seventy forecast: whether curves are covered, and whether claims of stability are true."""
+    """Thirty cycles measured, seventy forecast: whether curves are covered, and claims of stability true."""
     t = np.linspace(20.0, 95.0, 60)
     covered: dict[int, list[float]] = {SEEN: [], SEEN + 9: [], CYCLES - 1: []}
     claims, laws = [], []
