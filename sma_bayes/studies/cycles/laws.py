@@ -77,8 +77,8 @@ class Series:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Draws:
-    """Draws of one number of all cycles of a condition.
+class NumberDraws:
+    """NumberDraws of one number of all cycles of a condition.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ class LawPosterior:
         logs = logsumexp(self._of(form), axis=0)
         return np.asarray(np.exp(logs - logsumexp(logs)))
 
-    def draw(self, grid: Floats, size: int, rng: np.random.Generator) -> tuple[Ints, list[Draws]]:
+    def draw(self, grid: Floats, size: int, rng: np.random.Generator) -> tuple[Ints, list[NumberDraws]]:
         """Draw laws, and with them the numbers of measured and later cycles.
 
         Parameters
@@ -202,7 +202,7 @@ class LawPosterior:
         -------
         law : ndarray of int, shape (S,)
             0 for none, else 1 more than the place in `laws`.
-        draws : list of Draws
+        draws : list of NumberDraws
             One for each series.
         """
         weight = np.exp(self._log_joint - logsumexp(self._log_joint))
@@ -267,8 +267,8 @@ class _Marginal:
         omega = np.concatenate([[0.5], 0.25 * omega / omega.sum(), 0.25 * omega / omega.sum()])
         return np.asarray(np.log(np.outer(tau / tau.sum(), omega)).ravel())
 
-    def draw(self, law: Ints, shapes: Floats, grid: Floats, rng: np.random.Generator) -> Draws:
-        """Draws along a grid, given the law of each."""
+    def draw(self, law: Ints, shapes: Floats, grid: Floats, rng: np.random.Generator) -> NumberDraws:
+        """NumberDraws along a grid, given the law of each."""
         size, many = law.size, self.still.size
         place = np.empty(size, dtype=np.int64)
         for k in np.unique(law):
@@ -289,7 +289,7 @@ class _Marginal:
             noise = rng.standard_normal(left.shape) * np.sqrt(kept * self.series.variance)
             effect[np.ix_(own, seen)] = kept * left + noise
         state = mean + walk
-        return Draws(state, state + effect, mean, moving, self.tau[at], self.omega[at])
+        return NumberDraws(state, state + effect, mean, moving, self.tau[at], self.omega[at])
 
     def _coefficients(self, law: Ints, moving: Floats, at: Ints, rng: np.random.Generator) -> Floats:
         """Level and change of each draw, (S, 2)."""

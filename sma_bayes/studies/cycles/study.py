@@ -12,7 +12,7 @@ from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.assess.transformation import NAMES
 from sma_bayes.quantities import quotient
 from sma_bayes.records.types import Branch, Record
-from sma_bayes.studies.cycles.laws import Draws, LawPosterior, Series
+from sma_bayes.studies.cycles.laws import LawPosterior, NumberDraws, Series
 from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, Strand, fit_strand
 
 DRAWS: Final = 2000
@@ -23,7 +23,7 @@ HELD_OUT: Final = 0.3
 FEWEST_TO_HOLD_OUT: Final = 5
 """Cycles from which that is done."""
 ERROR_DRAWS: Final = 200
-"""Draws of the common curve that tell how uncertain it makes a single sweep."""
+"""NumberDraws of the common curve that tell how uncertain it makes a single sweep."""
 FLAT: Final = 1e-3
 """Slope below which a displacement is level and has no stiffness [greatest slope of the common curve]."""
 
@@ -40,7 +40,7 @@ class Pooled:
         Every cycle from the first that was measured to the last that is forecast.
     last : int
         Last measured cycle.
-    draws : tuple of Draws
+    draws : tuple of NumberDraws
         Of each number of each strand, strand by strand.
     errors : tuple of ndarray or None
         Of the common curve of each strand, in as many draws.
@@ -50,11 +50,11 @@ class Pooled:
     posterior: LawPosterior
     cycle: Floats
     last: float
-    draws: tuple[Draws, ...]
+    draws: tuple[NumberDraws, ...]
     errors: tuple[Floats | None, ...]
 
     def numbers(self, strand: int, what: str = "sweep") -> Floats:
-        """Draws of the four numbers of a strand, shape (S, G, 4)."""
+        """NumberDraws of the four numbers of a strand, shape (S, G, 4)."""
         own = self.draws[4 * strand : 4 * strand + 4]
         return np.stack([getattr(d, what) for d in own], axis=-1)
 
