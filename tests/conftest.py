@@ -82,6 +82,9 @@ def arviz_psens() -> Callable[..., Any]:
         return az.psense(az.from_dict({"posterior": draws, "log_likelihood": density}), group="likelihood")
 
     return psens
+
+
+@pytest.fixture(scope="session")
 def training_spring() -> ModuleType:
     """Generator of the cycles of a spring that trains, which shares nothing with the package but the record."""
     spec = importlib.util.spec_from_file_location("training_spring", ROOT / "tests" / "training_spring.py")
