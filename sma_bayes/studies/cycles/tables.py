@@ -125,11 +125,11 @@ def _quantities(conditions: tuple[ConditionCycles, ...], temperature_unit: str) 
         "were not measured, the "
         "90 % predictive interval."
     )
-    rows = tuple(row for c in conditions for row in _rows(c))
+    rows = tuple(row for c in conditions for row in _rows(c, temperature_unit))
     return Table("quantities", "Cycle by cycle", note, columns, rows, 5)
 
 
-def _rows(c: ConditionCycles) -> Iterator[tuple[Any, ...]]:
+def _rows(c: ConditionCycles, temperature_unit: str) -> Iterator[tuple[Any, ...]]:
     for q in c.quantities:
         for i, cycle in enumerate(c.cycles):
             own, sd = q.own[i], q.own_sd[i]
@@ -139,7 +139,7 @@ def _rows(c: ConditionCycles) -> Iterator[tuple[Any, ...]]:
                 else Estimate(own, own - 1.645 * sd, own + 1.645 * sd, q.unit)
             )
             yield (
-                c.condition, q.branch, q.channel, q.name, None if q.at is None else Number(q.at, "degC", 1.0),
+                c.condition, q.branch, q.channel, q.name, None if q.at is None else Number(q.at, temperature_unit, 1.0),
                 unit_label(q.unit) or "1", cycle, "yes" if cycle in c.measured else "no", alone,
                 Estimate(q.median[i], q.q05[i], q.q95[i], q.unit),
             )  # fmt: skip
