@@ -15,8 +15,10 @@ from sma_bayes.arrays import Floats
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.model_choice import Prepared, Support, best_supported, prepare, support_of
 from sma_bayes.fitting.noise_choice import noise_start, posterior_with
+from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.warm_start import WarmStart
 from sma_bayes.parameters.priors_file import PriorSet
+from sma_bayes.parameters.roles import Role
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
@@ -27,9 +29,12 @@ AUTO = "auto"
 SEEN = 0.5
 """Adjusted R² of the least-squares curve below which it can't be seen for the noise; of noise alone it is some 0.3 with
 the fewest samples, because the curve follows them."""
-UNSEEN_EVALUATIONS = 300_000
-"""Evaluations of a posterior with such a curve after which nothing else is tried: little follows from its draws, and to
-converge may take millions."""
+ONE_SD = np.array([0.1587, 0.8413])
+"""Levels of the quantiles a standard deviation from the median of a normal distribution."""
+UNDETERMINED_EVALUATIONS, UNDETERMINED_BLOCK = 30_000, 140
+"""Evaluations of a posterior whose curve can't be seen or is not determined after which nothing else is tried, and
+steps of a block of other moves: little follows from its draws, and to converge may take millions. Where the first
+proposals do it takes some ten thousand."""
 
 
 def fit_records(
@@ -89,9 +94,13 @@ def fit_records(
         with account.timed("sample"):
             posterior = posterior_with(name, first, start, best.priors, choice)
             z = noise_start(posterior, start, choice)
-            if not seen(start):
+            if not seen(start) or excluded(posterior, start):
                 plan = plan or Plan()
-                plan = replace(plan, evaluations=min(plan.evaluations, UNSEEN_EVALUATIONS))
+                plan = replace(
+                    plan,
+                    evaluations=min(plan.evaluations, UNDETERMINED_EVALUATIONS),
+                    explore_block=min(plan.explore_block, UNDETERMINED_BLOCK),
+                )
             draws = sample(
                 posterior,
                 _starts(z, start),
@@ -118,6 +127,22 @@ def fit_records(
 def seen(start: WarmStart) -> bool:
     """Whether each channel of the least-squares curve can be seen for the noise, in one record at least."""
     return all(any(fit[c].adj_r2 >= SEEN for fit in start.fit) for c in start.fit[0])
+
+
+def excluded(posterior: Posterior, start: WarmStart) -> bool:
+    """Whether least squares stops at an end of the priors, and tells less than they do about where a channel changes.
+
+    Of several stages of a channel it is enough that one is determined.
+    """
+    if not start.at_bound:
+        return False
+    model, parameters = posterior.model, posterior.space.parameters
+    vague: dict[str, bool] = {}
+    for i, fact in enumerate(model.facts):
+        if fact.role is Role.MIDPOINT and parameters[i].fixed is None:
+            low, high = parameters[i].prior.quantile(ONE_SD)
+            vague[fact.channel] = vague.get(fact.channel, True) and bool(start.sd[i] > 0.5 * (high - low))
+    return any(vague.values())
 
 
 def support_for(

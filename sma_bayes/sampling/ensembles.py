@@ -496,6 +496,9 @@ class _Run:
         """Differential evolution from dispersed starts, then both kinds of move with a proposal fitted to it."""
         plan = self.plan
         explore_seeds = [s.spawn(3) for s in seeds]
+        mixed_seeds = [s[1] for s in explore_seeds]
+        if self.spent:
+            return self._mixed(adapted, modes, rng, mixed_seeds)
         evolution = differential_evolution(self.width.size)
         groups = [
             _Group(self, f"explore-{g}", adapted, s[0], evolution, plan.explore_block, modes=modes)
@@ -504,20 +507,24 @@ class _Run:
         times = SEEN_TIMES if isinstance(self.density, Linearisable) else EXPLORED_TIMES
         enough = Target(EXPLORED_RHAT, times * plan.groups * self.walkers)
         tries = explore_seeds[0][2].spawn(EXPLORED_BLOCKS)
+        fits: list[Adapted] = []
         for block in range(1, EXPLORED_BLOCKS + 1):
             self.tell(f"exploring with differential evolution, block {block}")
             for group in groups:
                 group.advance()
             half = groups[0].length // 2
-            explored = assess(np.concatenate([g.chains[:, half:] for g in groups]), enough).converged
-            if not (explored and block in TRIED_AT) and block < EXPLORED_BLOCKS and not self.spent:
-                continue
             z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
+            if self.spent:
+                break
+            explored = assess(np.concatenate([g.chains[:, half:] for g in groups]), enough).converged
+            if not (explored and block in TRIED_AT) and block < EXPLORED_BLOCKS:
+                continue
             fitted = adapt_to_draws(self.density, z, modes, rng)
             self.evaluations += fitted.evaluations
             if isinstance(self.density, Linearisable) and not fitted.carries:
                 fitted = reaching_further(self.density, fitted, self.width, rng)
                 self.evaluations += fitted.evaluations
+            fits = [fitted]
             if explored and fitted.carries and not self.spent:
                 draws = self._audited_independence(f"refitted-{block}", fitted, modes, tries[block - 1])
                 if draws is not None:
@@ -526,15 +533,27 @@ class _Run:
                 break
         thin = math.ceil(len(z) / 4000)
         log_prob = np.concatenate([g.log_probs[0, half:].ravel() for g in groups])
-        adapted = max(fitted, adapted.judged(z[::thin], log_prob[::thin]), key=lambda a: a.acceptance)
-        share = 0.5 if adapted.acceptance > 0.1 else 0.1
+        adapted = max([*fits, adapted.judged(z[::thin], log_prob[::thin])], key=lambda a: a.acceptance)
+        return self._mixed(adapted, modes, rng, mixed_seeds, [g.chain[-1] for g in groups])
+
+    def _mixed(
+        self,
+        adapted: Adapted,
+        modes: tuple[Mode, ...],
+        rng: np.random.Generator,
+        seeds: Sequence[np.random.SeedSequence],
+        starts: Sequence[Floats] = (),
+    ) -> Draws:
+        """Both kinds of move together, from where walkers are, or from starts dispersed about the modes."""
+        accepted = adapted.acceptance if starts else adapted.weights.efficiency
+        share = 0.5 if accepted > 0.1 else 0.1
         adapted = with_wide_share(adapted)  # a walker far out in a tail is to come back
         groups = [
             _Group(
-                self, f"mixed-{g}", adapted, s[1], evolution, plan.explore_block,
-                independence=share, start=groups[g].chain[-1],
+                self, f"mixed-{g}", adapted, seed, differential_evolution(self.width.size), self.plan.explore_block,
+                independence=share, start=starts[g] if starts else None, modes=() if starts else modes,
             )
-            for g, s in enumerate(explore_seeds)
+            for g, seed in enumerate(seeds)
         ]  # fmt: skip
         return self._until_mixed(groups, modes, "independence and differential evolution", rng)
 
