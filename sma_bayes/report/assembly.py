@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from sma_bayes.account import Account
 from sma_bayes.report.choice import ReportOptions
@@ -23,7 +23,7 @@ class Stored(Protocol):
     @property
     def folder(self) -> Path: ...
     @property
-    def found(self) -> Mapping[str, Any] | RunAccount:
+    def found(self) -> RunAccount:
         """What its document holds."""
         ...
 
@@ -54,14 +54,13 @@ def assemble(
     tasks = [OneFigure(stored.folder, partial(draw, stored)) for draw in drawings]
     figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
-        found = stored.found.as_json() if isinstance(stored.found, RunAccount) else stored.found
-        written = written_tables(tables(stored), found, stored.folder, wanted)
+        written = written_tables(tables(stored), stored.found, stored.folder, wanted)
         write_page(stored, written, figures)
     wanted.tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
 
 
 def written_tables(
-    tables: dict[str, Table], found: Mapping[str, Any], folder: Path, wanted: ReportOptions
+    tables: dict[str, Table], found: RunAccount, folder: Path, wanted: ReportOptions
 ) -> dict[str, Table]:
     """Write tables, with what the run took beside them; return all."""
     everything = tables | {"account": account_table(found, wanted.account or Account())}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 from sma_bayes.account import Account
 from sma_bayes.report.content import Number
 from sma_bayes.report.tables import Column, Table
+from sma_bayes.runs.schema import RunAccount
 
 STAGES: Final = {
     "read": "reading the measurements",
@@ -27,26 +27,24 @@ STAGES: Final = {
 """Stages in words, in the order of the table; the report itself can't say how long it took."""
 
 
-def account_table(found: Mapping[str, Any], spent: Account) -> Table:
+def account_table(found: RunAccount, spent: Account) -> Table:
     """Stages of a run with their time.
 
     Parameters
     ----------
-    found : mapping
-        What `summary.json`, `gap.json` or `comparison.json` holds.
+    found : RunAccount
     spent : Account
         On figures, where they have been drawn in the same run.
     """
-    wall = {**found.get("stages_s", {}), **spent.wall}
-    cpu = {**found.get("stages_cpu_s", {}), **spent.cpu}
+    wall = {**found.stages_s, **spent.wall}
+    cpu = {**found.stages_cpu_s, **spent.cpu}
     rows = tuple(
         (words, Number(wall[stage], "s", 0.1 * wall[stage]), Number(cpu[stage], "s", 0.1 * cpu[stage]))
         for stage, words in STAGES.items()
         if stage in wall and stage in cpu
     )
-    workers = found.get("workers", {})
-    lost = workers.get("lost", ())
-    note = f"Tasks were done by {workers['where']}; what ran side by side is added up. " if workers else ""
+    lost = found.workers.lost
+    note = f"Tasks were done by {found.workers.where}; what ran side by side is added up. "
     if lost:
         note += (
             f"{len(lost)} came to an end in the middle ({'; '.join(lost)}), and their tasks were done again."

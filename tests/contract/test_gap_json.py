@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
 from sma_bayes import study_gap
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
@@ -96,6 +97,13 @@ def holds(document: Mapping[str, Any], kinds: Mapping[str, Any]) -> None:
     for key, kind in kinds.items():
         assert isinstance(document[key], kind), (key, document[key])
         assert not isinstance(document[key], bool), key
+
+
+def test_the_published_schema_takes_it(found: Any, published: Callable[[str], Draft202012Validator]) -> None:
+    published("gap").validate(found)
+    less = {**found, "remaining": {**found["remaining"]}}
+    del less["remaining"]["share"]
+    assert not published("gap").is_valid(less)
 
 
 def test_names_and_kinds_are_those_of_the_contract(found: Any) -> None:

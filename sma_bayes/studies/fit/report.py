@@ -50,7 +50,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         tables = report_tables(content) | {t.name: t for t in answer_tables(content)}
-        tables = written_tables(tables, stored.summary.as_json(), folder, wanted)
+        tables = written_tables(tables, stored.summary, folder, wanted)
         write_text(folder / "methods.md", methods_text(content))
         write_text(folder / "tables" / "publication.tex", publication_tex(content))
         write_text(

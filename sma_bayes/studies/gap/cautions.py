@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from sma_bayes.quantities import unit_text
 from sma_bayes.studies.gap.flexible import SHAPE
+from sma_bayes.studies.gap.schema import AddedEffect, GapOfModel, StatedGap, StatedRemaining
 from sma_bayes.studies.gap.words import channel_text, p_text, remainder_text
 
 MOSTLY = 0.5
@@ -19,32 +19,19 @@ LONG_MEMORY = 0.95
 """Correlation of neighbouring samples from which on the noise may well be misfit."""
 
 
-def outside_prior(parameter: Mapping[str, Any]) -> bool:
-    """Whether the 90 % intervals of posterior and prior, a range from the literature, do not meet.
-
-    Parameters
-    ----------
-    parameter : mapping
-        An entry of ``parameters`` of an effect in ``gap.json``.
-    """
-    prior = parameter["prior"]
-    return bool(parameter["q05"] > prior["q95"] or parameter["q95"] < prior["q05"])
-
-
-def cautions(found: Mapping[str, Any]) -> list[str]:
+def cautions(found: GapOfModel) -> list[str]:
     """Sentences, one for each reason to doubt.
 
     Parameters
     ----------
-    found : mapping
-        What ``gap.json`` holds.
+    found : GapOfModel
     """
-    out = _about_names(found) if found["verdict"] == "named" else _about_carrying_over(found)
-    for e in (*found["effects"], *found["partial"]):
-        far = [name for name, p in e["parameters"].items() if outside_prior(p)]
+    out = _about_names(found) if found.verdict == "named" else _about_carrying_over(found)
+    for e in found.added:
+        far = [name for name, p in e.parameters.items() if p.outside_prior]
         if far:
             out.append(
-                f"{e['id']}: the posterior of {', '.join(far)} lies outside the range that the literature gives. A "
+                f"{e.id}: the posterior of {', '.join(far)} lies outside the range that the literature gives. A "
                 "form that fits only with improbable numbers may be standing in for something else."
             )
     return [*out, *_about_sweeps(found), *_about_suspects(found), *_about_noise(found)]
@@ -54,60 +41,59 @@ OF_CYCLES = ("training", "training_drift", "amplitude_fatigue")
 """Effects that are laws of the cycle."""
 
 
-def _about_sweeps(found: Mapping[str, Any]) -> list[str]:
+def _about_sweeps(found: GapOfModel) -> list[str]:
     """What a law of the cycle can't claim."""
-    law = found["sweeps"]["law"]
-    if law is None or not found["sweeps"]["numbers"]:
+    law = found.sweeps.law
+    if law is None or not found.sweeps.numbers:
         return []
-    named = [e["id"] for e in found["effects"] if e["id"] in OF_CYCLES]
-    if law["untestable"]:
+    named = [e.id for e in found.effects if e.id in OF_CYCLES]
+    if law.untestable:
         return (
             [
-                f"Whether sweeps differ by a law of the cycle or by chance is {law['untestable']}."
-                if law["untestable"].startswith("not testable")
-                else f"{', '.join(named)}: {law['untestable']}."
+                f"Whether sweeps differ by a law of the cycle or by chance is {law.untestable}."
+                if law.untestable.startswith("not testable")
+                else f"{', '.join(named)}: {law.untestable}."
             ]
-            if named or law["untestable"].startswith("not testable")
+            if named or law.untestable.startswith("not testable")
             else []
         )
-    if named and law["p_value"] > found["thresholds"]["p_value"]:
+    if named and law.p_value is not None and law.p_value > found.thresholds.p_value:
         return [
-            f"{', '.join(named)}: other orders of the cycles fit a law as well ({p_text(law['p_value'])} by exchanging "
+            f"{', '.join(named)}: other orders of the cycles fit a law as well ({p_text(law.p_value)} by exchanging "
             "whole cycles), so that the order may be chance."
         ]
     return []
 
 
-def _about_suspects(found: Mapping[str, Any]) -> list[str]:
+def _about_suspects(found: GapOfModel) -> list[str]:
     """Records that are unlike the others of the same settings."""
     out = []
-    for condition in dict.fromkeys(s["condition"] for s in found["suspects"]):
-        own = [s for s in found["suspects"] if s["condition"] == condition]
+    for condition in dict.fromkeys(s.condition for s in found.suspects):
+        own = [s for s in found.suspects if s.condition == condition]
         told = ", ".join(
-            f"{s['quantity']} {s['value']:.3g} {unit_text(s['unit'])}".rstrip()
-            + f" (others {s['others']:.3g})"
+            f"{s.quantity} {s.value:.3g} {unit_text(s.unit)}".rstrip() + f" (others {s.others:.3g})"
             for s in own[:3]
         )
         out.append(
-            f"{condition} is a suspect record: {told}, {p_text(own[0]['p_value'])}. The recorded input is not what was "
+            f"{condition} is a suspect record: {told}, {p_text(own[0].p_value)}. The recorded input is not what was "
             "applied, or the specimen changed."
         )
     return out
 
 
-def _about_names(found: Mapping[str, Any]) -> list[str]:
-    gap = found["gap"]
-    out = [*_about_closing(gap), *_about_choosing(gap["chosen_without"], found["effects"])]
+def _about_names(found: GapOfModel) -> list[str]:
+    gap = found.gap
+    out = [*_about_closing(gap), *_about_choosing(gap.chosen_without, found.effects)]
     if remainder_text(found):
         out.append(
-            f"Something is left: the extended model still disagrees ({p_text(found['remaining']['p_value'])}), "
-            f"{remainder_text(found)}. {_about_what_is_left(found['remaining'])}"
+            f"Something is left: the extended model still disagrees ({p_text(found.remaining.p_value)}), "
+            f"{remainder_text(found)}. {_about_what_is_left(found.remaining)}"
         )
     return out
 
 
-def _about_what_is_left(left: Mapping[str, Any]) -> str:
-    if left["covariate"] == SHAPE and left["channel"] != "temperature":
+def _about_what_is_left(left: StatedRemaining) -> str:
+    if left.covariate == SHAPE and left.channel != "temperature":
         return (
             "That is the shape of the curve, the same in every cycle and condition; --model offers richer ones "
             "('sma-bayes priors --list')."
@@ -115,36 +101,36 @@ def _about_what_is_left(left: Mapping[str, Any]) -> str:
     return "That may be the form of what was named, which is never exactly that of the catalogue, or something else."
 
 
-def _about_closing(gap: Mapping[str, Any]) -> list[str]:
-    if gap["before"] <= gap["floor"]:
+def _about_closing(gap: StatedGap) -> list[str]:
+    if gap.before <= gap.floor:
         return []
-    if gap["shrink"] < MOSTLY:
+    if gap.shrink < MOSTLY:
         return [
-            f"What was named closes {100.0 * gap['shrink']:.0f} % of what can be explained on held-out measurements: "
+            f"What was named closes {100.0 * gap.shrink:.0f} % of what can be explained on held-out measurements: "
             "most of it is still open, or the effects do not carry over to what was held out."
         ]
-    if gap["after"] > STILL_OPEN:
+    if gap.after > STILL_OPEN:
         return [
-            f"Held-out residuals are still {gap['after']:.2f} times what noise alone would leave, so what was named is "
+            f"Held-out residuals are still {gap.after:.2f} times what noise alone would leave, so what was named is "
             "not all that is missing there."
         ]
     return []
 
 
-def _about_carrying_over(found: Mapping[str, Any]) -> list[str]:
+def _about_carrying_over(found: GapOfModel) -> list[str]:
     """Whether what was added without a name helps where it was not fitted."""
-    gap = found["gap"]
-    if not found["partial"] or gap["after"] < gap["before"]:
+    gap = found.gap
+    if not found.partial or gap.after < gap.before:
         return []
     return [
         "What helps does so only where it was fitted: the gap on held-out measurements is "
-        f"{gap['after']:.3f} with it and {gap['before']:.3f} without."
+        f"{gap.after:.3f} with it and {gap.before:.3f} without."
     ]
 
 
-def _about_choosing(chosen: Sequence[Sequence[str]], effects: Sequence[Mapping[str, Any]]) -> list[str]:
+def _about_choosing(chosen: Sequence[Sequence[str]], effects: Sequence[AddedEffect]) -> list[str]:
     """Whether the choice hangs on a part of the measurements; members of a class may stand for each other."""
-    alike = {name: e["id"] for e in effects for name in e["class"]}
+    alike = {name: e.id for e in effects for name in e.class_}
     unlike = [c for c in chosen if {alike.get(name, name) for name in c} != set(alike.values())]
     if not unlike:
         return []
@@ -154,38 +140,37 @@ def _about_choosing(chosen: Sequence[Sequence[str]], effects: Sequence[Mapping[s
     ]
 
 
-def _about_noise(found: Mapping[str, Any]) -> list[str]:
+def _about_noise(found: GapOfModel) -> list[str]:
     """Whether misfit is likely to be in the noise, and whether its spectrum is that of its model."""
     return [*_about_memory(found), *_about_spectrum(found)]
 
 
-def _about_spectrum(found: Mapping[str, Any]) -> list[str]:
+def _about_spectrum(found: GapOfModel) -> list[str]:
     unlike = [
-        n
-        for n in found["noise"]
-        if n["spectrum"] and n["spectrum"]["p_value"] <= UNLIKE / len(found["noise"])
+        (n, n.spectrum)
+        for n in found.noise
+        if n.spectrum is not None and n.spectrum.p_value <= UNLIKE / len(found.noise)
     ]
     if not unlike:
         return []
-    worst = min(unlike, key=lambda n: n["spectrum"]["p_value"])
-    band = worst["spectrum"]
-    where = f"{worst['condition']} {channel_text(found, worst['channel'])}"
+    worst, band = min(unlike, key=lambda pair: pair[1].p_value)
+    where = f"{worst.condition} {channel_text(found.channels, worst.channel)}"
     others = f" (so do {len(unlike) - 1} of the others)" if len(unlike) > 1 else ""
     return [
-        f"The noise of {where} does not look like its model, AR(1): between {band['start']:.3g} and {band['stop']:.3g} "
-        f"{band['unit']} it has {band['ratio']:.2g} times the power that is assumed{others}. Bayes factors and the "
+        f"The noise of {where} does not look like its model, AR(1): between {band.start:.3g} and {band.stop:.3g} "
+        f"{band.unit} it has {band.ratio:.2g} times the power that is assumed{others}. Bayes factors and the "
         "p-value lean on that model."
     ]
 
 
-def _about_memory(found: Mapping[str, Any]) -> list[str]:
-    long = [n for n in found["noise"] if n["lag1"] >= LONG_MEMORY]
+def _about_memory(found: GapOfModel) -> list[str]:
+    long = [n for n in found.noise if n.lag1 >= LONG_MEMORY]
     if not long:
         return []
-    where = dict.fromkeys(f"{n['condition']} {channel_text(found, n['channel'])}" for n in long)
+    where = dict.fromkeys(f"{n.condition} {channel_text(found.channels, n.channel)}" for n in long)
     named = ", ".join(list(where)[:4]) + (" and others" if len(where) > 4 else "")
     return [
         f"What passes for noise of {named} hardly changes from sample to sample (correlation "
-        f"{min(n['lag1'] for n in long):.2f} or more). Slow misfit is probably in it: sizes in sigma are then too "
+        f"{min(n.lag1 for n in long):.2f} or more). Slow misfit is probably in it: sizes in sigma are then too "
         "small, and a held-out gap near 1 does not say that the model is right."
     ]

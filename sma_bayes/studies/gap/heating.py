@@ -21,6 +21,7 @@ from sma_bayes.records.history import histories
 from sma_bayes.records.types import Campaign
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
+from sma_bayes.studies.gap.schema import HeatParameter
 from sma_bayes.studies.gap.study import GapStudy, Progress, baseline_start, study_from
 
 DRAWS = 4000
@@ -104,7 +105,7 @@ def share_along(response: FittedHypothesis, history: int) -> dict[str, Floats]:
     return {"share": list(found.values())[-1].share} if found else {}
 
 
-def heat_parameters(study: GapStudy, draws: Floats, seed: int) -> dict[str, dict[str, object]]:
+def heat_parameters(study: GapStudy, draws: Floats, seed: int) -> dict[str, HeatParameter]:
     """Gain, loss, time constant, switching and, where it was fitted, the ambient temperature, with 90 % intervals.
 
     Parameters
@@ -122,7 +123,7 @@ def heat_parameters(study: GapStudy, draws: Floats, seed: int) -> dict[str, dict
         draws = space.constrain(rng.multivariate_normal(final.z, final.covariance, DRAWS))
     known = all("ambient_temperature" in h.inputs for h in final.hypothesis.histories)
     one = len({p.name for p in space.parameters if p.name.startswith("gain")}) == 1
-    out: dict[str, dict[str, object]] = {}
+    out: dict[str, HeatParameter] = {}
     for i, p in enumerate(space.parameters):
         kind, _, condition = p.name.partition("[")
         if "." in kind or (kind == "ambient" and known):
@@ -134,10 +135,10 @@ def heat_parameters(study: GapStudy, draws: Floats, seed: int) -> dict[str, dict
                 "s", "time in which the excess over the ambient falls by e", 1.0 / draws[:, i]
             )
     noise = next((n.switching for n in final.noise if n.switching is not None), None)
-    out["switching"]["scatter"] = 0.0 if noise is None else noise.size
-    return out
+    size = 0.0 if noise is None else noise.size
+    return {**out, "switching": out["switching"].model_copy(update={"scatter": size})}
 
 
-def _told(unit: str, meaning: str, draws: Floats) -> dict[str, object]:
+def _told(unit: str, meaning: str, draws: Floats) -> HeatParameter:
     q05, median, q95 = np.quantile(draws, [0.05, 0.5, 0.95])
-    return {"unit": unit, "meaning": meaning, "q05": float(q05), "median": float(median), "q95": float(q95)}
+    return HeatParameter(unit=unit, meaning=meaning, q05=q05, median=median, q95=q95)

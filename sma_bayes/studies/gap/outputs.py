@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import h5py
 import numpy as np
@@ -16,7 +16,8 @@ from sma_bayes.checksum import has_its_checksum
 from sma_bayes.errors import OutputError
 from sma_bayes.runs.documents import GAP
 from sma_bayes.runs.outputs import floats, read_cells
-from sma_bayes.studies.gap.outcome import HEATING
+from sma_bayes.runs.schema import read_document
+from sma_bayes.studies.gap.schema import AddedEffect, GapDocument, GapOfModel
 from sma_bayes.studies.gap.store import POSTERIOR, POSTERIOR_OF_HEATING, SERIES
 
 WORDS: Final = ("condition", "branch", "channel")
@@ -73,8 +74,10 @@ class StoredStudy:
     Attributes
     ----------
     folder : Path
-    found : mapping
+    found : GapDocument
         What ``gap.json`` holds.
+    part : GapOfModel
+        What it holds of one model: the response, or the heat balance.
     samples : Samples
     draws, prior : mapping of str to ndarray
         Of the parameters of the effects, by ``<effect>.<parameter>``; ensembles (G, N), and (S,).
@@ -83,16 +86,17 @@ class StoredStudy:
     """
 
     folder: Path
-    found: Mapping[str, Any]
+    found: GapDocument
+    part: GapOfModel
     samples: Samples
     draws: Mapping[str, Floats]
     prior: Mapping[str, Floats]
     heating: StoredStudy | None = None
 
     @property
-    def effects(self) -> list[dict[str, Any]]:
+    def effects(self) -> tuple[AddedEffect, ...]:
         """Effects in the final model, whether they are named as the cause or not."""
-        return [*self.found["effects"], *self.found["partial"]]
+        return self.part.added
 
 
 def read_study(folder: Path) -> StoredStudy:
@@ -103,9 +107,11 @@ def read_study(folder: Path) -> StoredStudy:
     OutputError
         If the study is not finished, of another version, or a file can't be read.
     """
-    found = GAP.read(folder)
-    parts = {POSTERIOR: found} | ({POSTERIOR_OF_HEATING: found[HEATING]} if found.get(HEATING) else {})
-    sampled = [place for place, part in parts.items() if part["effects"] or part["partial"]]
+    found = read_document(GAP, GapDocument, folder)
+    parts: dict[Path, GapOfModel] = {POSTERIOR: found}
+    if found.heating is not None:
+        parts[POSTERIOR_OF_HEATING] = found.heating
+    sampled = [place for place, part in parts.items() if part.added]
     lacking = [str(p) for p in (*sampled, SERIES) if not (folder / p).is_file()]
     if lacking:
         raise OutputError(
@@ -116,12 +122,11 @@ def read_study(folder: Path) -> StoredStudy:
         )
     samples = _samples(folder / SERIES)
     draws = {place: _draws(folder, place) if place in sampled else ({}, {}) for place in parts}
-    if len(parts) == 1:
-        return StoredStudy(folder, found, samples, *draws[POSTERIOR])
+    if found.heating is None:
+        return StoredStudy(folder, found, found, samples, *draws[POSTERIOR])
     hot = samples.words["channel"] == "temperature"
-    balance = {**found, **found[HEATING], HEATING: None}
-    heating = StoredStudy(folder, balance, samples.where(hot), *draws[POSTERIOR_OF_HEATING])
-    return StoredStudy(folder, found, samples.where(~hot), *draws[POSTERIOR], heating)
+    heating = StoredStudy(folder, found, found.heating, samples.where(hot), *draws[POSTERIOR_OF_HEATING])
+    return StoredStudy(folder, found, found, samples.where(~hot), *draws[POSTERIOR], heating)
 
 
 def _samples(path: Path) -> Samples:

@@ -13,6 +13,7 @@ from sma_bayes.report.tables import Table
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.studies.gap.outcome import HEATING
 from sma_bayes.studies.gap.outputs import StoredStudy
+from sma_bayes.studies.gap.schema import GapFindings, GapOfModel, StatedGap
 from sma_bayes.studies.gap.words import channel_text, covariate_text, p_text, periodic_text, remainder_text
 
 
@@ -41,13 +42,12 @@ def write_gap_report(
         found=found,
         effects=study.effects,
         p_text=p_text,
-        way=way_text(found["gap"]),
-        share=share_text(found["gap"]),
+        way=way_text(found.gap),
+        share=share_text(found.gap),
         place=place_text(found),
         remainder=remainder_text(found),
-        folds=fold_texts(found),
-        rivals=rivals,
-        periodic=[periodic_text(found, line) for line in found["periodic"]],
+        folds=fold_texts(found.gap),
+        periodic=[periodic_text(found.channels, line) for line in found.periodic],
         parameters=lambda name: _parameters(tables["effects"], name),
         tested=_tested(tables["candidates"]),
         heating=None if study.heating is None else _heating(study.heating, tables),
@@ -60,17 +60,17 @@ def write_gap_report(
 
 def _heating(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any]:
     """What the page tells of the heat balance."""
-    found = study.found
+    found = study.part
     return {
         "found": found,
         "effects": study.effects,
-        "way": way_text(found["gap"]),
-        "share": share_text(found["gap"]),
+        "way": way_text(found.gap),
+        "share": share_text(found.gap),
         "place": place_text(found),
         "remainder": remainder_text(found),
-        "folds": fold_texts(found),
-        "periodic": [periodic_text(found, line) for line in found["periodic"]],
-        "parameters": {e["id"]: _parameters(tables[f"{HEATING}-effects"], e["id"]) for e in study.effects},
+        "folds": fold_texts(found.gap),
+        "periodic": [periodic_text(found.channels, line) for line in found.periodic],
+        "parameters": {e.id: _parameters(tables[f"{HEATING}-effects"], e.id) for e in study.effects},
         "tested": _tested(tables[f"{HEATING}-candidates"]),
     }
 
@@ -97,57 +97,38 @@ def _priors(study: StoredStudy) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
-def way_text(gap: Mapping[str, Any]) -> str:
-    """Share of the way to the noise, as a percentage; a dash where there was no more than noise.
-
-    Examples
-    --------
-    >>> way_text({"before": 5.47, "way_to_noise": 0.0716}), way_text({"before": 0.99, "way_to_noise": 0.0})
-    ('7 %', '–')
-    """
-    return f"{100.0 * gap['way_to_noise']:.0f} %".replace("-", "−") if gap["before"] > 1.0 else "–"
+def way_text(gap: StatedGap) -> str:
+    """Share of the way to the noise, as a percentage; a dash where there was no more than noise."""
+    return f"{100.0 * gap.way_to_noise:.0f} %".replace("-", "−") if gap.before > 1.0 else "–"
 
 
-def share_text(gap: Mapping[str, Any]) -> str:
-    """Closed share of what can be explained, as a percentage; a dash where there was nothing to explain.
-
-    Examples
-    --------
-    >>> share_text({"before": 2.0, "floor": 1.0, "shrink": 0.934})
-    '93 %'
-    >>> share_text({"before": 1.0, "floor": 1.0, "shrink": 0.0})
-    '–'
-    """
-    if gap["shrink"] is None or gap["before"] <= gap["floor"]:
+def share_text(gap: StatedGap) -> str:
+    """Closed share of what can be explained, as a percentage; a dash where there was nothing to explain."""
+    if gap.before <= gap.floor:
         return "–"
-    return f"{100.0 * gap['shrink']:.0f} %".replace("-", "−")
+    return f"{100.0 * gap.shrink:.0f} %".replace("-", "−")
 
 
-def place_text(found: Mapping[str, Any]) -> str:
+def place_text(found: GapOfModel) -> str:
     """Channel and covariate in which the baseline disagrees most, by the flexible term that brings most.
 
     Parameters
     ----------
-    found : mapping
-        What ``gap.json`` holds.
+    found : GapOfModel
     """
-    if found["periodic"]:
-        return periodic_text(found, found["periodic"][0])
-    flexible = found["rounds"][0]["flexible"]
+    if found.periodic:
+        return periodic_text(found.channels, found.periodic[0])
+    flexible = found.rounds[0].flexible
     if not flexible:
         return "no covariate"
     first = flexible[0]
-    return f"{channel_text(found, first['channel'])}, as a function of {covariate_text(found, first['covariate'])}"
+    covariate = covariate_text(found.channels, first.covariate)
+    return f"{channel_text(found.channels, first.channel)}, as a function of {covariate}"
 
 
-def rivals(effect: Mapping[str, Any]) -> list[str]:
-    """Effects that these data cannot tell from one."""
-    return [name for name in effect["class"] if name != effect["id"]]
-
-
-def fold_texts(found: Mapping[str, Any]) -> list[str]:
+def fold_texts(gap: StatedGap) -> list[str]:
     """How often which effects were chosen without a part of the measurements: ``2 of 3: stress_shift``."""
-    chosen = Counter(tuple(c) for c in found["gap"]["chosen_without"])
+    chosen = Counter(tuple(c) for c in gap.chosen_without)
     total = sum(chosen.values())
     return [f"{n} of {total}: {', '.join(c) or 'nothing'}" for c, n in chosen.most_common()]
 
@@ -163,9 +144,9 @@ def by_single_need(untestable: Table) -> list[tuple[str, list[str]]]:
     return sorted(found.items(), key=lambda item: -len(item[1]))
 
 
-def command(found: Mapping[str, Any]) -> str:
+def command(found: GapFindings) -> str:
     """The command that gives the same study again."""
-    model = AUTO_MODEL if found["model_choice"] else found["model"]
+    model = AUTO_MODEL if found.model_choice else found.model
     more = "" if model == DEFAULT_MODEL else f" --model {model}"
-    more += "" if found["pool"] == "none" else f" --pool {found['pool']}"
-    return f'sma-bayes gap "{found["source"]}" --out DIR --seed {found["seed"]} --priors priors.toml{more}'
+    more += "" if found.pool == "none" else f" --pool {found.pool}"
+    return f'sma-bayes gap "{found.source}" --out DIR --seed {found.seed} --priors priors.toml{more}'

@@ -36,6 +36,7 @@ from sma_bayes.studies.gap.name import (
 )
 from sma_bayes.studies.gap.periodic import Periodicity
 from sma_bayes.studies.gap.scatter import MOSTLY, holds_beside, members_of
+from sma_bayes.studies.gap.schema import Verdict
 
 SIGNIFICANT = 0.02
 """Global p-value up to which a disagreement counts as more than chance."""
@@ -104,7 +105,7 @@ class GapStudy:
         is free to have any shape, the same in every cycle and condition, where that share is greater.
     """
 
-    verdict: str
+    verdict: Verdict
     baseline: FittedHypothesis
     final: FittedHypothesis
     steps: tuple[Step, ...]
@@ -214,7 +215,9 @@ def study_from(
         explained = current.ln_evidence - bare.ln_evidence
     where = disagreements(first, _covariates(first))
     carried = _carried(steps[-1].look, bare, current, explained)
-    verdict = "none" if steps[0].look.p_value > SIGNIFICANT else "named" if carried >= CARRIED else "unnamed"
+    verdict: Verdict = (
+        "none" if steps[0].look.p_value > SIGNIFICANT else "named" if carried >= CARRIED else "unnamed"
+    )
     return GapStudy(verdict, first, current, tuple(steps), tuple(where), explained, carried)
 
 

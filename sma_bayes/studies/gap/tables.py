@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
 from sma_bayes.report.content import INTERVAL, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Column, Table
-from sma_bayes.studies.gap.cautions import outside_prior
+from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.gap.outcome import HEATING
 from sma_bayes.studies.gap.outputs import StoredStudy
+from sma_bayes.studies.gap.schema import AddedEffect, EffectParameter, HeatBalance
 from sma_bayes.studies.gap.words import channel_text, covariate_text
 
 ADVICE: Final[Mapping[str, str]] = {
@@ -62,10 +63,11 @@ def gap_tables(study: StoredStudy) -> dict[str, Table]:
         noise_table(study),
     )
     tables = {table.name: table for table in made}
-    if study.heating is None:
+    balance = study.found.heating
+    if study.heating is None or balance is None:
         return tables
     heating = {name: replace(t, name=f"{HEATING}-{name}") for name, t in gap_tables(study.heating).items()}
-    return tables | {t.name: t for t in (*heating.values(), heat_balance_table(study.heating))}
+    return tables | {t.name: t for t in (*heating.values(), heat_balance_table(balance))}
 
 
 def closed_table(study: StoredStudy) -> Table:
@@ -88,17 +90,17 @@ def closed_table(study: StoredStudy) -> Table:
         ),
         tuple(
             (
-                channel_text(study.found, channel),
-                *(Number(c[k], "1", 0.01) for k in ("before_sigma", "after_sigma", "way_to_noise")),
-                unit_label(c["unit"]) or "1",
-                *(Number(c[k], c["unit"], c["noise"] / 10.0) for k in ("before", "after", "noise")),
+                channel_text(study.part.channels, channel),
+                *(Number(v, "1", 0.01) for v in (c.before_sigma, c.after_sigma, c.way_to_noise)),
+                unit_label(c.unit) or "1",
+                *(Number(v, c.unit, c.noise / 10.0) for v in (c.before, c.after, c.noise)),
             )
-            for channel, c in study.found["gap"]["channels"].items()
+            for channel, c in study.part.gap.channels.items()
         ),
     )
 
 
-def heat_balance_table(study: StoredStudy) -> Table:
+def heat_balance_table(heating: HeatBalance) -> Table:
     """Gain, loss, time constant, ambient temperature and switching."""
     return Table(
         f"{HEATING}-parameters",
@@ -117,19 +119,19 @@ def heat_balance_table(study: StoredStudy) -> Table:
         ),
         tuple(
             (
-                name, p["meaning"], unit_label(p["unit"]) or "1",
-                *(Number(p[q], p["unit"], (p["q95"] - p["q05"]) / 3.29) for q in ("q05", "median", "q95")),
-                Number(p.get("scatter"), "1", 0.1),
+                name, p.meaning, unit_label(p.unit) or "1",
+                *_quantiles(p, p.unit),
+                Number(p.scatter, "1", 0.1),
             )
-            for name, p in study.found["parameters"].items()
+            for name, p in heating.parameters.items()
         ),
     )  # fmt: skip
 
 
 def disagreement_table(study: StoredStudy) -> Table:
     """Stretches over which residuals lean, numbered as in the figure."""
-    found = study.found["disagreement"] or study.found["within_chance"]
-    chance = bool(study.found["within_chance"])
+    found = study.part.disagreement or study.part.within_chance
+    chance = bool(study.part.within_chance)
     return Table(
         "disagreement",
         "Stretches that lean most, by chance" if chance else "Where model and measurement disagree",
@@ -150,35 +152,40 @@ def disagreement_table(study: StoredStudy) -> Table:
         ),
         tuple(
             (
-                i, d["condition"], d["branch"], channel_text(study.found, d["channel"]),
-                covariate_text(study.found, d["covariate"]),
-                Number(d["from"], d["unit"]), Number(d["to"], d["unit"]), unit_label(d["unit"]) or "1",
-                Number(abs(d["size_sigma"]), "1", 0.5), "above" if d["mean_residual"] > 0.0 else "below",
+                i, d.condition, d.branch, channel_text(study.part.channels, d.channel),
+                covariate_text(study.part.channels, d.covariate),
+                Number(d.from_, d.unit), Number(d.to, d.unit), unit_label(d.unit) or "1",
+                Number(abs(d.size_sigma), "1", 0.5), "above" if d.mean_residual > 0.0 else "below",
             )
             for i, d in enumerate(found, 1)
         ),
     )  # fmt: skip
 
 
+def _quantiles(found: IntervalDocument, unit: str) -> Iterator[Number]:
+    """The three, each with the digits that the standard deviation bears."""
+    low, median, high = found.quantiles
+    return (Number(q, unit, (high - low) / 3.29) for q in (low, median, high))
+
+
 def effect_table(study: StoredStudy) -> Table:
     """Parameters of the effects that were added."""
 
-    def row(e: Mapping[str, Any], name: str, p: Mapping[str, Any]) -> tuple[Any, ...]:
-        sd = (p["q95"] - p["q05"]) / 3.29
+    def row(e: AddedEffect, name: str, p: EffectParameter) -> tuple[Any, ...]:
         return (
-            e["id"],
-            "named" if study.found["verdict"] == "named" else "partial",
-            ", ".join(e["class"]),
-            Number(e["probability"], "1", 0.01),
-            Number(e["ln_bayes_factor"], "1", 1.0),
+            e.id,
+            "named" if study.part.verdict == "named" else "partial",
+            ", ".join(e.class_),
+            Number(e.probability, "1", 0.01),
+            Number(e.ln_bayes_factor, "1", 1.0),
             name,
-            p["meaning"],
-            unit_label(p["unit"]) or "1",
-            *(Number(p[q], p["unit"], sd) for q in ("q05", "median", "q95")),
-            *(Number(p["prior"][q], p["unit"]) for q in ("q05", "q95")),
-            outside_prior(p),
-            Number(p["rhat"], "1", 0.01),
-            Number(min(p["ess_bulk"], p["ess_tail"]), "1", 10.0),
+            p.meaning,
+            unit_label(p.unit) or "1",
+            *_quantiles(p, p.unit),
+            *(Number(end, p.unit) for end in p.prior_range),
+            p.outside_prior,
+            Number(p.rhat, "1", 0.01),
+            Number(p.least_ess, "1", 10.0),
         )
 
     return Table(
@@ -204,7 +211,7 @@ def effect_table(study: StoredStudy) -> Table:
             Column("R-hat", "rhat", "1"),
             Column("least ESS", "ess", "1"),
         ),
-        tuple(row(e, name, p) for e in study.effects for name, p in e["parameters"].items()),
+        tuple(row(e, name, p) for e in study.effects for name, p in e.parameters.items()),
     )
 
 
@@ -229,12 +236,12 @@ def candidate_table(study: StoredStudy) -> Table:
         ),
         tuple(
             (
-                c["id"], c["title"], None if c["status"] == "untestable" else c["round"],
-                Number(c["ln_bayes_factor"], "1", 1.0), c["refitted"],
-                Number(c["delta_elpd_held_out"], "1", c["delta_elpd_se"]),
-                Number(c["delta_elpd_se"], "1", c["delta_elpd_se"]), c["status"], c["why"],
+                c.id, c.title, None if c.status == "untestable" else c.round,
+                Number(c.ln_bayes_factor, "1", 1.0), c.refitted,
+                Number(c.delta_elpd_held_out, "1", c.delta_elpd_se),
+                Number(c.delta_elpd_se, "1", c.delta_elpd_se), c.status, c.why,
             )
-            for c in study.found["candidates"]
+            for c in study.part.candidates
         ),
     )  # fmt: skip
 
@@ -242,12 +249,12 @@ def candidate_table(study: StoredStudy) -> Table:
 def untestable_table(study: StoredStudy) -> Table:
     """What could not be tested, and what recording would make it testable."""
     rows = []
-    for c in study.found["candidates"]:
-        if c["status"] == "untestable":
-            there = NOT_THERE & set(c["unmet"])
-            todo = [ADVICE.get(n, n.replace("_", " ")) for n in c["unmet"] if n not in NOT_THERE]
+    for c in study.part.candidates:
+        if c.status == "untestable":
+            there = NOT_THERE & set(c.unmet)
+            todo = [ADVICE.get(n, n.replace("_", " ")) for n in c.unmet if n not in NOT_THERE]
             advice = "nothing: its mark is not in these readings" if there else "; ".join(dict.fromkeys(todo))
-            rows.append((c["id"], c["title"], c["why"], advice))
+            rows.append((c.id, c.title, c.why, advice))
     return Table(
         "untestable",
         "What could not be tested",
@@ -277,12 +284,12 @@ def noise_table(study: StoredStudy) -> Table:
         ),
         tuple(
             (
-                n["condition"],
-                channel_text(study.found, n["channel"]),
-                unit_label(study.found["channels"][n["channel"]]["unit"]) or "1",
-                Number(n["sd"], "1", n["sd"] / 10.0),
-                Number(n["lag1"], "1", 0.1),
+                n.condition,
+                channel_text(study.part.channels, n.channel),
+                unit_label(study.part.channels[n.channel].unit) or "1",
+                Number(n.sd, "1", n.sd / 10.0),
+                Number(n.lag1, "1", 0.1),
             )
-            for n in study.found["noise"]
+            for n in study.part.noise
         ),
     )

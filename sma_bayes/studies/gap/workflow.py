@@ -19,10 +19,13 @@ from sma_bayes.records.types import Campaign
 from sma_bayes.report.choice import REPORT, Drawn, ReportOptions, figures_for
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.documents import GAP
-from sma_bayes.runs.store import plain, write_text
+from sma_bayes.runs.schema import FindingDocument, ModelChoiceDocument
+from sma_bayes.runs.store import write_text
 from sma_bayes.studies.gap.cautions import cautions
 from sma_bayes.studies.gap.check import Comparable, comparable, smoothing_remarks
-from sma_bayes.studies.gap.outcome import STAGES, gap_outcome, outcome_json
+from sma_bayes.studies.gap.document import gap_of_model, heat_balance
+from sma_bayes.studies.gap.outcome import STAGES, gap_outcome
+from sma_bayes.studies.gap.schema import GapFindings
 from sma_bayes.studies.gap.store import write_study
 from sma_bayes.studies.identity import all_versions, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_call, groups_of, prior_set
@@ -123,35 +126,28 @@ def _studied(
             account=work.account,
             checkpoint=folder and folder / "checkpoints" / "gap.h5",
         )
-    stated = outcome_json(outcome)
-    if stated["heating"] is not None:
-        stated["heating"]["cautions"] = cautions(stated["heating"])
-    found: dict[str, Any] = plain(
-        {
-            **stated,
-            "campaign": campaign.name,
-            "source": campaign.source,
-            "seed": options.seed,
-            "model": chosen.model,
-            "model_choice": None if choice is None else asdict(choice),
-            "pool": options.pool,
-            "priors": options.priors.title,
-            "versions": all_versions(),
-            "data_sha256": campaign.sha256,
-            "cautions": cautions(stated),
-            "remarks": [
-                *can.remarks,
-                *(
-                    smoothing_remarks(outcome.heating.study.baseline.hypothesis.histories)
-                    if outcome.heating
-                    else []
-                ),
-            ],
-            "findings": [finding_document(f) for f in campaign.findings],
-        }
+    response = gap_of_model(outcome)
+    heated = outcome.heating
+    smoothed = smoothing_remarks(heated.study.baseline.hypothesis.histories) if heated else []
+    found = GapFindings(
+        schema="sma-bayes/gap/1",
+        **dict(response),
+        heating=None if heated is None else heat_balance(heated),
+        campaign=campaign.name,
+        source=campaign.source,
+        seed=options.seed,
+        model=chosen.model,
+        model_choice=None if choice is None else ModelChoiceDocument(**asdict(choice)),
+        pool=options.pool,
+        priors=options.priors.title,
+        versions=all_versions(),
+        data_sha256=campaign.sha256,
+        cautions=tuple(cautions(response)),
+        remarks=(*can.remarks, *smoothed),
+        findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
     )
     if folder is not None:
         with work.account.timed("write"):
             write_study(folder, outcome, seed=options.seed)
             write_text(folder / "priors.toml", options.priors.whole_text)
-    return found
+    return found.as_json()

@@ -29,6 +29,7 @@ from sma_bayes.report.figures.sheet import (
 )
 from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.gap.outputs import Mask, Samples, StoredStudy
+from sma_bayes.studies.gap.schema import StatedDisagreement
 from sma_bayes.studies.gap.words import covariate_text
 
 MARKS: Final = {"above": "#e6a700", "below": "#a77bca"}
@@ -81,9 +82,9 @@ def residual_maps(study: StoredStudy) -> Drawing:
             _label_rows(ax, rows, shown=ax is line[0])
             ax.tick_params(axis="y", length=0)
             if place == len(channels):
-                ax.set_xlabel(f"temperature T [{unit_label(study.found['units']['temperature'])}]")
+                ax.set_xlabel(f"temperature T [{unit_label(study.part.units['temperature'])}]")
         box = line[0].get_position()
-        name = study.found["channels"][channel]["name"].capitalize()
+        name = study.part.channels[channel].name.capitalize()
         middle = 0.5 * (box.y0 + box.y1)
         figure.text(
             0.1 / figure.get_figwidth(), middle, name, rotation=90, va="center", fontsize=9, fontweight="bold"
@@ -98,7 +99,7 @@ def residual_maps(study: StoredStudy) -> Drawing:
         alt="maps of residuals over temperature, by branch and channel"
         + (", before and after effects were added" if len(states) > 1 else ""),
         figure=figure,
-        data=_map_data(cells, rows, edges, study.found["units"]["temperature"]),
+        data=_map_data(cells, rows, edges, study.part.units["temperature"]),
     )  # fmt: skip
 
 
@@ -197,8 +198,8 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
     ----------
     study : StoredStudy
     """
-    found = study.found["disagreement"]
-    places = list(dict.fromkeys((d["condition"], d["channel"]) for d in found))
+    found = study.part.disagreement
+    places = list(dict.fromkeys((d.condition, d.channel) for d in found))
     if not places:
         conditions, channels = study.samples.distinct("condition"), study.samples.distinct("channel")
         places = [(c, k) for c in conditions for k in channels][:6]
@@ -213,7 +214,7 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
         _loop(upper, study, condition, channel)
         _strip(lower, study, condition, channel)
         upper.set_title(abridged(condition, 36))
-        upper.set_xlabel(f"temperature T [{unit_label(study.found['units']['temperature'])}]", labelpad=1.0)
+        upper.set_xlabel(f"temperature T [{unit_label(study.part.units['temperature'])}]", labelpad=1.0)
     for pair in pairs[len(places) :]:
         for ax in pair:
             ax.remove()
@@ -227,7 +228,7 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
     ]
     if study.effects:
         handles.append(Line2D([], [], color=INK, lw=1.1, label="with the added effects"))
-    sides = {_side(d) for d in found}
+    sides = {d.side for d in found}
     handles += [
         Line2D([], [], color=colour, lw=5, alpha=0.7, label=f"stretch, measured {side} model")
         for side, colour in MARKS.items()
@@ -252,8 +253,8 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
 
 def _loop(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     some = study.samples.of(condition=condition, channel=channel)
-    for number, d in enumerate(study.found["disagreement"], 1):
-        if (d["condition"], d["channel"]) == (condition, channel):
+    for number, d in enumerate(study.part.disagreement, 1):
+        if (d.condition, d.channel) == (condition, channel):
             _mark(ax, some, d, number)
     for branch, colour in COLOURS.items():
         part = some.of(branch=branch)
@@ -265,10 +266,10 @@ def _loop(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
             ax.plot(sweep["temperature"][order], sweep["before"][order], color=INK, lw=0.8, ls="--", zorder=3)
             if study.effects:
                 ax.plot(sweep["temperature"][order], sweep["after"][order], color=INK, lw=1.0, zorder=3.1)
-    facts = study.found["channels"][channel]
+    facts = study.part.channels[channel]
     ax.margins(x=0.04, y=0.08)
     power = take_power(ax.yaxis)
-    ax.set_ylabel(f"{facts['name']} {facts['symbol']} [{in_units_of(power, facts['unit'])}]")
+    ax.set_ylabel(f"{facts.name} {facts.symbol} [{in_units_of(power, facts.unit)}]")
 
 
 def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
@@ -276,16 +277,16 @@ def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     some = study.samples.of(condition=condition, channel=channel)
     own = [
         (i, d)
-        for i, d in enumerate(study.found["disagreement"], 1)
-        if (d["condition"], d["channel"]) == (condition, channel)
+        for i, d in enumerate(study.part.disagreement, 1)
+        if (d.condition, d.channel) == (condition, channel)
     ]
-    covariate = own[0][1]["covariate"] if own else "temperature"
+    covariate = own[0][1].covariate if own else "temperature"
     for number, d in own:
-        if d["covariate"] == covariate:
+        if d.covariate == covariate:
             pad = 0.3 if covariate == "cycle" else 0.0
-            ends = (d["from"] - pad, d["to"] + pad)
-            low, high, sink = (0.5, 1.0, -5) if d["branch"] == "heating" else (0.0, 0.5, 5)
-            ax.axvspan(*ends, low, high, color=MARKS[_side(d)], alpha=0.25, lw=0, zorder=0)
+            ends = (d.from_ - pad, d.to + pad)
+            low, high, sink = (0.5, 1.0, -5) if d.branch == "heating" else (0.0, 0.5, 5)
+            ax.axvspan(*ends, low, high, color=MARKS[d.side], alpha=0.25, lw=0, zorder=0)
             for end in ends:
                 ax.axvline(end, low, high, color="white", lw=1.0, zorder=0.5)
             ax.annotate(
@@ -299,13 +300,15 @@ def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
         left = (some["measured"] - some["before"])[mine]
         ax.scatter(x[mine], left, s=3, color=colour, alpha=0.5, linewidths=0, rasterized=True)
     ax.axhline(0.0, color=INK, lw=0.5)
-    facts = study.found["channels"][channel]
+    facts = study.part.channels[channel]
     power = take_power(ax.yaxis)
-    ax.set_ylabel(f"residual [{in_units_of(power, facts['unit'])}]", fontsize=6.5)
+    ax.set_ylabel(f"residual [{in_units_of(power, facts.unit)}]", fontsize=6.5)
     if covariate == "cycle":
         ax.xaxis.set_major_locator(MaxNLocator(5, integer=True))
-    unit = study.found["units"].get(covariate, "1")
-    ax.set_xlabel(f"{covariate_text(study.found, covariate)} [{unit_label(unit) or '1'}]", labelpad=1.0)
+    unit = study.part.units.get(covariate, "1")
+    ax.set_xlabel(
+        f"{covariate_text(study.part.channels, covariate)} [{unit_label(unit) or '1'}]", labelpad=1.0
+    )
 
 
 def along(some: Samples, covariate: str) -> Floats:
@@ -313,26 +316,22 @@ def along(some: Samples, covariate: str) -> Floats:
     return some[covariate] if covariate in some.numbers else np.arange(some.n, dtype=float)
 
 
-def stretch(some: Samples, d: Mapping[str, Any]) -> Mask:
+def stretch(some: Samples, d: StatedDisagreement) -> Mask:
     """Samples of a condition and channel that lie in a stretch of disagreement."""
-    own: NDArray[np.bool_] = some.words["branch"] == d["branch"]
-    values = along(some, d["covariate"])
-    return np.asarray(own & (values >= d["from"]) & (values <= d["to"]))
+    own: NDArray[np.bool_] = some.words["branch"] == d.branch
+    values = along(some, d.covariate)
+    return np.asarray(own & (values >= d.from_) & (values <= d.to))
 
 
-def _side(d: Mapping[str, Any]) -> str:
-    return "above" if d["mean_residual"] > 0.0 else "below"
-
-
-def _mark(ax: Axes, some: Samples, d: Mapping[str, Any], number: int) -> None:
+def _mark(ax: Axes, some: Samples, d: StatedDisagreement, number: int) -> None:
     inside = some.where(stretch(some, d))
     if not inside.n:
         return
-    colour = MARKS[_side(d)]
+    colour = MARKS[d.side]
     ax.scatter(inside["temperature"], inside["measured"], s=26, color=colour, alpha=0.4, linewidths=0, zorder=1,
                rasterized=True)  # fmt: skip
     middle = int(np.argsort(inside["temperature"])[inside.n // 2])
-    up = d["branch"] == "cooling"
+    up = d.branch == "cooling"
     ax.annotate(
         str(number), (inside["temperature"][middle], inside["measured"][middle]), xytext=(0, 11 if up else -11),
         textcoords="offset points", ha="center", va="center", fontsize=7, fontweight="bold", color=INK, zorder=7,
@@ -346,15 +345,15 @@ def _loop_data(study: StoredStudy, places: Sequence[tuple[str, str]]) -> dict[st
     for condition, channel in places:
         some = study.samples.of(condition=condition, channel=channel)
         number = np.zeros(some.n, dtype=int)
-        for i, d in enumerate(study.found["disagreement"], 1):
-            if (d["condition"], d["channel"]) == (condition, channel):
+        for i, d in enumerate(study.part.disagreement, 1):
+            if (d.condition, d.channel) == (condition, channel):
                 number[stretch(some, d)] = i
-        unit = study.found["channels"][channel]["unit"]
+        unit = study.part.channels[channel].unit
         rows += zip(
             [condition] * some.n, [channel] * some.n, [unit] * some.n, some.words["branch"].tolist(),
             some["row"].astype(int).tolist(), some["temperature"], some["measured"], some["before"], some["after"],
             number.tolist(), strict=True,
         )  # fmt: skip
-    unit = study.found["units"]["temperature"]
+    unit = study.part.units["temperature"]
     header = ("condition", "channel", "unit", "branch", "row", f"temperature [{unit}]")
     return as_columns((*header, "measured [unit]", "before [unit]", "after [unit]", "stretch"), rows)

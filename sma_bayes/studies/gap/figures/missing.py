@@ -31,6 +31,15 @@ from sma_bayes.report.figures.sheet import (
 )
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.studies.gap.outputs import Samples, StoredStudy
+from sma_bayes.studies.gap.schema import (
+    AddedEffect,
+    EffectParameter,
+    FlexibleEvidence,
+    GapOfModel,
+    NamedChannel,
+    StatedGap,
+    StatedRound,
+)
 from sma_bayes.studies.gap.words import channel_text, covariate_text, p_text
 
 ADDED, GUARD = "#20643c", "#a40000"
@@ -52,8 +61,8 @@ def ladder_figure(study: StoredStudy) -> Drawing:
     ----------
     study : StoredStudy
     """
-    rounds = study.found["rounds"]
-    bars = [_bars(r, study.found) for r in rounds]
+    rounds = study.part.rounds
+    bars = [_bars(r, study.part) for r in rounds]
     tall = [max(len(b), 1) for b in bars]
     height = 0.9 + sum(0.23 * n + 0.42 for n in tall)
     figure = empty_sheet(8.0, max(height, 2.6))
@@ -61,7 +70,7 @@ def ladder_figure(study: StoredStudy) -> Drawing:
     axes = panels(figure, len(rounds), 1, left=2.05, right=2.7, bottom=0.75, top=0.3, gap_y=0.42, tall=tall)[
         :, 0
     ]
-    worth = study.found["thresholds"]["ln_bayes_factor"]
+    worth = study.part.thresholds.ln_bayes_factor
     seen = [x for b in bars for _, v, g, _ in b for x in (v, g) if x is not None]
     top = 1.8 * max([worth, *seen])
     low = -worth if min(seen, default=0.0) < -0.1 * worth else -0.1 * worth
@@ -71,12 +80,12 @@ def ladder_figure(study: StoredStudy) -> Drawing:
         ax.set_xlim(low, top)
         ax.set_xticks([t for t in TICKS if t < top], [f"{t:g}" for t in TICKS if t < top])
         ax.minorticks_off()
-        ax.set_title(_round_title(number, round_, study.found["thresholds"]["p_value"]))
+        ax.set_title(_round_title(number, round_, study.part.thresholds.p_value))
         if number < len(rounds):
             ax.set_xticklabels([])
     axes[-1].set_xlabel("ln Bayes factor, for the model with it over the one without [1]")
     gap = figure.add_axes((1.0 - 1.75 / size[0], 0.75 / size[1], 1.6 / size[0], 1.0 - 1.05 / size[1]))
-    _gap(gap, study.found["gap"], ADDED if study.effects else "#8fa3b5")
+    _gap(gap, study.part.gap, ADDED if study.effects else "#8fa3b5")
     handles = [
         Patch(color=ADDED, label="effect, added"), Patch(color="#8fa3b5", label="effect, not added"),
         Patch(facecolor="white", edgecolor=FAINT, hatch="////", lw=0.5, label="f(.): flexible term without meaning"),
@@ -107,26 +116,27 @@ def ladder_figure(study: StoredStudy) -> Drawing:
 Bar = tuple[str, float, float | None, str]
 
 
-def _bars(round_: Mapping[str, Any], found: Mapping[str, Any]) -> list[Bar]:
+def _bars(round_: StatedRound, found: GapOfModel) -> list[Bar]:
     """Candidates of a round, best first, and the flexible term that brings most."""
 
-    def named(term: Mapping[str, Any]) -> str:
-        what = f"f({covariate_text(found, term['covariate'])})"
-        return what if len(found["channels"]) == 1 else f"{what}, {channel_text(found, term['channel'])}"
+    def named(term: FlexibleEvidence) -> str:
+        what = f"f({covariate_text(found.channels, term.covariate)})"
+        return what if len(found.channels) == 1 else f"{what}, {channel_text(found.channels, term.channel)}"
 
     out: list[Bar] = [
-        (c["id"], c["ln_bayes_factor"], c["guard"], "added" if c["id"] == round_["added"] else "candidate")
-        for c in round_["candidates"][:SHOWN]
+        (c.id, c.ln_bayes_factor, c.guard, "added" if c.id == round_.added else "candidate")
+        for c in round_.candidates[:SHOWN]
+        if c.ln_bayes_factor is not None
     ]
-    out += [(named(f), f["ln_bayes_factor"], None, "flexible") for f in round_["flexible"][:1]]
+    out += [(named(f), f.ln_bayes_factor, None, "flexible") for f in round_.flexible[:1]]
     return out
 
 
-def _round_title(number: int, round_: Mapping[str, Any], least: float) -> str:
-    seen = p_text(round_["p_value"])
-    if round_["added"] is not None:
-        return f"Round {number}: {seen}; {round_['added']} added"
-    if round_["p_value"] > least:
+def _round_title(number: int, round_: StatedRound, least: float) -> str:
+    seen = p_text(round_.p_value)
+    if round_.added is not None:
+        return f"Round {number}: {seen}; {round_.added} added"
+    if round_.p_value > least:
         return f"Round {number}: {seen}, no more than chance"
     return f"Round {number}: {seen}; nothing deserved to be added"
 
@@ -159,9 +169,9 @@ def _free_place(value: float, guard: float | None) -> float:
     return guard if guard is not None and 0.0 <= guard - end < max(1.5 * end, 1.0) else end
 
 
-def _gap(ax: Axes, gap: Mapping[str, Any], after: str) -> None:
+def _gap(ax: Axes, gap: StatedGap, after: str) -> None:
     names = ("before", "after", "floor")
-    values = [gap[n] for n in names]
+    values = (gap.before, gap.after, gap.floor)
     for place, (value, colour) in enumerate(zip(values, ("#8fa3b5", after, "#d0d0d0"), strict=True)):
         ax.bar(place, value, width=0.62, color=colour, lw=0)
         ax.annotate(
@@ -176,16 +186,15 @@ def _gap(ax: Axes, gap: Mapping[str, Any], after: str) -> None:
     ax.set_ylabel("rms of innovations [noise sd]", fontsize=7)
 
 
-def effect_figure(study: StoredStudy, effect: Mapping[str, Any]) -> Drawing:
+def effect_figure(study: StoredStudy, effect: AddedEffect) -> Drawing:
     """What an effect adds to each channel that it changes, along the covariate where that varies most.
 
     Parameters
     ----------
     study : StoredStudy
-    effect : mapping
-        An entry of ``effects`` of ``gap.json``.
+    effect : AddedEffect
     """
-    name = effect["id"]
+    name = effect.id
     channels = _changed(study.samples, name)
     covariates = [_covariate(study.samples.of(channel=c), name) for c in channels]
     conditions = _few(study.samples.distinct("condition"))
@@ -200,16 +209,16 @@ def effect_figure(study: StoredStudy, effect: Mapping[str, Any]) -> Drawing:
     axes = panels(figure, 1, len(channels), left=0.7, right=0.15, bottom=bottom, top=0.68, gap_x=0.75)[0]
     rows: list[tuple[Any, ...]] = []
     for ax, channel, covariate in zip(axes, channels, covariates, strict=True):
-        facts = study.found["channels"].get(channel, {"name": channel, "symbol": "", "unit": "1"})
+        facts = study.part.channels.get(channel, NamedChannel(name=channel, symbol="", unit="1"))
         rows += _curves(ax, study.samples.of(channel=channel), name, covariate, conditions, tint)
         ax.axhline(0.0, color=INK, lw=0.5, zorder=1)
-        ax.set_title(f"Added to {facts['name']}")
-        unit = {"cycle": "1"}.get(covariate) or study.found["units"].get(covariate, "1")
-        ax.set_xlabel(f"{covariate_text(study.found, covariate)} [{unit_label(unit) or '1'}]")
+        ax.set_title(f"Added to {facts.name}")
+        unit = {"cycle": "1"}.get(covariate) or study.part.units.get(covariate, "1")
+        ax.set_xlabel(f"{covariate_text(study.part.channels, covariate)} [{unit_label(unit) or '1'}]")
         power = take_power(ax.yaxis)
-        ax.set_ylabel(f"Δ{facts['symbol'] or facts['name']} [{in_units_of(power, facts['unit'])}]")
+        ax.set_ylabel(f"Δ{facts.symbol or facts.name} [{in_units_of(power, facts.unit)}]")
     figure.text(0.1 / figure.get_figwidth(), 1 - 0.08 / tall, name, va="top", fontsize=9.5, fontweight="bold")
-    title = textwrap.shorten(effect["title"], int(figure.get_figwidth() * 15), placeholder=" …")
+    title = textwrap.shorten(effect.title, int(figure.get_figwidth() * 15), placeholder=" …")
     figure.text(0.1 / figure.get_figwidth(), 1 - 0.27 / tall, title, va="top", fontsize=7.5, color="#555555")
     by_row = [h for i in range(across) for h in handles[i::across]]  # a legend is filled column by column
     figure.legend(handles=by_row, loc="lower center", ncols=across, borderaxespad=0.15)
@@ -225,7 +234,7 @@ def effect_figure(study: StoredStudy, effect: Mapping[str, Any]) -> Drawing:
                 if {"temperature"} & set(covariates) and _cycles(study.samples) > 1
                 else ""
             )
-            + f"Equation: {effect['equation']}."
+            + f"Equation: {effect.equation}."
         ),
         alt=f"curve of what the effect {name} adds, with its 90 % band",
         figure=figure,
@@ -366,19 +375,19 @@ def effect_parameter_figure(study: StoredStudy) -> Drawing:
     ----------
     study : StoredStudy
     """
-    places = [(e, n, p) for e in study.effects for n, p in e["parameters"].items()]
+    places = [(e, n, p) for e in study.effects for n, p in e.parameters.items()]
     columns = min(4, len(places))
     lines = math.ceil(len(places) / columns)
     figure = empty_sheet(max(2.05 * columns + 0.2, 4.2), 0.5 + 2.05 * lines)
     axes = panels(figure, lines, columns, left=0.2, right=0.2, bottom=0.75, top=0.42, gap_x=0.3, gap_y=0.98)
     for ax, (effect, name, facts) in zip(axes.flat, places, strict=False):
-        full = f"{effect['id']}.{name}"
+        full = f"{effect.id}.{name}"
         _density(ax, study.draws[full].ravel(), study.prior[full])
-        ax.set_title(f"{abridged(effect['id'], 20)}\n{name}", fontsize=7.5)
-        power = take_power(ax.xaxis)
+        ax.set_title(f"{abridged(effect.id, 20)}\n{name}", fontsize=7.5)
+        power, (low, high) = take_power(ax.xaxis), facts.prior_range
         ax.set_xlabel(
-            f"{name} [{in_units_of(power, facts['unit'])}]\nprior, 90 %: {compact(facts['prior']['q05'])} to "
-            f"{compact(facts['prior']['q95'])}", fontsize=7,
+            f"{name} [{in_units_of(power, facts.unit)}]\nprior, 90 %: {compact(low)} to "
+            f"{compact(high)}", fontsize=7,
         )  # fmt: skip
     for ax in list(axes.flat)[len(places) :]:
         ax.remove()
@@ -435,11 +444,13 @@ def prior_density(prior: Floats, grid: Floats) -> Floats:
     return np.asarray(gaussian_kde(prior)(grid))
 
 
-def _density_data(study: StoredStudy, places: Sequence[tuple[Any, str, Any]]) -> dict[str, Any]:
+def _density_data(
+    study: StoredStudy, places: Sequence[tuple[AddedEffect, str, EffectParameter]]
+) -> dict[str, Any]:
     rows = []
     for effect, name, facts in places:
-        full = f"{effect['id']}.{name}"
+        full = f"{effect.id}.{name}"
         for what, values in (("posterior", study.draws[full].ravel()), ("prior", study.prior[full])):
             quantiles = np.quantile(values, np.arange(1, 100) / 100.0)
-            rows += [(effect["id"], name, facts["unit"], what, i, q) for i, q in enumerate(quantiles, 1)]
+            rows += [(effect.id, name, facts.unit, what, i, q) for i, q in enumerate(quantiles, 1)]
     return as_columns(("effect", "parameter", "unit", "what", "percentile", "value [unit]"), rows)

@@ -11,9 +11,11 @@ import pytest
 from sma_bayes.effects import EFFECTS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
-from sma_bayes.studies.gap.cautions import cautions, outside_prior
+from sma_bayes.studies.gap.cautions import cautions
 from sma_bayes.studies.gap.check import LEAST, comparable
-from sma_bayes.studies.gap.outcome import GapOutcome, gap_outcome, judgement, outcome_json, probability
+from sma_bayes.studies.gap.document import THRESHOLDS, gap_of_model
+from sma_bayes.studies.gap.outcome import GapOutcome, gap_outcome, judgement, probability
+from sma_bayes.studies.gap.schema import EffectParameter, GapOfModel
 from sma_bayes.studies.gap.series import series_columns, series_of
 from sma_bayes.studies.gap.store import posterior_tree
 
@@ -57,12 +59,12 @@ def test_statuses_come_with_their_reason(outcome):
 
 def test_without_a_name_what_was_added_is_only_partial(outcome):
     unnamed = replace(outcome, study=replace(outcome.study, verdict="unnamed"))
-    found = outcome_json(unnamed)
-    assert found["effects"] == []
-    assert [e["id"] for e in found["partial"]] == ["training_drift"]
-    first = found["candidates"][0]
-    assert (first["id"], first["status"]) == ("training_drift", "rejected")
-    assert "too much of the disagreement remains" in first["why"]
+    found = gap_of_model(unnamed)
+    assert found.effects == ()
+    assert [e.id for e in found.partial] == ["training_drift"]
+    first = found.candidates[0]
+    assert (first.id, first.status) == ("training_drift", "rejected")
+    assert "too much of the disagreement remains" in first.why
 
 
 def test_a_made_needless_effect_is_not_named(outcome):
@@ -106,36 +108,51 @@ def test_the_tree_holds_draws_with_units_and_the_prior_of_effects_alone(outcome)
 
 @pytest.mark.parametrize(("low", "high", "far"), [(0.0, 1.0, False), (2.1, 3.0, True), (-3.0, -2.1, True)])
 def test_a_posterior_beyond_the_literature_is_noticed(low: float, high: float, far: bool):
-    assert outside_prior({"q05": low, "q95": high, "prior": {"q05": -2.0, "q95": 2.0}}) is far
+    told = {"unit": "m", "meaning": "growth", "q05": low, "median": low, "q95": high}
+    told |= {"rhat": 1.0, "ess_bulk": 1e3, "ess_tail": 1e3, "prior": {"q05": -2.0, "q95": 2.0}}
+    assert EffectParameter.model_validate(told).outside_prior is far
 
 
-def doubtful(**changes: Any) -> dict[str, Any]:
-    """A named verdict with nothing to doubt, but for the changes."""
-    gap = {"before": 2.0, "after": 1.0, "floor": 1.0, "shrink": 1.0, "chosen_without": [["x"], ["y"]]}
-    return (
-        {
-            "verdict": "named",
-            "effects": [{"id": "x", "class": ["x", "y"], "parameters": {}}],
-            "partial": [],
-            "remaining": {"p_value": 0.5, "channel": "force", "covariate": "time", "share": 0.0},
-            "thresholds": {"p_value": 0.02},
-            "channels": {"force": {"name": "force"}, "displacement": {"name": "strain"}},
-            "noise": [],
-            "sweeps": {"law": None, "numbers": []},
-            "suspects": [],
-        }
-        | {"gap": gap | changes.pop("gap", {})}
-        | changes
-    )
+EFFECT: dict[str, Any] = {
+    "id": "x", "title": "", "equation": "", "reference": "", "round": 1, "class": ["x", "y"], "probability": 1.0,
+    "ln_bayes_factor": 9.0, "guard": None, "guard_covariate": "", "ln_bayes_factor_beside": None, "share": None,
+    "shape_apart": False, "remainder": None, "parameters": {}, "next_experiment": None,
+}  # fmt: skip
+NOISE: dict[str, Any] = {"condition": "c", "channel": "force", "sd": 1.0, "lag1": 0.1, "scatter": 1.0}
+NOTHING: dict[str, Any] = {
+    "verdict": "named", "p_value": 1e-9, "p_value_extrapolated": False, "converged": True, "disagreement": [],
+    "within_chance": [], "periodic": [], "effects": [EFFECT], "partial": [], "candidates": [], "rounds": [],
+    "remaining": {
+        "p_value": 0.5, "channel": "force", "covariate": "time", "ln_bayes_factor": 0.0, "share": 0.0,
+        "share_without_shape": 0.0,
+    },
+    "gap": {
+        "metric": "", "before": 2.0, "after": 1.0, "floor": 1.0, "shrink": 1.0, "noise": 1.0, "way_to_noise": 1.0,
+        "channels": {}, "held_out": "", "chosen_without": [["x"], ["y"]],
+    },
+    "thresholds": THRESHOLDS.as_json(), "sweeps": {"law": None, "numbers": []}, "suspects": [],
+    "channels": {
+        "force": {"name": "force", "symbol": "F", "unit": "N"},
+        "displacement": {"name": "strain", "symbol": "e", "unit": "1"},
+    },
+    "units": {}, "conditions": [], "noise": [],
+}  # fmt: skip
+"""A named verdict with nothing to doubt."""
+
+
+def doubtful(**changes: Any) -> GapOfModel:
+    """The same but for the changes."""
+    parts = {key: NOTHING[key] | changes.pop(key) for key in ("gap", "remaining") if key in changes}
+    return GapOfModel.model_validate(NOTHING | parts | changes)
 
 
 def noisy(p_value: float) -> dict[str, Any]:
     """Noise of a channel whose spectrum has a band that is not its model's."""
     band = {"start": 0.1, "stop": 0.2, "unit": "Hz", "ratio": 3.2, "p_value": p_value}
-    return {"condition": "c", "channel": "force", "lag1": 0.1, "spectrum": band}
+    return {**NOISE, "spectrum": band}
 
 
-HELPING = {"verdict": "unnamed", "effects": [], "partial": [{"id": "x", "parameters": {}}]}
+HELPING = {"verdict": "unnamed", "effects": [], "partial": [EFFECT]}
 
 
 @pytest.mark.parametrize(
@@ -165,7 +182,7 @@ HELPING = {"verdict": "unnamed", "effects": [], "partial": [{"id": "x", "paramet
         ),
         ({"gap": {"after": 1.4, "floor": 1.4}}, ["still 1.40 times what noise alone"]),
         (
-            {"noise": [{"condition": "c", "channel": "displacement", "lag1": 0.97, "spectrum": None}]},
+            {"noise": [{**NOISE, "channel": "displacement", "lag1": 0.97, "spectrum": None}]},
             ["What passes for noise of c strain hardly changes from sample to sample (correlation 0.97"],
         ),
         ({"noise": [noisy(2e-3)]}, []),

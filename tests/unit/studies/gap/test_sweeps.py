@@ -11,9 +11,10 @@ from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import histories
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.studies.gap.cautions import cautions
+from sma_bayes.studies.gap.document import gap_of_model
 from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise, nearest
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.outcome import gap_outcome, outcome_json
+from sma_bayes.studies.gap.outcome import gap_outcome
 from sma_bayes.studies.gap.study import baseline_start
 from sma_bayes.studies.gap.sweeps import SweepNumbers, cycle_law, suspects, sweep_numbers
 
@@ -113,11 +114,11 @@ def test_what_too_few_cycles_cannot_tell(cycles: int, said: str) -> None:
 def test_a_run_that_is_unlike_its_repeats_is_suspect_by_name(rig) -> None:
     usual = (0.0, 1.0, 0.0, 1.0)
     odd = affine(rig, lambda c, _: (0.0, 0.7, 6.0, 1.0) if c == "c2" else usual, **FOUR)
-    found = outcome_json(gap_outcome(odd, PRIORS, pooled=False))
-    assert {s["condition"] for s in found["suspects"]} == {"c2"}
-    assert found["suspects"][0]["p_value"] < 0.05
-    stroke = next(s for s in found["suspects"] if s["quantity"].startswith("stroke"))
-    assert stroke["value"] == pytest.approx(0.7, rel=0.05)
+    found = gap_of_model(gap_outcome(odd, PRIORS, pooled=False))
+    assert {s.condition for s in found.suspects} == {"c2"}
+    assert found.suspects[0].p_value < 0.05
+    stroke = next(s for s in found.suspects if s.quantity.startswith("stroke"))
+    assert stroke.value == pytest.approx(0.7, rel=0.05)
     text = " ".join(cautions(found))
     assert "c2 is a suspect record" in text
     assert "not what was applied, or the specimen changed" in text

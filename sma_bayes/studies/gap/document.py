@@ -1,0 +1,331 @@
+"""What a gap study says in `gap.json`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any, Final
+
+import numpy as np
+
+from sma_bayes.arrays import Floats
+from sma_bayes.effects import Effect
+from sma_bayes.effects.needs import untestable
+from sma_bayes.parameters.distributions import family_name, numbers
+from sma_bayes.records.history import History
+from sma_bayes.studies.gap.cautions import cautions
+from sma_bayes.studies.gap.close import NOISE_ALONE, Gap
+from sma_bayes.studies.gap.fitting import FittedHypothesis, nearest
+from sma_bayes.studies.gap.flexible import TermEvidence
+from sma_bayes.studies.gap.heating import heat_parameters
+from sma_bayes.studies.gap.locate import Disagreement
+from sma_bayes.studies.gap.name import MISSHAPEN, WORTH, Candidate, EvidenceBeside
+from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, scatter
+from sma_bayes.studies.gap.outcome import GapOutcome, added, judgement, named_channels, probability
+from sma_bayes.studies.gap.periodic import FrequencyBand, Spectra
+from sma_bayes.studies.gap.schema import (
+    AddedEffect,
+    EffectParameter,
+    FlexibleEvidence,
+    GapOfModel,
+    GapThresholds,
+    HeatBalance,
+    JudgedCandidate,
+    RefittedCandidate,
+    RemainderBeside,
+    StatedBand,
+    StatedChannelGap,
+    StatedDisagreement,
+    StatedGap,
+    StatedLaw,
+    StatedNoise,
+    StatedPeriodicity,
+    StatedRemaining,
+    StatedRound,
+    StatedSuspect,
+    StatedSweep,
+    StatedSweeps,
+    StudiedCondition,
+)
+from sma_bayes.studies.gap.study import (
+    APART,
+    CARRIED,
+    CARRIED_BESIDE,
+    FURTHER,
+    SIGNIFICANT,
+    GapStudy,
+    Step,
+)
+from sma_bayes.studies.gap.sweeps import NUMBERS, cycle_law, suspects, sweep_numbers
+
+METRIC: Final = (
+    "root mean square of held-out residuals, as innovations of the noise, in its standard deviations; "
+    "1 where only noise is left"
+)
+THRESHOLDS: Final = GapThresholds(
+    p_value=SIGNIFICANT,
+    ln_bayes_factor=WORTH,
+    ln_bayes_factor_apart=APART,
+    unexplained_share=round(1.0 - CARRIED, 6),
+    share_beside=CARRIED_BESIDE,
+    ln_bayes_factor_shape=MISSHAPEN,
+    further_share=FURTHER,
+)
+QUANTILES: Final = np.array([0.05, 0.5, 0.95])
+
+
+def gap_of_model(outcome: GapOutcome) -> GapOfModel:
+    """What was found of one model.
+
+    Without a disagreement beyond chance ``disagreement`` is empty, and the stretches that lean most are under
+    ``within_chance``. Without a name ``effects`` is empty, and what was added on the way is under ``partial``.
+    """
+    study = outcome.study
+    found = tuple(_disagreement(d) for d in study.disagreements)
+    effects = tuple(_effect(outcome, e) for e in study.effects)
+    none, named = study.verdict == "none", study.verdict == "named"
+    return GapOfModel(
+        verdict=study.verdict,
+        p_value=study.p_value,
+        p_value_extrapolated=study.steps[0].look.extrapolated,
+        converged=outcome.converged,
+        disagreement=() if none else found,
+        within_chance=found if none else (),
+        periodic=tuple(StatedPeriodicity(**asdict(line)) for line in study.periodic),
+        effects=effects if named else (),
+        partial=() if named else effects,
+        candidates=tuple(
+            _candidate(outcome, c)
+            for c in sorted(study.steps[0].candidates, key=lambda c: _order(study, c.effect.id))
+        ),
+        rounds=tuple(_round(s) for s in study.steps),
+        remaining=StatedRemaining(
+            p_value=study.left.p_value,
+            covariate=study.left.best.term.covariate,
+            channel=study.left.best.term.channel,
+            ln_bayes_factor=study.left.best.ln_bayes_factor,
+            share=study.remainder if study.effects else None,
+            share_without_shape=1.0 - study.carried if study.effects else None,
+        ),
+        gap=_gap(outcome.gap, study.final),
+        thresholds=THRESHOLDS,
+        sweeps=_sweeps(study),
+        suspects=tuple(StatedSuspect(**asdict(s)) for s in suspects(nearest(study.baseline))),
+        channels=named_channels(study.final),
+        units=dict(study.final.hypothesis.histories[0].units),
+        conditions=tuple(_condition(h) for h in study.final.hypothesis.histories),
+        noise=tuple(
+            _noise(study.final, block, noise, band)
+            for block, noise, band in zip(
+                study.final.blocks, study.final.noise, Spectra(study.final).bands(), strict=True
+            )
+        ),
+    )
+
+
+def heat_balance(outcome: GapOutcome) -> HeatBalance:
+    """What was found of the heat balance, with its parameters."""
+    found = gap_of_model(outcome)
+    parameters = heat_parameters(outcome.study, outcome.flat, outcome.seed)
+    return HeatBalance(**dict(found), parameters=parameters, cautions=tuple(cautions(found)))
+
+
+def _gap(gap: Gap, fitted: FittedHypothesis) -> StatedGap:
+    units = fitted.hypothesis.histories[0].units
+    return StatedGap(
+        metric=METRIC,
+        before=gap.before,
+        after=gap.after,
+        floor=gap.floor,
+        shrink=gap.shrink,
+        noise=NOISE_ALONE,
+        way_to_noise=gap.way_to_noise,
+        channels={
+            c: StatedChannelGap(unit=units[c], **asdict(of), way_to_noise=of.way_to_noise)
+            for c, of in gap.channels.items()
+        },
+        held_out=gap.held_out,
+        chosen_without=tuple(tuple(c) for c in gap.chosen),
+    )
+
+
+def _sweeps(study: GapStudy) -> StatedSweeps:
+    """Numbers of each sweep about the common curve, and their law of the cycle where there is something to explain."""
+    found = sweep_numbers(nearest(study.baseline))
+    law = None
+    if study.verdict != "none":
+        law = StatedLaw(**asdict(cycle_law(found, np.random.default_rng(0))))
+    numbers = tuple(
+        StatedSweep(
+            condition=s.condition,
+            branch=s.branch,
+            channel=s.channel,
+            cycle=s.cycle,
+            **dict(zip(NUMBERS, s.values, strict=True)),
+            **{f"{name}_sd": sd for name, sd in zip(NUMBERS, s.sds, strict=True)},
+        )
+        for s in found
+    )
+    return StatedSweeps(law=law, numbers=numbers)
+
+
+def _disagreement(d: Disagreement) -> StatedDisagreement:
+    stretch: dict[str, Any] = {"from": d.start, "to": d.stop}
+    return StatedDisagreement(
+        condition=d.condition,
+        branch=d.branch,
+        channel=d.channel,
+        covariate=d.covariate,
+        **stretch,
+        unit=d.unit,
+        size_sigma=d.size_sigma,
+        mean_residual=d.mean,
+    )
+
+
+def _condition(history: History) -> StudiedCondition:
+    settings = {k: v for k, v in asdict(history.condition).items() if k != "id" and v is not None}
+    return StudiedCondition(
+        id=history.condition.id,
+        settings=settings,
+        n=history.n,
+        cycles=int(np.unique(history.inputs["cycle"]).size),
+        rows_averaged=history.averaged,
+    )
+
+
+def _noise(
+    fitted: FittedHypothesis, block: ChannelBlock, noise: BlockNoise, band: FrequencyBand | None
+) -> StatedNoise:
+    follows = ~block.first
+    return StatedNoise(
+        condition=fitted.hypothesis.histories[block.history].condition.id,
+        channel=block.channel,
+        sd=noise.sd,
+        lag1=float(np.median(noise.memory[follows])) if follows.any() else 0.0,
+        scatter=scatter(fitted.residual[block.at], block),
+        spectrum=None if band is None else StatedBand(**asdict(band)),
+    )
+
+
+def _effect(outcome: GapOutcome, effect: Effect) -> AddedEffect:
+    place, step, chosen = added(outcome.study)[effect.id]
+    experiment = outcome.experiments.get(effect.id)
+    beside = chosen.beside
+    class_: dict[str, Any] = {"class": step.class_}
+    return AddedEffect(
+        id=effect.id,
+        title=effect.title,
+        equation=effect.equation,
+        reference=effect.reference,
+        round=place,
+        **class_,
+        probability=probability(step, chosen),
+        ln_bayes_factor=chosen.ln_bayes_factor,
+        guard=chosen.guard,
+        guard_covariate=chosen.guard_covariate,
+        ln_bayes_factor_beside=None if beside is None else beside.over,
+        share=None if beside is None else beside.carried,
+        shape_apart=beside is not None and beside.shape_apart,
+        remainder=None if beside is None else _remainder(beside),
+        parameters=_parameters(outcome, effect),
+        next_experiment=None if experiment is None else str(experiment),
+    )
+
+
+def _remainder(beside: EvidenceBeside) -> RemainderBeside | None:
+    """The best flexible term on top of an effect, in the round in which that was judged."""
+    left = beside.remainder
+    if left is None:
+        return None
+    return RemainderBeside(**dict(_flexible(left)), share=1.0 - beside.carried)
+
+
+def _flexible(found: TermEvidence) -> FlexibleEvidence:
+    return FlexibleEvidence(
+        covariate=found.term.covariate, channel=found.term.channel, ln_bayes_factor=found.ln_bayes_factor
+    )
+
+
+def _order(study: GapStudy, name: str) -> int:
+    """Effects that were added come first, in that order; the others stay as they were ranked."""
+    names = list(added(study))
+    return names.index(name) if name in names else len(names)
+
+
+def _parameters(outcome: GapOutcome, effect: Effect) -> dict[str, EffectParameter]:
+    hypothesis = outcome.study.final.hypothesis
+    free = hypothesis.space.free_index.tolist()
+    if outcome.draws is None:
+        return {}
+    convergence = outcome.draws.convergence
+    out = {}
+    at = hypothesis.effect_positions[effect.id].tolist()
+    for i, p in zip(at, effect.parameters(hypothesis.scales), strict=True):
+        z = free.index(i)
+        out[p.name] = EffectParameter(
+            unit=p.unit,
+            meaning=p.meaning,
+            **_interval(np.quantile(outcome.flat[:, i], QUANTILES)),
+            rhat=convergence.rhat[z],
+            ess_bulk=convergence.ess_bulk[z],
+            ess_tail=convergence.ess_tail[z],
+            prior={
+                "family": family_name(p.prior),
+                **numbers(p.prior),
+                "source": p.source,
+                **_interval(p.prior.quantile(QUANTILES)),
+            },
+        )
+    return out
+
+
+def _interval(values: Floats) -> dict[str, float]:
+    return dict(zip(("q05", "median", "q95"), values.tolist(), strict=True))
+
+
+def _candidate(outcome: GapOutcome, candidate: Candidate) -> JudgedCandidate:
+    """As judged in the first round; what was added in a later one, as judged then."""
+    study = outcome.study
+    place, _, candidate = added(study).get(candidate.effect.id, (1, study.steps[0], candidate))
+    score = outcome.scores.get(candidate.effect.id)
+    status, why = judgement(study, candidate)
+    return JudgedCandidate(
+        id=candidate.effect.id,
+        title=candidate.effect.title,
+        round=place,
+        refitted=candidate.fitted is not None,
+        ln_bayes_factor=None if candidate.untestable else candidate.ln_bayes_factor,
+        delta_elpd_held_out=None if score is None else score.delta,
+        delta_elpd_se=None if score is None else score.se,
+        status=status,
+        why=why,
+        unmet=_unmet(study, candidate) if candidate.untestable else (),
+    )
+
+
+def _unmet(study: GapStudy, candidate: Candidate) -> tuple[str, ...]:
+    """Needs of an effect that the measurements do not meet."""
+    found = study.baseline.hypothesis.histories
+    return tuple(need for need in candidate.effect.needs if untestable((need,), found))
+
+
+def _round(step: Step) -> StatedRound:
+    class_: dict[str, Any] = {"class": step.class_}
+    return StatedRound(
+        p_value=step.look.p_value,
+        flexible=tuple(_flexible(g) for g in step.look.gains[:5]),
+        added=None if step.chosen is None else step.chosen.effect.id,
+        **class_,
+        candidates=tuple(
+            RefittedCandidate(
+                id=c.effect.id,
+                ln_bayes_factor=c.ln_bayes_factor,
+                guard=c.guard,
+                guard_covariate=c.guard_covariate,
+                ln_bayes_factor_beside=None if c.beside is None else c.beside.over,
+                share=None if c.beside is None else c.beside.carried,
+            )
+            for c in step.candidates
+            if c.fitted is not None
+        ),
+    )

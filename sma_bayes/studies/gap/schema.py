@@ -1,0 +1,449 @@
+"""What `gap.json` holds."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from pydantic import Field
+
+from sma_bayes.runs.schema import (
+    DocumentPart,
+    FilesBeside,
+    FindingDocument,
+    IntervalDocument,
+    Items,
+    ModelChoiceDocument,
+    Number,
+    NumberOrNull,
+    RunAccount,
+)
+
+Status = Literal["named", "rejected", "untestable"]
+Verdict = Literal["named", "none", "unnamed"]
+
+
+class StatedDisagreement(DocumentPart):
+    """A stretch over which residuals lean."""
+
+    condition: str = Field(description="id of the condition")
+    branch: str = Field(description="`heating` or `cooling`")
+    channel: str = Field(description="the channel")
+    covariate: str = Field(description="along which they lean")
+    from_: Number = Field(alias="from", description="where the stretch begins [`unit`]")
+    to: Number = Field(description="where it ends [`unit`]")
+    unit: str = Field(description="unit of the covariate")
+    size_sigma: Number = Field(
+        description="how far residuals lean there in standard errors, once parameters have adapted and the "
+        "autocorrelation of the noise has been taken out [1]"
+    )
+    mean_residual: Number = Field(
+        description="measured less predicted, as it is [unit of the channel]; its sign may differ from that of "
+        "`size_sigma` where neighbouring samples are much alike"
+    )
+
+    @property
+    def side(self) -> str:
+        """On which side of the model it was measured."""
+        return "above" if self.mean_residual > 0.0 else "below"
+
+
+class StatedPeriodicity(DocumentPart):
+    """A line of a spectrum that no covariate explains."""
+
+    condition: str = Field(description="id of the condition")
+    channel: str = Field(description="the channel")
+    frequency: Number = Field(description="of the line [`unit`]")
+    width: Number = Field(description="frequencies nearer than this the record can't tell apart [`unit`]")
+    unit: str = Field(description="`Hz`, or `1/sample` where time was not recorded")
+    amplitude: Number = Field(description="of the sine in the residuals [unit of the channel]")
+    size_sigma: Number = Field(description="the same in standard errors [1]")
+    ln_bayes_factor: Number = Field(description="with the line over without [1]")
+
+
+class FlexibleEvidence(DocumentPart):
+    """What a flexible term without meaning is worth."""
+
+    covariate: str = Field(description="of which it is a smooth function")
+    channel: str = Field(description="channel that it changes, or what it does to all")
+    ln_bayes_factor: Number = Field(description="with it over without it [1]")
+
+
+class RemainderBeside(FlexibleEvidence):
+    """The best flexible term on top of an effect."""
+
+    share: Number = Field(description="how much of what the two explain is the term's [1]")
+
+
+class QuantityInWords(DocumentPart):
+    """Which quantity it is."""
+
+    unit: str = Field(description="its unit")
+    meaning: str = Field(description="what it is")
+
+
+class EffectParameter(IntervalDocument, QuantityInWords):
+    """A parameter of an effect."""
+
+    rhat: NumberOrNull = Field(description="rank-normalised split R-hat [1]")
+    ess_bulk: NumberOrNull = Field(description="effective sample size of the bulk")
+    ess_tail: NumberOrNull = Field(description="effective sample size of the tails")
+    prior: dict[str, Number | str] = Field(
+        description="`family`, the numbers of that family, `source`, and `q05`, `median`, `q95` [unit]"
+    )
+
+    @property
+    def least_ess(self) -> float | None:
+        """Lesser of the two effective sample sizes."""
+        found = [ess for ess in (self.ess_bulk, self.ess_tail) if ess is not None]
+        return min(found, default=None)
+
+    @property
+    def prior_range(self) -> tuple[float, float]:
+        """Ends of the 90 % range of the prior, which is what the literature gives."""
+        return float(self.prior["q05"]), float(self.prior["q95"])
+
+    @property
+    def outside_prior(self) -> bool:
+        """Whether the 90 % intervals of posterior and prior do not meet."""
+        low, _, high = self.quantiles
+        least, greatest = self.prior_range
+        return low > greatest or high < least
+
+
+class AddedEffect(DocumentPart):
+    """An effect that was added."""
+
+    id: str = Field(description="id in the catalogue")
+    title: str = Field(description="what it is")
+    equation: str = Field(description="its equation")
+    reference: str = Field(description="where form and range come from")
+    round: int = Field(description="in which it was added, from 1")
+    class_: Items[str] = Field(
+        alias="class", description="effects that these data cannot tell from it, itself first"
+    )
+    probability: Number = Field(description="when it was added [1]")
+    ln_bayes_factor: Number = Field(description="when it was added [1]")
+    guard: NumberOrNull = Field(
+        description="ln Bayes factor of the best flexible term in its place; null where none contains its signature"
+    )
+    guard_covariate: str = Field(description="of which that term is a function")
+    ln_bayes_factor_beside: NumberOrNull = Field(
+        description="of the effect with the best flexible term on top of it over the best one alone; null where it "
+        "was not looked for [1]"
+    )
+    share: NumberOrNull = Field(description="how much of what the two explain is the effect's [1]")
+    shape_apart: bool = Field(description="whether both are beside a curve that is free to have any shape")
+    remainder: RemainderBeside | None = Field(description="that term; null where there is none")
+    parameters: dict[str, EffectParameter] = Field(description="its parameters, by name")
+    next_experiment: str | None = Field(
+        description="what would separate the class; null where it has one member"
+    )
+
+    @property
+    def rivals(self) -> list[str]:
+        """Effects that these data cannot tell from it."""
+        return [name for name in self.class_ if name != self.id]
+
+
+class JudgedCandidate(DocumentPart):
+    """What became of an effect of the catalogue."""
+
+    id: str = Field(description="id in the catalogue")
+    title: str = Field(description="what it is")
+    round: int = Field(description="in which it was judged")
+    refitted: bool = Field(description="whether everything was fitted with it; else it was screened only")
+    ln_bayes_factor: NumberOrNull = Field(
+        description="over the model of that round; null where untestable or where the effect changes nothing [1]"
+    )
+    delta_elpd_held_out: NumberOrNull = Field(
+        description="gain in log density of held-out measurements; null where not refitted [1]"
+    )
+    delta_elpd_se: NumberOrNull = Field(description="its standard error")
+    status: Status = Field(description="which of the three")
+    why: str = Field(description="the reason in words")
+    unmet: Items[str] = Field(description="needs of the effect that are not met")
+
+
+class RefittedCandidate(DocumentPart):
+    """A candidate that was refitted in a round."""
+
+    id: str = Field(description="id in the catalogue")
+    ln_bayes_factor: NumberOrNull = Field(description="over the model of the round [1]")
+    guard: NumberOrNull = Field(description="that of the best flexible term in its place [1]")
+    guard_covariate: str = Field(description="of which that term is a function")
+    ln_bayes_factor_beside: NumberOrNull = Field(
+        description="of the effect with the best flexible term on top over the best one alone [1]"
+    )
+    share: NumberOrNull = Field(description="how much of what the two explain is the effect's [1]")
+
+
+class StatedRound(DocumentPart):
+    """What was seen and tried in a round."""
+
+    p_value: Number = Field(description="of the greatest disagreement [1]")
+    flexible: Items[FlexibleEvidence] = Field(description="the five best terms without meaning")
+    added: str | None = Field(description="effect that was added; null where nothing was")
+    class_: Items[str] = Field(alias="class", description="effects that cannot be told from it, itself first")
+    candidates: Items[RefittedCandidate] = Field(description="those that were refitted")
+
+
+class StatedRemaining(DocumentPart):
+    """What the final model still misses, by the best flexible term."""
+
+    p_value: Number = Field(description="of the greatest disagreement [1]")
+    covariate: str = Field(description="of which the term is a smooth function")
+    channel: str = Field(description="channel that it changes, or what it does to all")
+    ln_bayes_factor: Number = Field(description="with it over without it [1]")
+    share: NumberOrNull = Field(
+        description="part of the term of all that effects and term explain, 0 where it is within chance, null without "
+        "effects [1]"
+    )
+    share_without_shape: NumberOrNull = Field(
+        description="the same beside a curve that is free to have any shape, where that is less; the verdict goes by "
+        "it [1]"
+    )
+
+
+class StatedChannelGap(DocumentPart):
+    """Held-out residuals of a channel."""
+
+    unit: str = Field(description="its unit")
+    before_sigma: Number = Field(
+        description="root mean square without effects, as innovations in standard deviations of the noise [1]"
+    )
+    after_sigma: Number = Field(description="the same with what was chosen [1]")
+    before: Number = Field(description="root mean square without effects [`unit`]")
+    after: Number = Field(description="the same with what was chosen [`unit`]")
+    noise: Number = Field(description="standard deviation of the noise [`unit`]")
+    way_to_noise: Number = Field(description="(before − after)/(before − 1) of the innovations [1]")
+
+
+class StatedGap(DocumentPart):
+    """The gap on held-out measurements."""
+
+    metric: str = Field(description="what is measured, in words")
+    before: Number = Field(description="without effects [standard deviations of the noise]")
+    after: Number = Field(description="with what was chosen [the same]")
+    floor: Number = Field(description="with the most helpful flexible term besides [the same]")
+    shrink: Number = Field(
+        description="(before − after)/(before − floor), the share of what can be explained; 0 where there was no "
+        "gap [1]"
+    )
+    noise: Number = Field(description="1, what noise alone leaves")
+    way_to_noise: Number = Field(
+        description="(before − after)/(before − 1), 0 where there was no more than noise [1]"
+    )
+    channels: dict[str, StatedChannelGap] = Field(description="the same of each channel")
+    held_out: str = Field(description="what was held out")
+    chosen_without: Items[Items[str]] = Field(description="effects that were chosen without each fold")
+
+
+class GapThresholds(DocumentPart):
+    """What decided."""
+
+    p_value: Number = Field(description="up to which a disagreement counts as more than chance [1]")
+    ln_bayes_factor: Number = Field(description="from which an effect is added [1]")
+    ln_bayes_factor_apart: Number = Field(description="from which two effects are told apart [1]")
+    unexplained_share: Number = Field(description="up to which what was added is named as the cause [1]")
+    share_beside: Number = Field(description="that an effect has to carry beside a flexible term [1]")
+    ln_bayes_factor_shape: Number = Field(description="from which the shape of the curve is told apart [1]")
+    further_share: Number = Field(description="of what is explained from which a further effect is added [1]")
+
+
+class StatedLaw(DocumentPart):
+    """How the numbers of sweeps go with the cycle."""
+
+    form: str = Field(description="`exponential`, 1 − exp(−(N − 1)/N0), or `logarithmic`, ln(1 + (N − 1)/N0)")
+    cycles: NumberOrNull = Field(description="N0; null where there are too few cycles")
+    share: Number = Field(description="of the variation that it explains [1]")
+    ln_ratio: Number = Field(
+        description="half the number of values times the logarithm of what the other form leaves over what this one "
+        "does"
+    )
+    p_value: NumberOrNull = Field(
+        description="share of other orders of whole cycles that a law explains as well [1]"
+    )
+    untestable: str = Field(description="why there is no p-value; else empty")
+
+
+class StatedSweep(DocumentPart):
+    """A sweep as the common curve of its condition, moved and stretched, by least squares."""
+
+    condition: str = Field(description="id of the condition")
+    branch: str = Field(description="`heating` or `cooling`")
+    channel: str = Field(description="displacement, or force where there is none")
+    cycle: Number = Field(description="its cycle")
+    offset: Number = Field(description="added to the curve [unit of the channel]")
+    stroke: Number = Field(description="over that of the curve [1]")
+    shift: Number = Field(description="of temperature [K]")
+    width: Number = Field(description="over that of the curve [1]")
+    offset_sd: Number = Field(description="standard deviation of `offset` [unit of the channel]")
+    stroke_sd: Number = Field(description="standard deviation of the logarithm of `stroke` [1]")
+    shift_sd: Number = Field(description="standard deviation of `shift` [K]")
+    width_sd: Number = Field(description="standard deviation of the logarithm of `width` [1]")
+
+
+class StatedSweeps(DocumentPart):
+    """Sweeps one by one."""
+
+    law: StatedLaw | None = Field(description="of the cycle; null with the verdict `none`")
+    numbers: Items[StatedSweep] = Field(description="each sweep")
+
+
+class StatedSuspect(DocumentPart):
+    """A condition unlike the others of the same settings, or that answers the recorded current unlike all others."""
+
+    condition: str = Field(description="its id")
+    quantity: str = Field(description="what is unlike")
+    value: Number = Field(description="of this condition [`unit`]")
+    others: Number = Field(description="mean of the others [`unit`]")
+    unit: str = Field(description="its unit")
+    p_value: Number = Field(description="over all that was compared (moderated t) [1]")
+
+
+class NamedChannel(DocumentPart):
+    """A channel as this campaign calls it."""
+
+    name: str = Field(description="its name")
+    symbol: str = Field(description="its symbol")
+    unit: str = Field(description="its unit")
+
+
+class StudiedCondition(DocumentPart):
+    """A condition that was studied."""
+
+    id: str = Field(description="its id")
+    settings: dict[str, Number] = Field(
+        description="`current` [A], `load` [N, of a specimen Pa], `frequency` [Hz], `duty_cycle` [1]"
+    )
+    n: int = Field(description="samples")
+    cycles: int = Field(description="cycles")
+    rows_averaged: int = Field(description="rows of the file that a sample is the mean of")
+
+
+class StatedBand(DocumentPart):
+    """The band of frequencies in which innovations are least like white noise."""
+
+    start: Number = Field(description="lower end [`unit`]")
+    stop: Number = Field(description="upper end [`unit`]")
+    unit: str = Field(description="`Hz`, or `1/sample` where time was not recorded")
+    ratio: Number = Field(description="its power to the assumed one [1]")
+    p_value: Number = Field(description="of so great a deviation, in this band or another [1]")
+
+
+class StatedNoise(DocumentPart):
+    """The noise of a channel of a condition."""
+
+    condition: str = Field(description="id of the condition")
+    channel: str = Field(description="the channel")
+    sd: Number = Field(description="standard deviation [unit of the channel]")
+    lag1: Number = Field(description="correlation of neighbouring samples [1]")
+    scatter: NumberOrNull = Field(
+        description="standard deviation from reading to reading [unit of the channel]"
+    )
+    spectrum: StatedBand | None = Field(
+        description="where it is least like its model; null for short records"
+    )
+
+
+class GapOfModel(DocumentPart):
+    """What was found of one model: the response, or the heat balance."""
+
+    verdict: Verdict = Field(description="which of the three")
+    p_value: Number = Field(
+        description="of the greatest disagreement without effects, over all covariates and signatures [1]"
+    )
+    p_value_extrapolated: bool = Field(
+        description="whether it lies beyond all shuffles, so that only its order of magnitude counts"
+    )
+    converged: bool = Field(
+        description="whether the sampling of the final model reached the target, that of the heat balance included"
+    )
+    disagreement: Items[StatedDisagreement] = Field(
+        description="places, strongest first; empty with the verdict `none`"
+    )
+    within_chance: Items[StatedDisagreement] = Field(
+        description="with `none`: the places that lean most all the same"
+    )
+    periodic: Items[StatedPeriodicity] = Field(
+        description="lines of spectra that no covariate explains, strongest first"
+    )
+    effects: Items[AddedEffect] = Field(
+        description="in the order in which they were added; empty unless `named`"
+    )
+    partial: Items[AddedEffect] = Field(description="the same where no name is given")
+    candidates: Items[JudgedCandidate] = Field(
+        description="one for each effect of the catalogue, what was added first"
+    )
+    rounds: Items[StatedRound] = Field(description="what was seen and tried in each")
+    remaining: StatedRemaining = Field(description="what the final model still misses")
+    gap: StatedGap = Field(description="on held-out measurements")
+    thresholds: GapThresholds = Field(description="what decided")
+    sweeps: StatedSweeps = Field(description="sweeps one by one")
+    suspects: Items[StatedSuspect] = Field(description="conditions that are unlike the others")
+    channels: dict[str, NamedChannel] = Field(description="channels, by name")
+    units: dict[str, str] = Field(description="unit of each input and channel")
+    conditions: Items[StudiedCondition] = Field(description="conditions that were studied")
+    noise: Items[StatedNoise] = Field(description="of each condition and channel")
+
+    @property
+    def added(self) -> tuple[AddedEffect, ...]:
+        """Effects in the final model, whether they are named as the cause or not."""
+        return (*self.effects, *self.partial)
+
+
+class HeatParameter(IntervalDocument, QuantityInWords):
+    """A parameter of the heat balance; its interval comes from draws, or from the normal approximation at the mode."""
+
+    scatter: NumberOrNull = Field(
+        default=None, description="of `switching`: standard deviation from switching to switching [steps]"
+    )
+
+
+class HeatBalance(GapOfModel):
+    """The same of the heat balance: temperature given current."""
+
+    parameters: dict[str, HeatParameter] = Field(
+        description="`gain` [K/(s A^2)], `loss` [1/s], `time_constant` [s], `ambient` [degC] where it was not "
+        "recorded, and `switching`, the share of a step of the record that passes before the current changes (1: each "
+        "reading holds until the next, 0: since the last) [1]; `gain[CONDITION]` and so "
+        "on where conditions are not pooled"
+    )
+    cautions: Items[str] = Field(description="sentences: what speaks against the verdict")
+
+
+class Versioned(DocumentPart):
+    """Which document it is."""
+
+    schema_: Literal["sma-bayes/gap/1"] = Field(alias="schema", description="name and version")
+
+
+class GapFindings(GapOfModel, Versioned):
+    """What a gap study found: of the response (force, displacement, stiffness given temperature) at the top."""
+
+    heating: HeatBalance | None = Field(
+        description="of the heat balance; null where temperature is no outcome"
+    )
+    campaign: str = Field(description="name of the campaign")
+    source: str = Field(description="where its measurements come from")
+    seed: int = Field(description="decides every draw")
+    model: str = Field(description="response model")
+    model_choice: ModelChoiceDocument | None = Field(
+        description="of `--model auto`: why the model, over all records; else null"
+    )
+    pool: str = Field(description="`none` or `campaign`")
+    priors: str = Field(description="title of the priors")
+    versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
+    data_sha256: str = Field(description="SHA-256 of the measurements")
+    cautions: Items[str] = Field(description="sentences: what speaks against the verdict")
+    remarks: Items[str] = Field(
+        description="sentences: what was left out of the study, and why; by how much temperatures were smoothed"
+    )
+    findings: Items[FindingDocument] = Field(description="what was found about the measurements")
+
+
+class GapDocument(RunAccount, FilesBeside, GapFindings):
+    """What `gap.json` holds."""
+
+
+DOCUMENTS: Final = {"gap": GapDocument}
