@@ -28,7 +28,7 @@ from sma_bayes.studies.gap.schema import (
     FlexibleEvidence,
     GapOfModel,
     GapThresholds,
-    HeatBalance,
+    HeatingFindings,
     JudgedCandidate,
     RefittedCandidate,
     RemainderBeside,
@@ -122,11 +122,11 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
     )
 
 
-def heat_balance(outcome: GapOutcome) -> HeatBalance:
+def heat_balance(outcome: GapOutcome) -> HeatingFindings:
     """What was found of the heat balance, with its parameters."""
     found = gap_of_model(outcome)
     parameters = heat_parameters(outcome.study, outcome.flat, outcome.seed)
-    return HeatBalance(**dict(found), parameters=parameters, cautions=tuple(cautions(found)))
+    return HeatingFindings(**dict(found), parameters=parameters, cautions=tuple(cautions(found)))
 
 
 def _gap(gap: Gap, fitted: FittedHypothesis) -> StatedGap:

@@ -400,7 +400,7 @@ class HeatParameter(IntervalDocument, QuantityInWords):
     )
 
 
-class HeatBalance(GapOfModel):
+class HeatingFindings(GapOfModel):
     """The same of the heat balance: temperature given current."""
 
     parameters: dict[str, HeatParameter] = Field(
@@ -421,7 +421,7 @@ class Versioned(DocumentPart):
 class GapFindings(GapOfModel, Versioned):
     """What a gap study found: of the response (force, displacement, stiffness given temperature) at the top."""
 
-    heating: HeatBalance | None = Field(
+    heating: HeatingFindings | None = Field(
         description="of the heat balance; null where temperature is no outcome"
     )
     campaign: str = Field(description="name of the campaign")

@@ -12,7 +12,7 @@ from sma_bayes.report.tables import OF_ROW, Column, Table
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.gap.outcome import HEATING
 from sma_bayes.studies.gap.outputs import StoredStudy
-from sma_bayes.studies.gap.schema import AddedEffect, EffectParameter, HeatBalance
+from sma_bayes.studies.gap.schema import AddedEffect, EffectParameter, HeatingFindings
 from sma_bayes.studies.gap.words import channel_text, covariate_text
 
 ADVICE: Final[Mapping[str, str]] = {
@@ -100,7 +100,7 @@ def closed_table(study: StoredStudy) -> Table:
     )
 
 
-def heat_balance_table(heating: HeatBalance) -> Table:
+def heat_balance_table(heating: HeatingFindings) -> Table:
     """Gain, loss, time constant, ambient temperature and switching."""
     return Table(
         f"{HEATING}-parameters",

@@ -17,7 +17,7 @@ from sma_bayes.studies.gap.schema import (
     GapDocument,
     GapFindings,
     GapOfModel,
-    HeatBalance,
+    HeatingFindings,
     HeatParameter,
     JudgedCandidate,
 )
@@ -55,7 +55,7 @@ def show_gap(stated: dict[str, Any], out: Path) -> None:
     show_end(console, stated, out)
 
 
-def _show_part(console: Console, found: GapFindings | HeatBalance, title: str, reason: str = "") -> None:
+def _show_part(console: Console, found: GapFindings | HeatingFindings, title: str, reason: str = "") -> None:
     """The response, or the heat balance."""
     chance = p_text(found.p_value)
     verdict = VERDICTS[found.verdict]

@@ -366,7 +366,7 @@ def _simulated(q: _Question, folder: Path | None, work: RunContext) -> dict[str,
 def _stated_balance(q: _Question, balances: FittedBalance) -> dict[str, Any]:
     study = balances.study
     space = study.final.hypothesis.space
-    parameters = heat_parameters(study, balances.draws, q.seed)
+    parameters = {k: p.as_json() for k, p in heat_parameters(study, balances.draws, q.seed).items()}
     for at in study.final.hypothesis.effect_positions.values():
         for i in at:
             p = space.parameters[i]
