@@ -41,6 +41,9 @@ ROUGHER = 1.0
 ``k**-1`` for ``k**-2``. Intervals of the spline itself are too narrow where the misfit is local."""
 NODES = 161
 """Temperatures at which they are tabulated; a natural cubic spline runs between them and goes on straight beyond."""
+UNSEEN = 1e-12
+"""Power of a basis function at the samples, over that of the greatest, from which it is rounding: not orthogonal to
+others, it would explain more than there is to be explained wherever a noise is small enough."""
 GREATEST_INFORMATION = 1e14
 """Information about weights, in units of that of their prior, beyond which a point counts as impossible."""
 STEPS = 6
@@ -77,7 +80,8 @@ class DiscrepancyBasis:
     values : ndarray, shape (G, m)
         Basis functions there; natural cubic splines through them.
     rows : ndarray, shape (m, n)
-        Basis functions at the samples of the record; orthogonal to each other.
+        Basis functions at the samples of the record, orthogonal to each other; zero where the samples see nothing of
+        one, as of what happens in a gap between them.
     """
 
     temperature: Floats
@@ -172,7 +176,9 @@ def build_basis(
     if not total > 1e-12 * float(np.sum(at_samples**2)):
         return None
     root = np.sqrt(temperature.size / total)
-    return DiscrepancyBasis(nodes, functions_at_nodes @ axes * root, axes.T @ rows * root)
+    rows = axes.T @ rows * root
+    rows[power[::-1][:m] < UNSEEN * power[-1]] = 0.0
+    return DiscrepancyBasis(nodes, functions_at_nodes @ axes * root, rows)
 
 
 def nodes_of(low: float, high: float, temperature: Floats, curve: Floats) -> Floats:

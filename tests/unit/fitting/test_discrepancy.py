@@ -21,16 +21,18 @@ def logistic(theta: np.ndarray, t: np.ndarray) -> np.ndarray:
 THETA = np.array([2.5, 0.35, 52.0, 0.5])
 
 
-def tangents(t: np.ndarray) -> np.ndarray:
-    s = 1.0 / (1.0 + np.exp(-THETA[1] * (t - THETA[2])))
-    slope = THETA[0] * s * (1.0 - s)
-    return np.stack([s, slope * (t - THETA[2]), -slope * THETA[1], np.ones_like(t)], axis=-1)
+def tangents(t: np.ndarray, theta: np.ndarray = THETA) -> np.ndarray:
+    s = 1.0 / (1.0 + np.exp(-theta[1] * (t - theta[2])))
+    slope = theta[0] * s * (1.0 - s)
+    return np.stack([s, slope * (t - theta[2]), -slope * theta[1], np.ones_like(t)], axis=-1)
 
 
-def basis_for(t: np.ndarray, functions: int = 30) -> DiscrepancyBasis | None:
+def basis_for(t: np.ndarray, functions: int = 30, theta: np.ndarray = THETA) -> DiscrepancyBasis | None:
     fine = np.linspace(t.min(), t.max(), 2001)
-    nodes = nodes_of(t.min(), t.max(), fine, logistic(THETA, fine))
-    return build_basis(t, nodes, logistic(THETA, nodes), tangents(t), tangents(nodes), functions)
+    nodes = nodes_of(t.min(), t.max(), fine, logistic(theta, fine))
+    return build_basis(
+        t, nodes, logistic(theta, nodes), tangents(t, theta), tangents(nodes, theta), functions
+    )
 
 
 TEMPERATURE = np.sort(np.random.default_rng(0).uniform(30.0, 70.0, N))
@@ -252,3 +254,21 @@ def test_the_evidence_decides_the_size() -> None:
     value = [whitened("independent", size=s, residual=residual).marginal_log_density()[0] for s in sizes]
     assert 0.08 < sizes[int(np.argmax(value))] < 0.5
     assert max(value) > value[0] + 100.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_nothing_is_explained_twice_where_samples_leave_a_gap(seed: int) -> None:
+    """What is smooth in the gap is next to nothing at the samples; what rounding makes of it must not be a function.
+
+    The sum of what functions explain one by one is what they explain together if they are orthogonal, whatever the
+    residuals; one and the same part of them that is explained twice makes the density of a vanishing noise infinite.
+    """
+    rng = np.random.default_rng(seed)
+    t = np.concatenate([26.26 + 0.06 * rng.standard_normal(14), rng.uniform(42.0, 57.5, 31)])
+    basis = basis_for(t, theta=np.array([2.5, 5.0, 50.8, 0.5]))
+    assert basis is not None
+    power = np.einsum("mn,mn->m", basis.rows, basis.rows)
+    seen = power > 0.0
+    assert seen.sum() >= 8
+    unit = basis.rows[seen] / np.sqrt(power[seen])[:, None]
+    assert np.linalg.eigvalsh(unit @ unit.T)[-1] < 1.1
