@@ -22,7 +22,7 @@ from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import Agreement, agreement
-from sma_bayes.fitting.discrepancy import DiscrepancyBasis
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis, turned
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws
@@ -99,8 +99,8 @@ def of_samples(posterior: Posterior, record: Record) -> Posterior:
     bases = {}
     for channel, basis in posterior.discrepancy[0].items():
         rows = basis.at(record.temperature).T
-        _, axes = np.linalg.eigh(rows @ rows.T)
-        bases[channel] = DiscrepancyBasis(basis.temperature, basis.values @ axes, axes.T @ rows)
+        power, axes = np.linalg.eigh(rows @ rows.T)
+        bases[channel] = DiscrepancyBasis(basis.temperature, basis.values @ axes, turned(rows, axes, power))
     return posterior.on([record], discrepancy=[bases])
 
 

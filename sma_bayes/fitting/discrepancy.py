@@ -176,9 +176,30 @@ def build_basis(
     if not total > 1e-12 * float(np.sum(at_samples**2)):
         return None
     root = np.sqrt(temperature.size / total)
-    rows = axes.T @ rows * root
-    rows[power[::-1][:m] < UNSEEN * power[-1]] = 0.0
-    return DiscrepancyBasis(nodes, functions_at_nodes @ axes * root, rows)
+    return DiscrepancyBasis(
+        nodes, functions_at_nodes @ axes * root, turned(rows, axes, power[::-1][:m]) * root
+    )
+
+
+def turned(rows: Floats, axes: Floats, power: Floats) -> Floats:
+    """Functions at samples along eigenvectors of their Gram matrix, so that they are orthogonal there.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (m, n)
+    axes : ndarray, shape (m, k)
+        Eigenvectors of ``rows @ rows.T``, that of the greatest eigenvalue among them.
+    power : ndarray, shape (k,)
+        Their eigenvalues.
+
+    Returns
+    -------
+    ndarray, shape (k, n)
+        Zero where samples see nothing of a function (`UNSEEN`).
+    """
+    found = np.asarray(axes.T @ rows)
+    found[power < UNSEEN * power.max()] = 0.0
+    return found
 
 
 def nodes_of(low: float, high: float, temperature: Floats, curve: Floats) -> Floats:

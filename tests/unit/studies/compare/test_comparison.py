@@ -284,6 +284,22 @@ def test_the_density_of_a_fold_is_normal_with_the_discrepancy_conditioned_on_the
     assert np.all(np.abs(got - expected) < 4.5 * error)
 
 
+@pytest.mark.parametrize("kept", [12, 20])
+def test_what_the_rest_does_not_see_of_a_discrepancy_is_zero_there(kept: int) -> None:
+    """The functions of the discrepancy are orthogonal over what is left, so that none explains what another does."""
+    record = wavy_line(90, 4)
+    alone = posterior_of(LINE, record, NOISE_MODELS["independent"], PRIORS)
+    bases = discrepancy_bases(alone, np.array([115.0, 1.5]))
+    posterior = posterior_of(LINE, record, NOISE_MODELS["independent"], PRIORS, discrepancy=bases)
+    cold = np.arange(90) < kept
+    rows = held_out.of_samples(posterior, part(record, cold)).discrepancy[0]["stiffness"].rows
+    power = np.einsum("mn,mn->m", rows, rows)
+    seen = power > 0.0
+    assert 3 <= seen.sum() < len(rows)
+    unit = rows[seen] / np.sqrt(power[seen])[:, None]
+    assert np.linalg.eigvalsh(unit @ unit.T)[-1] < 1.1
+
+
 def test_noise_that_grows_does_so_over_the_range_of_the_whole_record() -> None:
     """What is held out is judged by the scale that was fitted, not by one of its own range."""
     record = noisy_line(40, 2)
