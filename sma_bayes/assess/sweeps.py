@@ -19,7 +19,7 @@ A. Vehtari, A. Gelman, J. Gabry, Statistics and Computing 27 (2017) 1413 (weight
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +31,8 @@ from sma_bayes.assess.checks import Check
 from sma_bayes.assess.held_out import evaluated_on, missed_by, of_samples, part
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.posterior import Posterior, Weights
-from sma_bayes.sampling.importance import importance_draws
+from sma_bayes.records.types import Record
+from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
 
 FEWEST_SWEEPS = 3
@@ -75,6 +76,62 @@ class LeftOutSweep:
     refitted: bool
 
 
+def samples_of_sweeps(record: Record) -> list[Ints]:
+    """Positions of the samples of each sweep, in order."""
+    number = record.inputs.get("segment", np.zeros(record.n))
+    return [np.flatnonzero(number == s) for s in np.unique(number)]
+
+
+def weights_without(
+    readings: Mapping[str, Floats], sweeps: Sequence[Ints], refits: int
+) -> tuple[Floats, Floats, set[int]]:
+    """Weights of draws without each sweep, by one over its likelihood.
+
+    Parameters
+    ----------
+    readings : mapping of str to ndarray, shape (S, n)
+        Log density of each reading, by channel.
+    sweeps : sequence of ndarray
+        As `samples_of_sweeps` gives them.
+    refits : int
+        Of how many sweeps the others may be fitted anew.
+
+    Returns
+    -------
+    log_weight : ndarray, shape (S, sweeps)
+        Smoothed by Pareto's distribution.
+    pareto_k : ndarray, shape (sweeps,)
+    anew : set of int
+        The sweeps without which the draws can be relied on least.
+    """
+    each = np.sum(list(readings.values()), axis=0)
+    log_weight, k = smoothed_weights(-np.stack([each[:, s].sum(axis=1) for s in sweeps], axis=1))
+    return log_weight, k, set(np.argsort(-k, kind="stable")[:refits].tolist())
+
+
+def fitted_without(
+    posterior: Posterior, left_out: Ints, start: Floats, seed: np.random.SeedSequence
+) -> tuple[Posterior, WeightedDraws] | None:
+    """The posterior of a record without some samples, and its draws; None where they missed their target.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Of one record.
+    left_out : ndarray
+        Positions of these samples.
+    start : ndarray, shape (D,)
+        A point of the posterior with them, in the sampled coordinates.
+    seed : numpy.random.SeedSequence
+    """
+    (record,) = posterior.records
+    kept = np.ones(record.n, dtype=bool)
+    kept[left_out] = False
+    rest = of_samples(posterior, part(record, kept))
+    draws = importance_draws(rest, [start], rest.space.prior_sd(), seed)
+    return (rest, draws) if draws.converged else None
+
+
 def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
     """Predict each sweep of a record from all others; empty where it has fewer than `FEWEST_SWEEPS`.
 
@@ -85,15 +142,12 @@ def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
         Which of the records that share the posterior; where there are several no fits are made anew.
     """
     r, posterior = fit.records[record], fit.posterior
-    number = r.inputs.get("segment", np.zeros(r.n))
-    sweeps = [np.flatnonzero(number == s) for s in np.unique(number)]
+    sweeps = samples_of_sweeps(r)
     if len(sweeps) < FEWEST_SWEEPS or not posterior.noise.is_density:
         return []
     with np.errstate(all="ignore"):
         pointwise = posterior.pointwise_log_likelihood(fit.flat, fit.discrepancy)[record]
-    each = np.sum(list(pointwise.values()), axis=0)
-    log_weight, k = smoothed_weights(-np.stack([each[:, s].sum(axis=1) for s in sweeps], axis=1))
-    again = set(np.argsort(-k, kind="stable")[:REFITS].tolist()) if len(fit.records) == 1 else set()
+    log_weight, k, again = weights_without(pointwise, sweeps, REFITS if len(fit.records) == 1 else 0)
     tangents = _tangents(fit, record)
     innovations = _innovations(posterior, fit.flat, fit.discrepancy, record)
     out = []
@@ -183,15 +237,12 @@ def _distance(e: Floats, log_weight: Floats, rows: Floats) -> float | None:
 
 def _without(fit: Fit, sweep: Ints) -> tuple[dict[str, Floats], Floats] | None:
     """Innovations of the whole record under a fit without a sweep, with weights; None where it missed its target."""
-    posterior, (record,) = fit.posterior, fit.records
-    kept = np.ones(record.n, dtype=bool)
-    kept[sweep] = False
-    rest = of_samples(posterior, part(record, kept))
+    (record,) = fit.records
     seed, missed_seed = np.random.SeedSequence([fit.seed, 7, int(sweep[0]), *record.key.encode()]).spawn(2)
-    start = np.median(fit.z.reshape(-1, fit.z.shape[-1]), axis=0)
-    draws = importance_draws(rest, [start], rest.space.prior_sd(), seed)
-    if not draws.converged:
+    found = fitted_without(fit.posterior, sweep, np.median(fit.z.reshape(-1, fit.z.shape[-1]), axis=0), seed)
+    if found is None:
         return None
+    rest, draws = found
     theta = rest.space.constrain(draws.z)
     weights = missed_by(rest, theta, missed_seed)
     return _innovations(evaluated_on(rest, record), theta, weights, 0), draws.log_weight

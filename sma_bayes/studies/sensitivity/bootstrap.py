@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.studies.sensitivity.influence import sweeps_of
+from sma_bayes.assess.sweeps import samples_of_sweeps
 from sma_bayes.studies.sensitivity.quantities import (
     QuantityDraws,
     before_calibration,
@@ -71,7 +71,7 @@ def bootstrap_sweeps(
         See `quantities_of`.
     replicates : int
     """
-    sweeps = sweeps_of(draws)
+    sweeps = samples_of_sweeps(draws.record)
     if len(sweeps) < FEWEST_SWEEPS:
         return None
     rng = np.random.default_rng(np.random.SeedSequence([seed, 9, *draws.key.encode()]))

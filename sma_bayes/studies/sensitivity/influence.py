@@ -21,8 +21,8 @@ import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.assess.held_out import evaluated_on, missed_by, of_samples, part
-from sma_bayes.sampling.importance import importance_draws
+from sma_bayes.assess.held_out import evaluated_on, missed_by
+from sma_bayes.assess.sweeps import fitted_without, samples_of_sweeps, weights_without
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
 from sma_bayes.sampling.weighted import resampled
 from sma_bayes.studies.sensitivity.quantities import (
@@ -94,15 +94,10 @@ def without_readings(values: Floats, log_density: Floats) -> tuple[Floats, Float
     return np.exp(log_weight).T @ values, k
 
 
-def sweeps_of(draws: RecordDraws) -> list[Ints]:
-    """Positions of the readings of each sweep, in order."""
-    number = draws.record.inputs["segment"]
-    return [np.flatnonzero(number == s) for s in np.unique(number)]
-
-
-def left_out_sweeps(
+def means_without_sweeps(
     draws: RecordDraws,
     quantities: Sequence[QuantityDraws],
+    values: Floats,
     densities: Densities,
     at: Sequence[float],
     seed: int,
@@ -114,6 +109,8 @@ def left_out_sweeps(
     draws : RecordDraws
     quantities : sequence of QuantityDraws
         Of these draws.
+    values : ndarray, shape (S, q)
+        Their finite draws.
     densities : Densities
         At these draws.
     at : sequence of float
@@ -121,13 +118,11 @@ def left_out_sweeps(
     seed : int
         For the fits that have to be made anew.
     """
-    sweeps = sweeps_of(draws)
+    sweeps = samples_of_sweeps(draws.record)
     if len(sweeps) < FEWEST_SWEEPS:
         return []
-    each = np.sum(list(densities.readings.values()), axis=0)
-    by_sweep = np.stack([each[:, s].sum(axis=1) for s in sweeps], axis=1)
-    means, k = without_readings(np.stack([q.tamed for q in quantities], axis=1), by_sweep)
-    again = set(np.argsort(-k, kind="stable")[:REFITS].tolist())
+    log_weight, k, again = weights_without(densities.readings, sweeps, REFITS)
+    means = np.exp(log_weight).T @ values
     out = []
     for i, sweep in enumerate(sweeps):
         if k[i] <= RELIABLE:
@@ -144,15 +139,13 @@ def mean_without(
 ) -> Floats | None:
     """Means (q,) of quantities under a fit without some readings; None where it missed its target."""
     record, posterior = draws.record, draws.posterior
-    kept = np.ones(record.n, dtype=bool)
-    kept[left_out] = False
-    rest = of_samples(posterior, part(record, kept))
     own = np.random.SeedSequence([seed, 8, int(left_out[0]), *record.key.encode()])
     seed_of_draws, seed_of_rest, seed_of_choice = own.spawn(3)
     start = np.median(posterior.space.unconstrain(before_calibration(draws)), axis=0)
-    found = importance_draws(rest, [start], rest.space.prior_sd(), seed_of_draws)
-    if not found.converged:
+    without = fitted_without(posterior, left_out, start, seed_of_draws)
+    if without is None:
         return None
+    rest, found = without
     chosen = resampled(found.log_weight, draws.size, np.random.default_rng(seed_of_choice))
     theta = rest.space.constrain(found.z[chosen])
     missed = missed_by(rest, theta, seed_of_rest)

@@ -12,7 +12,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
 from sma_bayes.fitting.curves import calibrated_parameters
-from sma_bayes.fitting.posterior import Weights
+from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.quantities import unit_text
 
 Kind = Literal["parameter", "noise", "curve", "transformation"]
@@ -177,10 +177,12 @@ def densities_of(draws: RecordDraws) -> Densities:
 
 
 def of_other_draws(
-    draws: RecordDraws, theta: Floats, weights: Mapping[str, Floats], **changes: object
+    draws: RecordDraws, theta: Floats, weights: Mapping[str, Floats], posterior: Posterior | None = None
 ) -> RecordDraws:
-    """Other draws (S', P) of the record, with the same errors of its calibrations."""
+    """Other draws (S', P) of the record, of its posterior or another one, with the same errors of its calibrations."""
     size = len(theta)
     errors = {c: (gain[:size], shift[:size]) for c, (gain, shift) in draws.calibration.items()}
     carried = calibrated_parameters(draws.posterior, theta, errors)
-    return replace(draws, theta=carried, weights=weights, calibration=errors, **changes)  # type: ignore[arg-type]
+    return replace(
+        draws, posterior=posterior or draws.posterior, theta=carried, weights=weights, calibration=errors
+    )

@@ -10,15 +10,15 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.sweeps import samples_of_sweeps
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.runs.store import plain
 from sma_bayes.sampling.power_scaling import THRESHOLD, mean_gradient, power_sensitivity
 from sma_bayes.studies.sensitivity.bootstrap import SweepBootstrap, bootstrap_sweeps
 from sma_bayes.studies.sensitivity.influence import (
     LeftOut,
-    left_out_sweeps,
+    means_without_sweeps,
     reading_influence,
-    sweeps_of,
     without_readings,
 )
 from sma_bayes.studies.sensitivity.quantities import Densities, QuantityDraws, densities_of, quantities_of
@@ -81,16 +81,16 @@ def studied(task: RecordTask) -> StudiedRecord:
     draws = task.draws
     quantities = quantities_of(draws, task.at, stiffness=task.stiffness)
     densities = densities_of(draws)
-    left_out = left_out_sweeps(draws, quantities, densities, task.at, task.seed)
-    bootstrap = bootstrap_sweeps(draws, task.at, task.seed, stiffness=task.stiffness)
     values = np.stack([q.tamed for q in quantities], axis=1)
+    left_out = means_without_sweeps(draws, quantities, values, densities, task.at, task.seed)
+    bootstrap = bootstrap_sweeps(draws, task.at, task.seed, stiffness=task.stiffness)
     sd = values.std(axis=0)
     influence = {
         c: np.divide(i, sd[:, None], out=np.zeros_like(i), where=sd[:, None] > 0.0)
         for c, i in reading_influence(values, densities.readings).items()
     }
     record = draws.record
-    sweeps = sweeps_of(draws)
+    sweeps = samples_of_sweeps(record)
     found = RecordSensitivity(
         key=draws.key,
         condition=draws.condition.id,
@@ -101,7 +101,7 @@ def studied(task: RecordTask) -> StudiedRecord:
         draws=draws.size,
         temperature_unit=record.units["temperature"],
         memory=bool(draws.posterior.noise.autocorrelated),
-        quantities=_quantities(draws, quantities, densities, influence, left_out, bootstrap),
+        quantities=_quantities(draws, quantities, values, densities, influence, left_out, bootstrap),
         left_out_sweeps=tuple(
             LeftOutSweepWeights(
                 sweep=i + 1,
@@ -122,13 +122,13 @@ def studied(task: RecordTask) -> StudiedRecord:
 def _quantities(
     draws: RecordDraws,
     quantities: Sequence[QuantityDraws],
+    values: Floats,
     densities: Densities,
     influence: Mapping[str, Floats],
     left_out: Sequence[LeftOut],
     bootstrap: SweepBootstrap | None,
 ) -> tuple[QuantitySensitivity, ...]:
     raw = np.stack([q.draws for q in quantities], axis=1)
-    values = np.stack([q.tamed for q in quantities], axis=1)
     mean, sd = values.mean(axis=0), values.std(axis=0)
     per_sd = np.divide(1.0, sd, out=np.full(sd.size, np.nan), where=sd > 0.0)
     per_sd[np.isfinite(raw).mean(axis=0) < DEFINED] = np.nan

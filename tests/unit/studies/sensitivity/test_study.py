@@ -14,6 +14,7 @@ import pytest
 import sma_bayes
 from sma_bayes import fit_campaign
 from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.sweeps import samples_of_sweeps
 from sma_bayes.errors import OutputError, QuantityError
 from sma_bayes.records.types import Calibration, Campaign, Record
 from sma_bayes.runs.outputs import read_run
@@ -22,7 +23,6 @@ from sma_bayes.studies.sensitivity.bootstrap import bootstrap_sweeps
 from sma_bayes.studies.sensitivity.influence import (
     mean_without,
     reading_influence,
-    sweeps_of,
     without_readings,
 )
 from sma_bayes.studies.sensitivity.quantities import densities_of, quantities_of, stated_temperatures
@@ -131,7 +131,7 @@ def test_a_sweep_is_left_out_as_a_fit_without_it_does(drawn: Callable[[str], Rec
         assert s.refitted is (s.pareto_k > 0.7)
     number = min(found.left_out_sweeps, key=lambda s: s.pareto_k or 0.0).sweep
     quantities = quantities_of(draws, at, stiffness=False)
-    sweep = sweeps_of(draws)[number - 1]
+    sweep = samples_of_sweeps(draws.record)[number - 1]
     anew = mean_without(draws, quantities, sweep, at, seed=1)
     assert anew is not None
     told = np.array([q.sweeps[number - 1].change for q in found.quantities], dtype=float)
