@@ -219,7 +219,7 @@ def _record(r: RecordSummary, units: Shown) -> RecordSummary:
             "discrepancy": scaled(r.discrepancy, "rms", "largest"),
             "nearest": {
                 n: _scaled(p, by_channel[p.channel], "q05", "median", "q95")
-                if p.channel in by_channel and n[1:2] in ("1", "4")
+                if p.channel in by_channel and p.unit == by_channel[p.channel].stored
                 else p
                 for n, p in r.nearest.items()
             },

@@ -38,7 +38,9 @@ def read_by_letters(source: str) -> list[str]:
             if spelled or numbered:
                 found.append(f"{line}: puts a name together from a letter and a number")
         if isinstance(node, ast.Subscript) and getattr(node.value, "id", "") in NAMES:
-            letters = isinstance(getattr(node.slice, "value", None), int)
+            cut = node.slice
+            ends = [cut.lower, cut.upper] if isinstance(cut, ast.Slice) else [cut]
+            letters = all(isinstance(getattr(end, "value", None), int) for end in ends)
             found += [f"{line}: takes a letter of a name"] * letters
         if isinstance(node, ast.Call) and getattr(node.func, "attr", "") in ("startswith", "endswith"):
             for wanted in node.args:
@@ -60,6 +62,7 @@ def test_no_name_is_read_by_its_letters(path: Path) -> None:
         'f"{letter}3"',
         'f"A{i}"',
         "name[0]",
+        "n[1:2]",
         'name.startswith("B")',
         "name.startswith(letter)",
     ],
