@@ -193,6 +193,9 @@ CONDITIONS: Final = Document(
     "a study of conditions",
     ("groups", "features", "effects", "predictions", "held_out"),
 )
+CYCLES: Final = Document(
+    "cycles", "cycles.json", "sma-bayes/cycles/1", "a study of cycles", ("conditions", "options")
+)
 SENSITIVITY: Final = Document(
     "sensitivity",
     "sensitivity.json",

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sma_bayes.arrays import Floats
+from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.outputs import read_columns
 from sma_bayes.runs.schema import read_document
 from sma_bayes.studies.cycles.schema import CyclesDocument
-from sma_bayes.studies.cycles.workflow import CYCLES
 
 
 @dataclass(frozen=True, slots=True, eq=False)

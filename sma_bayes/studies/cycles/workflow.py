@@ -18,7 +18,7 @@ from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import DEFAULT_MODEL
-from sma_bayes.runs.documents import Document
+from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.store import plain, write_csv
 from sma_bayes.studies.ask.workflow import asked_temperature
@@ -38,9 +38,6 @@ from sma_bayes.studies.identity import all_versions, run_identity
 from sma_bayes.studies.options import FitOptions, model_named, prior_set
 from sma_bayes.studies.run_context import RunContext
 
-CYCLES: Final = Document(
-    "cycles", "cycles.json", "sma-bayes/cycles/1", "a study of cycles", ("conditions", "options")
-)
 SHARE: Final = 0.02
 PROBABILITY: Final = 0.9
 AHEAD: Final = 10
@@ -116,18 +113,16 @@ def cycles(
     """
     _check(share, probability, ahead)
     model_named(model)
-    units = {r.units["temperature"] for r in campaign.records}
-    asked = [[asked_temperature(text, unit, unit) for text in at] for unit in sorted(units)]
     groups, left_out = _groups(campaign, ahead)
+    unit = campaign.records[0].units["temperature"]
+    asked = tuple(asked_temperature(text, unit, unit) for text in at)
     options = FitOptions(prior_set(None, model), seed, model=model)
     work = RunContext(
         CYCLES, _build_report, jobs, figures_for(figures), progress or silent, account or Account()
     )
     stated = {"model": model, "at": list(at), "share": share, "probability": probability, "ahead": ahead}
     identity = {**run_identity(campaign, options), "kind": CYCLES.verb, **stated}
-    tasks = [
-        _Condition(tuple(records), tuple(told), tuple(asked[0]), stated, seed) for records, told in groups
-    ]
+    tasks = [_Condition(tuple(records), tuple(told), asked, stated, seed) for records, told in groups]
 
     def find(folder: Path | None) -> dict[str, Any]:
         found = []
@@ -140,15 +135,14 @@ def cycles(
                         write_csv(folder / "curves" / name, columns)
         if folder is not None:
             write_csv(folder / "quantities.csv", quantity_columns(found))
-        record = campaign.records[0]
         document: dict[str, Any] = plain({
             "schema": CYCLES.schema,
             "campaign": campaign.name,
             "source": campaign.source,
             "seed": seed,
             "options": stated,
-            "temperature_unit": record.units["temperature"],
-            "specimen": record.specimen,
+            "temperature_unit": unit,
+            "specimen": campaign.records[0].specimen,
             "versions": all_versions(),
             "data_sha256": campaign.sha256,
             "converged": all(c["converged"] for one in found for c in one["curves"]),
