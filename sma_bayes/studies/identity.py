@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -12,6 +13,7 @@ from sma_bayes import __version__
 from sma_bayes.fitting.posterior import versions
 from sma_bayes.records.types import Campaign
 from sma_bayes.runs.documents import read_mark
+from sma_bayes.runs.fit_document import FitSummary
 from sma_bayes.studies.options import FitOptions
 
 
@@ -37,6 +39,26 @@ def run_identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:
         "bias_spring": None if options.bias is None else asdict(options.bias),
         "version": __version__,
         "versions": versions(),
+    }
+
+
+def fit_identity(verb: str, fit: FitSummary, asked: Mapping[str, object]) -> dict[str, Any]:
+    """What decides the numbers of a study of a finished fit: the same of `run_identity`.
+
+    Parameters
+    ----------
+    verb : str
+    fit : FitSummary
+        As its folder holds it, with its checksum.
+    asked : mapping of str to object
+        All options that change a number.
+    """
+    return {
+        "schema": "sma-bayes/run/1",
+        "kind": verb,
+        "fit": fit.content_sha256,
+        **asked,
+        "versions": all_versions(),
     }
 
 

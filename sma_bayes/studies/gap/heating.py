@@ -8,7 +8,8 @@ an input: it comes from the model of the response as it was found.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -53,15 +54,15 @@ def study_heating(
     GapStudy or None
         None where temperature is no outcome, as current or time were not recorded in all conditions.
     """
-    shares = [share_along(response.final, i) for i in range(len(response.final.hypothesis.histories))]
+    along = partial(share_along, response.final)
     return study_balance(
-        campaign, shares, priors, pooled=pooled, effects=effects, seed=seed, progress=progress
+        campaign, along, priors, pooled=pooled, effects=effects, seed=seed, progress=progress
     )
 
 
 def study_balance(
     campaign: Campaign,
-    shares: Sequence[Mapping[str, Floats]],
+    share_along: Callable[[int], Mapping[str, Floats]],
     priors: PriorSet,
     *,
     pooled: bool = False,
@@ -69,13 +70,13 @@ def study_balance(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> GapStudy | None:
-    """The same from the shares of austenite along the histories, whatever model they come from.
+    """The same from the share of austenite along each history, whatever model it comes from.
 
     Parameters
     ----------
     campaign : Campaign
-    shares : sequence of mapping
-        ``share`` (n,) along each of its histories; empty where no curve tells of it.
+    share_along : callable
+        Of the number of a history, from 0: ``share`` (n,) along it; empty where no curve tells of it.
     priors, pooled, effects, seed, progress
         See `study_campaign`.
 
@@ -87,7 +88,7 @@ def study_balance(
     whole = histories(campaign)
     if not all("temperature" in h.observed for h in whole):
         return None
-    own = [h.of({"temperature"}, **share) for h, share in zip(whole, shares, strict=True)]
+    own = [h.of({"temperature"}, **share_along(i)) for i, h in enumerate(whole)]
     rng = np.random.default_rng(np.random.SeedSequence([seed, 19]))
     hypothesis = baseline(campaign, own, priors, pooled=pooled)
     first = fit_with_noise(hypothesis, baseline_start(hypothesis, campaign, priors, pooled=pooled, rng=rng))
@@ -129,9 +130,9 @@ def heat_parameters(study: GapStudy, draws: Floats, seed: int) -> dict[str, Heat
         if "." in kind or (kind == "ambient" and known):
             continue
         of = "" if one or not condition else f"[{condition}"
-        out[f"{kind}{of}"] = _told(p.unit, p.meaning, draws[:, i])
+        out[f"{kind}{of}"] = heat_parameter(p.unit, p.meaning, draws[:, i])
         if kind == "loss":
-            out[f"time_constant{of}"] = _told(
+            out[f"time_constant{of}"] = heat_parameter(
                 "s", "time in which the excess over the ambient falls by e", 1.0 / draws[:, i]
             )
     noise = next((n.switching for n in final.noise if n.switching is not None), None)
@@ -139,6 +140,7 @@ def heat_parameters(study: GapStudy, draws: Floats, seed: int) -> dict[str, Heat
     return {**out, "switching": out["switching"].model_copy(update={"scatter": size})}
 
 
-def _told(unit: str, meaning: str, draws: Floats) -> HeatParameter:
+def heat_parameter(unit: str, meaning: str, draws: Floats) -> HeatParameter:
+    """A parameter as documents state it, from its draws (S,)."""
     q05, median, q95 = np.quantile(draws, [0.05, 0.5, 0.95])
     return HeatParameter(unit=unit, meaning=meaning, q05=q05, median=median, q95=q95)

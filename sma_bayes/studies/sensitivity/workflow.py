@@ -20,7 +20,7 @@ from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.sampling.pareto import RELIABLE
 from sma_bayes.sampling.power_scaling import THRESHOLD
 from sma_bayes.studies.ask.workflow import FitSource, asked_temperature
-from sma_bayes.studies.identity import all_versions
+from sma_bayes.studies.identity import all_versions, fit_identity
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.sensitivity.quantities import stated_temperatures
 from sma_bayes.studies.sensitivity.schema import RecordSensitivity, SensitivityFindings, Thresholds
@@ -87,14 +87,7 @@ def sensitivity(
     source = FitSource(run.folder, run.summary, partial(draws_of, run.folder, seed=run.summary.seed))
     asked = (at,) if isinstance(at, str) else tuple(at)
     check(source, asked)
-    identity = {
-        "schema": "sma-bayes/run/1",
-        "kind": SENSITIVITY.verb,
-        "fit": run.summary.content_sha256,
-        "at": list(asked),
-        "seed": seed,
-        "versions": all_versions(),
-    }
+    identity = fit_identity(SENSITIVITY.verb, run.summary, {"at": list(asked), "seed": seed})
     return work.execute(out, identity, resume, lambda place: find(source, asked, seed, place, work))
 
 

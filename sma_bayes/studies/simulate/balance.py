@@ -149,7 +149,7 @@ class FittedBalance:
         """The balance of one condition."""
         final = self.study.final
         hypothesis = final.hypothesis
-        i = next(n for n, h in enumerate(self.histories) if h.condition.id == condition)
+        i = self._number(condition)
         gain, loss, room, _ = self.draws[:, hypothesis.layout[i]].T
         usual = room
         recorded = self.histories[i].inputs.get("ambient_temperature")
@@ -166,7 +166,7 @@ class FittedBalance:
             gain=gain,
             loss=loss,
             room=room,
-            sd=self._sd(i),
+            sd=self.sd(condition),
             latent=effect("latent_heat") / SPECIFIC_HEAT,
             resistance=effect("phase_resistance"),
             exponent=effect("convective_loss"),
@@ -179,9 +179,12 @@ class FittedBalance:
             lag=effect("thermocouple_lag"),
         )
 
-    def _sd(self, history: int) -> float:
-        """Noise or misfit of measured temperatures, whichever is larger: of a history, or of all that share all."""
-        final = self.study.final
+    def _number(self, condition: str) -> int:
+        return next(n for n, h in enumerate(self.histories) if h.condition.id == condition)
+
+    def sd(self, condition: str) -> float:
+        """Noise or misfit of measured temperatures [K], the larger one: of a condition, or of all that share all."""
+        final, history = self.study.final, self._number(condition)
         mine = [
             (float(np.mean(final.residual[b.at] ** 2)), n.sd**2)
             for b, n in zip(final.blocks, final.noise, strict=True)
@@ -231,9 +234,11 @@ def fitted_balance(
     whole = histories(campaign)
     for h in whole:
         _require_a_history(h, [r for r in campaign.records if r.condition.id == h.condition.id])
-    shares = [_share_along(h, s) for h, s in zip(whole, springs, strict=True)]
     known = {name: EFFECTS[name] for name in CARRIED if name in EFFECTS}
-    study = study_balance(campaign, shares, priors, pooled=pooled, effects=known, seed=seed, progress=tell)
+    study = study_balance(
+        campaign, lambda i: _share_along(whole[i], springs[i]), priors, pooled=pooled, effects=known, seed=seed,
+        progress=tell,
+    )  # fmt: skip
     assert study is not None  # the conditions have time and current
     final = study.final
     rng = np.random.default_rng(np.random.SeedSequence([seed, 23]))

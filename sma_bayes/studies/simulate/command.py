@@ -58,6 +58,7 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Tell what a heating current does: temperature, force, displacement and stiffness in time, with bands."""
+    from sma_bayes.studies.simulate.spring import rule_named
     from sma_bayes.studies.simulate.terminal import show_simulation
     from sma_bayes.studies.simulate.workflow import simulate
 
@@ -70,7 +71,7 @@ def command(
             condition=condition,
             start=start,
             ambient=ambient,
-            rule=rule,  # type: ignore[arg-type]
+            rule=rule_named(rule),
             pool=pool,  # type: ignore[arg-type]
             tolerance=tolerance,
             probability=probability,

@@ -36,11 +36,28 @@ from scipy.special import logit
 from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.effects.transformation import SLOPED, ChannelCurve, curves
+from sma_bayes.errors import UnknownNameError, near_matches
 from sma_bayes.noise import Steps
 from sma_bayes.records.types import Branch
 
 Rule = Literal["proportional", "play"]
 RULES: Final[tuple[Rule, ...]] = ("proportional", "play")
+
+
+def rule_named(name: str) -> Rule:
+    """Check the name of a rule for loops inside the loop.
+
+    Raises
+    ------
+    UnknownNameError
+        If it is none of them.
+    """
+    for rule in RULES:
+        if rule == name:
+            return rule
+    raise UnknownNameError(f"unknown rule {name!r}", expected=near_matches(name, RULES))
+
+
 SHARE: Final = "share"
 FINEST: Final = 0.1
 """Distance of temperatures at which curves are tabulated [K]; they are straight between."""

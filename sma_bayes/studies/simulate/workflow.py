@@ -26,8 +26,8 @@ from sma_bayes.runs.outputs import StoredRun, read_run
 from sma_bayes.runs.store import plain, write_csv
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.ask.workflow import PROBABILITY, TOLERANCE, asked_temperature, wanted_value
-from sma_bayes.studies.gap.heating import heat_parameters
-from sma_bayes.studies.identity import all_versions
+from sma_bayes.studies.gap.heating import heat_parameter, heat_parameters
+from sma_bayes.studies.identity import all_versions, fit_identity
 from sma_bayes.studies.options import Pool
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.simulate.balance import FittedBalance, HeatBalance, fitted_balance
@@ -35,7 +35,7 @@ from sma_bayes.studies.simulate.course import SimulatedCourse, Start, follow, re
 from sma_bayes.studies.simulate.profile import Columns, CurrentProfile, read_profile
 from sma_bayes.studies.simulate.reach import reached, steady
 from sma_bayes.studies.simulate.schema import SimulationFindings
-from sma_bayes.studies.simulate.spring import RULES, BothDraws, Rule, Spring
+from sma_bayes.studies.simulate.spring import RULES, BothDraws, Rule, Spring, rule_named
 from sma_bayes.studies.simulate.starts import UNIT, starts_of
 
 DRAWS: Final = 400
@@ -158,8 +158,7 @@ def _require_options(
             "neither a current nor a value to be reached",
             expected="--current profile.csv, --reach 'stiffness=500 N/m', or both",
         )
-    if rule not in RULES:
-        raise UnknownNameError(f"unknown rule {rule!r}", expected=near_matches(rule, RULES))
+    rule_named(rule)
     if pool not in get_args(Pool):
         raise UnknownNameError(f"unknown pool {pool!r}", expected="'none' or 'campaign'")
     if not 0.0 < probability <= 1.0:
@@ -283,10 +282,7 @@ class _Question:
     def identity(self) -> dict[str, Any]:
         """What decides the numbers: what `run.json` holds, and what must agree for a run to be resumed."""
         w = self.wanted
-        return {
-            "schema": "sma-bayes/run/1",
-            "kind": SIMULATION.verb,
-            "fit": self.run.summary.content_sha256,
+        asked = {
             "conditions": list(self.followed),
             "profile": None if self.profile is None else self.profile.sha256,
             "starts": [[s.name, s.temperature] for s in self.starts],
@@ -296,8 +292,8 @@ class _Question:
             "reach": None if w is None else [w.asked, w.tolerance, w.probability],
             "draws": self.draws,
             "seed": self.seed,
-            "versions": all_versions(),
         }
+        return fit_identity(SIMULATION.verb, self.run.summary, asked)
 
     def campaign(self) -> Campaign:
         """What was measured, as far as it is needed."""
@@ -366,22 +362,18 @@ def _simulated(q: _Question, folder: Path | None, work: RunContext) -> dict[str,
 def _stated_balance(q: _Question, balances: FittedBalance) -> dict[str, Any]:
     study = balances.study
     space = study.final.hypothesis.space
-    parameters = {k: p.as_json() for k, p in heat_parameters(study, balances.draws, q.seed).items()}
+    parameters = heat_parameters(study, balances.draws, q.seed)
     for at in study.final.hypothesis.effect_positions.values():
         for i in at:
             p = space.parameters[i]
-            q05, median, q95 = np.quantile(balances.draws[:, i], (0.05, 0.5, 0.95))
-            parameters[p.name] = {
-                "unit": p.unit, "meaning": p.meaning, "q05": q05, "median": median, "q95": q95
-            }  # fmt: skip
-    rng = np.random.default_rng(0)
+            parameters[p.name] = heat_parameter(p.unit, p.meaning, balances.draws[:, i])
     return {
-        "parameters": parameters,
+        "parameters": {name: p.as_json() for name, p in parameters.items()},
         "effects": [e.id for e in study.effects],
         "verdict": study.verdict,
         "p_value": study.p_value,
         "pool": q.pool,
-        "sd": {c: balances.of(c, rng).sd for c in q.followed},
+        "sd": {c: balances.sd(c) for c in q.followed},
         "greatest_current": balances.greatest_current,
     }
 
