@@ -10,8 +10,8 @@ from sma_bayes.studies.sensitivity.schema import NONE, QuantitySensitivity, Reco
 from sma_bayes.studies.sensitivity.words import reported, worst_sweep
 
 _OF_RECORD = (Column("condition", "condition"), Column("branch", "branch"))
-SD = "posterior sd"
-"""Unit of changes."""
+SD = "sd"
+"""Unit of changes: posterior standard deviations of the number itself."""
 
 
 def sensitivity_tables(stored: StoredSensitivity) -> dict[str, Table]:
@@ -34,8 +34,7 @@ def _powers(records: tuple[RecordSensitivity, ...], threshold: float) -> Table:
         f"Median and {INTERVAL}. Sensitivity: gradient of the cumulative Jensen-Shannon distance with the "
         f"binary logarithm "
         f"of the power of prior or likelihood; from {threshold:g} on it counts. Shift: what the mean does where "
-        f"that power "
-        "is doubled.",
+        f"that power is doubled, in posterior standard deviations (sd).",
         (
             *_OF_RECORD,
             Column("number", "number"),
@@ -87,8 +86,7 @@ def _readings(records: tuple[RecordSensitivity, ...]) -> Table:
         "The reading without which the posterior mean changes most. First order: less the posterior covariance "
         "with the log "
         "density of the reading; by weights: draws weighted by one over that density. Readings in effect: over "
-        "how many "
-        "the influence is spread.",
+        "how many the influence is spread; sd is that of the posterior.",
         (
             *_OF_RECORD,
             Column("number", "number"),
@@ -123,7 +121,7 @@ def _sweeps(records: tuple[RecordSensitivity, ...], reliable: float) -> Table:
         "Without a sweep",
         f"Each sweep left out, by weights of the draws; where their Pareto k exceeds {reliable:g}, by a fit of "
         f"the others. "
-        "Shown is the number that changes most.",
+        "Shown is the number that changes most, in its posterior standard deviations (sd).",
         (
             *_OF_RECORD,
             Column("sweep", "sweep"),
@@ -155,7 +153,7 @@ def _bootstrap(records: tuple[RecordSensitivity, ...]) -> Table:
         "A second opinion from the scatter of sweeps",
         f"Median and {INTERVAL}. Bootstrap: the curve fitted by penalised least squares to sweeps weighted at random "
         "(Dirichlet), which asks no noise model how far sweeps differ. With few sweeps it is rough and a little "
-        "narrow.",
+        "narrow. The change is in posterior standard deviations (sd).",
         (
             *_OF_RECORD,
             Column("number", "number"),

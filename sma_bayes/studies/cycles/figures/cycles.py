@@ -42,7 +42,7 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
     one, unit = stored.found.conditions[number - 1], stored.found.temperature_unit
     channels = list(dict.fromkeys(c.channel for c in one.curves))
     branches = list(dict.fromkeys(c.branch for c in one.curves))
-    figure = empty_sheet(0.9 + 3.0 * len(branches), 1.0 + 2.3 * len(channels))
+    figure = empty_sheet(0.9 + 3.0 * len(branches), 1.15 + 2.3 * len(channels))
     axes = panels(
         figure,
         len(channels),
@@ -50,7 +50,7 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
         left=0.75,
         right=0.15,
         bottom=0.5,
-        top=0.6,
+        top=0.75,
         gap_x=0.75,
         gap_y=0.5,
     )
