@@ -9,6 +9,14 @@ from sma_bayes.response.base import Asymptote, ResponseModel
 from sma_bayes.response.bounded_logistic import BoundedLogistic
 from sma_bayes.response.logistic import Logistic
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.response.modulus import (
+    ModulusPeak,
+    ModulusPeakSkew,
+    ModulusPeakSlopes,
+    ModulusSkew,
+    ModulusSlopes,
+    ModulusTwoStage,
+)
 from sma_bayes.response.phase_slopes import PhaseSlopes
 from sma_bayes.response.polynomial import Polynomial
 from sma_bayes.response.sinh_arcsinh import SinhArcsinh, SinhArcsinhSlopes
@@ -29,6 +37,12 @@ RESPONSE_MODELS: Catalogue[type[ResponseModel]] = Catalogue(
             Logistic,
             Polynomial,
             BoundedLogistic,
+            ModulusSlopes,
+            ModulusSkew,
+            ModulusTwoStage,
+            ModulusPeak,
+            ModulusPeakSlopes,
+            ModulusPeakSkew,
         )
     },
     entry_point_group="sma_bayes.response",
@@ -40,6 +54,18 @@ DEFAULT_MODEL = ModifiedSigmoid.name
 
 AUTO_MODEL = "auto"
 """Name of the choice among the models of the ladder."""
+
+
+STORAGE_LADDER: tuple[type[ResponseModel], ...] = (
+    BoundedLogistic,
+    ModulusSlopes,
+    ModulusSkew,
+    ModulusPeakSlopes,
+    ModulusTwoStage,
+)
+"""Models of a storage modulus, simplest first."""
+LOSS_LADDER: tuple[type[ResponseModel], ...] = (ModulusPeak, ModulusPeakSlopes, ModulusPeakSkew)
+"""Models of a loss modulus, simplest first."""
 
 
 def ladder(channels: Sequence[str]) -> tuple[type[ResponseModel], ...]:
@@ -64,11 +90,19 @@ def priors_named(name: str | Path) -> PriorSet:
 __all__ = [
     "AUTO_MODEL",
     "DEFAULT_MODEL",
+    "LOSS_LADDER",
     "RESPONSE_MODELS",
+    "STORAGE_LADDER",
     "Asymptote",
     "BoundedLogistic",
     "Logistic",
     "ModifiedSigmoid",
+    "ModulusPeak",
+    "ModulusPeakSkew",
+    "ModulusPeakSlopes",
+    "ModulusSkew",
+    "ModulusSlopes",
+    "ModulusTwoStage",
     "PhaseSlopes",
     "Polynomial",
     "ResponseModel",

@@ -29,6 +29,8 @@ from sma_bayes.response.modified_sigmoid import channel_unit, log_cosh_squared
 LETTERS = {"displacement": "A", "force": "B"}
 """Letter of the paper for each channel; the four parameters of the published curve keep their names."""
 PUBLISHED = {"1": Role.SPAN, "2": Role.RATE, "3": Role.MIDPOINT, "4": Role.OFFSET}
+ENDS = {Role.SECOND_RATE: "rate_2", Role.EFFECT: "peak"}
+"""Ends of names that are not those of the role."""
 SLOPES = (Role.COLD_SLOPE, Role.HOT_SLOPE)
 
 Parameters = Mapping[str, Floats]
@@ -94,6 +96,11 @@ class PhaseLines(ResponseModel):
         Force, displacement or both, and stiffness where both are there.
     sloped : bool
         Whether the phases have slopes.
+    letters : mapping of str to str
+        Channels that have a curve of their own, each with what its parameters' names begin with. The stiffness follows
+        from those of force and displacement where it is not among them.
+    own : mapping of str to Role
+        Ends of the names of the parameters that every curve has.
     shape : tuple of Role
         Parameters of the share besides rate and midpoint.
     meanings : mapping of str to str
@@ -102,6 +109,8 @@ class PhaseLines(ResponseModel):
 
     contends = ()
     sloped: ClassVar[bool] = True
+    letters: ClassVar[Mapping[str, str]] = LETTERS
+    own: ClassVar[Mapping[str, Role]] = PUBLISHED
     shape: ClassVar[tuple[Role, ...]] = ()
     meanings: ClassVar[Mapping[str, str]] = {}
 
@@ -122,30 +131,35 @@ class PhaseLines(ResponseModel):
     def _roles(self) -> tuple[tuple[str, Role], ...]:
         """End of each name, and role, of the parameters of one channel."""
         extra = (*(SLOPES if self.sloped else ()), *self.shape)
-        return (*PUBLISHED.items(), *((f"_{'rate_2' if r is Role.SECOND_RATE else r}", r) for r in extra))
+        return (*self.own.items(), *((f"_{ENDS.get(r, r)}", r) for r in extra))
+
+    def _names(self, channel: str) -> tuple[str, ...]:
+        """Names of the parameters of one channel."""
+        return tuple(f"{self.letters[channel]}{end}".lstrip("_") for end, _ in self._roles)
 
     @property
     def linear(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Span, offset and slopes."""
-        of = {Role.SPAN, Role.OFFSET, *SLOPES}
+        """Span, offset, slopes and height of a peak."""
+        of = {Role.SPAN, Role.OFFSET, Role.EFFECT, *SLOPES}
         return tuple(
-            f"{letter}{end}" for letter in LETTERS.values() for end, role in self._roles if role in of
+            name
+            for channel in self.letters
+            for name, (_, role) in zip(self._names(channel), self._roles, strict=True)
+            if role in of
         )
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Those of displacement, then those of force."""
         return tuple(
-            f"{letter}{end}"
-            for channel, letter in LETTERS.items() if channel in self.channels
-            for end, _ in self._roles
-        )  # fmt: skip
+            name for channel in self.letters if channel in self.channels for name in self._names(channel)
+        )
 
     def parameters(self, units: Mapping[str, str]) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters."""
         degrees = units["temperature"]
         facts = []
-        for channel, letter in LETTERS.items():
+        for channel in self.letters:
             if channel not in self.channels:
                 continue
             unit = channel_unit(units, channel)
@@ -157,12 +171,11 @@ class PhaseLines(ResponseModel):
                 Role.COLD_SLOPE: (quotient(unit, degrees), f"slope of {channel} in the cold phase"),
                 Role.HOT_SLOPE: (quotient(unit, degrees), f"slope of {channel} in the hot phase"),
             }
-            of_shape = {Role.GAP: degrees, Role.SECOND_RATE: per(degrees)}
-            for end, role in self._roles:
+            of_shape = {Role.GAP: degrees, Role.SECOND_RATE: per(degrees), Role.EFFECT: unit}
+            for name, (_, role) in zip(self._names(channel), self._roles, strict=True):
                 its_unit, meaning = known.get(role) or (
                     of_shape.get(role, "1"), f"{self.meanings[role]} of {channel}"
                 )  # fmt: skip
-                name = f"{letter}{end}"
                 facts.append(
                     ParameterSpec(name, its_unit, meaning, prior_key=name, channel=channel, role=role)
                 )
@@ -176,10 +189,14 @@ class PhaseLines(ResponseModel):
     def passed(self, p: Parameters, u: Floats) -> Floats:
         """The value of `share` alone, by the shortest way."""
 
+    def value(self, p: Parameters, u: Floats) -> Floats:
+        """Curve of a channel at distances ``u`` (..., n) from its midpoint."""
+        return between(p, u, self.passed(p, u))
+
     def _of(self, channel: str, theta: Floats, t: Floats) -> tuple[dict[str, Floats], Floats]:
         """Parameters of one channel by role, and distances from its midpoint."""
         theta = np.asarray(theta, dtype=float)
-        first = self.parameter_names.index(f"{LETTERS[channel]}1")
+        first = self._columns(channel)[0]
         p = {str(role): theta[..., first + i, None] for i, (_, role) in enumerate(self._roles)}
         if not self.sloped:
             p |= {str(role): np.zeros(1) for role in SLOPES}
@@ -189,11 +206,11 @@ class PhaseLines(ResponseModel):
         """Response of each channel, shape (..., n)."""
         out = {}
         for channel in self.channels:
-            if channel == "stiffness":
+            if channel not in self.letters:
                 out[channel] = self.stiffness(theta, inputs)
                 continue
             p, u = self._of(channel, theta, inputs["temperature"])
-            out[channel] = between(p, u, self.passed(p, u))
+            out[channel] = self.value(p, u)
         return out
 
     def slope(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
@@ -201,7 +218,7 @@ class PhaseLines(ResponseModel):
         parts = self._lines(theta, inputs)
         out = {}
         for channel in self.channels:
-            if channel == "stiffness":
+            if channel not in self.letters:
                 k, relative = self._path(parts)
                 with np.errstate(over="ignore", invalid="ignore"):
                     out[channel] = k * (relative["force"].bend - relative["displacement"].bend)
@@ -212,8 +229,9 @@ class PhaseLines(ResponseModel):
     def curvature(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         """Second derivative with respect to temperature, shape (..., n); of stiffness by differences."""
         lines = self._lines(theta, inputs)
-        path = super().curvature(theta, inputs) if "stiffness" in self.channels else {}
-        return {c: path[c] if c == "stiffness" else lines[c].second for c in self.channels}
+        derived = not set(self.channels) <= set(self.letters)
+        path = super().curvature(theta, inputs) if derived else {}
+        return {c: lines[c].second if c in self.letters else path[c] for c in self.channels}
 
     def jacobian(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         """Derivative of each channel with respect to each parameter, shape (..., n, P), in closed form."""
@@ -222,7 +240,7 @@ class PhaseLines(ResponseModel):
         out = {}
         for channel in self.channels:
             j = np.zeros((*shape, len(self.parameter_names)))
-            if channel != "stiffness":
+            if channel in self.letters:
                 for i, (value, _) in zip(self._columns(channel), parts[channel].by, strict=True):
                     j[..., i] = value
             else:
@@ -235,18 +253,20 @@ class PhaseLines(ResponseModel):
         return out
 
     def _columns(self, channel: str) -> range:
-        first = self.parameter_names.index(f"{LETTERS[channel]}1")
+        first = self.parameter_names.index(self._names(channel)[0])
         return range(first, first + len(self._roles))
 
     def stiffness(self, theta: Floats, inputs: Mapping[str, Floats]) -> Floats:
-        """Stiffness along the path, ``F'/X'``, shape (..., n)."""
+        """Stiffness along the path, ``F'/X'``, shape (..., n); where it has a curve of its own, that."""
+        if "stiffness" in self.letters:
+            return super().stiffness(theta, inputs)
         return self._path(self._lines(theta, inputs))[0]
 
     def limits(self, theta: Floats) -> dict[str, tuple[Asymptote, Asymptote]]:
         """The lines of the two phases; of stiffness the ratios of their slopes, where they have any."""
         out = {}
         slopes = {}
-        for channel in LETTERS:
+        for channel in self.letters:
             if channel not in self.channels:
                 continue
             p = {role: np.broadcast_to(x, (*np.shape(theta)[:-1], 1))[..., 0]
@@ -259,24 +279,26 @@ class PhaseLines(ResponseModel):
             )
             out[channel] = (Asymptote(p[Role.MIDPOINT], *cold), Asymptote(p[Role.MIDPOINT], *hot))
             slopes[channel] = (cold[1], hot[1], p[Role.MIDPOINT])
-        if self.sloped and len(slopes) == len(LETTERS):
+        if self.sloped and set(LETTERS) <= set(slopes):
             x, f = slopes["displacement"], slopes["force"]
             with np.errstate(divide="ignore", invalid="ignore"):
                 low, high = (Asymptote(f[2], f[i] / x[i], np.zeros_like(f[2])) for i in (0, 1))
             out["stiffness"] = (low, high)
         return out
 
-    def _lines(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, _Line]:
+    def _lines(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, LineDerivatives]:
         """Curves of force and displacement, those that are there, with all their derivatives."""
         out = {}
-        for channel in LETTERS:
+        for channel in self.letters:
             if channel in self.channels:
                 p, u = self._of(channel, theta, inputs["temperature"])
                 out[channel] = self._line(p, u)
         return out
 
-    def _line(self, p: Parameters, u: Floats) -> _Line:
-        share = self.share(p, u)
+    def _line(self, p: Parameters, u: Floats) -> LineDerivatives:
+        return self._between(p, u, self.share(p, u))
+
+    def _between(self, p: Parameters, u: Floats, share: Share) -> LineDerivatives:
         turn = p[Role.HOT_SLOPE] - p[Role.COLD_SLOPE]
         apart = p[Role.SPAN] + turn * u
         s, ds, dds = share.value, share.first, share.second
@@ -294,12 +316,14 @@ class PhaseLines(ResponseModel):
                 by.append((u * (1.0 - s), (1.0 - s) - u * ds))
             elif role is Role.HOT_SLOPE:
                 by.append((u * s, s + u * ds))
+            elif role is Role.EFFECT:
+                by.append((np.zeros_like(s), np.zeros_like(s)))
             else:
                 value, change = share.by[role]
                 by.append((apart * value, apart * change + turn * value))
-        return _Line(first, second, tuple(by), p, u)
+        return LineDerivatives(first, second, tuple(by), p, u)
 
-    def _path(self, parts: Mapping[str, _Line]) -> tuple[Floats, dict[str, _Relative]]:
+    def _path(self, parts: Mapping[str, LineDerivatives]) -> tuple[Floats, dict[str, _Relative]]:
         """Stiffness, and of force and displacement their slopes' derivatives relative to the slopes."""
         f, x = parts["force"], parts["displacement"]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -316,7 +340,7 @@ class _Relative:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Line:
+class LineDerivatives:
     """Slope and curvature of one channel, and the derivatives of its value and slope by each of its parameters."""
 
     first: Floats
@@ -345,7 +369,7 @@ class LogisticArgument(PhaseLines):
         """See `PhaseLines.share`."""
         return self.argument(p, u).share()
 
-    def _path(self, parts: Mapping[str, _Line]) -> tuple[Floats, dict[str, _Relative]]:
+    def _path(self, parts: Mapping[str, LineDerivatives]) -> tuple[Floats, dict[str, _Relative]]:
         if self.sloped:
             return super()._path(parts)
         log, sign, relative = {}, {}, {}
