@@ -3,20 +3,21 @@
     u = T - midpoint
     E = (1 - s) (cold + cold_slope u) + s (cold + span + hot_slope u) + 4 peak s (1 - s)
 
-``s`` is the share of the transformation that has passed: logistic, skewed or in two stages. Without slopes and peak this
-is `BoundedLogistic`. The last term is proportional to ``ds/dT`` where ``s`` is logistic. A storage modulus softens there:
-that of NiTi has a minimum in the transformation [1]_, so its peak is negative. The loss of a martensitic transformation
-has a part that is proportional to the rate of the transformation and one that belongs to each phase [2]_, [3]_: a peak
-above a step. The loss peak of a glass transition has the same shape as far as its share is logistic.
+``s`` is the share of the transformation that has passed: logistic, skewed or in two stages. Without slopes and peak
+this is `BoundedLogistic`. The last term is proportional to ``ds/dT`` where ``s`` is logistic. A storage modulus softens
+there: that of NiTi has a minimum in the transformation [1]_, [2]_, so its peak is negative. The damping of a
+martensitic transformation has a maximum there whose height follows the rate of the transformation, and each phase has a
+damping of its own, greater in martensite [1]_, [3]_: a peak above a step. The loss peak of a glass transition has that
+shape as far as its share is logistic.
 
 References
 ----------
 .. [1] H. C. Lin, S. K. Wu, M. T. Yeh, Damping characteristics of TiNi shape memory alloys, Metallurgical Transactions A
-   24 (1993) 2189, doi:10.1007/BF02648594.
-.. [2] J. Van Humbeeck, Damping properties of shape memory alloys during phase transformation, Journal de Physique IV 6
-   (1996) C8-371, doi:10.1051/jp4:1996879.
-.. [3] J.-E. Bidaux, R. Schaller, W. Benoit, Study of the h.c.p.-f.c.c. phase transition in cobalt by acoustic
-   measurements, Acta Metallurgica 37 (1989) 803, doi:10.1016/0001-6160(89)90007-X.
+   24 (1993) 2189.
+.. [2] S. H. Chang, S. K. Wu, Damping characteristics of cold-rolled and annealed equiatomic TiNi shape memory alloy,
+   Key Engineering Materials 319 (2006) 9, doi:10.4028/www.scientific.net/KEM.319.9.
+.. [3] C. Remillat, M. R. Hassan, F. Scarpa, Small amplitude dynamic properties of Ni48Ti46Cu6 SMA ribbons: experimental
+   results and modelling, Journal of Engineering Materials and Technology 128 (2006) 260, doi:10.1115/1.2204949.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.parameters.roles import Role
-from sma_bayes.response.phase_lines import Parameters, PhaseLines, Share, LineDerivatives
+from sma_bayes.response.phase_lines import LineDerivatives, Parameters, PhaseLines, Share
 from sma_bayes.response.phase_slopes import PhaseSlopes
 from sma_bayes.response.sinh_arcsinh import SinhArcsinhSlopes
 from sma_bayes.response.two_stage import TwoStage
@@ -114,7 +115,7 @@ class _Peaked(_Modulus):
         return LineDerivatives(first, second, tuple(by), p, u)
 
 
-_PEAK: Mapping[Role, str] = {Role.EFFECT: "height of the peak"}
+_PEAK: Mapping[str, str] = {Role.EFFECT: "height of the peak"}
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ class ModulusPeakSlopes(_Peaked, PhaseSlopes):
 
     name = "modulus_peak_slopes"
     reference = "logistic between sloped phases, and a peak in the transformation"
-    shape = (Role.EFFECT,)
+    shape: ClassVar[tuple[Role, ...]] = (Role.EFFECT,)
     meanings = _PEAK
 
 
@@ -142,5 +143,5 @@ class ModulusPeakSkew(_Peaked, SinhArcsinhSlopes):
 
     name = "modulus_peak_skew"
     reference = "sinh-arcsinh transformation between sloped phases, and a peak in it"
-    shape = (*SinhArcsinhSlopes.shape, Role.EFFECT)
+    shape: ClassVar[tuple[Role, ...]] = (*SinhArcsinhSlopes.shape, Role.EFFECT)
     meanings = {**SinhArcsinhSlopes.meanings, **_PEAK}  # noqa: RUF012

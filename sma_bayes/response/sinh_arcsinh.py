@@ -14,6 +14,7 @@ transformation is applied to a normal variable.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import expit
@@ -33,7 +34,7 @@ class SinhArcsinhSlopes(LogisticArgument):
     name = "sinh_arcsinh_slopes"
     rung = 3
     reference = "Eqs. (2) and (4) with the sinh-arcsinh transformation and a slope of each phase; K = F'/X'"
-    shape = (Role.SKEW, Role.TAIL)
+    shape: ClassVar[tuple[Role, ...]] = (Role.SKEW, Role.TAIL)
     meanings = {Role.SKEW: "asymmetry of the transformation", Role.TAIL: "weight of the tails"}  # noqa: RUF012
 
     def passed(self, p: Parameters, u: Floats) -> Floats:

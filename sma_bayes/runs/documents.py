@@ -210,4 +210,11 @@ SIMULATION: Final = Document(
     "a simulation",
     ("balance", "runs", "reach"),
 )
+MODULUS: Final = Document(
+    "modulus",
+    "modulus.json",
+    "sma-bayes/modulus/1",
+    "a study of moduli",
+    ("sweeps", "shifts", "options"),
+)
 STUDY: Final = Document("study", "study.json", "sma-bayes/study/1", "the folders of a study")

@@ -35,6 +35,7 @@ _SHIPPED: Final = (
     "conditions",
     "simulate",
     "cycles",
+    "modulus",
     "run",
     "report",
     "paper",

@@ -134,7 +134,7 @@ def tabulate(
     names, findings = _header(above, shape, reading.header, file, resplit)
     cells, lines, more = _collect(chain([first], rows), shape, reading, file)
     columns = tuple(cells[i :: shape.width] for i in range(shape.width))
-    return RawTable(names, columns, lines, (*findings, *more))
+    return RawTable(names, columns, lines, (*findings, *more), above=tuple(above))
 
 
 def _until_data(rows: Iterator[Row], shape: RowShape, reading: Reading) -> tuple[list[Row], Row | None]:

@@ -107,6 +107,8 @@ class RawTable:
         What was skipped on the way.
     decimal : str or None
         Decimal mark, where the file itself declares or shows one.
+    above : tuple of tuple
+        Rows above the data with their source line, that of the names included; blank ones are left out.
     """
 
     names: tuple[str, ...] | None
@@ -114,6 +116,7 @@ class RawTable:
     row: Ints
     findings: tuple[Finding, ...] = ()
     decimal: str | None = None
+    above: tuple[tuple[int, Sequence[object]], ...] = ()
 
     @property
     def shown_names(self) -> tuple[str, ...]:

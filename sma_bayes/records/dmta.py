@@ -1,0 +1,702 @@
+"""Exports of dynamic mechanical (thermal) analysis: storage and loss modulus against temperature, by frequency.
+
+Columns are known by the names that instruments give them: TRIOS and Universal Analysis of TA Instruments (a row of
+units below the names, or numbered signals above the data), Proteus of NETZSCH (``E'(1.000 Hz)/MPa``), Pyris of
+PerkinElmer, STARe of Mettler Toledo, RheoCompass of Anton Paar. Any other name is declared. A file may hold several
+steps, a workbook several sheets, a step several frequencies in turn.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final, TypeVar
+
+import numpy as np
+
+from sma_bayes.arrays import Floats, Ints
+from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, many, near_matches
+from sma_bayes.quantities import convert
+from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
+from sma_bayes.records.formats.delimited import text_lines
+from sma_bayes.records.formats.numbers import is_blank, numbers
+from sma_bayes.records.formats.xlsx import sheet_titles
+from sma_bayes.records.run import Run
+from sma_bayes.records.split import SplitSettings, split_run
+from sma_bayes.records.types import Branch, Condition, Finding, Record
+
+UNITS: Final = {
+    "temperature": "degC", "storage_modulus": "Pa", "loss_modulus": "Pa", "tan_delta": "1", "frequency": "Hz",
+    "time": "s",
+}  # fmt: skip
+"""Quantities of an export with the units that they are kept in."""
+NAMES: Final[Mapping[str, frozenset[str]]] = {
+    "temperature": frozenset({"temperature", "temp", "sampletemperature", "sampletemp"}),
+    "storage_modulus": frozenset({
+        "storagemodulus", "e'", "g'", "m'", "modulus'", "moduluse'", "modulusg'", "storagemoduluse'",
+        "storagemodulusg'", "modulusstorage", "tensilestoragemodulus", "flexuralstoragemodulus",
+        "shearstoragemodulus",
+    }),
+    "loss_modulus": frozenset({
+        "lossmodulus", "e''", "g''", "m''", "modulus''", "moduluse''", "modulusg''", "lossmoduluse''", "lossmodulusg''",
+        "modulusloss", "tensilelossmodulus", "flexurallossmodulus", "shearlossmodulus",
+    }),
+    "tan_delta": frozenset({"tandelta", "tan(delta)", "tand", "lossfactor", "losstangent", "dampingfactor"}),
+    "frequency": frozenset({"frequency", "freq", "testfrequency", "oscillationfrequency"}),
+    "time": frozenset({"time", "testtime", "elapsedtime"}),
+}  # fmt: skip
+"""Names of columns, in small letters without blanks, dots, hyphens and underscores."""
+ANGULAR: Final = frozenset({"angularfrequency", "omega", "ω"})
+LETTERS: Final = {"T": "temperature", "Ts": "temperature", "t": "time", "f": "frequency"}
+"""Names of which the case matters."""
+WANTED: Final = ("temperature", "storage_modulus")
+EXAMPLES: Final = {
+    "temperature": "'Temperature', 'Temp./°C' or 'Ts'", "storage_modulus": "'Storage modulus', \"E'\" or \"G'\"",
+}  # fmt: skip
+DISAGREE: Final = 0.01
+"""Declared tan delta and E''/E' that differ by more than this share of the greatest disagree."""
+SAME_FREQUENCY: Final = 3
+"""Significant digits in which frequencies of one test agree."""
+MOST_FREQUENCIES: Final = 60
+FEWEST_ROWS: Final = 10
+
+_SIGNS = str.maketrans(
+    {"′": "'", "’": "'", "‘": "'", "`": "'", "″": "''", "”": "''", '"': "''", "δ": "delta", "Δ": "delta"}
+)
+_AT = re.compile(r"\(\s*(\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)\s*(m?Hz|kHz)\s*\)")
+_BRACKETED = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
+_SLASHED = re.compile(r"(.*?)\s*/\s*([^/\s]+)\s*")
+_SUFFIXED = re.compile(r"(.*)_(degC|C|K|degF|[kMG]?Pa|[km]?Hz|s|min|h)")
+_SIGNAL = re.compile(r"sig(\d+)", re.IGNORECASE)
+_STEP = re.compile(r"\s*\[step\]\s*", re.IGNORECASE)
+_PLAIN = {"°C": "degC", "C": "degC", "°F": "degF", "F": "degF", "K": "kelvin", "": "1", "-": "1", "1": "1"}
+
+
+@dataclass(frozen=True, slots=True)
+class DmtaOptions:
+    """What is said about exports whose columns, units or frequency can't be told from the files.
+
+    Attributes
+    ----------
+    columns : mapping of str to str
+        Quantity to the name of its column.
+    units : mapping of str to str
+        Quantity to its unit, where a file does not state it.
+    frequency : str
+        Frequency with its unit, ``"1 Hz"``, of files without any.
+    encoding : str, optional
+        Of text.
+    settings : SplitSettings
+        How sweeps are told apart.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    frequency: str = ""
+    encoding: str | None = None
+    settings: SplitSettings = field(default_factory=lambda: SplitSettings(fit_channels=("stiffness",)))
+
+    def __post_init__(self) -> None:
+        for option, said in (("--column", self.columns), ("--unit", self.units)):
+            for quantity in said:
+                if quantity not in UNITS:
+                    raise SmaBayesError(
+                        f"{option} {quantity}={said[quantity]}",
+                        expected=f"a quantity among {', '.join(UNITS)}",
+                        remedy=near_matches(quantity, UNITS),
+                    )
+        for quantity, unit in self.units.items():
+            if not _fits(unit, quantity):
+                raise QuantityError(
+                    f"--unit {quantity}={unit}: no unit of {quantity.replace('_', ' ')}",
+                    expected=f"a unit that can be turned into {UNITS[quantity]!r}",
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class Damping:
+    """Declared tan delta beside the quotient of the declared moduli.
+
+    Attributes
+    ----------
+    compared : int
+        Rows that state all three.
+    disagree : int
+        Those of them where both differ by more than `DISAGREE` of the greatest.
+    greatest : float
+        Greatest difference, as a share of the greatest declared [1].
+    row : int
+        Source line of it.
+    """
+
+    compared: int
+    disagree: int
+    greatest: float
+    row: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DmtaSweep:
+    """One branch at one frequency.
+
+    Attributes
+    ----------
+    id : str
+        Unique name; becomes part of file names.
+    test : str
+        File, with its step or sheet where it has several.
+    frequency : float or None
+        [Hz]; None where nobody states it.
+    branch : Branch
+    storage : Record
+        Storage modulus [Pa] as the one channel of a specimen.
+    loss : Record or None
+        Loss modulus [Pa] likewise.
+    loss_from : str
+        ``measured``, ``tan_delta`` where it was made from that and the storage modulus, or empty.
+    damping : Damping or None
+        None where tan delta and both moduli are not all declared.
+    """
+
+    id: str
+    test: str
+    frequency: float | None
+    branch: Branch
+    storage: Record
+    loss: Record | None
+    loss_from: str
+    damping: Damping | None
+
+
+@dataclass(frozen=True, slots=True)
+class DmtaCampaign:
+    """Exports that were read.
+
+    Attributes
+    ----------
+    source : tuple of str
+        Files.
+    sha256 : str
+        Over their content.
+    sweeps : tuple of DmtaSweep
+    findings : tuple of Finding
+    left_out : tuple of str
+        What could not be used, in words.
+    """
+
+    source: tuple[str, ...]
+    sha256: str
+    sweeps: tuple[DmtaSweep, ...]
+    findings: tuple[Finding, ...]
+    left_out: tuple[str, ...]
+
+
+def read_dmta(paths: Sequence[str | Path], options: DmtaOptions | None = None) -> DmtaCampaign:
+    """Read exports of dynamic mechanical analysis of one material.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        Delimited text, or workbooks.
+    options : DmtaOptions, optional
+
+    Returns
+    -------
+    DmtaCampaign
+
+    Raises
+    ------
+    MeasurementError
+        If a file can't be read, lacks temperature or storage modulus, a unit is not stated, a column is named twice, a
+        value is none, or no sweep is left.
+    QuantityError
+        If a unit is of the wrong kind.
+    """
+    options = options or DmtaOptions()
+    if not paths:
+        raise SmaBayesError("no file was given", expected="one export or more")
+    files = [Path(p) for p in paths]
+    total = hashlib.sha256()
+    sweeps: list[DmtaSweep] = []
+    findings: list[Finding] = []
+    left_out: list[str] = []
+    stems = _labels(files)
+    for path, stem in zip(files, stems, strict=True):
+        tests = list(_tests(path, stem, options, left_out))
+        if not tests:
+            raise MeasurementError(
+                "no step or sheet has temperature and storage modulus",
+                file=path,
+                expected=" and ".join(EXAMPLES[q] for q in WANTED),
+                remedy='name the columns: --column "temperature=NAME" --column "storage_modulus=NAME"',
+            )
+        with path.open("rb") as file:
+            total.update(hashlib.file_digest(file, "sha256").digest())
+        for test in tests:
+            found, seen, lost = _sweeps_of(test, options)
+            sweeps += found
+            findings += seen
+            left_out += lost
+    if not sweeps:
+        raise MeasurementError(
+            f"no sweep of temperature is left: {'; '.join(left_out)}",
+            file=files[0],
+            expected=f"a heating or cooling with {FEWEST_ROWS} rows or more at one frequency",
+            remedy="export a temperature ramp; a sweep of the frequency at a few temperatures has no curve to fit",
+        )
+    return DmtaCampaign(
+        tuple(map(str, files)), total.hexdigest(), tuple(_unique(sweeps)), tuple(findings), tuple(left_out)
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Column:
+    quantity: str
+    name: str
+    unit: str
+    frequency: float | None
+    values: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Test:
+    """A table that was understood."""
+
+    label: str
+    path: Path
+    row: Ints
+    columns: tuple[_Column, ...]
+    findings: tuple[Finding, ...]
+
+    def values(self, quantity: str, frequency: float | None = None) -> Floats | None:
+        found = [c.values for c in self.columns if c.quantity == quantity and c.frequency == frequency]
+        return found[0] if found else None
+
+
+def _labels(files: Sequence[Path]) -> list[str]:
+    """Names of files that differ, fit for parts of file names."""
+    stems = [_safe(f.stem) for f in files]
+    return [s if stems.count(s) == 1 else f"{s}-{i}" for i, s in enumerate(stems, start=1)]
+
+
+def _safe(text: str) -> str:
+    return re.sub(r"[^\w.+-]+", "_", text).strip("_.") or "test"
+
+
+def _unique(sweeps: Sequence[DmtaSweep]) -> Iterator[DmtaSweep]:
+    seen: dict[str, int] = {}
+    for sweep in sweeps:
+        seen[sweep.id] = count = seen.get(sweep.id, 0) + 1
+        yield sweep if count == 1 else replace(sweep, id=f"{sweep.id}-{count}")
+
+
+# tables
+
+
+def _tests(path: Path, stem: str, options: DmtaOptions, left_out: list[str]) -> Iterator[_Test]:
+    """Tables of a file that have a temperature and a storage modulus."""
+    parts = list(_parts(path, options))
+    for label, reading in parts:
+        name = f"{stem}-{_safe(label)}" if len(parts) > 1 else stem
+        try:
+            table = read_table(path, reading)
+        except MeasurementError:
+            if len(parts) == 1:
+                raise
+            left_out.append(f"{name}: no table of temperature and storage modulus")
+            continue
+        test = _understood(name, path, table, options, alone=len(parts) == 1)
+        if test is None:
+            left_out.append(f"{name}: no table of temperature and storage modulus")
+            continue
+        yield test
+
+
+def _parts(path: Path, options: DmtaOptions) -> Iterator[tuple[str, Reading]]:
+    """Sheets of a workbook, steps of a text file, or the whole file."""
+    if path.is_dir():
+        raise MeasurementError(
+            "is a folder", file=path, expected="an export", remedy="name the files: FOLDER/*.csv"
+        )
+    form = recognise(path)
+    if form == "xlsx":
+        for title in sheet_titles(path):
+            yield title, Reading(sheet=title)
+        return
+    if form != "delimited":
+        yield "", Reading()
+        return
+    encoding = options.encoding or encoding_of(path)
+    lines = text_lines(path, encoding)
+    steps = [i for i, line in enumerate(lines) if _STEP.fullmatch(line)]
+    if not steps:
+        yield "", Reading(encoding=encoding)
+        return
+    for at, end in zip(steps, [*steps[1:], len(lines)], strict=True):
+        title = lines[at + 1].strip(' \t,;"') if at + 1 < end else ""
+        yield title or f"step-{at + 1}", Reading(encoding=encoding, skip_rows=at + 1, last_row=end)
+
+
+def encoding_of(path: Path) -> str | None:
+    """None where text is what it says or UTF-8; else that of Western Windows programs, which instruments write."""
+    raw = path.read_bytes()
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return None
+    try:
+        raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return "cp1252"
+    return None
+
+
+def _understood(
+    label: str, path: Path, table: RawTable, options: DmtaOptions, *, alone: bool
+) -> _Test | None:
+    """The columns of a table that matter; None where a sheet or step among others has none."""
+    names, units = _header(table)
+    known = [_known(name, unit, options) for name, unit in zip(names, units, strict=True)]
+    missing = [q for q in WANTED if not any(k is not None and k[0] == q for k in known)]
+    if missing and not alone:
+        return None
+    if missing:
+        shown = ", ".join(repr(n) for n in names if n) or "none"
+        raise MeasurementError(
+            f"no column of {missing[0].replace('_', ' ')} among {shown}",
+            file=path,
+            expected=f"a column such as {EXAMPLES[missing[0]]}",
+            remedy=f'name it: --column "{missing[0]}=NAME", with --unit "{missing[0]}={UNITS[missing[0]]}" where the '
+            "file does not state the unit",
+        )
+    _refuse_absent(names, options, path)
+    _refuse_twice(names, known, path)
+    columns: list[_Column] = []
+    findings: list[Finding] = list(table.findings)
+    for i, (name, found) in enumerate(zip(names, known, strict=True)):
+        if found is None or i >= len(table.columns):
+            continue
+        quantity, unit, frequency, angular = found
+        if unit is None and quantity == "time":
+            continue
+        if unit is None:
+            raise _no_unit(quantity, name, path)
+        values, seen = numbers(
+            table.columns[i], table.row, file=path, column=name, decimal=table.decimal or ".",
+        )  # fmt: skip
+        findings += seen
+        values = values / (2.0 * np.pi) if angular else convert(values, unit, UNITS[quantity], what=name)
+        columns.append(_Column(quantity, name, unit, frequency, values))
+    if not options.encoding and table.above and encoding_of(path) == "cp1252":
+        findings.append(Finding("encoding", "the text is no UTF-8 and was read as cp1252"))
+    named = tuple(replace(f, file=f.file or path.name) for f in findings)
+    test = _Test(label, path, table.row, tuple(columns), named)
+    _refuse_impossible(test)
+    return test
+
+
+def _header(table: RawTable) -> tuple[list[str], list[str | None]]:
+    """Names of the columns, and units as far as a row of its own states them."""
+    width = len(table.columns)
+    signals = {}
+    for _, cells in table.above:
+        match = _SIGNAL.fullmatch(str(cells[0]).strip()) if cells and cells[0] is not None else None
+        if match:
+            signals[int(match[1])] = " ".join(str(c) for c in cells[1:] if not is_blank(c))
+    if signals:
+        return [signals.get(i + 1, "") for i in range(width)], [None] * width
+    rows = [[_text(c) for c in cells] for _, cells in table.above]
+    units: list[str | None] = []
+    for cells in reversed(rows):
+        if units or not _are_units(cells):
+            return _padded(cells, width, ""), _padded(units, width, None)
+        units = [_bare(c) if c else None for c in cells]
+    return [""] * width, [None] * width
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a row states units and no name."""
+    named = any(_name_of(cell)[0] is not None for cell in cells)
+    return not named and any(cells) and all(_is_unit(cell) for cell in cells)
+
+
+T = TypeVar("T")
+
+
+def _padded(cells: Sequence[T], width: int, fill: T) -> list[T]:
+    return [*cells[:width], *[fill] * (width - len(cells))]
+
+
+def _text(cell: object) -> str:
+    return "" if cell is None else " ".join(str(cell).split())
+
+
+def _bare(cell: str) -> str:
+    """A unit without its brackets."""
+    inner = re.fullmatch(r"[(\[]\s*(.*?)\s*[)\]]", cell.strip())
+    return inner[1] if inner else cell.strip()
+
+
+def _is_unit(cell: str) -> bool:
+    text = _bare(cell)
+    if text in _PLAIN or text in ("%", "#", "rad/s"):
+        return True
+    try:
+        convert(1.0, text, "Pa")
+    except QuantityError as error:
+        return "of the wrong kind" in error.found
+    return True
+
+
+# names
+
+
+def _key(name: str) -> str:
+    return re.sub(r"[\s._\-]+", "", name.translate(_SIGNS)).casefold()
+
+
+def _name_of(header: str) -> tuple[str | None, str | None, float | None, bool]:
+    """Quantity, unit, frequency and whether that is an angular one, as far as a header states them."""
+    text = header.strip().lstrip("#").strip()
+    at = _AT.search(text)
+    frequency = None
+    if at:
+        value = float(at[1].replace(",", "."))
+        frequency = float(convert(value, at[2], "Hz"))
+        text = (text[: at.start()] + text[at.end() :]).strip()
+    quantity = _quantity(text)
+    if quantity is not None or _key(text) in ANGULAR:
+        return quantity or "frequency", None, frequency, _key(text) in ANGULAR
+    for pattern in (_BRACKETED, _SLASHED, _SUFFIXED):
+        match = pattern.fullmatch(text)
+        if not match:
+            continue
+        name = match[1].strip(" ,;")
+        quantity = _quantity(name)
+        if quantity is not None or _key(name) in ANGULAR:
+            return quantity or "frequency", match[2], frequency, _key(name) in ANGULAR
+    return None, None, frequency, False
+
+
+def _quantity(name: str) -> str | None:
+    if name.strip() in LETTERS:
+        return LETTERS[name.strip()]
+    key = _key(name)
+    return next((q for q, names in NAMES.items() if key in names), None)
+
+
+def _known(
+    name: str, unit: str | None, options: DmtaOptions
+) -> tuple[str, str | None, float | None, bool] | None:
+    """Quantity of a column, its unit if it is stated, its frequency, and whether that is an angular one."""
+    declared = {wanted: q for q, wanted in options.columns.items()}
+    quantity, stated, frequency, angular = _name_of(name)
+    if name in declared:
+        quantity = declared[name]
+    elif quantity in options.columns:
+        return None
+    if quantity is None:
+        return None
+    said = stated if stated is not None else unit
+    said = options.units.get(quantity) if said is None else _PLAIN.get(said, said)
+    if quantity == "tan_delta":
+        said = "1"
+    if quantity == "frequency" and (angular or said in ("rad/s", "1/s rad", "rad s^-1")):
+        return quantity, "rad/s", frequency, True
+    return quantity, said, frequency, False
+
+
+def _fits(unit: str, quantity: str) -> bool:
+    try:
+        convert(1.0, _PLAIN.get(unit, unit), UNITS[quantity])
+    except QuantityError:
+        return False
+    return True
+
+
+def _refuse_absent(names: Sequence[str], options: DmtaOptions, path: Path) -> None:
+    for quantity, name in options.columns.items():
+        if name not in names:
+            raise MeasurementError(
+                f"--column {quantity}={name}: there is no such column",
+                file=path,
+                expected=near_matches(name, [n for n in names if n]),
+            )
+
+
+def _refuse_twice(
+    names: Sequence[str], known: Sequence[tuple[str, str | None, float | None, bool] | None], path: Path
+) -> None:
+    seen: dict[tuple[str, float | None], str] = {}
+    for name, found in zip(names, known, strict=True):
+        if found is None or found[0] == "time":
+            continue
+        key = (found[0], found[2])
+        if key in seen:
+            raise MeasurementError(
+                f"{seen[key]!r} and {name!r} are both columns of {found[0].replace('_', ' ')}",
+                file=path,
+                expected="one column of each quantity and frequency",
+                remedy=f'say which: --column "{found[0]}={name}"',
+            )
+        seen[key] = name
+
+
+def _no_unit(quantity: str, name: str, path: Path) -> MeasurementError:
+    return MeasurementError(
+        "no unit is stated",
+        file=path,
+        column=name,
+        expected=f"a unit that can be turned into {UNITS[quantity]!r}: in the header, or in a row below",
+        remedy=f'say it: --unit "{quantity}={"MPa" if UNITS[quantity] == "Pa" else UNITS[quantity]}"',
+    )
+
+
+def _refuse_impossible(test: _Test) -> None:
+    """A storage modulus or frequency that is not positive, a temperature below absolute zero."""
+    least = {"storage_modulus": 0.0, "frequency": 0.0, "temperature": -273.15}
+    for column in test.columns:
+        if column.quantity not in least:
+            continue
+        bad = np.flatnonzero(column.values <= least[column.quantity])
+        if bad.size:
+            value = (
+                convert(column.values[bad[0]], UNITS[column.quantity], column.unit)
+                if column.unit != "rad/s"
+                else 0.0
+            )
+            raise MeasurementError(
+                f"found {float(value):g} {column.unit}"
+                + (f" (and {bad.size - 1} more in this column)" if bad.size > 1 else ""),
+                file=test.path,
+                row=int(test.row[bad[0]]),
+                column=column.name,
+                expected="a value above zero"
+                if column.quantity != "temperature"
+                else "a value above absolute zero",
+                remedy="correct the row, or leave it out of the export",
+            )
+
+
+# sweeps
+
+
+def _sweeps_of(test: _Test, options: DmtaOptions) -> tuple[list[DmtaSweep], list[Finding], list[str]]:
+    """Sweeps of a test, frequency by frequency, with findings and what was left out."""
+    sweeps: list[DmtaSweep] = []
+    findings: list[Finding] = list(test.findings)
+    left_out: list[str] = []
+    for frequency, rows, wide in _by_frequency(test, options):
+        name = test.label if frequency is None else f"{test.label}-{frequency:g}Hz"
+        moduli, loss_from, damping = _moduli(test, rows, wide)
+        try:
+            storage, seen = _records(test, name, frequency, rows, moduli["storage_modulus"], options)
+        except MeasurementError as error:
+            left_out.append(f"{name}: {error.found}")
+            continue
+        findings += seen
+        losses: dict[Branch, Record] = {}
+        if "loss_modulus" in moduli:
+            try:
+                found, seen = _records(test, f"{name}-loss", frequency, rows, moduli["loss_modulus"], options)
+                losses = {r.branch: r for r in found}
+                findings += [f for f in seen if f.kind != "no-transformation"]  # a peak follows no trend
+            except MeasurementError as error:
+                left_out.append(f"{name}, loss modulus: {error.found}")
+        for record in storage:
+            loss = losses.get(record.branch)
+            sweeps.append(
+                DmtaSweep(
+                    f"{name}-{record.branch.value}", test.label, frequency, record.branch, record, loss,
+                    loss_from if loss is not None else "", damping,
+                )
+            )  # fmt: skip
+    return sweeps, findings, left_out
+
+
+def _by_frequency(test: _Test, options: DmtaOptions) -> Iterator[tuple[float | None, Ints, float | None]]:
+    """Frequency [Hz], its rows, and the key of its columns, None for those without a frequency of their own."""
+    every = np.arange(test.row.size)
+    wide = sorted({c.frequency for c in test.columns if c.frequency is not None})
+    if wide:
+        yield from ((f, every, f) for f in wide)
+        return
+    column = test.values("frequency")
+    if column is None:
+        yield (_stated(options.frequency) if options.frequency else None), every, None
+        return
+    with np.errstate(invalid="ignore"):
+        rounded = np.array([float(f"{v:.{SAME_FREQUENCY}g}") for v in column])
+    values = np.unique(rounded[np.isfinite(rounded)])
+    if values.size > MOST_FREQUENCIES:
+        raise MeasurementError(
+            f"{values.size} frequencies in {test.row.size} rows",
+            file=test.path,
+            expected=f"at most {MOST_FREQUENCIES}, each with a sweep of the temperature",
+            remedy="export a temperature ramp at fixed frequencies, or name another column of the frequency",
+        )
+    for value in values:
+        yield float(value), np.flatnonzero(rounded == value), None
+
+
+def _stated(text: str) -> float:
+    from sma_bayes.quantities import number_and_unit
+
+    value, unit = number_and_unit(text, what="frequency")
+    if not unit or not value > 0.0:
+        raise QuantityError(f"--frequency {text!r}", expected="a frequency with its unit, such as '1 Hz'")
+    if unit == "rad/s":
+        return value / (2.0 * float(np.pi))
+    return float(convert(value, unit, "Hz", what="--frequency"))
+
+
+def _moduli(test: _Test, rows: Ints, wide: float | None) -> tuple[dict[str, Floats], str, Damping | None]:
+    """Moduli [Pa] of some rows, where the loss comes from, and what the declared tan delta says beside them."""
+    found = {}
+    for quantity in ("storage_modulus", "loss_modulus", "tan_delta"):
+        values = test.values(quantity, wide)
+        if values is not None:
+            found[quantity] = values[rows]
+    tan = found.pop("tan_delta", None)
+    if "loss_modulus" in found:
+        return found, "measured", _damping(found, tan, test.row[rows])
+    if tan is not None:
+        found["loss_modulus"] = found["storage_modulus"] * tan
+        return found, "tan_delta", None
+    return found, "", None
+
+
+def _damping(moduli: Mapping[str, Floats], tan: Floats | None, row: Ints) -> Damping | None:
+    if tan is None:
+        return None
+    away = np.abs(tan - moduli["loss_modulus"] / moduli["storage_modulus"])
+    seen = np.isfinite(away)
+    if not seen.any():
+        return None
+    share = away / max(float(np.nanmax(np.abs(tan))), 1e-300)
+    at = int(np.nanargmax(share))
+    return Damping(int(seen.sum()), int(np.sum(share[seen] > DISAGREE)), float(share[at]), int(row[at]))
+
+
+def _records(
+    test: _Test, name: str, frequency: float | None, rows: Ints, modulus: Floats, options: DmtaOptions
+) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """One modulus of some rows, split into branches."""
+    temperature = next(c.values for c in test.columns if c.quantity == "temperature")[rows]
+    columns = {"temperature": temperature, "stiffness": modulus}
+    units = {"temperature": "degC", "stiffness": "Pa"}
+    time = test.values("time")
+    if time is not None and np.isfinite(time).all():
+        columns["time"], units["time"] = time[rows], "s"
+    whole = np.isfinite(columns["temperature"]) & np.isfinite(modulus)
+    if whole.sum() < FEWEST_ROWS:
+        raise MeasurementError(
+            f"{many(int(whole.sum()), 'row')} with temperature and modulus", file=test.path
+        )
+    declared = next(c.unit for c in test.columns if c.quantity == "storage_modulus")
+    run = Run(
+        Condition(name, frequency=frequency), test.path.name, test.row[rows], columns, units, specimen=True,
+        declared_units={"stiffness": declared},
+    )  # fmt: skip
+    return split_run(run, options.settings)

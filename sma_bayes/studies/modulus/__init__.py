@@ -1,0 +1,1 @@
+"""Storage and loss modulus against temperature and frequency, from exports of dynamic mechanical analysis."""

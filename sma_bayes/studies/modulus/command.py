@@ -1,0 +1,106 @@
+"""The verb `modulus` on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sma_bayes.studies.command_execution import finish, working_on
+from sma_bayes.studies.command_options import (
+    Figures,
+    Jobs,
+    Json,
+    NoFigures,
+    Out,
+    Quiet,
+    Resume,
+    Scheduler,
+    Seed,
+    Verbose,
+)
+
+
+def command(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PATH...", help="Exports of dynamic mechanical analysis of one material: text or XLSX."
+        ),
+    ],
+    out: Out,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(help="A temperature, such as '60 degC', at which to tell moduli; may be repeated."),
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="QUANTITY=NAME of a column that is not known by its name; quantities: temperature, storage_modulus, "
+            "loss_modulus, tan_delta, frequency, time. May be repeated.",
+        ),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(help="QUANTITY=UNIT of a quantity whose unit the files do not state; may be repeated."),
+    ] = None,
+    frequency: Annotated[str, typer.Option(help="Frequency, such as '1 Hz', of files without any.")] = "",
+    encoding: Annotated[str | None, typer.Option(help="Encoding of text files.")] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME", help="Response model of the storage modulus; 'auto': the best supported."
+        ),
+    ] = "auto",
+    loss_model: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="Response model of the loss modulus; 'auto': the best supported."),
+    ] = "auto",
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    figures: Figures = "report",
+    no_figures: NoFigures = False,
+    scheduler: Scheduler = None,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Fit storage and loss modulus against temperature, and tell how they shift with frequency (DMTA)."""
+    from sma_bayes.studies.modulus.terminal import show_modulus
+    from sma_bayes.studies.modulus.workflow import modulus
+
+    columns, units = _pairs("--column", column or ()), _pairs("--unit", unit or ())
+    with working_on(lambda: paths, scheduler, jobs, quiet or as_json, verbose) as (files, shared):
+        found = modulus(
+            files,
+            out,
+            at=at or (),
+            model=model,
+            loss_model=loss_model,
+            columns=columns,
+            units=units,
+            frequency=frequency,
+            encoding=encoding,
+            seed=seed,
+            resume=resume,
+            figures="none" if no_figures else figures,
+            **shared,
+        )
+    finish(found, quiet, as_json, lambda: show_modulus(found, out))
+
+
+def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
+    from sma_bayes.errors import SmaBayesError
+
+    pairs = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise SmaBayesError(
+                f"{option} {text!r}", expected="QUANTITY=VALUE, such as 'storage_modulus=MPa'"
+            )
+        pairs[name.strip()] = value.strip()
+    return pairs

@@ -1,0 +1,184 @@
+"""What `modulus.json` holds."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from pydantic import Field
+
+from sma_bayes.runs.schema import (
+    DocumentPart,
+    FindingDocument,
+    IntervalDocument,
+    Items,
+    Number,
+    NumberOrNull,
+    RunAccount,
+)
+
+
+class ModulusOptions(DocumentPart):
+    """What was asked for."""
+
+    model: str = Field(description="response model of the storage modulus, or `auto`")
+    loss_model: str = Field(description="response model of the loss modulus, or `auto`")
+    at: Items[Number] = Field(description="temperatures at which moduli are told [degC]")
+    columns: dict[str, str] = Field(description="columns that were named, by quantity")
+    units: dict[str, str] = Field(description="units that were stated, by quantity")
+    frequency: str = Field(description="stated frequency of files without any; empty where none was")
+
+
+class CurveParameter(IntervalDocument):
+    """A parameter of a curve."""
+
+    unit: str = Field(description="its unit")
+    meaning: str = Field(description="what it does")
+
+
+class ModulusCurve(DocumentPart):
+    """The curve of a modulus."""
+
+    channel: Literal["storage_modulus", "loss_modulus"] = Field(description="which modulus")
+    source: Literal["measured", "tan_delta"] = Field(
+        description="`tan_delta` where the loss modulus is the declared tan delta times the storage modulus"
+    )
+    model: str = Field(description="name of its response model")
+    reason: str = Field(description="why that one, where it was chosen; else empty")
+    noise: str = Field(description="name of its noise model")
+    discrepancy: bool = Field(description="whether a smooth function of temperature stands beside the curve")
+    n: int = Field(description="samples")
+    missed: Number = Field(description="what the median curve misses, root mean square over the range [1]")
+    converged: bool = Field(description="whether its draws have converged")
+    parameters: dict[str, CurveParameter] = Field(description="parameters by name")
+
+
+class TransitionTemperature(DocumentPart):
+    """A temperature of the transition, as far as the draws have one."""
+
+    name: str = Field(
+        description="`As`, `Af`, `Ms`, `Mf` (and `Rs`, `Rf` of another stage) by the tangent rule on the storage "
+        "modulus; `midpoint` halfway between start and finish; `loss_peak`; "
+        "`tan_delta_peak`"
+    )
+    meaning: str = Field(description="the same in words")
+    channel: str = Field(description="`storage_modulus`, `loss_modulus` or `tan_delta`")
+    q05: NumberOrNull = Field(description="lower end of the 90 % interval [degC]; null where no draw has it")
+    median: NumberOrNull = Field(description="median [degC]")
+    q95: NumberOrNull = Field(description="upper end [degC]")
+    mean: NumberOrNull = Field(description="mean [degC]")
+    sd: NumberOrNull = Field(description="standard deviation [K]")
+    defined: Number = Field(description="share of the draws that have it [1]")
+    identified: bool = Field(
+        description="whether 95 % of the draws have it, and the measurements go beyond it on both sides"
+    )
+
+
+class ModulusValue(IntervalDocument):
+    """A modulus or tan delta at a temperature."""
+
+    channel: str = Field(description="`storage_modulus`, `loss_modulus` or `tan_delta`")
+    at: Number = Field(description="temperature [degC]")
+    unit: str = Field(description="its unit")
+    log_mean: NumberOrNull = Field(description="mean of its logarithm; null where draws are not positive")
+    log_sd: NumberOrNull = Field(description="standard deviation of that [1]")
+
+
+class ModulusSweep(DocumentPart):
+    """One branch at one frequency."""
+
+    id: str = Field(description="unique name; its band is `bands/<id>.csv`")
+    test: str = Field(description="file, with its step or sheet where it has several")
+    frequency: NumberOrNull = Field(description="[Hz]; null where none is stated")
+    branch: Literal["heating", "cooling"] = Field(description="direction of the sweep")
+    temperature_from: Number = Field(description="least measured temperature [degC]")
+    temperature_to: Number = Field(description="greatest [degC]")
+    curves: Items[ModulusCurve] = Field(
+        description="of the storage modulus, and of the loss modulus if there is one"
+    )
+    temperatures: Items[TransitionTemperature] = Field(description="temperatures of the transition")
+    values: Items[ModulusValue] = Field(
+        description="moduli and tan delta at the temperatures that were asked"
+    )
+
+
+class DeclaredDamping(DocumentPart):
+    """Declared tan delta beside the quotient of the declared moduli."""
+
+    test: str = Field(description="file, with its step or sheet where it has several")
+    frequency: NumberOrNull = Field(description="[Hz]")
+    compared: int = Field(description="rows that state all three")
+    disagree: int = Field(description="rows in which they differ by more than 1 % of the greatest tan delta")
+    greatest: Number = Field(description="greatest difference, as a share of the greatest tan delta [1]")
+    row: int = Field(description="source line of that")
+
+
+class ShiftPoint(DocumentPart):
+    """A temperature at one frequency."""
+
+    sweep: str = Field(description="id of the sweep")
+    frequency: Number = Field(description="[Hz]")
+    temperature: Number = Field(description="mean [degC]")
+    sd: Number = Field(description="standard deviation [K]")
+
+
+class FrequencyShift(DocumentPart):
+    """Shift of a temperature with frequency, and the apparent activation energy that would give it."""
+
+    branch: str = Field(description="`heating` or `cooling`")
+    temperature: str = Field(description="name of the temperature")
+    points: Items[ShiftPoint] = Field(description="one for each sweep that has it")
+    shift: IntervalDocument | None = Field(
+        description="per decade of frequency [K]; null with fewer than two frequencies"
+    )
+    probability_rises: NumberOrNull = Field(description="that it rises with frequency [1]")
+    scatter: IntervalDocument | None = Field(
+        description="standard deviation of the scatter between sweeps beyond their own errors [K]"
+    )
+    activation_energy: IntervalDocument | None = Field(
+        description="apparent activation energy [J/mol]; null where it is not identified"
+    )
+    least_energy: NumberOrNull = Field(
+        description="apparent energy that a positive one exceeds with a probability of 95 % [J/mol]"
+    )
+    identified: bool = Field(description="whether the 90 % interval of the shift is without zero")
+    statement: str = Field(description="the same in a sentence")
+
+
+class ModulusByFrequency(DocumentPart):
+    """Change of the storage modulus with frequency at one temperature."""
+
+    branch: str = Field(description="`heating` or `cooling`")
+    at: Number = Field(description="temperature [degC]")
+    sweeps: Items[str] = Field(description="ids of the sweeps, by rising frequency")
+    factor: IntervalDocument = Field(description="of the storage modulus per decade of frequency [1]")
+    probability_rises: Number = Field(description="that it rises with frequency [1]")
+
+
+class ModulusDocument(RunAccount):
+    """What `sma-bayes modulus` writes: `modulus.json`."""
+
+    schema_: Literal["sma-bayes/modulus/1"] = Field(alias="schema", description="name and version")
+    source: Items[str] = Field(description="files that were read")
+    seed: int = Field(description="decides every draw")
+    options: ModulusOptions = Field(description="what was asked for")
+    temperature_unit: str = Field(description="unit of temperatures, `degC`")
+    modulus_unit: str = Field(description="unit of moduli, `Pa`")
+    versions: dict[str, str] = Field(description="of what computed it")
+    data_sha256: str = Field(description="checksum of the files")
+    converged: bool = Field(description="whether all posteriors have converged")
+    sweeps: Items[ModulusSweep] = Field(description="one for each test, frequency and branch")
+    damping: Items[DeclaredDamping] = Field(description="where tan delta and both moduli are declared")
+    shifts: Items[FrequencyShift] = Field(description="one for each branch and temperature")
+    by_frequency: Items[ModulusByFrequency] = Field(description="one for each branch and asked temperature")
+    remarks: Items[str] = Field(description="what can't be told, and why")
+    left_out: Items[str] = Field(
+        description="tables, frequencies and channels that could not be used, in words"
+    )
+    findings: Items[FindingDocument] = Field(description="about the measurements")
+    files_sha256: dict[str, str] = Field(
+        default={},
+        description="checksum of each CSV of results beside the document, which every reader compares",
+    )
+
+
+DOCUMENTS: Final = {"modulus": ModulusDocument}

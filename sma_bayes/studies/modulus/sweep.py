@@ -1,0 +1,243 @@
+"""One branch at one frequency: posteriors of both moduli, and what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from sma_bayes.arrays import Floats
+from sma_bayes.assess.transformation import NAMES, Temperature, temperatures_of_draws
+from sma_bayes.fitting.curves import CurveDraws
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit_records import fit_records
+from sma_bayes.records.dmta import DmtaSweep
+from sma_bayes.records.types import Record
+from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, RESPONSE_MODELS, STORAGE_LADDER, ResponseModel
+
+CHANNEL: Final = "stiffness"
+STORAGE, LOSS, TAN = "storage_modulus", "loss_modulus", "tan_delta"
+LADDERS: Final = {STORAGE: STORAGE_LADDER, LOSS: LOSS_LADDER}
+POINTS: Final = 161
+"""Temperatures of a band."""
+FINE: Final = 801
+"""Temperatures among which a peak is looked for."""
+SURE: Final = 0.95
+LEVELS: Final = (0.05, 0.5, 0.95)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepTask:
+    """A sweep to be studied.
+
+    Attributes
+    ----------
+    sweep : DmtaSweep
+    models : mapping of str to str
+        Name of the response model of each modulus, or ``auto``.
+    at : tuple of float
+        Temperatures at which moduli are told [degC].
+    seed : int
+    """
+
+    sweep: DmtaSweep
+    models: Mapping[str, str]
+    at: tuple[float, ...]
+    seed: int
+
+    title = "fit moduli"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepFound:
+    """What was found of a sweep: its part of the document, its bands and its samples as columns."""
+
+    document: dict[str, Any]
+    bands: dict[str, Any]
+    samples: dict[str, Any]
+
+
+def study_sweep(task: SweepTask) -> SweepFound:
+    """Fit the moduli of a sweep and tell what follows."""
+    sweep = task.sweep
+    fits = {STORAGE: _fitted(sweep.storage, STORAGE, task)}
+    if sweep.loss is not None:
+        fits[LOSS] = _fitted(sweep.loss, LOSS, task)
+    low, high = float(sweep.storage.temperature.min()), float(sweep.storage.temperature.max())
+    rng = np.random.default_rng(np.random.SeedSequence([task.seed, 9, *sweep.id.encode()]))
+    curves = _Curves(fits, rng)
+    document = {
+        "id": sweep.id,
+        "test": sweep.test,
+        "frequency": sweep.frequency,
+        "branch": sweep.branch.value,
+        "temperature_from": low,
+        "temperature_to": high,
+        "curves": [_curve(f, channel, sweep) for channel, f in fits.items()],
+        "temperatures": [*_of_storage(fits[STORAGE]), *_peaks(curves, low, high)],
+        "values": [v for t in task.at for v in _values(curves, t)],
+    }
+    return SweepFound(document, _bands(curves, np.linspace(low, high, POINTS)), _samples(fits))
+
+
+def _fitted(record: Record, channel: str, task: SweepTask) -> Fit:
+    name = task.models[channel]
+    types: tuple[type[ResponseModel], ...] = (
+        LADDERS[channel] if name == AUTO_MODEL else (RESPONSE_MODELS[name],)
+    )
+    ladder = [(m.made_for([record]), m.default_priors()) for m in types]
+    return fit_records([record], ladder[0][1], ladder=ladder, seed=task.seed)
+
+
+class _Curves:
+    """Draws of storage modulus, loss modulus and their quotient; those of both moduli are paired at random."""
+
+    def __init__(self, fits: Mapping[str, Fit], rng: np.random.Generator) -> None:
+        self.draws: dict[str, CurveDraws] = {c: f.curves() for c, f in fits.items()}
+        size = min(len(d.theta) for d in self.draws.values())
+        self.order = {c: rng.permutation(len(d.theta))[:size] for c, d in self.draws.items()}
+        self.channels = (STORAGE, LOSS, TAN) if LOSS in fits else (STORAGE,)
+
+    def of(self, channel: str, temperature: Floats) -> Floats:
+        """Curves (N, m)."""
+        if channel == TAN:
+            return np.asarray(self.of(LOSS, temperature) / self.of(STORAGE, temperature))
+        return self.draws[channel].curve(CHANNEL, temperature)[self.order[channel]]
+
+
+def _curve(fit: Fit, channel: str, sweep: DmtaSweep) -> dict[str, Any]:
+    (record,) = fit.records
+    model = fit.posterior.model
+    median = np.median(fit.curves().curve(CHANNEL, record.temperature), axis=0)
+    y = record.observed[CHANNEL]
+    theta = fit.flat
+    return {
+        "channel": channel,
+        "source": sweep.loss_from if channel == LOSS else "measured",
+        "model": model.name,
+        "reason": "" if fit.model_choice is None else fit.model_choice.reason,
+        "noise": fit.posterior.noise.name,
+        "discrepancy": fit.posterior.has_discrepancy,
+        "n": record.n,
+        "missed": float(np.sqrt(np.mean((y - median) ** 2)) / np.ptp(y)),
+        "converged": fit.converged,
+        "parameters": {
+            fact.name: {"unit": fact.unit, "meaning": fact.meaning, **_interval(theta[:, i])}
+            for i, fact in enumerate(model.parameters(record.units))
+        },
+    }
+
+
+def _interval(draws: Floats) -> dict[str, float]:
+    q05, median, q95 = np.quantile(draws, LEVELS)
+    return {"q05": float(q05), "median": float(median), "q95": float(q95)}
+
+
+def _of_storage(fit: Fit) -> list[dict[str, Any]]:
+    """Start and finish by the tangent rule, and what is halfway between."""
+    found = temperatures_of_draws(fit.curves(), CHANNEL)
+    low, high = (next(t for t in found if t.name == name) for name in NAMES[fit.records[0].branch])
+    middle = _stated("midpoint", "halfway between start and finish", STORAGE, 0.5 * (low.draws + high.draws))
+    inside = bool(middle["identified"] and low.within_data and high.within_data)
+    return [*map(_temperature, found), {**middle, "identified": inside}]
+
+
+def _temperature(t: Temperature) -> dict[str, Any]:
+    told = _stated(t.name, f"{t.meaning}, tangent rule", STORAGE, t.draws)
+    return {**told, "identified": bool(told["identified"] and t.within_data)}
+
+
+def _stated(name: str, meaning: str, channel: str, draws: Floats) -> dict[str, Any]:
+    found = draws[np.isfinite(draws)]
+    if found.size < 2:
+        interval: dict[str, Any] = dict.fromkeys(("q05", "median", "q95", "mean", "sd"))
+    else:
+        interval = {**_interval(found), "mean": float(found.mean()), "sd": float(found.std())}
+    defined = float(found.size / draws.size)
+    return {
+        "name": name, "meaning": meaning, "channel": channel, **interval, "defined": defined,
+        "identified": defined >= SURE,
+    }  # fmt: skip
+
+
+def _peaks(curves: _Curves, low: float, high: float) -> list[dict[str, Any]]:
+    if LOSS not in curves.channels:
+        return []
+    t = np.linspace(low, high, FINE)
+    return [
+        _stated(
+            f"{name}_peak",
+            f"greatest {channel.replace('_', ' ')} within the sweep",
+            channel,
+            peak_of(t, curves.of(channel, t)),
+        )
+        for name, channel in (("loss", LOSS), ("tan_delta", TAN))
+    ]
+
+
+def peak_of(t: Floats, y: Floats) -> Floats:
+    """Where each curve is greatest; NaN where that is at an end.
+
+    Parameters
+    ----------
+    t : ndarray, shape (m,)
+        Even temperatures.
+    y : ndarray, shape (N, m)
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        Top of the parabola through the greatest value and its neighbours.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.linspace(0.0, 10.0, 101)
+    >>> peak_of(t, np.stack([-((t - 3.217) ** 2), t])).round(3)
+    array([3.217,   nan])
+    """
+    at = np.argmax(y, axis=1)
+    inside = (at > 0) & (at < t.size - 1)
+    middle = np.clip(at, 1, t.size - 2)
+    rows = np.arange(len(y))
+    below, top, above = y[rows, middle - 1], y[rows, middle], y[rows, middle + 1]
+    bend = below - 2.0 * top + above
+    off = np.where(bend < 0.0, 0.5 * (below - above) / np.where(bend < 0.0, bend, 1.0), 0.0)
+    return np.where(inside, t[middle] + off * (t[1] - t[0]), np.nan)
+
+
+def _values(curves: _Curves, at: float) -> list[dict[str, Any]]:
+    out = []
+    for channel in curves.channels:
+        draws = curves.of(channel, np.array([at]))[:, 0]
+        logs = np.log(draws) if np.all(draws > 0.0) else None
+        out.append({
+            "channel": channel, "at": at, "unit": "1" if channel == TAN else "Pa", **_interval(draws),
+            "log_mean": None if logs is None else float(logs.mean()),
+            "log_sd": None if logs is None else float(logs.std()),
+        })  # fmt: skip
+    return out
+
+
+def _bands(curves: _Curves, t: Floats) -> dict[str, Any]:
+    columns: dict[str, Any] = {"temperature_degC": t}
+    for channel in curves.channels:
+        for level, values in zip(LEVELS, np.quantile(curves.of(channel, t), LEVELS, axis=0), strict=True):
+            columns[f"{channel}_q{round(100 * level):02d}"] = values
+    return columns
+
+
+def _samples(fits: Mapping[str, Fit]) -> dict[str, Any]:
+    """What was fitted; the moduli have temperatures of their own, and the shorter column ends in NaN."""
+    size = max(f.records[0].n for f in fits.values())
+    columns = {}
+    for channel, fit in fits.items():
+        (record,) = fit.records
+        for name, values in (
+            (f"{channel}_temperature_degC", record.temperature),
+            (f"{channel}_Pa", record.observed[CHANNEL]),
+        ):
+            columns[name] = np.concatenate([values, np.full(size - record.n, np.nan)])
+    return columns

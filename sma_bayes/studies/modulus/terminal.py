@@ -1,0 +1,56 @@
+"""A study of moduli on the screen: temperatures of every sweep, shifts, and what to doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from sma_bayes.report.notation import interval_text
+from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep
+
+
+def show_modulus(told: Mapping[str, Any], out: Path) -> None:
+    """Tell what was found of each sweep and of the shift with frequency."""
+    found = ModulusDocument.model_validate(told)
+    console = screen()
+    console.print(f"{len(found.sweeps)} sweeps, seed {found.seed}", soft_wrap=True)
+    console.print(_table(found))
+    for text in dict.fromkeys(s.statement for s in found.shifts if s.shift is not None):
+        branch = next(s.branch for s in found.shifts if s.statement == text)
+        console.print(f"{branch}, {text}", soft_wrap=True)
+    for b in found.by_frequency:
+        f = b.factor
+        console.print(
+            f"{b.branch}, storage modulus at {b.at:g} °C: times {interval_text(f.median, f.q05, f.q95)} per decade of "
+            "frequency",
+            soft_wrap=True,
+        )
+    for text in (*found.remarks, *(f"left out {t}" for t in found.left_out)):
+        console.print(text, soft_wrap=True)
+    if not found.converged:
+        console.print("NOT CONVERGED: the numbers must not be relied on.")
+    show_end(console, dict(told), out)
+
+
+def _table(found: ModulusDocument) -> Table:
+    names = list(dict.fromkeys(t.name for s in found.sweeps for t in s.temperatures if t.identified))
+    table = Table(title="temperatures [°C]: median (90 %)", title_justify="left")
+    table.add_column("sweep")
+    for name in names:
+        table.add_column(name.replace("_", " "), justify="right")
+    for s in found.sweeps[:SHOWN]:
+        table.add_row(s.id, *(_cell(s, name) for name in names))
+    if len(found.sweeps) > SHOWN:
+        table.add_row(f"and {len(found.sweeps) - SHOWN} more", *("" for _ in names))
+    return table
+
+
+def _cell(s: ModulusSweep, name: str) -> str:
+    found = next((t for t in s.temperatures if t.name == name and t.identified), None)
+    if found is None or found.median is None or found.q05 is None or found.q95 is None:
+        return "–"
+    return interval_text(found.median, found.q05, found.q95)

@@ -1,0 +1,354 @@
+"""Studying moduli, from exports to files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sma_bayes import __version__
+from sma_bayes.account import Account
+from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.fitting.posterior import versions
+from sma_bayes.progress import Progress, silent
+from sma_bayes.records.dmta import DmtaCampaign, DmtaOptions, DmtaSweep, read_dmta
+from sma_bayes.records.severity import finding_document
+from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, RESPONSE_MODELS, STORAGE_LADDER
+from sma_bayes.runs.documents import MODULUS
+from sma_bayes.runs.jobs import run
+from sma_bayes.runs.store import plain, write_csv, write_json
+from sma_bayes.studies.ask.workflow import asked_temperature
+from sma_bayes.studies.identity import all_versions
+from sma_bayes.studies.modulus.shift import (
+    GAS_CONSTANT,
+    LEVELS,
+    SCATTER_OF_MODULUS,
+    arrhenius,
+    fit_line,
+)
+from sma_bayes.studies.modulus.sweep import LOSS, STORAGE, SweepTask, study_sweep
+from sma_bayes.studies.run_context import RunContext
+
+SHIFTED: Final = ("midpoint", "loss_peak", "tan_delta_peak")
+"""Temperatures whose shift with frequency is told."""
+INSIDE: Final = 0.05
+"""How far within the common range of all sweeps moduli are told by default, as a share of it."""
+PARTS: Final = "parts"
+_DECADE: Final = float(np.log(10.0))
+
+
+def modulus(
+    paths: str | Path | Sequence[str | Path],
+    out: str | Path | None = None,
+    *,
+    at: Sequence[str] = (),
+    model: str = AUTO_MODEL,
+    loss_model: str = AUTO_MODEL,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    frequency: str = "",
+    encoding: str | None = None,
+    seed: int = 0,
+    jobs: int | None = None,
+    resume: bool = False,
+    figures: str | bool = REPORT,
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Fit storage and loss modulus against temperature, frequency by frequency, and tell how they shift.
+
+    The storage modulus of each branch and frequency is a bounded transition between two phases: logistic, with slopes,
+    skewed, in two stages or with a minimum in the transformation, whichever is best supported. The loss modulus is a
+    peak above a step. From both posteriors follow tan delta, temperatures of the transition and their shift with
+    frequency.
+
+    Parameters
+    ----------
+    paths : str, Path or sequence of these
+        Exports of dynamic mechanical analysis of one material: delimited text or XLSX.
+    out : str or Path, optional
+        Folder for `modulus.json`, `bands/`, tables, figures and the report; nothing is written without it.
+    at : sequence of str
+        Temperatures, ``"60 degC"``, at which moduli are told; by default three over what all sweeps have in common.
+    model, loss_model : str
+        Response models of storage and loss modulus, or ``auto``: the best supported of their ladders.
+    columns, units : mapping of str to str, optional
+        Name of the column of a quantity, and unit of a quantity where the files do not state it. Quantities are
+        ``temperature``, ``storage_modulus``, ``loss_modulus``, ``tan_delta``, ``frequency`` and ``time``.
+    frequency : str
+        Frequency with its unit, ``"1 Hz"``, of files that have no column of it.
+    encoding : str, optional
+        Of text.
+    seed : int
+        Decides every draw.
+    jobs : int, optional
+        Processes; by default one for each core.
+    resume : bool
+        Go on with the run that `out` holds; sweeps that it has finished are not fitted again.
+    figures : str or bool
+        ``report``, ``all`` or ``none`` (no report either), see `figures_for`.
+    progress : callable, optional
+    account : Account, optional
+
+    Returns
+    -------
+    dict
+        What `modulus.json` holds.
+
+    Raises
+    ------
+    MeasurementError
+        If a file can't be used, see `sma_bayes.records.dmta.read_dmta`.
+    QuantityError, UnknownNameError
+        If a temperature, a unit or a model is none that can be.
+    OutputError, ResumeError
+        If `out` can't be used.
+    """
+    account = account or Account()
+    models = {STORAGE: _model(model, STORAGE_LADDER), LOSS: _model(loss_model, LOSS_LADDER)}
+    asked = tuple(asked_temperature(text, "degC", "degC") for text in at)
+    said = DmtaOptions(columns or {}, units or {}, frequency, encoding)
+    with account.timed("read"):
+        campaign = read_dmta([paths] if isinstance(paths, str | Path) else paths, said)
+    told = asked or _usual(campaign.sweeps)
+    options = {
+        "model": model, "loss_model": loss_model, "at": list(told), "columns": dict(said.columns),
+        "units": dict(said.units), "frequency": frequency,
+    }  # fmt: skip
+    identity = {
+        "schema": "sma-bayes/run/1", "kind": MODULUS.verb, "data": campaign.sha256,
+        "records": [s.id for s in campaign.sweeps], "seed": seed, **options, "version": __version__,
+        "versions": versions(),
+    }  # fmt: skip
+    work = RunContext(MODULUS, _build_report, jobs, figures_for(figures), progress or silent, account)
+    tasks = [SweepTask(s, models, told, seed) for s in campaign.sweeps]
+
+    def find(folder: Path | None) -> dict[str, Any]:
+        sweeps = _sweeps(tasks, folder, work)
+        document: dict[str, Any] = plain({
+            "schema": MODULUS.schema,
+            "source": list(campaign.source),
+            "seed": seed,
+            "options": options,
+            "temperature_unit": "degC",
+            "modulus_unit": "Pa",
+            "versions": all_versions(),
+            "data_sha256": campaign.sha256,
+            "converged": all(c["converged"] for s in sweeps for c in s["curves"]),
+            "sweeps": sweeps,
+            "damping": _damping(campaign.sweeps),
+            "shifts": shifts_of(sweeps),
+            "by_frequency": _by_frequency(sweeps, told),
+            "remarks": _remarks(campaign, sweeps, told),
+            "left_out": list(campaign.left_out),
+            "findings": [finding_document(f) for f in campaign.findings],
+        })  # fmt: skip
+        return document
+
+    found = work.execute(out, identity, resume, find)
+    if out is not None:
+        _remove_parts(Path(out))
+    return found
+
+
+def _build_report(folder: Path, wanted: ReportOptions) -> None:
+    from sma_bayes.studies.modulus.report import build_report  # what draws takes long to import
+
+    build_report(folder, wanted)
+
+
+def _model(name: str, ladder: Sequence[type]) -> str:
+    known = [AUTO_MODEL, *(m.name for m in ladder)]  # type: ignore[attr-defined]
+    if name not in known and (name not in RESPONSE_MODELS or RESPONSE_MODELS[name].refusal(("stiffness",))):
+        raise UnknownNameError(
+            f"no response model of a modulus is called {name!r}", expected=near_matches(name, known)
+        )
+    if name not in known:
+        raise UnknownNameError(
+            f"the model {name!r} is none of a bounded curve of this modulus",
+            expected=", ".join(known),
+        )
+    return name
+
+
+def _usual(sweeps: Sequence[DmtaSweep]) -> tuple[float, ...]:
+    """Three temperatures that all sweeps went through; those of the first where they have none in common."""
+    low = max(float(s.storage.temperature.min()) for s in sweeps)
+    high = min(float(s.storage.temperature.max()) for s in sweeps)
+    if not low < high:
+        low, high = float(sweeps[0].storage.temperature.min()), float(sweeps[0].storage.temperature.max())
+    ends = low + INSIDE * (high - low), high - INSIDE * (high - low)
+    return tuple(float(round(t, 1)) for t in (ends[0], 0.5 * (ends[0] + ends[1]), ends[1]))
+
+
+# sweeps
+
+
+def _sweeps(tasks: Sequence[SweepTask], folder: Path | None, work: RunContext) -> list[dict[str, Any]]:
+    """The part of each sweep; those that an interrupted run has finished are read."""
+    done = (
+        {}
+        if folder is None
+        else {t.sweep.id: part for t in tasks if (part := _read_part(folder, t.sweep.id))}
+    )
+    left = [t for t in tasks if t.sweep.id not in done]
+    for found in run(study_sweep, left, work.jobs, account=work.account, stage="fit"):
+        name = found.document["id"]
+        done[name] = plain(found.document)
+        if folder is not None:
+            with work.account.timed("write"):
+                write_csv(folder / "samples" / f"{name}.csv", found.samples)
+                write_csv(folder / "bands" / f"{name}.csv", found.bands)
+                write_json(folder / PARTS / f"{name}.json", found.document)
+        work.tell(len(done), len(tasks), f"fitted {name}")
+    return [done[t.sweep.id] for t in tasks]
+
+
+def _read_part(folder: Path, name: str) -> dict[str, Any] | None:
+    path = folder / PARTS / f"{name}.json"
+    beside = (folder / kind / f"{name}.csv" for kind in ("bands", "samples"))
+    if not all(p.is_file() for p in (path, *beside)):
+        return None
+    part: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return part
+
+
+def _remove_parts(folder: Path) -> None:
+    for path in (folder / PARTS).glob("*.json"):
+        path.unlink(missing_ok=True)
+    with suppress(OSError):  # somebody else's file in it does no harm
+        (folder / PARTS).rmdir()
+
+
+# what sweeps tell together
+
+
+def _interval(values: Sequence[float]) -> dict[str, float]:
+    return {"q05": values[0], "median": values[1], "q95": values[2]}
+
+
+def shifts_of(sweeps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Shift with frequency of each temperature of a branch, where at least one sweep states a frequency.
+
+    Parameters
+    ----------
+    sweeps : sequence of mapping
+        As the document has them.
+    """
+    out = []
+    for branch in dict.fromkeys(s["branch"] for s in sweeps):
+        own = [s for s in sweeps if s["branch"] == branch and s["frequency"] is not None]
+        for name in SHIFTED:
+            points = [
+                {"sweep": s["id"], "frequency": s["frequency"], "temperature": t["mean"], "sd": t["sd"]}
+                for s in own for t in s["temperatures"] if t["name"] == name and t["identified"]
+            ]  # fmt: skip
+            points.sort(key=lambda p: p["frequency"])
+            if points:
+                out.append({"branch": branch, "temperature": name, "points": points, **_shift(name, points)})
+    return out
+
+
+def _shift(name: str, points: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    frequency, temperature, sd = (
+        np.array([p[key] for p in points]) for key in ("frequency", "temperature", "sd")
+    )
+    title = name.replace("_", " ")
+    if np.unique(frequency).size < 2:
+        return {
+            "shift": None, "probability_rises": None, "scatter": None, "activation_energy": None, "least_energy": None,
+            "identified": False, "statement": f"{title}: one frequency, no shift can be told",
+        }  # fmt: skip
+    found = arrhenius(frequency, temperature, sd)
+    low, middle, high = found.shift
+    shift = f"{middle:+.2g} K per decade of frequency ({low:+.2g} to {high:+.2g})"
+    if found.energy is None:
+        told = (
+            f"{title}: shift of {shift}; the interval holds zero, at which the apparent activation energy is infinite: "
+            f"it is not identified, above {found.least / 1e3:.2g} kJ/mol if positive (95 %)"
+        )
+    else:
+        e05, e50, e95 = (e / 1e3 for e in found.energy)
+        told = (
+            f"{title}: shift of {shift}; apparent activation energy {e50:.3g} kJ/mol ({e05:.3g} to {e95:.3g})"
+        )
+        if e50 < 0.0:
+            told += ": the temperature falls with frequency, as no thermally activated process does"
+    return {
+        "shift": _interval(found.shift),
+        "probability_rises": found.probability_rises,
+        "scatter": _interval(found.scatter),
+        "activation_energy": None if found.energy is None else _interval(found.energy),
+        "least_energy": found.least,
+        "identified": found.energy is not None,
+        "statement": told.replace("+-", "-"),
+    }
+
+
+def _by_frequency(sweeps: Sequence[Mapping[str, Any]], at: Sequence[float]) -> list[dict[str, Any]]:
+    out = []
+    for branch in dict.fromkeys(s["branch"] for s in sweeps):
+        own = sorted(
+            (s for s in sweeps if s["branch"] == branch and s["frequency"] is not None), key=lambda s: s["frequency"]
+        )  # fmt: skip
+        if len({s["frequency"] for s in own}) < 2:
+            continue
+        for t in at:
+            values = [next(v for v in s["values"] if v["channel"] == STORAGE and v["at"] == t) for s in own]
+            if any(v["log_mean"] is None for v in values):
+                continue
+            x = np.log([s["frequency"] for s in own])
+            y, sd = (np.array([v[key] for v in values]) for key in ("log_mean", "log_sd"))
+            line = fit_line(x, y, sd, SCATTER_OF_MODULUS)
+            factors = [float(np.exp(_DECADE * q)) for q in line.slope_quantiles(LEVELS)]
+            out.append({
+                "branch": branch, "at": t, "sweeps": [s["id"] for s in own], "factor": _interval(factors),
+                "probability_rises": line.probability_above(0.0),
+            })  # fmt: skip
+    return out
+
+
+def _damping(sweeps: Sequence[DmtaSweep]) -> list[dict[str, Any]]:
+    seen = {}
+    for s in sweeps:
+        if s.damping is not None:
+            d = s.damping
+            seen[s.test, s.frequency] = {
+                "test": s.test, "frequency": s.frequency, "compared": d.compared, "disagree": d.disagree,
+                "greatest": d.greatest, "row": d.row,
+            }  # fmt: skip
+    return list(seen.values())
+
+
+def _remarks(campaign: DmtaCampaign, sweeps: Sequence[Mapping[str, Any]], at: Sequence[float]) -> list[str]:
+    out = []
+    for d in _damping(campaign.sweeps):
+        if d["disagree"]:
+            where = d["test"] if d["frequency"] is None else f"{d['test']} at {d['frequency']:g} Hz"
+            out.append(
+                f"{where}: declared tan delta and E''/E' disagree in {d['disagree']} of {d['compared']} rows, most in "
+                f"row {d['row']}, by {d['greatest']:.1%} of the greatest; the moduli are taken"
+            )
+    if any(s.loss_from == "tan_delta" for s in campaign.sweeps):
+        out.append("no loss modulus is declared: it is tan delta times the storage modulus")
+    if any(s["frequency"] is None for s in sweeps):
+        out.append("a frequency is not stated: no shift follows from such sweeps; --frequency states it")
+    for s in sweeps:
+        out += [
+            f"{s['id']}: {t:g} degC is beyond the measured temperatures, what is told there is an extrapolation"
+            for t in at if not s["temperature_from"] <= t <= s["temperature_to"]
+        ]  # fmt: skip
+        out += [
+            f"{s['id']}, {c['channel'].replace('_', ' ')}: not converged" for c in s["curves"] if not c["converged"]
+        ]  # fmt: skip
+    if any(x["shift"] is not None for x in shifts_of(sweeps)):
+        out.append(
+            f"an activation energy here is that of an Arrhenius law, R = {GAS_CONSTANT:.4g} J/(mol K), that would give "
+            "the same shift: an apparent number for a martensitic transformation, which is athermal"
+        )
+    return out

@@ -1,0 +1,188 @@
+"""`sma-bayes modulus`: an export from the command line, files, resuming, and input that can't be used."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sma_bayes
+
+MODELS = ("--model", "bounded_logistic", "--loss-model", "modulus_peak")
+PEAK = {0.1: 46.0, 1.0: 50.0, 10.0: 54.0}
+"""Midpoints by frequency [degC]."""
+
+
+def write_export(path: Path, *, tan: float = 1.0, header: str = "") -> Path:
+    """One heating of an alloy at three frequencies; `tan` falsifies the declared tan delta."""
+    rng = np.random.default_rng(3)
+    lines = (
+        [header]
+        if header
+        else ["Temperature,Storage modulus,Loss modulus,Tan(delta),Frequency", "°C,MPa,MPa,,Hz"]
+    )
+    for t in np.linspace(0.0, 110.0, 60):
+        for f, middle in PEAK.items():
+            s = 1.0 / (1.0 + np.exp(-0.25 * (t - middle)))
+            storage = 28e3 + 38e3 * s + 250.0 * rng.standard_normal()
+            loss = 700.0 - 300.0 * s + 6000.0 * s * (1.0 - s) + 25.0 * rng.standard_normal()
+            lines.append(f"{t:.3f},{storage:.6g},{loss:.6g},{tan * loss / storage:.6g},{f:g}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def export(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_export(tmp_path_factory.mktemp("dmta") / "strip.csv")
+
+
+@pytest.fixture(scope="module")
+def out(export: Path) -> Path:
+    folder = export.parent / "out"
+    sma_bayes.modulus(export, folder, at=["20 degC"], model=MODELS[1], loss_model=MODELS[3], jobs=1)
+    return folder
+
+
+def found_in(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "modulus.json").read_text(encoding="utf-8"))
+    return found
+
+
+def test_the_document_is_as_published_and_every_file_is_there(
+    out: Path, published: Callable[[str], Any]
+) -> None:
+    found = found_in(out)
+    published("modulus").validate(found)
+    assert found["converged"]
+    assert [s["id"] for s in found["sweeps"]] == [f"strip-{f:g}Hz-heating" for f in PEAK]
+    page = (out / "report.html").read_text(encoding="utf-8")
+    for shift in found["shifts"]:
+        assert shift["statement"] in page
+    for name in ("moduli", "shift"):
+        assert (out / "figures" / f"{name}.png").is_file()
+    with (out / "bands" / "strip-1Hz-heating.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    at = min(rows, key=lambda r: abs(float(r["temperature_degC"]) - 50.0))
+    assert float(at["storage_modulus_q05"]) < 47e9 < float(at["storage_modulus_q95"]) + 1e9
+    assert not (out / "parts").exists()
+
+
+def test_temperatures_and_shift_are_those_of_the_alloy(out: Path) -> None:
+    """Midpoints within 4 standard deviations; 4 K per decade within the interval of each shift."""
+    found = found_in(out)
+    for s in found["sweeps"]:
+        middle = next(t for t in s["temperatures"] if t["name"] == "midpoint")
+        assert middle["identified"]
+        assert abs(middle["mean"] - PEAK[s["frequency"]]) < 4.0 * middle["sd"]
+        (cold,) = (v for v in s["values"] if v["channel"] == "storage_modulus")
+        assert abs(cold["median"] - 28.01e9) < 0.3e9
+    assert {s["temperature"] for s in found["shifts"]} >= {"midpoint", "loss_peak", "tan_delta_peak"}
+    for shift in found["shifts"]:
+        if shift["temperature"] in ("midpoint", "loss_peak", "tan_delta_peak"):
+            assert shift["shift"]["q05"] < 4.0 < shift["shift"]["q95"]
+            assert shift["identified"]
+            low, high = shift["activation_energy"]["q05"], shift["activation_energy"]["q95"]
+            assert low < 8.314 * 323.15**2 * np.log(10.0) / 4.0 < high
+    (by_frequency,) = found["by_frequency"]
+    assert by_frequency["factor"]["q05"] < 1.0 < by_frequency["factor"]["q95"]
+    assert any("apparent number" in r for r in found["remarks"])
+
+
+def test_resuming_and_reporting_change_nothing(run: Callable[..., Any], export: Path, out: Path) -> None:
+    before = found_in(out)
+    (out / "report.html").unlink()
+    options = (*MODELS, "--at", "20 degC", "--jobs", "1")
+    assert run("modulus", export, "--out", out, *options, "--resume", "--quiet").status == 0
+    assert (out / "report.html").is_file()
+    assert run("report", out, "--quiet").status == 0
+    assert found_in(out) == before
+    refused = run("modulus", export, "--out", out, *options)
+    assert refused.status == 2
+    assert "--resume" in refused.err
+    other = run("modulus", export, "--out", out, *MODELS, "--at", "30 degC", "--resume")
+    assert other.status == 2
+    assert "differs in" in other.err
+
+
+def test_a_run_that_was_interrupted_goes_on_where_it_was(
+    run: Callable[..., Any], export: Path, out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sma_bayes.studies.modulus import workflow
+
+    whole, fitted = workflow.study_sweep, []
+
+    def until_killed(task: Any) -> Any:
+        if len(fitted) == 1:
+            raise KeyboardInterrupt
+        fitted.append(task.sweep.id)
+        return whole(task)
+
+    place = tmp_path / "again"
+    options = {"at": ["20 degC"], "model": MODELS[1], "loss_model": MODELS[3], "jobs": 1, "figures": "none"}
+    monkeypatch.setattr(workflow, "study_sweep", until_killed)
+    with pytest.raises(KeyboardInterrupt):
+        sma_bayes.modulus(export, place, **options)
+    assert [p.stem for p in (place / "parts").iterdir()] == fitted
+    later: list[str] = []
+
+    def counted(task: Any) -> Any:
+        later.append(task.sweep.id)
+        return whole(task)
+
+    monkeypatch.setattr(workflow, "study_sweep", counted)
+    found = sma_bayes.modulus(export, place, resume=True, **options)
+    assert len(later) == 2
+    assert fitted[0] not in later
+    assert found["sweeps"] == found_in(out)["sweeps"]
+
+
+def test_a_declared_tan_delta_that_is_wrong_is_told_at_the_terminal(
+    run: Callable[..., Any], tmp_path: Path
+) -> None:
+    path = write_export(tmp_path / "wrong.csv", tan=1.3)
+    outcome = run(
+        "modulus", path, "--out", tmp_path / "out", *MODELS, "--jobs", "1", "--no-figures", "--at", "20 degC"
+    )
+    assert outcome.status == 0, outcome.err
+    assert "declared tan delta and E''/E' disagree in" in " ".join(outcome.out.split())
+    assert "midpoint: shift of" in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--at", "warm"), "temperature 'warm'"),
+        (("--model", "modified_sigmoid"), "no response model of a modulus"),
+        (("--model", "modulus_peak"), "none of a bounded curve of this modulus"),
+        (("--column", "stiff"), "QUANTITY=VALUE"),
+        (("--column", "storage_modulus=stiff"), "there is no such column"),
+        (("--unit", "storage_modulus=N"), "no unit of storage modulus"),
+    ],
+)
+def test_what_can_not_be_is_refused_before_anything_is_written(
+    run: Callable[..., Any], export: Path, tmp_path: Path, options: tuple[str, ...], told: str
+) -> None:
+    outcome = run("modulus", export, "--out", tmp_path / "out", *options)
+    assert outcome.status == 2
+    assert told in outcome.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_unit_and_an_unknown_column_have_status_2(run: Callable[..., Any], tmp_path: Path) -> None:
+    path = write_export(
+        tmp_path / "bare.csv", header="Temperature,Storage modulus,Loss modulus,Tan(delta),Frequency"
+    )
+    outcome = run("modulus", path, "--out", tmp_path / "out")
+    assert outcome.status == 2
+    assert "column 'Temperature': no unit is stated" in outcome.err
+    assert '--unit "temperature=degC"' in outcome.err
+    path = write_export(tmp_path / "other.csv", header="oven,E,L,D,f")
+    outcome = run("modulus", path, "--out", tmp_path / "out")
+    assert outcome.status == 2
+    assert "no column of temperature among 'oven'" in outcome.err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,260 @@
+"""Exports of dynamic mechanical analysis: names, units and layout of each instrument, and input that can't be used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError
+from sma_bayes.records.dmta import DmtaCampaign, DmtaOptions, read_dmta
+from sma_bayes.records.types import Branch
+
+T = np.concatenate([np.arange(0.0, 100.0, 2.0), np.arange(100.0, 0.0, -2.0)])
+"""One heating and one cooling [degC]."""
+
+
+def storage(t: np.ndarray, frequency: float = 1.0) -> np.ndarray:
+    """[Pa]"""
+    return 30e9 + 40e9 / (1.0 + np.exp(-0.2 * (t - 50.0 - 3.0 * np.log10(frequency))))
+
+
+def loss(t: np.ndarray) -> np.ndarray:
+    """[Pa]"""
+    return 0.4e9 + 1e9 * np.exp(-0.5 * ((t - 50.0) / 8.0) ** 2)
+
+
+def rows(
+    *columns: Callable[[np.ndarray], np.ndarray], frequencies: Sequence[float] = (1.0,), delimiter: str = ","
+) -> list[str]:
+    return [
+        delimiter.join(f"{c(np.array([t]))[0] if c is not None else f:.6g}" for c in columns)
+        for t in T
+        for f in frequencies
+    ]
+
+
+def ident(t: np.ndarray) -> np.ndarray:
+    return t
+
+
+def in_mpa(f: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda t: f(t) / 1e6
+
+
+def tan(t: np.ndarray) -> np.ndarray:
+    return loss(t) / storage(t)
+
+
+def write(path: Path, lines: Sequence[str], encoding: str = "utf-8") -> Path:
+    path.write_text("\n".join(lines) + "\n", encoding=encoding)
+    return path
+
+
+def require_known(found: DmtaCampaign, *, frequency: float | None = 1.0) -> None:
+    """Both branches with both moduli, in canonical units."""
+    assert [s.branch for s in found.sweeps] == [Branch.HEATING, Branch.COOLING]
+    for s in found.sweeps:
+        assert s.frequency == frequency
+        np.testing.assert_allclose(s.storage.observed["stiffness"], storage(s.storage.temperature), rtol=1e-5)
+        assert s.loss is not None
+        np.testing.assert_allclose(s.loss.observed["stiffness"], loss(s.loss.temperature), rtol=1e-5)
+        assert s.storage.units["stiffness"] == "Pa"
+        assert s.storage.specimen
+
+
+def test_trios_has_a_row_of_units_below_the_names(tmp_path: Path) -> None:
+    head = ["Filename,strip.tri", "Instrument,DMA850", "Temperature ramp",
+            "Temperature,Storage modulus,Loss modulus,Tan(delta),Frequency", "°C,MPa,MPa,,Hz"]  # fmt: skip
+    path = write(tmp_path / "strip.csv", [*head, *rows(ident, in_mpa(storage), in_mpa(loss), tan, None)])
+    found = read_dmta([path])
+    require_known(found)
+    assert [s.id for s in found.sweeps] == ["strip-1Hz-heating", "strip-1Hz-cooling"]
+    damping = found.sweeps[0].damping
+    assert damping is not None
+    assert damping.compared == T.size
+    assert damping.disagree == 0
+
+
+def test_trios_steps_are_tests_of_their_own(tmp_path: Path) -> None:
+    half = T.size // 2
+    body = rows(ident, in_mpa(storage), in_mpa(loss), None, delimiter="\t")
+    step = ["Temperature\tStorage modulus\tLoss modulus\tFrequency", "°C\tMPa\tMPa\tHz"]
+    lines = ["Filename\tstrip.tri", "[step]", "Conditioning", "Time\tForce", "s\tN", "1\t2",
+             "[step]", "Ramp up", *step, *body[:half], "", "[step]", "Ramp down", *step, *body[half:]]  # fmt: skip
+    found = read_dmta([write(tmp_path / "strip.txt", lines)])
+    assert [s.id for s in found.sweeps] == ["strip-Ramp_up-1Hz-heating", "strip-Ramp_down-1Hz-cooling"]
+    assert found.left_out == ("strip-Conditioning: no table of temperature and storage modulus",)
+
+
+def test_universal_analysis_numbers_its_signals_above_the_data(tmp_path: Path) -> None:
+    signals = ("Temperature (°C)", "Storage Modulus (MPa)", "Loss Modulus (MPa)", "Frequency (Hz)")
+    head = ["Version\tpublic", "Instrument\tDMA Q800", "Nsig\t4"]
+    head += [*(f"Sig{i}\t{name}" for i, name in enumerate(signals, start=1)), "StartOfData"]
+    body = rows(ident, in_mpa(storage), in_mpa(loss), None, delimiter="\t")
+    require_known(read_dmta([write(tmp_path / "q800.txt", [*head, *body], "utf-16")]))
+    found = read_dmta([write(tmp_path / "q800.txt", [*head, *body], "cp1252")])
+    require_known(found)
+    assert "encoding" in {f.kind for f in found.findings}
+
+
+def test_proteus_states_unit_and_frequency_in_the_name(tmp_path: Path) -> None:
+    head = [
+        "#INSTRUMENT:;NETZSCH DMA 242",
+        "##Temp./°C;E'(1.000 Hz)/MPa;E''(1.000 Hz)/MPa;E'(10.00 Hz)/MPa;E''(10.00 Hz)/MPa",
+    ]
+    body = rows(
+        ident, in_mpa(storage), in_mpa(loss), in_mpa(lambda t: storage(t, 10.0)), in_mpa(loss), delimiter=";"
+    )
+    found = read_dmta([write(tmp_path / "netzsch.csv", [*head, *body])])
+    assert [(s.frequency, s.branch.value) for s in found.sweeps] == [
+        (1.0, "heating"), (1.0, "cooling"), (10.0, "heating"), (10.0, "cooling"),
+    ]  # fmt: skip
+    ten = found.sweeps[2].storage
+    np.testing.assert_allclose(ten.observed["stiffness"], storage(ten.temperature, 10.0), rtol=1e-5)
+
+
+def test_pyris_and_decimal_commas(tmp_path: Path) -> None:
+    head = ["Temp. (°C)\tFrequency (Hz)\tModulus E' (Pa)\tModulus E\" (Pa)"]
+    body = [r.replace(".", ",") for r in rows(ident, None, storage, loss, delimiter="\t")]
+    body = [r.replace("\t1\t", "\t1,0\t") for r in body]
+    require_known(read_dmta([write(tmp_path / "pyris.txt", [*head, *body])]))
+
+
+def test_stare_has_units_in_brackets_and_two_temperatures(tmp_path: Path) -> None:
+    head = ["Index t Ts Tr M' M'' f", "[#] [s] [°C] [°C] [MPa] [MPa] [Hz]"]
+    body = [
+        f"{i} {10 * i} {r}"
+        for i, r in enumerate(
+            rows(ident, lambda t: t + 3.0, in_mpa(storage), in_mpa(loss), None, delimiter=" ")
+        )
+    ]
+    require_known(read_dmta([write(tmp_path / "stare.txt", [*head, *body])]))
+
+
+def test_rheocompass_has_the_loss_factor_alone_and_angular_frequency(tmp_path: Path) -> None:
+    head = ["Temperature\tStorage Modulus\tLoss Factor\tAngular Frequency", "[°C]\t[GPa]\t[1]\t[rad/s]"]
+    body = [
+        f"{t:g}\t{storage(np.array([t]))[0] / 1e9:.6g}\t{tan(np.array([t]))[0]:.6g}\t{2.0 * np.pi:.8g}"
+        for t in T
+    ]
+    found = read_dmta([write(tmp_path / "anton.csv", [*head, *body], "utf-16")])
+    require_known(found)
+    assert {s.loss_from for s in found.sweeps} == {"tan_delta"}
+
+
+def test_sheets_of_a_workbook(tmp_path: Path) -> None:
+    from openpyxl import Workbook
+
+    book = Workbook()
+    book.active.title = "Details"
+    book.active.append(["Operator", "nobody"])
+    sheet = book.create_sheet("Ramp")
+    for row in (
+        ["Temperature ramp"],
+        ["Temperature", "Storage modulus", "Loss modulus", "Frequency"],
+        ["K", "Pa", "Pa", "Hz"],
+    ):
+        sheet.append(row)
+    for t in T:
+        at = np.array([t])
+        sheet.append([t + 273.15, float(storage(at)[0]), float(loss(at)[0]), 1.0])
+    book.save(tmp_path / "trios.xlsx")
+    found = read_dmta([tmp_path / "trios.xlsx"])
+    require_known(found)
+    assert found.sweeps[0].id == "trios-Ramp-1Hz-heating"
+    assert found.left_out == ("trios-Details: no table of temperature and storage modulus",)
+
+
+def test_frequencies_in_turn_and_one_that_is_stated(tmp_path: Path) -> None:
+    head = ["temperature_C,frequency_Hz,storage_modulus_MPa"]
+    path = write(
+        tmp_path / "turns.csv", [*head, *rows(ident, None, in_mpa(storage), frequencies=(0.1, 1.0, 10.0))]
+    )
+    assert [s.frequency for s in read_dmta([path]).sweeps] == [0.1, 0.1, 1.0, 1.0, 10.0, 10.0]
+    path = write(tmp_path / "one.csv", ["temperature_C,storage_modulus_MPa", *rows(ident, in_mpa(storage))])
+    assert read_dmta([path]).sweeps[0].frequency is None
+    assert read_dmta([path], DmtaOptions(frequency="500 mHz")).sweeps[0].frequency == 0.5
+
+
+def test_columns_and_units_that_are_declared(tmp_path: Path) -> None:
+    path = write(tmp_path / "own.csv", ["oven,stiff", *rows(ident, in_mpa(storage))])
+    said = DmtaOptions(
+        {"temperature": "oven", "storage_modulus": "stiff"}, {"temperature": "degC", "storage_modulus": "MPa"}
+    )
+    sweep = read_dmta([path], said).sweeps[0]
+    np.testing.assert_allclose(
+        sweep.storage.observed["stiffness"], storage(sweep.storage.temperature), rtol=1e-5
+    )
+
+
+def test_tan_delta_that_disagrees_is_told(tmp_path: Path) -> None:
+    head = ["temperature_C,storage_modulus_MPa,loss_modulus_MPa,tan_delta"]
+    body = rows(ident, in_mpa(storage), in_mpa(loss), tan)
+    body[7] = ",".join([*body[7].split(",")[:3], "0.9"])
+    damping = read_dmta([write(tmp_path / "odd.csv", [*head, *body])]).sweeps[0].damping
+    assert damping is not None
+    assert (damping.disagree, damping.row) == (1, 9)
+    assert damping.greatest == pytest.approx(1.0 - tan(T[7:8])[0] / 0.9, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (["oven,E'", "°C,MPa"], "no column of temperature among 'oven', \"E'\""),
+        (["Temperature,stiff", "°C,MPa"], "no column of storage modulus"),
+        (["Temperature,Storage modulus"], "column 'Temperature': no unit is stated"),
+        (["Temperature (°C),Storage modulus"], "column 'Storage modulus': no unit is stated"),
+        (["Temperature (°C),Storage modulus (N)"], "of the wrong kind"),
+        (["Temperature (°C),Storage modulus (bananas)"], "is not known"),
+    ],
+)
+def test_what_is_missing_is_named(tmp_path: Path, lines: list[str], told: str) -> None:
+    path = write(tmp_path / "bad.csv", [*lines, *rows(ident, in_mpa(storage))])
+    with pytest.raises(SmaBayesError) as error:
+        read_dmta([path])
+    assert told in str(error.value)
+
+
+def test_two_columns_of_one_quantity_are_refused_unless_one_is_named(tmp_path: Path) -> None:
+    head = ["Temperature (°C),Temp (°C),Storage modulus (MPa)"]
+    path = write(tmp_path / "two.csv", [*head, *rows(ident, lambda t: t + 1.0, in_mpa(storage))])
+    with pytest.raises(MeasurementError, match="both columns of temperature"):
+        read_dmta([path])
+    found = read_dmta([path], DmtaOptions({"temperature": "Temperature (°C)"}))
+    assert found.sweeps[0].storage.temperature.min() == 0.0
+
+
+def test_values_that_can_not_be_name_their_row(tmp_path: Path) -> None:
+    head = ["temperature_C,storage_modulus_MPa"]
+    body = rows(ident, in_mpa(storage))
+    body[4] = "8,-3"
+    with pytest.raises(MeasurementError, match=r"row 6, column 'storage_modulus_MPa': found -3 MPa"):
+        read_dmta([write(tmp_path / "neg.csv", [*head, *body])])
+    body[4] = "8,soft"
+    with pytest.raises(MeasurementError, match="found 'soft'"):
+        read_dmta([write(tmp_path / "word.csv", [*head, *body])])
+
+
+def test_a_sweep_of_the_frequency_has_no_curve(tmp_path: Path) -> None:
+    lines = ["temperature_C,frequency_Hz,storage_modulus_MPa"]
+    lines += [f"{t},{f:g},30000" for t in (20, 90) for f in np.geomspace(0.1, 100.0, 20)]
+    with pytest.raises(MeasurementError, match="no sweep of temperature is left") as error:
+        read_dmta([write(tmp_path / "sweep.csv", lines)])
+    assert "2 rows with temperature and modulus" in str(error.value)
+
+
+def test_options_that_can_not_be_are_refused() -> None:
+    with pytest.raises(SmaBayesError, match="--column modulus=E"):
+        DmtaOptions({"modulus": "E"})
+    with pytest.raises(QuantityError, match="--unit storage_modulus=N"):
+        DmtaOptions(units={"storage_modulus": "N"})
+
+
+@pytest.mark.parametrize("text", ["1", "0 Hz", "1 s"])
+def test_a_frequency_without_its_unit_is_refused(tmp_path: Path, text: str) -> None:
+    path = write(tmp_path / "one.csv", ["temperature_C,storage_modulus_MPa", *rows(ident, in_mpa(storage))])
+    with pytest.raises(QuantityError):
+        read_dmta([path], DmtaOptions(frequency=text))
