@@ -54,6 +54,8 @@ def page(found: Found) -> str:
         "holds": HOLDS,
         "fails": FAILS,
         "open": OPEN,
+        "tested": sum(_error(c) is not None for c in found["claims"]),
+        "before": _before(found),
         "count": {verdict: verdicts.count(verdict) for verdict in (HOLDS, FAILS, OPEN)},
         "probability": probability,
         "errata": errata_links,
@@ -170,6 +172,28 @@ def _value(found: Found) -> str:
 
 
 # --- tables -------------------------------------------------------------------------------------------
+
+
+def _error(claim: Found) -> float | None:
+    """Probability that the verdict which the evidence points to is wrong."""
+    found = [e["probability"] for e in claim["evidence"] if e["counts"] and e["probability"] is not None]
+    return min(1.0 - min(found), max(found)) if found else None
+
+
+def _before(found: Found) -> str:
+    """How many open claims would have a verdict if each were looked at alone, and what keeps them from it."""
+    alone = [
+        c for c in found["claims"]
+        if c["verdict"] == OPEN and (error := _error(c)) is not None and error <= 1.0 - SURE
+    ]  # fmt: skip
+    if not alone:
+        return ""
+    unsure = sum((_error(c) or 0.0) > c["allowed_error"] for c in alone)
+    confounded, lost = (sum(bool(c[key]) for c in alone) for key in ("confounded", "lost"))
+    return (
+        f"Looked at one by one, {len(alone)} more would be sure: {unsure} are not by Holm's rule, {confounded} speak "
+        f"of a setting that can't be told from another one, {lost} of numbers that are lost."
+    )
 
 
 def _claim_table(found: Found) -> str:

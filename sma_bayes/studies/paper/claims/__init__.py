@@ -4,7 +4,7 @@ from sma_bayes.studies.paper.claims.conditions import condition_claims
 from sma_bayes.studies.paper.claims.correlation import correlation_claims
 from sma_bayes.studies.paper.claims.models import model_claims
 from sma_bayes.studies.paper.claims.shape import shape_claims
-from sma_bayes.studies.paper.claims.types import Claim, ClaimEvidence
+from sma_bayes.studies.paper.claims.types import Claim, ClaimEvidence, judged
 from sma_bayes.studies.paper.study import TwinStudy
 
 __all__ = ["Claim", "ClaimEvidence", "claims"]
@@ -19,4 +19,4 @@ def claims(study: TwinStudy) -> tuple[Claim, ...]:
         Of all conditions of the twin.
     """
     parts = (correlation_claims, model_claims, shape_claims, condition_claims)
-    return tuple(claim for part in parts for claim in part(study))
+    return judged([claim for part in parts for claim in part(study)])

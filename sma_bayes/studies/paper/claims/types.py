@@ -1,12 +1,20 @@
-"""What a claim and its evidence are, and when a verdict is given."""
+"""What a claim and its evidence are, and when a verdict is given.
+
+Claims are many, and of many that are looked at some are sure by chance. So the error that a verdict may have is that
+of Holm's step-down rule over all claims that have a probability: the surest of m may err with 5 %/m, the next with
+5 %/(m - 1), and so on, until one errs by more (S. Holm, A simple sequentially rejective multiple test procedure,
+Scandinavian Journal of Statistics 6 (1979) 65). Nothing holds where the setting of which a claim speaks can't be told
+from another one that varied along in the same tests, or where it speaks of numbers that are lost.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 SURE: Final = 0.95
-"""Probability from which a claim holds; below one less this it does not."""
+"""Probability with which all verdicts together are right, by Holm's rule."""
 HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot tell from these numbers"
 
 
@@ -44,6 +52,12 @@ class Claim:
     why : str
         What the verdict means, and what to doubt.
     errata : tuple of str
+    confounded : tuple of str
+        Settings from which the one of the claim can't be told in the tests that count.
+    lost : str
+        Numbers of which the claim speaks and which are lost; empty for none.
+    allowed : float
+        Error that a verdict may have: `judged` sets it [1].
     """
 
     id: str
@@ -52,10 +66,25 @@ class Claim:
     evidence: tuple[ClaimEvidence, ...]
     why: str
     errata: tuple[str, ...] = ()
+    confounded: tuple[str, ...] = ()
+    lost: str = ""
+    allowed: float = 1.0 - SURE
+
+    @property
+    def error(self) -> float | None:
+        """Probability that the verdict which the evidence points to is wrong; None without a probability [1]."""
+        found = self._probabilities
+        return min(1.0 - min(found), max(found)) if found else None
+
+    @property
+    def _probabilities(self) -> list[float]:
+        return [e.probability for e in self.evidence if e.counts and e.probability is not None]
 
     @property
     def verdict(self) -> str:
         """``holds`` or ``does not hold`` where all evidence that counts is sure of it; else it can't be told.
+
+        It can't be told of what is confounded or lost either, however sure the evidence.
 
         Examples
         --------
@@ -64,10 +93,12 @@ class Claim:
         >>> Claim("a", "", (), (ClaimEvidence("printed", "", 0.99), ClaimEvidence("twin", "", 0.2)), "").verdict
         'cannot tell from these numbers'
         """
-        found = [e.probability for e in self.evidence if e.counts and e.probability is not None]
-        if found and min(found) >= SURE:
+        found = self._probabilities
+        if not found or self.confounded or self.lost:
+            return OPEN
+        if 1.0 - min(found) <= self.allowed:
             return HOLDS
-        return FAILS if found and max(found) <= 1.0 - SURE else OPEN
+        return FAILS if max(found) <= self.allowed else OPEN
 
     def document(self) -> dict[str, Any]:
         """As the result file has it."""
@@ -78,8 +109,31 @@ class Claim:
             "verdict": self.verdict,
             "why": self.why,
             "errata": list(self.errata),
+            "confounded": list(self.confounded),
+            "lost": self.lost,
+            "allowed_error": self.allowed,
             "evidence": [
                 {"source": e.source, "text": e.text, "probability": e.probability, "counts": e.counts}
                 for e in self.evidence
             ],
         }
+
+
+def judged(claims: Sequence[Claim]) -> tuple[Claim, ...]:
+    """The same claims, each with the error that Holm's rule allows its verdict.
+
+    Examples
+    --------
+    >>> several = [Claim(str(p), "", (), (ClaimEvidence("printed", "", p),), "") for p in (0.97, 1.0, 0.01, 0.98, 0.5)]
+    >>> [c.verdict[:5] for c in judged(several)]
+    ['canno', 'holds', 'does ', 'canno', 'canno']
+    """
+    order = sorted((c.error, i) for i, c in enumerate(claims) if c.error is not None)
+    allowed: dict[int, float] = {}
+    limit, passing = 0.0, True
+    for rank, (error, i) in enumerate(order):
+        if passing:
+            limit = (1.0 - SURE) / (len(order) - rank)
+            passing = error <= limit
+        allowed[i] = limit
+    return tuple(replace(c, allowed=allowed.get(i, c.allowed)) for i, c in enumerate(claims))
