@@ -361,6 +361,7 @@ def _understood(
     missing = [q for q in WANTED if not any(k is not None and k[0] == q for k in known)]
     if missing and not alone:
         return None
+    _refuse_absent(names, options, path)
     if missing:
         shown = ", ".join(repr(n) for n in names if n) or "none"
         raise MeasurementError(
@@ -370,7 +371,6 @@ def _understood(
             remedy=f'name it: --column "{missing[0]}=NAME", with --unit "{missing[0]}={UNITS[missing[0]]}" where the '
             "file does not state the unit",
         )
-    _refuse_absent(names, options, path)
     _refuse_twice(names, known, path)
     columns: list[_Column] = []
     findings: list[Finding] = list(table.findings)

@@ -18,7 +18,7 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.records.dmta import DmtaCampaign, DmtaOptions, DmtaSweep, read_dmta
 from sma_bayes.records.severity import finding_document
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
-from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, RESPONSE_MODELS, STORAGE_LADDER
+from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, STORAGE_LADDER, ResponseModel
 from sma_bayes.runs.documents import MODULUS
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.store import plain, write_csv, write_json
@@ -162,16 +162,13 @@ def _build_report(folder: Path, wanted: ReportOptions) -> None:
     build_report(folder, wanted)
 
 
-def _model(name: str, ladder: Sequence[type]) -> str:
-    known = [AUTO_MODEL, *(m.name for m in ladder)]  # type: ignore[attr-defined]
-    if name not in known and (name not in RESPONSE_MODELS or RESPONSE_MODELS[name].refusal(("stiffness",))):
-        raise UnknownNameError(
-            f"no response model of a modulus is called {name!r}", expected=near_matches(name, known)
-        )
+def _model(name: str, ladder: Sequence[type[ResponseModel]]) -> str:
+    known = [AUTO_MODEL, *(m.name for m in ladder)]
     if name not in known:
         raise UnknownNameError(
-            f"the model {name!r} is none of a bounded curve of this modulus",
-            expected=", ".join(known),
+            f"the model {name!r} is no bounded curve of this modulus",
+            expected=near_matches(name, known),
+            remedy=f"choose one of {', '.join(known)}",
         )
     return name
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -78,6 +79,113 @@ class Profile:
     stiffness: Floats
     curves: Mapping[str, BandedCurve]
     extremes: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Operation:
+    """One branch at one operating condition, as Figs. 15, 16 and 18 show it.
+
+    Attributes
+    ----------
+    setting, branch : str
+        What was set, such as ``1.5 A``.
+    path : BandedCurve
+        Force [N] over displacement [cm]; its `temperature` is the displacement.
+    stiffness : BandedCurve
+    """
+
+    setting: str
+    branch: str
+    path: BandedCurve
+    stiffness: BandedCurve
+
+
+def operation_figure(stem: str, numbers: str, found: Sequence[Operation]) -> Drawing:
+    """Force over displacement, and stiffness against temperature, of several settings: Figs. 15, 16 and 18.
+
+    Parameters
+    ----------
+    stem, numbers : str
+        Of the file; of the paper's figure.
+    found : sequence of Operation
+    """
+    figure = empty_sheet(8.4, 3.3)
+    axes = panels(figure, 1, 2, left=0.75, right=0.15, bottom=0.85, top=0.3, gap_x=0.85)[0]
+    settings = list(dict.fromkeys(o.setting for o in found))
+    colours = dict(zip(settings, colormaps["viridis"](np.linspace(0.0, 0.8, len(settings))), strict=True))
+    rows: list[tuple[Any, ...]] = []
+    for o in found:
+        style = "-" if o.branch == "heating" else "--"
+        for ax, curve, what in ((axes[0], o.path, "force"), (axes[1], o.stiffness, "stiffness")):
+            _band(ax, curve, colours[o.setting], style)
+            rows += [
+                (o.setting, o.branch, what, *values)
+                for values in zip(curve.temperature, curve.low, curve.middle, curve.high, strict=True)
+            ]
+    axes[0].set_xlabel("displacement [cm]")
+    axes[0].set_ylabel("force [N]")
+    axes[0].set_title("(a) force over displacement")
+    axes[1].set_xlabel(ARBITRARY_AXIS)
+    axes[1].set_ylabel(STIFFNESS_AXIS)
+    axes[1].set_title("(b) stiffness against temperature")
+    axes[1].set_ylim(0.0, None)
+    handles = [
+        *(Line2D([], [], color=colours[s], label=s) for s in settings),
+        *(Line2D([], [], color=INK, ls=s, label=b) for b, s in (("heating", "-"), ("cooling", "--"))),
+    ]
+    figure.legend(handles=handles, loc="lower center", ncols=len(handles), borderaxespad=0.2)
+    return Drawing(
+        stem=stem,
+        caption=(
+            f"As {numbers}: force over displacement and stiffness against temperature of the twin; posteriors of Eqs. "
+            "(2), (4) and (7), medians and pointwise 90 % bands. The twin has the range of temperatures that was "
+            "assumed for it, the measured figure another."
+        ),
+        alt=f"force over displacement and stiffness against temperature for {', '.join(settings)}, with bands",
+        figure=figure,
+        data=as_columns(("setting", "branch", "channel", "x", "q05", "q50", "q95"), rows),
+    )
+
+
+def duty_cycle_figure(points: Sequence[Mapping[str, float]], error: Mapping[str, float]) -> Drawing:
+    """Least and greatest stiffness by duty cycle with the scatter of a test: what is left of Fig. 17.
+
+    Parameters
+    ----------
+    points : sequence of mapping of str to float
+        ``duty_cycle`` [1], ``temperature_min`` and ``temperature_max`` [degC], ``stiffness_min`` and
+        ``stiffness_max`` [N/m].
+    error : mapping of str to float
+        Half the 90 % interval of one test, of ``stiffness_min`` and ``stiffness_max`` [N/m].
+    """
+    figure = empty_sheet(5.2, 3.2)
+    ax = panels(figure, 1, 1, left=0.75, right=0.15, bottom=0.85, top=0.3)[0][0]
+    colours = colormaps["viridis"](np.linspace(0.0, 0.8, len(points)))
+    rows = []
+    for p, colour in zip(points, colours, strict=True):
+        t, k = ([p[f"{name}_{end}"] for end in ("min", "max")] for name in ("temperature", "stiffness"))
+        sd = [error[f"stiffness_{end}"] for end in ("min", "max")]
+        ax.plot(t, k, color=colour, lw=0.6, ls=":")
+        ax.errorbar(
+            t, k, yerr=sd, fmt="o", ms=3.5, lw=1.0, color=colour, label=f"{p['duty_cycle']:.0%}".replace("%", " %")
+        )  # fmt: skip
+        rows += [(p["duty_cycle"], *values) for values in zip(t, k, sd, strict=True)]
+    ax.set_xlabel("temperature [°C]")
+    ax.set_ylabel(STIFFNESS_AXIS)
+    ax.set_ylim(0.0, None)
+    handles, labels = ax.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=len(points), borderaxespad=0.2)
+    return Drawing(
+        stem="fig-17",
+        caption=(
+            "What Table 11 leaves of Fig. 17: least and greatest stiffness at three duty cycles, printed, with the "
+            "90 % interval of one test, whose scatter is that of the test at 2 A that was run twice (Student t, one "
+            "degree of freedom). No curve is printed; the dotted lines only join the points."
+        ),
+        alt="printed least and greatest stiffness at duty cycles of 40, 60 and 80 %, with intervals",
+        figure=figure,
+        data=as_columns(("duty_cycle", "temperature_degC", "stiffness_N_m", "half_interval"), rows),
+    )
 
 
 def profile_figure(stem: str, numbers: str, profiles: Sequence[Profile]) -> Drawing:

@@ -8,9 +8,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from scipy.stats import t as student_t
 
 from sma_bayes.arrays import Floats
-from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
+from sma_bayes.assess.bands import curve_draws, temperature_grid
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.paper.extremes import EXTREME_CONDITIONS, TABLE_9, TABLE_10, TABLE_11, extremes
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
 from sma_bayes.paper.twin import recipes
 from sma_bayes.quantities import convert
@@ -22,14 +25,18 @@ from sma_bayes.studies.paper.distance import Distance, distances, nearest_line, 
 from sma_bayes.studies.paper.figures import (
     BandedCurve,
     NearestRivals,
+    Operation,
     Plugged,
     Profile,
+    duty_cycle_figure,
     extremes_figure,
     nearest_figure,
+    operation_figure,
     plugged_figure,
     profile_figure,
     rival_figure,
 )
+from sma_bayes.studies.paper.printed import repeat_scatter
 from sma_bayes.studies.paper.study import TwinStudy
 
 FIGURES: Final[Mapping[str, tuple[str, Mapping[str, str]]]] = {
@@ -47,6 +54,16 @@ FIGURES: Final[Mapping[str, tuple[str, Mapping[str, str]]]] = {
     ),
 }
 """Figures of Eq. (7): what they are called in the paper, and their panels by condition."""
+
+OPERATIONS: Final[Mapping[str, tuple[str, Mapping[str, str]]]] = {
+    "fig-15": ("Fig. 15", {"1A-10mHz": "1 A", "1.5A-10mHz": "1.5 A", "2A-10mHz-table3": "2 A"}),
+    "fig-16": ("Fig. 16", {"100g-10mHz": "100 g", "150g-10mHz": "150 g", "200g-10mHz": "200 g"}),
+    "fig-18": ("Fig. 18", {"2A-10mHz-table5": "10 mHz", "2A-30mHz": "30 mHz", "2A-50mHz": "50 mHz"}),
+}
+"""Figures of operating conditions: what they are called in the paper, and their settings by condition."""
+SURE: Final = 0.95
+DRAWS: Final = 400
+"""Draws of a band of force over displacement."""
 
 RIVALS: Final[Mapping[str, tuple[str, str]]] = {
     "fig-09-11": ("Figs. 9 to 11", "logistic_refitted"),
@@ -95,6 +112,11 @@ def write_pictures(study: TwinStudy, tables: Mapping[str, Any], folder: Path) ->
             partial(rival_figure, stem, name, rival, _profiles(study, RIVAL_PANELS, rival))
             for stem, (name, rival) in RIVALS.items()
         ),
+        *(
+            partial(operation_figure, stem, name, _operations(study, parts))
+            for stem, (name, parts) in OPERATIONS.items()
+        ),
+        partial(duty_cycle_figure, *duty_cycles()),
         partial(plugged_figure, plugged()),
         partial(nearest_figure, nearest()),
         partial(extremes_figure, rows),
@@ -136,6 +158,50 @@ def _profile(study: TwinStudy, record: Record, title: str, rival: str) -> Profil
         curves=curves,
         extremes=() if row is None else (row["stiffness_min"], row["stiffness_max"]),
     )
+
+
+def _operations(study: TwinStudy, settings: Mapping[str, str]) -> list[Operation]:
+    return [
+        Operation(
+            settings[r.condition.id],
+            r.branch.value,
+            path_band(study.parts[r.key]),
+            _profile(study, r, "", "").curves["modified_sigmoid"],
+        )
+        for r in study.campaign.records
+        if r.condition.id in settings
+    ]
+
+
+def path_band(fit: Fit) -> BandedCurve:
+    """Band of the force over the displacement [units of the record], both along the temperature.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of one record of both. The displacement of each draw rises or falls throughout.
+    """
+    (record,) = fit.records
+    t = temperature_grid(record)
+    x, f = (curve_draws(fit, c, t) for c in ("displacement", "force"))
+    rows = np.linspace(0, len(x) - 1, min(DRAWS, len(x))).round().astype(int)
+    x, f = x[rows], f[rows]
+    if np.median(x[:, -1] - x[:, 0]) < 0.0:
+        x, f = x[:, ::-1], f[:, ::-1]
+    ends = np.median(x[:, 0]), np.median(x[:, -1])
+    at = np.linspace(*ends, t.size)
+    drawn = np.stack([np.interp(at, one, force) for one, force in zip(x, f, strict=True)])
+    return BandedCurve(at, *np.quantile(drawn, (0.05, 0.5, 0.95), axis=0))
+
+
+def duty_cycles() -> tuple[list[dict[str, float]], dict[str, float]]:
+    """Rows of Table 11 with their duty cycle, and half the 90 % interval of a test of each extreme [N/m]."""
+    rows = [
+        {"duty_cycle": EXTREME_CONDITIONS[name].duty_cycle or float("nan"), **row}
+        for name, row in extremes(TABLE_11).items()
+    ]
+    quantile = float(student_t.ppf(SURE, 1))
+    return rows, {name: quantile * repeat_scatter(name) for name in ("stiffness_min", "stiffness_max")}
 
 
 def nearest() -> list[NearestRivals]:
