@@ -12,7 +12,7 @@ from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep
 
 SHOWN_UNIT = "GPa"
 LARGE = 1e9
-SWEEP = (Column("test", "test"), Column("frequency", "frequency", "Hz"), Column("branch", "branch"))
+SWEEP = (Column("test", "test"), Column("frequency", "frequency"), Column("branch", "branch"))
 
 
 def modulus_tables(stored: StoredModulus) -> dict[str, Table]:
@@ -32,7 +32,11 @@ def modulus_unit(found: ModulusDocument) -> str:
 
 
 def _head(s: ModulusSweep) -> tuple[Cell, ...]:
-    return s.test, None if s.frequency is None else Number(s.frequency, "Hz", 1e-3 * s.frequency), s.branch
+    return s.test, _frequency(s.frequency), s.branch
+
+
+def _frequency(value: float | None) -> Cell:
+    return None if value is None else f"{value:g} Hz"
 
 
 def _temperatures(found: ModulusDocument) -> Table:
@@ -52,7 +56,7 @@ def _temperatures(found: ModulusDocument) -> Table:
         "Median and 90 % interval. Identified: 95 % of the draws have it, and the measurements go beyond it on both "
         "sides; else it is an extrapolation, or there is none."
     )
-    return Table("temperatures", "Temperatures of the transition", note, columns, rows, 4)
+    return Table("temperatures", "Temperatures of the transition", note, columns, rows, 3)
 
 
 def _interval(x: IntervalDocument | None, unit: str, factor: float = 1.0) -> Cell:
@@ -136,7 +140,7 @@ def _curves(found: ModulusDocument) -> Table:
         for s in found.sweeps for c in s.curves
     )  # fmt: skip
     note = "Misses: root mean square of what the median curve leaves, over the range of the modulus."
-    return Table("curves", "Curves", note, columns, rows, 4)
+    return Table("curves", "Curves", note, columns, rows, 3)
 
 
 def _parameters(found: ModulusDocument) -> Table:
@@ -151,17 +155,17 @@ def _parameters(found: ModulusDocument) -> Table:
         )
         for s in found.sweeps for c in s.curves for name, p in c.parameters.items()
     )  # fmt: skip
-    return Table("parameters", "Parameters of the curves", "Median and 90 % interval.", columns, rows, 5)
+    return Table("parameters", "Parameters of the curves", "Median and 90 % interval.", columns, rows, 4)
 
 
 def _damping(found: ModulusDocument) -> Table:
     columns = (
-        Column("test", "test"), Column("frequency", "frequency", "Hz"), Column("rows", "compared"),
+        Column("test", "test"), Column("frequency", "frequency"), Column("rows", "compared"),
         Column("disagree", "disagree"), Column("greatest difference", "greatest", "1"), Column("in row", "row"),
     )  # fmt: skip
     rows = tuple(
         (
-            d.test, None if d.frequency is None else Number(d.frequency, "Hz", 1e-3 * d.frequency), d.compared,
+            d.test, _frequency(d.frequency), d.compared,
             d.disagree, Number(d.greatest, "1", 1e-5), d.row,
         )
         for d in found.damping

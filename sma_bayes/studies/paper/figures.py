@@ -138,8 +138,8 @@ def operation_figure(stem: str, numbers: str, found: Sequence[Operation]) -> Dra
         stem=stem,
         caption=(
             f"As {numbers}: force over displacement and stiffness against temperature of the twin; posteriors of Eqs. "
-            "(2), (4) and (7), medians and pointwise 90 % bands. The twin has the range of temperatures that was "
-            "assumed for it, the measured figure another."
+            "(2), (4) and (7), medians and pointwise 90 % bands, most of them narrower than their line. The twin has "
+            "the range of temperatures that was assumed for it, the measured figure another."
         ),
         alt=f"force over displacement and stiffness against temperature for {', '.join(settings)}, with bands",
         figure=figure,
