@@ -211,7 +211,10 @@ def _read_part(folder: Path, name: str) -> dict[str, Any] | None:
     beside = (folder / kind / f"{name}.csv" for kind in ("bands", "samples"))
     if not all(p.is_file() for p in (path, *beside)):
         return None
-    part: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    try:
+        part: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError:  # whoever changed it: the sweep is fitted again
+        return None
     return part
 
 
