@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.assess.checks import Check
+from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.identifiability import contraction
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
@@ -23,9 +24,6 @@ SWALLOWED = 0.25
 """Standard deviation of the noise over the range of the curve; beyond, it has swallowed the response."""
 PRIOR_LED = 0.75
 """Contraction below which a parameter is led by its prior: more than half of the prior's standard deviation is left."""
-CONFLICT = 0.001
-"""Prior probability, both tails together, outside of which a posterior median contradicts the prior: by the prior's own
-account one parameter in a thousand lies there."""
 GRID = 161
 
 SENTENCES = {
@@ -157,7 +155,8 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
         What its curves miss.
     """
     r, posterior = fit.records[record], fit.posterior
-    out = []
+    against = contradicted(fit, record)
+    out = [_reason("conflict", "", ", ".join(against))] if against else []
     sd = {c: float(np.median(fit.flat[:, at[0]])) for c, at in posterior.layout[record].noise.items()}
     for m in of_curve:
         if m.share > MISSED and abs(m.largest) > NOTICED * sd[m.channel]:
@@ -180,9 +179,6 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
             out.append(_reason("noise", channel, f"{share} what {r.quantity(channel)} changes by"))
     for channel in led_by_prior(fit, record):
         out.append(_reason("prior", channel, f"where and how fast {r.quantity(channel)} changes"))
-    against = contradicted(fit, record)
-    if against:
-        out.append(_reason("conflict", "", ", ".join(against)))
     return tuple(out)
 
 
@@ -198,30 +194,6 @@ def _response(fit: Fit, record: int, channel: str) -> float:
 
 def _reason(kind: str, channel: str, what: str) -> Reason:
     return Reason(kind, channel, SENTENCES[kind].format(what=what))
-
-
-def contradicted(fit: Fit, record: int = 0) -> tuple[str, ...]:
-    """Parameters of the curve whose posterior median lies where their prior hardly allows it, with both.
-
-    The data pull it there against the prior, which shows in all that is said of the curve (Evans and Moshonov, Bayesian
-    Anal. 1 (2006) 893-914, doi:10.1214/06-BA129).
-    """
-    space = fit.posterior.space
-    told = []
-    for i in fit.posterior.layout[record].model.tolist():
-        parameter = space.parameters[i]
-        if parameter.fixed is not None:
-            continue
-        low, high = parameter.prior.quantile(np.array([CONFLICT / 2.0, 1.0 - CONFLICT / 2.0])).tolist()
-        median = float(np.median(fit.flat[:, i]))
-        if not low <= median <= high:
-            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-            told.append(
-                f"{parameter.name.partition('[')[0]} ({median:.3g}{unit}, the prior says {low:.3g} to {high:.3g})"
-            )
-    names = [parameter.partition(" ")[0] for parameter in told]
-    stopped = [name for name in fit.warm_start.at_bound if name not in names] if told else []
-    return (*told, *(f"{name} (least squares stops at the end of its prior)" for name in stopped))
 
 
 def led_by_prior(fit: Fit, record: int = 0) -> tuple[str, ...]:

@@ -87,7 +87,7 @@ class ReasonSummary(DocumentPart):
         "somewhere), `check` (p-value of a predictive check below 0.002 or above 0.998), `noise` (its standard "
         "deviation is more than a quarter of the range of the curve), `tempered` (`effective_samples`: no density of "
         "the data), `prior` (contraction of a midpoint or rate below 0.75; no stiffness is given then) or `conflict` "
-        "(the prior hardly allows what the data say)"
+        "(the prior hardly allows what the data say, or what they say by themselves where it wins; comes first)"
     )
     channel: str = Field(description="empty where it concerns all")
     message: str = Field(description="the reason in words")

@@ -12,13 +12,14 @@ from scipy.special import expit
 
 from sma_bayes import fit
 from sma_bayes.assess import adequacy
-from sma_bayes.assess.adequacy import MISSED, PRIOR_LED, Missed, contradicted, led_by_prior, missed, reasons
+from sma_bayes.assess.adequacy import MISSED, PRIOR_LED, Missed, led_by_prior, missed, reasons
 from sma_bayes.assess.checks import CHANCE, Check, predictive_checks
+from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.assess.nearest import nearest_sigmoids
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import fit_records
-from sma_bayes.parameters.priors_file import parse_priors, read_priors
+from sma_bayes.parameters.priors_file import PriorSet, parse_priors, read_priors
 from sma_bayes.parameters.roles import Role
 from sma_bayes.records.types import Campaign, Record
 
@@ -116,18 +117,41 @@ def test_a_curve_that_its_prior_leads_gives_no_stiffness(
     assert (branch_quantities(good) == []) is led
 
 
-def test_a_prior_that_excludes_the_data_is_named(make_record: Callable[..., Record]) -> None:
+def with_prior(name: str, table: str) -> PriorSet:
+    """The priors that ship with another of one parameter."""
     text = read_priors("modified_sigmoid").text
-    begin = text.index("[both.B3]")
-    end = text.index("\n[", begin)
-    wrong = '[both.B3]\nfamily = "uniform"\nlow = 10.0\nhigh = 20.0\nunit = "degC"\n'
-    priors = parse_priors(text[:begin] + wrong + text[end:], "wrong.toml")
+    begin = text.index(f"[both.{name}]")
+    return parse_priors(
+        f"{text[:begin]}[both.{name}]\n{table}{text[text.index(chr(10) + '[', begin) :]}", "wrong.toml"
+    )
+
+
+def test_a_prior_that_excludes_the_data_is_named(make_record: Callable[..., Record]) -> None:
+    wrong = with_prior("B3", 'family = "uniform"\nlow = 10.0\nhigh = 20.0\nunit = "degC"\n')
     record = make_record(seed=1)
-    found = fit_records([record], priors, noise="independent")
-    told = contradicted(found)
-    assert any(what.startswith("B3 (") for what in told)
+    found = fit_records([record], wrong, noise="independent")
+    assert any(what.startswith("B3 (") for what in contradicted(found))
     assert [r.kind for r in reasons(found, 0, (), ())].count("conflict") == 1
     assert contradicted(fit_records([record], read_priors("modified_sigmoid"), noise="independent")) == ()
+
+
+@pytest.mark.parametrize(("mean", "sd"), [(100.0, 1.0), (1e4, 1.0), (1e6, 1e-3), (1e12, 1.0)])
+def test_a_prior_is_named_however_far_it_is_from_the_data(
+    make_record: Callable[..., Record], mean: float, sd: float
+) -> None:
+    """The curve is level there: no likelihood says so, and the noise takes all that was measured."""
+    priors = with_prior("B3", f'family = "normal"\nmean = {mean}\nsd = {sd}\nunit = "degC"\n')
+    found = fit_records([make_record(seed=1)], priors)
+    conflict = reasons(found, 0, (), ())[0]
+    assert conflict.kind == "conflict"
+    at = re.search(r"B3 \((\S+) degC by the data alone, the prior says", conflict.message)
+    assert at is not None, conflict.message
+    assert float(at[1]) == pytest.approx(52.0, abs=1.0)
+
+
+def test_a_sharp_prior_at_the_truth_contradicts_nothing(make_record: Callable[..., Record]) -> None:
+    priors = with_prior("B3", 'family = "normal"\nmean = 52.0\nsd = 1e-3\nunit = "degC"\n')
+    assert contradicted(fit_records([make_record(seed=1)], priors, noise="independent")) == ()
 
 
 @pytest.mark.parametrize("rate", [0.01, 0.3, 30.0, 300.0])
