@@ -75,6 +75,12 @@ SPREAD_TEMPERATURE: Final = 0.25
 it, and its expansion in the error, of which the start of a fit is made, has no meaning."""
 SAME: Final = 1.0 - 1e-9
 """Correlation of two columns from which on they are one."""
+LINGERS: Final = 0.05
+"""By how much more a temperature lingers at its two ends than a channel does, before the two are doubted, as variance
+over the squared range: 1/12 where a column passes evenly, 1/4 where it has but two values. A transformation makes its
+channel linger more than the temperature that drives it: 28 real pairs differ by -0.10 to 0.04."""
+TOGETHER: Final = 0.6
+"""Correlation of a channel with the temperature from which on such a comparison says something."""
 
 
 DOUBTS: Final = ("implausible", "large-sd", "named-otherwise", "same-column", "same-file", "swapped")
@@ -136,6 +142,7 @@ def implausible(run: Run) -> tuple[Finding, ...]:
             *_out_of_range(run),
             *_same_columns(run),
             *_temperature_like_time(run),
+            *_temperature_like_response(run),
             *_declared_spread(run),
             *_duty(run),
         )
@@ -179,9 +186,11 @@ def _out_of_range(run: Run) -> _Seen:
 
 
 def _same_columns(run: Run) -> _Seen:
-    names = [n for n in ("temperature", *CHANNELS) if n in run.columns]
+    names = [n for n in ("time", "temperature", *CHANNELS) if n in run.columns]
     for i, name in enumerate(names):
         for other in names[i + 1 :]:
+            if (name, other) == ("time", "temperature"):  # a ramp is as steady as a clock
+                continue
             a, b = run.columns[name], run.columns[other]
             good = np.isfinite(a) & np.isfinite(b)
             if np.count_nonzero(good) > 2 and abs(_correlation(a[good], b[good])) > SAME:
@@ -214,6 +223,49 @@ def _temperature_like_time(run: Run) -> _Seen:
             "temperature rises by the same step from row to row while time goes up and down: the two look swapped",
             "temperature",
         )
+
+
+def _temperature_like_response(run: Run) -> _Seen:
+    """A temperature that saturates while what should answer to it passes evenly, steepest at both ends."""
+    for name in CHANNELS:
+        if name not in run.columns:
+            continue
+        temperature, response = run.columns["temperature"], run.columns[name]
+        good = np.isfinite(temperature) & np.isfinite(response)
+        t, y = _within_range(temperature[good]), _within_range(response[good])
+        if t.size < 10 or abs(_correlation(t, y)) < TOGETHER:
+            continue
+        if t.var() - y.var() > LINGERS and _is_steep_at_both_ends(t, y):
+            quantity = _quantity(run, name)
+            yield (
+                "swapped",
+                f"temperature lingers at both of its ends while {quantity} passes evenly, and {quantity} changes fastest "
+                f"there: so a temperature runs with a transformation if the two are swapped",
+                "temperature",
+            )
+
+
+def _within_range(values: Floats) -> Floats:
+    """Values over their range, without the outermost hundredth."""
+    if not values.size:
+        return values
+    low, high = np.quantile(values, (0.005, 0.995))
+    return np.clip((values - low) / (high - low), 0.0, 1.0) if high > low else np.zeros_like(values)
+
+
+def _is_steep_at_both_ends(x: Floats, y: Floats) -> bool:
+    """Whether y changes with x at either end twice as fast as in the middle, where there may be nothing at all."""
+
+    def slope(low: float, high: float) -> float:
+        inside = (x >= low) & (x <= high)
+        if np.count_nonzero(inside) < 3 or not np.ptp(x[inside]) > 0.0:
+            return float("nan")
+        return float(np.polyfit(x[inside], y[inside], 1)[0])
+
+    ends, middle = np.array([slope(0.0, 0.12), slope(0.88, 1.0)]), slope(0.3, 0.7)
+    if np.isnan(ends).any() or ends[0] * ends[1] <= 0.0:
+        return False
+    return bool(np.isnan(middle) or np.abs(ends).min() > 2.0 * abs(middle))
 
 
 def _declared_spread(run: Run) -> _Seen:

@@ -112,6 +112,9 @@ def by_names(**names: str) -> Callable[[dict[str, np.ndarray]], dict[str, np.nda
         (
             lambda d: d | {"t": d["T"], "T": d["t"]}, {}, "", "swapped", "look swapped",
         ),
+        (lambda d: d | {"T": 20.0 * d["F"], "F": d["T"]}, {}, "", "swapped", "temperature lingers at both of its ends"),
+        (lambda d: d | {"T": d["X"], "X": d["T"]}, {"force": ""}, "", "swapped", "displacement passes evenly"),
+        (None, {"force": '{ name = "t", unit = "N" }'}, "", "same-column", "time and force are one column"),
         (
             None, {"force": '{ name = "F", unit = "V", scale = 1.0, to = "N", scale_sd = 2.5 }'}, "",
             "large-sd", "250% of its scale",
@@ -163,6 +166,36 @@ def test_no_unit_that_is_right_is_doubted(
     data["X"] = 10.0**stroke * data["X"] / data["X"].max()
     folder = tmp_path_factory.mktemp("plausible")
     assert [f for f in warnings_of(campaign(folder, data)) if f.kind == "implausible"] == []
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    midpoint=st.floats(25.0, 75.0),
+    rate=st.floats(0.05, 2.0),
+    steps=st.floats(0.0, 4.0),
+    noise=st.floats(0.0, 0.05),
+    hysteresis=st.floats(0.0, 15.0),
+)
+def test_no_transformation_is_taken_for_swapped_columns(
+    tmp_path_factory: pytest.TempPathFactory,
+    midpoint: float,
+    rate: float,
+    steps: float,
+    noise: float,
+    hysteresis: float,
+) -> None:
+    """Whole or in part, in ramps or in steps that are approached exponentially, with and without a loop."""
+    rng = np.random.default_rng(0)
+    way = np.linspace(0.0, 1.0, 60)
+    approach = way if steps < 0.1 else (1.0 - np.exp(-steps * way)) / (1.0 - np.exp(-steps))
+    temperature = 30.0 + 40.0 * np.concatenate([approach, 1.0 - approach])
+    shift = np.repeat([0.0, -hysteresis], 60)
+    data = {"t": np.arange(120.0), "T": temperature}
+    for name, own in (("F", 1.0), ("X", 1.3)):
+        curve = 1.0 / (1.0 + np.exp(-own * rate * (temperature - midpoint - shift)))
+        data[name] = 1.0 + curve + noise * rng.standard_normal(120)
+    folder = campaign(tmp_path_factory.mktemp("whole"), data)
+    assert [f.message for f in read_campaign(folder).findings if f.kind == "swapped"] == []
 
 
 def test_doubts_are_serious() -> None:
