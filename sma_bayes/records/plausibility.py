@@ -6,8 +6,10 @@ is changed. `RANGES` holds between what values a quantity is believed without a 
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -65,6 +67,11 @@ RANGES: Final[dict[str, Range]] = {
     "strain": Range(1e-6, 0.5, "1", "from what extensometers resolve to several times the recoverable 8 %"),
     "modulus": Range(1e5, 5e11, "Pa", "NiTi has 20 to 90 GPa (Otsuka and Ren 2005); paths may be far softer"),
     "current": Range(0.0, 1e3, "A", "wires of 25 µm to 1 mm take 0.05 to 20 A"),
+    "frequency": Range(
+        0.0, 100.0, "Hz",
+        "actuators cycle at a few Hz, as heat has to leave (Jani, Leary, Subic and Gibson, Mater. Des. 56 (2014) "
+        "1078-1113)",
+    ),
 }  # fmt: skip
 """Wider than any measurement that is known by an order of magnitude; a wrong prefix lies three away."""
 
@@ -73,6 +80,9 @@ SPREAD_SCALE: Final = 0.5
 SPREAD_TEMPERATURE: Final = 0.25
 """Share of the sweep above which the declared error of a temperature reading is doubted: the curve is all but lost in
 it, and its expansion in the error, of which the start of a fit is made, has no meaning."""
+OFFSET: Final = (10.0, 1.0)
+"""Shares of the range of a channel, whose zero may be nobody's care, and of the sweep, from which on the declared
+standard deviation of an offset is doubted."""
 SAME: Final = 1.0 - 1e-9
 """Correlation of two columns from which on they are one."""
 LINGERS: Final = 0.05
@@ -144,7 +154,9 @@ def implausible(run: Run) -> tuple[Finding, ...]:
             *_temperature_like_time(run),
             *_temperature_like_response(run),
             *_declared_spread(run),
+            *_declared_offset(run),
             *_duty(run),
+            *_settings(run),
         )
     )
 
@@ -239,8 +251,8 @@ def _temperature_like_response(run: Run) -> _Seen:
             quantity = _quantity(run, name)
             yield (
                 "swapped",
-                f"temperature lingers at both of its ends while {quantity} passes evenly, and {quantity} changes fastest "
-                f"there: so a temperature runs with a transformation if the two are swapped",
+                f"temperature lingers at both of its ends while {quantity} passes evenly, steepest there: so they run "
+                "where the two are swapped",
                 "temperature",
             )
 
@@ -287,6 +299,19 @@ def _declared_spread(run: Run) -> _Seen:
             )
 
 
+def _declared_offset(run: Run) -> _Seen:
+    for name, calibration in run.calibration.items():
+        span = float(np.nanmax(run.columns[name]) - np.nanmin(run.columns[name]))
+        if calibration.offset_sd > OFFSET[name == "temperature"] * span > 0.0:
+            unit = unit_text(run.units.get(name, ""))
+            yield (
+                "large-sd",
+                f"the declared offset_sd of {_quantity(run, name)}, {calibration.offset_sd:.3g} {unit}, is more than "
+                f"its readings change by, {span:.3g} {unit}: is it given in the unit of the quantity?",
+                name,
+            )
+
+
 def _duty(run: Run) -> _Seen:
     duty = run.condition.duty_cycle
     if duty is not None and duty <= 0.01:
@@ -296,6 +321,20 @@ def _duty(run: Run) -> _Seen:
             f"{100 * duty:g} may be meant as a share, {1e4 * duty:g} %",
             "",
         )
+
+
+def _settings(run: Run) -> _Seen:
+    load = "stress" if run.specimen else "force"
+    for setting, quantity in (("current", "current"), ("load", load), ("frequency", "frequency")):
+        value, believed = getattr(run.condition, setting), RANGES[quantity]
+        if value is not None and abs(value) > believed.high:
+            unit = unit_text(believed.unit)
+            yield (
+                "implausible",
+                f"the {setting} of the condition is {value:.3g} {unit}, more than {believed.high:g} {unit} "
+                f"({believed.source}): is its unit right?",
+                "",
+            )
 
 
 def named_otherwise(condition: DeclaredCondition) -> tuple[Finding, ...]:
@@ -326,13 +365,13 @@ def _equal_units(one: str, other: str) -> bool:
 
 
 def repeated_files(conditions: Sequence[DeclaredCondition]) -> tuple[Finding, ...]:
-    """Conditions that are the same rows of the same file as another."""
+    """Conditions that are the same rows of the same file as another, or of a copy of it."""
     seen: dict[tuple[object, ...], str] = {}
     found = []
     for condition in conditions:
         columns = sorted((name, repr(column)) for name, column in condition.columns.items())
         what = (
-            tuple(p.resolve() for p in condition.paths),
+            tuple(_content(p) for p in condition.paths),
             repr(condition.reading),
             condition.window,
             tuple(columns),
@@ -340,8 +379,13 @@ def repeated_files(conditions: Sequence[DeclaredCondition]) -> tuple[Finding, ..
         other = seen.setdefault(what, condition.table.id)
         if other != condition.table.id:
             message = (
-                f"the conditions {other!r} and {condition.table.id!r} are the same rows of the same file: their "
-                "measurements count twice"
+                f"the conditions {other!r} and {condition.table.id!r} are the same rows of the same file, or of a "
+                "copy: their measurements count twice"
             )
             found.append(Finding("same-file", message, condition.title, condition=condition.table.id))
     return tuple(found)
+
+
+def _content(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -121,6 +121,14 @@ def by_names(**names: str) -> Callable[[dict[str, np.ndarray]], dict[str, np.nda
         ),
         (None, {"temperature": '{ name = "T", unit = "degC", sd = 20.0 }'}, "", "large-sd", "50% of the sweep"),
         (None, {}, "duty_cycle_pct = 0.5\n", "implausible", "may be meant as a share, 50 %"),
+        (None, {}, "current_A = 2000\n", "implausible", "the current of the condition is 2e+03 A"),
+        (None, {}, "load_g = 2e7\n", "implausible", "the load of the condition is 1.96e+05 N"),
+        (None, {}, "frequency_mHz = 1e7\n", "implausible", "the frequency of the condition is 1e+04 Hz"),
+        (
+            None, {"temperature": '{ name = "T", unit = "degC", offset_sd = 300.0 }'}, "",
+            "large-sd", "offset_sd of temperature, 300 °C, is more than its readings change by, 40 °C",
+        ),
+        (None, {"force": '{ name = "F", unit = "N", offset_sd = 100.0 }'}, "", "large-sd", "offset_sd of force, 100 N"),
     ],
 )  # fmt: skip
 def test_what_can_hardly_be_is_reported(
@@ -135,6 +143,13 @@ def test_one_file_as_two_conditions_is_reported(tmp_path: Path) -> None:
     (found,) = warnings_of(campaign(tmp_path, measured(), '[[condition]]\nid = "b"\nfile = "./a.csv"\n'))
     assert (found.kind, found.condition) == ("same-file", "b")
     assert "'a' and 'b' are the same rows" in found.message
+
+
+def test_a_copy_of_a_file_as_another_condition_is_reported(tmp_path: Path) -> None:
+    folder = campaign(tmp_path, measured(), '[[condition]]\nid = "b"\nfile = "b.csv"\n')
+    (folder / "b.csv").write_bytes((folder / "a.csv").read_bytes())
+    (found,) = warnings_of(folder)
+    assert (found.kind, found.condition) == ("same-file", "b")
 
 
 def test_parts_of_one_file_are_two_conditions(tmp_path: Path) -> None:
