@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sma_bayes.studies.registry import VERBS
+
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/environ").exists(), reason="needs signals, and /proc to see what is left"
 )
@@ -21,10 +24,11 @@ Same = Callable[[Path, Path], None]
 ENDS_WITHIN_S = 2.0
 """After the end of the parent, for its workers."""
 TAG = "SMA_BAYES_TEST_RUN"
-VERBS = ("fit", "report", "compare", "gap", "conditions", "run", "ask", "inspect", "demo", "priors", "paper")
 ASKED = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
-SPAN_S = {"fit": 8.0, "report": 8.0, "compare": 8.0, "gap": 8.0, "conditions": 6.0, "run": 8.0, "demo": 8.0}
-"""Instants are drawn from so many seconds; 1.5 for other verbs."""
+OWN_VERBS = tuple(name for name, folder in VERBS.items() if folder.__name__.startswith("sma_bayes.studies."))
+SPAN_S = 8.0
+"""Instants are drawn from so many seconds, and from `QUICK_S` where a verb takes no longer."""
+QUICK, QUICK_S = frozenset({"ask", "diff", "init", "inspect", "paper", "priors"}), 1.5
 STUDY = """\
 [study]
 campaign = "campaign.toml"
@@ -56,12 +60,31 @@ force = { name = "force_N", unit = "N" }
         text += f'[[condition]]\nid = "{name}"\nfile = "{name}.csv"\nload_N = {load}\n'
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
     (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+    write_cycles(folder / "cycles", rng)
     return folder
+
+
+def write_cycles(folder: Path, rng: np.random.Generator) -> None:
+    """A campaign of one condition with four cycles, a little weaker each."""
+    folder.mkdir()
+    up = np.linspace(30.0, 70.0, 30)
+    rows = ["time_s,temperature_C,force_N"]
+    for cycle in range(4):
+        for t in (*up, *up[::-1]):
+            force = 1.0 + (2.0 - 0.1 * cycle) / (1.0 + np.exp(-0.3 * (t - 51.0)))
+            rows.append(f"{len(rows)},{t:.6g},{force + 0.03 * rng.standard_normal():.6g}")
+    (folder / "a.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    (folder / "campaign.toml").write_text('[[condition]]\nid = "a"\nfile = "a.csv"\n', encoding="utf-8")
 
 
 def arguments(verb: str, campaign: Path, whole: Path, out: Path) -> list[str]:
     """Arguments of a verb that writes to `out`, if it does."""
-    given = {
+    return [str(a) for a in calls(campaign, whole, out)[verb]]
+
+
+def calls(campaign: Path, whole: Path, out: Path) -> dict[str, list[object]]:
+    """A call of each verb of the program; the nightly test fails for one that is not here."""
+    return {
         "fit": ["fit", campaign, "--out", out, "--no-figures", "--jobs", 2],
         "compare": ["compare", campaign, "--out", out, "--no-figures", "--jobs", 2],
         "gap": ["gap", campaign, "--out", out, "--no-figures", "--jobs", 2],
@@ -71,10 +94,14 @@ def arguments(verb: str, campaign: Path, whole: Path, out: Path) -> list[str]:
         "report": ["report", whole, "--jobs", 2],
         "ask": ["ask", whole, "--force", "1.5 N"],
         "inspect": ["inspect", campaign],
+        "init": ["init", out],
+        "diff": ["diff", whole, whole],
+        "sensitivity": ["sensitivity", whole, "--out", out, "--no-figures", "--jobs", 2],
+        "simulate": ["simulate", campaign / "heated", "--reach", "force=3 N", "--out", out, "--no-figures"],
+        "cycles": ["cycles", campaign / "cycles", "--out", out, "--no-figures", "--jobs", 2],
         "priors": ["priors"],
         "paper": ["paper"],
     }
-    return [str(a) for a in given[verb]]
 
 
 class Started:
@@ -179,6 +206,12 @@ def whole(campaign: Path) -> Path:
     return out
 
 
+@pytest.fixture(scope="module")
+def heated(campaign: Path, heated_fit: Path) -> Path:
+    """A fit of a spring that a current heats, beside the campaign."""
+    return Path(shutil.copytree(heated_fit, campaign / "heated"))
+
+
 def try_instants(
     verbs: tuple[str, ...], numbers: list[int], count: int, seed: int, campaign: Path, whole: Path, tmp_path: Path
 ) -> None:  # fmt: skip
@@ -187,8 +220,11 @@ def try_instants(
     for i in range(count):
         verb, number = verbs[i % len(verbs)], numbers[(i // len(verbs)) % len(numbers)]
         out = tmp_path / f"{verb}-{i}"
+        if verb == "init":
+            out.mkdir()
+            shutil.copy(campaign / "light.csv", out)
         started = Started(tmp_path, arguments(verb, campaign, whole, out))
-        instant = float(rng.uniform(0.0, SPAN_S.get(verb, 1.5)))
+        instant = float(rng.uniform(0.0, QUICK_S if verb in QUICK else SPAN_S))
         group = number != signal.SIGKILL and bool(rng.integers(2))
         try:
             end_by(started, instant, number, group=group)
@@ -268,6 +304,13 @@ def test_signals_at_random_instants(campaign: Path, whole: Path, tmp_path: Path)
     try_instants(("fit", "ask", "inspect"), ASKED, 9, 1, campaign, whole, tmp_path)
 
 
+def test_the_verbs_on_fits_and_cycles_end_in_order(
+    campaign: Path, whole: Path, heated: Path, tmp_path: Path
+) -> None:
+    """One signal each; the night sends 200 of each over all verbs."""
+    try_instants(("sensitivity", "simulate", "cycles"), [signal.SIGTERM], 3, 2, campaign, whole, tmp_path)
+
+
 def test_a_run_goes_on_to_the_same_bits_after_each_signal(
     campaign: Path, whole: Path, tmp_path: Path, assert_same_run: Same
 ) -> None:
@@ -284,9 +327,9 @@ def test_a_run_goes_on_to_the_same_bits_after_each_signal(
 @pytest.mark.thorough
 @pytest.mark.parametrize("number", [*ASKED, signal.SIGKILL], ids=lambda number: number.name)
 def test_two_hundred_instants_of_each_signal_over_all_verbs(
-    campaign: Path, whole: Path, tmp_path: Path, number: signal.Signals
+    campaign: Path, whole: Path, heated: Path, tmp_path: Path, number: signal.Signals
 ) -> None:
-    try_instants(VERBS, [number], 200, int(number), campaign, whole, tmp_path)
+    try_instants(OWN_VERBS, [number], 200, int(number), campaign, whole, tmp_path)
 
 
 @pytest.mark.thorough

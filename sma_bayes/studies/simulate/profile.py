@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import CampaignError, MeasurementError
-from sma_bayes.limits import PROFILE_ROWS, SETTING
+from sma_bayes.limits import DEGREES, PROFILE_ROWS, SETTING
 from sma_bayes.quantities import QUANTITIES, convert
 from sma_bayes.records.default_names import recognised
 from sma_bayes.records.formats import read_table
@@ -217,7 +217,10 @@ def _require_possible(
     }
     if "ambient_temperature" in found:
         room = found["ambient_temperature"]
-        impossible["ambient_temperature"] = (room < ABSOLUTE_ZERO, "above absolute zero")
+        impossible["ambient_temperature"] = (
+            (room < ABSOLUTE_ZERO) | (room > DEGREES.value),
+            f"above absolute zero and at most {DEGREES.value:g} degC",
+        )
     for quantity, (wrong, expected) in impossible.items():
         if wrong.any():
             at = int(np.argmax(wrong))
