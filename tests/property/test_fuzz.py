@@ -25,6 +25,7 @@ from sma_bayes.errors import SmaBayesError
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.quantities import convert, number_and_unit
 from sma_bayes.records.campaign import read_campaign
+from sma_bayes.records.dmta import read_dmta
 from sma_bayes.runs.documents import FIT, read_mark, sealed
 from sma_bayes.runs.netcdf import Variable, VariableGroup, axes, write_groups
 from sma_bayes.runs.outputs import posterior_of, posterior_path, read_columns
@@ -158,6 +159,20 @@ def data_file(name: str) -> Callable[[Path, bytes], None]:
     return read
 
 
+def dmta_file(path: Path) -> None:
+    """Two steps, the second with a row of units and two frequencies in turn."""
+    lines = ["Filename\ta.tri", "[step]", "Details", "[step]", "Ramp"]
+    lines += ["Temperature\tStorage modulus\tTan(delta)\tFrequency", "°C\tMPa\t\tHz"]
+    for t in [*range(0, 100, 5), *range(100, 0, -5)]:
+        lines += [f"{t}\t{30e3 + 200 * t}\t0.02\t{f}" for f in (1, 10)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def dmta(folder: Path, content: bytes) -> None:
+    (folder / "dmta.txt").write_bytes(content)
+    read_dmta([folder / "dmta.txt"])
+
+
 def study(folder: Path, content: bytes) -> None:
     (folder / "study.toml").write_bytes(content)
     read_study(folder / "study.toml")
@@ -225,6 +240,7 @@ READERS: dict[str, tuple[Callable[[Path, bytes], None], Callable[[Path], bytes]]
     "xlsx": (data_file("a.xlsx"), made(xlsx_file)),
     "mat": (data_file("a.mat"), made(mat_file)),
     "tdms": (data_file("a.tdms"), made(tdms_file)),
+    "dmta": (dmta, made(dmta_file)),
     "document": (document, text(json.dumps(sealed({"schema": FIT.schema, "records": [{"key": "a", "n": 1.5}]})))),
     "posterior": (posterior, made(posterior_file)),
     "table": (columns, text("a,b\n1,true\n2.5,\n")),
