@@ -45,11 +45,13 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
     own = [s for s in found.sweeps if s.test == test]
     branches = list(dict.fromkeys(s.branch for s in own))
     channels = [c for c in SYMBOLS if any(v.channel == c for s in own for v in s.values)]
-    figure = empty_sheet(0.95 + 3.1 * len(branches), 1.15 + 1.9 * len(channels))
-    axes = panels(
-        figure, len(channels), len(branches), left=0.7, right=0.15, bottom=0.5, top=0.75, gap_x=0.75, gap_y=0.5
-    )  # fmt: skip
     frequencies = sorted({s.frequency for s in own if s.frequency is not None})
+    legend = 0.18 * -(-len(frequencies) // (4 * len(branches)))
+    figure = empty_sheet(0.95 + 3.1 * len(branches), 1.15 + legend + 1.9 * len(channels))
+    axes = panels(
+        figure, len(channels), len(branches), left=0.7, right=0.15, bottom=0.5, top=0.75 + legend, gap_x=0.75,
+        gap_y=0.5,
+    )  # fmt: skip
     colours = dict(
         zip(frequencies, colormaps["viridis"](np.linspace(0.0, 0.8, max(len(frequencies), 1))), strict=True)
     )
@@ -83,8 +85,8 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
     heading(figure, f"{test}: moduli by temperature", "")
     if frequencies:
         figure.legend(
-            handles=[dot_handle(colours[f], f"{f:g} Hz") for f in frequencies], loc="upper right",
-            ncols=min(len(frequencies), 6), bbox_to_anchor=(1.0, 1.0),
+            handles=[dot_handle(colours[f], f"{f:g} Hz") for f in frequencies], loc="upper left", borderaxespad=0.0,
+            ncols=min(len(frequencies), 4 * len(branches)), bbox_to_anchor=(0.0, 1.0 - 0.32 / figure.get_figheight()),
         )  # fmt: skip
     caption = (
         f"Storage modulus, loss modulus and their quotient of {test}: samples that were fitted, median and pointwise "
@@ -100,8 +102,8 @@ def _draw(ax: Axes, bands: Any, samples: Any, channel: str, factor: float, colou
     if name in samples:
         seen = np.isfinite(samples[name])
         ax.plot(
-            samples[f"{channel}_temperature_degC"][seen], factor * samples[name][seen], ".", ms=1.6, color=colour,
-            alpha=0.35, mew=0, rasterized=True,
+            samples[f"{channel}_temperature_degC"][seen], factor * samples[name][seen], "o", ms=1.8, color=colour,
+            alpha=0.45, mew=0, rasterized=True,
         )  # fmt: skip
     t = bands["temperature_degC"]
     ax.fill_between(
