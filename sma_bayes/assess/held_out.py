@@ -130,7 +130,7 @@ def density_of(
     (channel,) = record.channels
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far tails of a prior
         (pointwise,) = evaluated_on(posterior, record).pointwise_log_likelihood(theta, weights)
-    share = posterior.noise.information(posterior.noise_shape(theta, 0, channel))
+    share = posterior.noise.likelihood_weight(posterior.noise_shape(theta, 0, channel))
     density = pointwise[channel] / share[:, None]
     return np.where(np.isnan(density), -np.inf, density), share
 

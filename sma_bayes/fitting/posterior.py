@@ -224,7 +224,9 @@ class Posterior:
                             total[part] += whitened.marginal_log_density()
                             continue
                         density = self.noise.total_log_density(e, shape, self.steps[i])
-                        total[part] += self.noise.information(shape) * (density - _log_sum(scale, record.n))
+                        total[part] += self.noise.likelihood_weight(shape) * (
+                            density - _log_sum(scale, record.n)
+                        )
         return np.where(np.isnan(total), -np.inf, total)
 
     def pointwise_log_likelihood(self, theta: Floats, weights: Weights = ()) -> tuple[dict[str, Floats], ...]:
@@ -260,7 +262,7 @@ class Posterior:
                 for channel, e, scale in self._standardised(theta[part], i, own):
                     shape = self.noise_shape(theta[part], i, channel)
                     density = self.noise.log_density(e, shape, self.steps[i]) - np.log(scale)
-                    found[channel][part] = self.noise.information(shape)[:, None] * density
+                    found[channel][part] = self.noise.likelihood_weight(shape)[:, None] * density
             out.append(found)
         return tuple(out)
 

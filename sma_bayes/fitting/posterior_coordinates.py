@@ -287,7 +287,7 @@ class NoiseScaledCoordinates:
             for rows, at, steps in self.equations.channels():
                 shape, n = posterior.noise.shape_of(theta[:, at]), rows.shape[1]
                 density = posterior.noise.total_log_density(np.zeros((len(z), n)), shape, steps)
-                value += posterior.noise.information(shape) * (density - n * np.log(theta[:, at[0]]))
+                value += posterior.noise.likelihood_weight(shape) * (density - n * np.log(theta[:, at[0]]))
             value += 0.5 * normal.pull_squared - normal.log_volume
         return np.where(normal.usable & np.isfinite(value), value, -np.inf)
 

@@ -116,7 +116,7 @@ class NoiseModel(ABC):
         """
         return values[..., 1:]
 
-    def information(self, shape: Floats) -> Floats:
+    def likelihood_weight(self, shape: Floats) -> Floats:
         """Share of the log likelihood that counts, shape (...); 1 for a density of the data."""
         return np.ones(shape.shape[:-1])
 

@@ -62,7 +62,7 @@ class EffectiveSamples(MemoryNoise):
         memory = shape[..., 0, None]
         return np.where(steps.first, 0.0, (memory - 1.0) / (memory + 1.0))
 
-    def information(self, shape: Floats) -> Floats:
+    def likelihood_weight(self, shape: Floats) -> Floats:
         return np.asarray(1.0 / shape[..., 0])
 
     def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:

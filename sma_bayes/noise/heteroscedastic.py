@@ -72,8 +72,8 @@ class Wrapped(OfSeries):
     def shape_of(self, values: Floats) -> Floats:
         return self.series.shape_of(values)
 
-    def information(self, shape: Floats) -> Floats:
-        return self.series.information(shape)
+    def likelihood_weight(self, shape: Floats) -> Floats:
+        return self.series.likelihood_weight(shape)
 
     def log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.log_density(e, shape, steps)

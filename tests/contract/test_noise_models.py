@@ -426,7 +426,7 @@ def test_the_estimate_recovers_what_was_drawn(noise: NoiseModel, shape: np.ndarr
 
 @cases(DENSITIES)
 def test_all_of_a_density_counts(noise: NoiseModel, shape: np.ndarray) -> None:
-    np.testing.assert_array_equal(noise.information(np.tile(shape, (4, 1))), np.ones(4))
+    np.testing.assert_array_equal(noise.likelihood_weight(np.tile(shape, (4, 1))), np.ones(4))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -446,7 +446,7 @@ def test_a_model_that_remembers_says_so(name: str) -> None:
 def test_effective_samples_are_a_share_of_the_independent_likelihood() -> None:
     noise, shape = NOISE_MODELS["effective_samples"], np.array([4.0])
     rows = np.random.default_rng(0).standard_normal((3, 20))
-    np.testing.assert_array_equal(noise.information(np.tile(shape, (2, 1))), [0.25, 0.25])
+    np.testing.assert_array_equal(noise.likelihood_weight(np.tile(shape, (2, 1))), [0.25, 0.25])
     gram = noise.weighted_gram(rows, shape[None], steps_of(20))[0]
     np.testing.assert_allclose(gram, rows @ rows.T / 4.0, rtol=1e-13)
     independent = NOISE_MODELS["independent"].log_density(rows, np.empty(0), steps_of(20))

@@ -61,7 +61,19 @@ force = { name = "force_N", unit = "N" }
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
     (folder / "study.toml").write_text(STUDY, encoding="utf-8")
     write_cycles(folder / "cycles", rng)
+    write_export(folder / "strip.csv", rng)
     return folder
+
+
+def write_export(path: Path, rng: np.random.Generator) -> None:
+    """Moduli of one heating."""
+    t = np.linspace(0.0, 110.0, 60)
+    share = 1.0 / (1.0 + np.exp(-0.25 * (t - 50.0)))
+    storage = 28e3 + 38e3 * share + 250.0 * rng.standard_normal(t.size)
+    loss = 700.0 + 6000.0 * share * (1.0 - share) + 25.0 * rng.standard_normal(t.size)
+    rows = [f"{a:.6g},{b:.6g},{c:.6g}" for a, b, c in zip(t, storage, loss, strict=True)]
+    header = ["Temperature,Storage modulus,Loss modulus", "°C,MPa,MPa"]
+    path.write_text("\n".join([*header, *rows]) + "\n", encoding="utf-8")
 
 
 def write_cycles(folder: Path, rng: np.random.Generator) -> None:
@@ -99,9 +111,11 @@ def calls(campaign: Path, whole: Path, out: Path) -> dict[str, list[object]]:
         "sensitivity": ["sensitivity", whole, "--out", out, "--no-figures", "--jobs", 2],
         "simulate": ["simulate", campaign / "heated", "--reach", "force=3 N", "--out", out, "--no-figures"],
         "cycles": ["cycles", campaign / "cycles", "--out", out, "--no-figures", "--jobs", 2],
+        "modulus": ["modulus", campaign / "strip.csv", "--frequency", "1 Hz",
+                    "--out", out, "--no-figures", "--jobs", 2],
         "priors": ["priors"],
         "paper": ["paper"],
-    }
+    }  # fmt: skip
 
 
 class Started:

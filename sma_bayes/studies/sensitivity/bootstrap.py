@@ -149,7 +149,9 @@ class _PenalisedSquares:
             held = innovations.location_information(shape)[:, None]
             far = np.abs(e) > NEAR
             counts = np.where(far, innovations.score(e, shape) / np.where(far, e, 1.0), held)
-            firm[channel] = np.sqrt(np.maximum(counts, 0.0) * innovations.information(shape)[:, None])[0]
+            firm[channel] = np.sqrt(np.maximum(counts, 0.0) * innovations.likelihood_weight(shape)[:, None])[
+                0
+            ]
         return cls(draws, z, np.concatenate(start), np.concatenate(centre), np.concatenate(sd), scale, firm)
 
     @property
