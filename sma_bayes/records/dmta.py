@@ -24,6 +24,7 @@ from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
 from sma_bayes.records.formats.delimited import text_lines
 from sma_bayes.records.formats.numbers import is_blank, numbers
 from sma_bayes.records.formats.xlsx import sheet_titles
+from sma_bayes.records.plausibility import implausible, require_possible
 from sma_bayes.records.run import Run
 from sma_bayes.records.split import SplitSettings, split_run
 from sma_bayes.records.types import Branch, Condition, Finding, Record
@@ -62,6 +63,8 @@ SAME_FREQUENCY: Final = 3
 """Significant digits in which frequencies of one test agree."""
 MOST_FREQUENCIES: Final = 60
 FEWEST_ROWS: Final = 10
+LABEL: Final = 40
+"""Characters of the name of a file, step or sheet that become part of the names of files."""
 
 _SIGNS = str.maketrans(
     {"′": "'", "’": "'", "‘": "'", "`": "'", "″": "''", "”": "''", '"': "''", "δ": "delta", "Δ": "delta"}
@@ -283,7 +286,7 @@ def _labels(files: Sequence[Path]) -> list[str]:
 
 
 def _safe(text: str) -> str:
-    return re.sub(r"[^\w.+-]+", "_", text).strip("_.") or "test"
+    return re.sub(r"[^\w.+-]+", "_", text).strip("_.")[:LABEL] or "test"
 
 
 def _unique(sweeps: Sequence[DmtaSweep]) -> Iterator[DmtaSweep]:
@@ -590,16 +593,22 @@ def _sweeps_of(test: _Test, options: DmtaOptions) -> tuple[list[DmtaSweep], list
     for frequency, rows, wide in _by_frequency(test, options):
         name = test.label if frequency is None else f"{test.label}-{frequency:g}Hz"
         moduli, loss_from, damping = _moduli(test, rows, wide)
+        if not np.isfinite(moduli["storage_modulus"]).any():
+            left_out.append(f"{name}: no storage modulus")
+            continue
+        run = _run_of(test, name, frequency, rows, moduli["storage_modulus"])
+        findings += implausible(run)
         try:
-            storage, seen = _records(test, name, frequency, rows, moduli["storage_modulus"], options)
+            storage, seen = _split(run, options)
         except MeasurementError as error:
             left_out.append(f"{name}: {error.found}")
             continue
         findings += seen
         losses: dict[Branch, Record] = {}
         if "loss_modulus" in moduli:
+            run = _run_of(test, f"{name}-loss", frequency, rows, moduli["loss_modulus"])
             try:
-                found, seen = _records(test, f"{name}-loss", frequency, rows, moduli["loss_modulus"], options)
+                found, seen = _split(run, options)
                 losses = {r.branch: r for r in found}
                 findings += [f for f in seen if f.kind != "no-transformation"]  # a peak follows no trend
             except MeasurementError as error:
@@ -656,7 +665,7 @@ def _moduli(test: _Test, rows: Ints, wide: float | None) -> tuple[dict[str, Floa
     found = {}
     for quantity in ("storage_modulus", "loss_modulus", "tan_delta"):
         values = test.values(quantity, wide)
-        if values is not None:
+        if values is not None and (quantity == "storage_modulus" or np.isfinite(values[rows]).any()):
             found[quantity] = values[rows]
     tan = found.pop("tan_delta", None)
     if "loss_modulus" in found:
@@ -679,24 +688,32 @@ def _damping(moduli: Mapping[str, Floats], tan: Floats | None, row: Ints) -> Dam
     return Damping(int(seen.sum()), int(np.sum(share[seen] > DISAGREE)), float(share[at]), int(row[at]))
 
 
-def _records(
-    test: _Test, name: str, frequency: float | None, rows: Ints, modulus: Floats, options: DmtaOptions
-) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
-    """One modulus of some rows, split into branches."""
+def _run_of(test: _Test, name: str, frequency: float | None, rows: Ints, modulus: Floats) -> Run:
+    """One modulus of some rows.
+
+    Raises
+    ------
+    MeasurementError
+        If a value can't have been measured.
+    """
     temperature = next(c.values for c in test.columns if c.quantity == "temperature")[rows]
     columns = {"temperature": temperature, "stiffness": modulus}
     units = {"temperature": "degC", "stiffness": "Pa"}
     time = test.values("time")
     if time is not None and np.isfinite(time).all():
         columns["time"], units["time"] = time[rows], "s"
-    whole = np.isfinite(columns["temperature"]) & np.isfinite(modulus)
-    if whole.sum() < FEWEST_ROWS:
-        raise MeasurementError(
-            f"{many(int(whole.sum()), 'row')} with temperature and modulus", file=test.path
-        )
     declared = next(c.unit for c in test.columns if c.quantity == "storage_modulus")
     run = Run(
         Condition(name, frequency=frequency), test.path.name, test.row[rows], columns, units, specimen=True,
         declared_units={"stiffness": declared},
     )  # fmt: skip
+    require_possible(run)
+    return run
+
+
+def _split(run: Run, options: DmtaOptions) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """Branches of a run."""
+    whole = np.isfinite(run.columns["temperature"]) & np.isfinite(run.columns["stiffness"])
+    if whole.sum() < FEWEST_ROWS:
+        raise MeasurementError(f"{many(int(whole.sum()), 'row')} with temperature and modulus", file=run.file)
     return split_run(run, options.settings)

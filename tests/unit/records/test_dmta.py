@@ -238,6 +238,29 @@ def test_values_that_can_not_be_name_their_row(tmp_path: Path) -> None:
         read_dmta([write(tmp_path / "word.csv", [*head, *body])])
 
 
+@pytest.mark.parametrize("cell", ["1e300", "1e55"])
+def test_values_beyond_belief_are_refused(tmp_path: Path, cell: str) -> None:
+    body = rows(ident, in_mpa(storage))
+    body[4] = f"8,{cell}"
+    path = write(tmp_path / "large.csv", ["temperature_C,storage_modulus_MPa", *body])
+    with pytest.raises(
+        MeasurementError, match=r"row 6, column 'modulus'.*\n?expected: a magnitude up to 1e\+50"
+    ):
+        read_dmta([path])
+
+
+def test_a_unit_that_can_hardly_be_is_told(tmp_path: Path) -> None:
+    path = write(tmp_path / "soft.csv", ["temperature_C,storage_modulus_Pa", *rows(ident, in_mpa(storage))])
+    assert any("modulus" in f.message for f in read_dmta([path]).findings if f.kind == "implausible")
+
+
+def test_long_names_are_cut(tmp_path: Path) -> None:
+    path = write(
+        tmp_path / f"{'long' * 50}.csv", ["temperature_C,storage_modulus_MPa", *rows(ident, in_mpa(storage))]
+    )
+    assert read_dmta([path]).sweeps[0].id == f"{'long' * 10}-heating"
+
+
 def test_a_sweep_of_the_frequency_has_no_curve(tmp_path: Path) -> None:
     lines = ["temperature_C,frequency_Hz,storage_modulus_MPa"]
     lines += [f"{t},{f:g},30000" for t in (20, 90) for f in np.geomspace(0.1, 100.0, 20)]
