@@ -38,6 +38,7 @@ from .studies.paper.build import reproduce_paper as reproduce_paper
 from .studies.run.workflow import run_study as run_study
 from .studies.sensitivity.workflow import sensitivity as sensitivity
 from .studies.simulate.workflow import simulate as simulate
+from .studies.watch.workflow import watch as watch
 
 __version__: str
 __all__: list[str]

@@ -32,6 +32,7 @@ GO_ON: Final = {
     "conditions": "; the same command with --resume begins anew, or draws the report of what is finished",
     "report": "; the same command begins anew",
     "run": "; the same command with --resume goes on from here",
+    "watch": "; the same command goes on from here",
 }
 """What to do after an interruption, by verb."""
 

@@ -84,16 +84,27 @@ def arviz_psens() -> Callable[..., Any]:
     return psens
 
 
-@pytest.fixture(scope="session")
-def training_spring() -> ModuleType:
-    """Generator of the cycles of a spring that trains, which shares nothing with the package but the record."""
-    spec = importlib.util.spec_from_file_location("training_spring", ROOT / "tests" / "training_spring.py")
+def _generator(name: str) -> ModuleType:
+    """A module beside this file, known to none of the tests' packages."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "tests" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look themselves up there
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="session")
+def training_spring() -> ModuleType:
+    """Generator of the cycles of a spring that trains, which shares nothing with the package but the record."""
+    return _generator("training_spring")
+
+
+@pytest.fixture(scope="session")
+def watched_spring() -> ModuleType:
+    """Generator of the cycles of a spring, quiet or with a fault, which shares nothing with the package."""
+    return _generator("watched_spring")
 
 
 @pytest.fixture(scope="session")

@@ -62,6 +62,7 @@ def read_campaign(
         records=tuple(records),
         findings=tuple(findings),
         data_dir="" if data_dir is None else str(data_dir),
+        declaration=declaration.content,
     )
 
 

@@ -356,6 +356,58 @@ def parse_declaration(
     return Declaration(name, path, content, conditions)
 
 
+def declared_for_file(
+    content: bytes, declared_in: Path, condition: str, path: Path, settings: SplitSettings
+) -> DeclaredCondition:
+    """Declaration of a condition for another file of it.
+
+    Limits of rows and time are about its own file and are left out.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the campaign file; empty for columns with default names.
+    declared_in : Path
+        Its name, for messages.
+    condition : str
+        Id of the condition.
+    path : Path
+        The other file.
+    settings : SplitSettings
+
+    Raises
+    ------
+    CampaignError
+        If the condition is not declared, or is declared with several files.
+    """
+    if not content:
+        (found,) = _single_file(path, settings).conditions
+        table = checked(ConditionTable, {"id": condition, "file": path.name}, file=path, where="condition")
+        return replace(found, table=table)
+    document = checked(_Document, parsed_toml(content, declared_in), file=declared_in, where="")
+    values = next((v for v in document.condition if v.get("id") == condition), None)
+    if values is None:
+        ids = [str(v.get("id")) for v in document.condition]
+        raise CampaignError(
+            f"no condition {condition!r}",
+            file=declared_in,
+            column="condition.id",
+            expected=near_matches(condition, ids),
+        )
+    if not isinstance(values.get("file"), str):
+        raise CampaignError(
+            f"condition {condition!r} has several files",
+            file=declared_in,
+            column="condition.file",
+            expected="one file with all columns of a cycle",
+            remedy="join the columns into one file, and declare the campaign of such files",
+        )
+    alone = document.model_copy(update={"condition": [{**values, "file": path.name}]})
+    (found,) = _conditions(alone, declared_in, path.parent, settings)
+    reading = found.reading.model_copy(update={"first_row": None, "last_row": None})
+    return replace(found, reading=reading, window=TimeWindow())
+
+
 def declared_condition(
     table: Mapping[str, Any], columns: Mapping[str, Any], declared_in: Path, settings: SplitSettings
 ) -> DeclaredCondition:

@@ -253,6 +253,8 @@ class Campaign:
     findings : tuple of Finding
     data_dir : str
         Folder of the data files that was named beside the source; empty where none was.
+    declaration : bytes
+        Content of the campaign file; empty where there is none, and columns have default names.
     """
 
     name: str
@@ -261,6 +263,7 @@ class Campaign:
     records: tuple[Record, ...]
     findings: tuple[Finding, ...] = ()
     data_dir: str = ""
+    declaration: bytes = b""
 
     def record(self, key: str) -> Record:
         """Look up a record by its key.

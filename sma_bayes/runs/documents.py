@@ -217,4 +217,7 @@ MODULUS: Final = Document(
     "a study of moduli",
     ("sweeps", "shifts", "options"),
 )
+WATCH: Final = Document(
+    "watch", "watch.json", "sma-bayes/watch/1", "a watch", ("verdict", "cycles", "numbers")
+)
 STUDY: Final = Document("study", "study.json", "sma-bayes/study/1", "the folders of a study")

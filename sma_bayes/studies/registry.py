@@ -36,6 +36,7 @@ _SHIPPED: Final = (
     "simulate",
     "cycles",
     "modulus",
+    "watch",
     "run",
     "report",
     "paper",

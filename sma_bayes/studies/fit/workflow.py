@@ -14,6 +14,7 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, lines_inside, silent
+from sma_bayes.records.declaration import CAMPAIGN_FILE
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
@@ -30,7 +31,7 @@ from sma_bayes.runs.fit_document import (
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.schema import CorrelationAverage, FindingDocument
-from sma_bayes.runs.store import write_text
+from sma_bayes.runs.store import write_file, write_text
 from sma_bayes.studies.fit.fitted import Fits, by_record, shown_progress
 from sma_bayes.studies.fit.parts import remove_parts
 from sma_bayes.studies.fit.tasks import FitTask, fitted, sample_task
@@ -194,6 +195,8 @@ def fit_campaign(
         records, averages, loops = _fitted(groups, options, folder, work)
     with work.account.timed("write"):
         write_text(folder / "priors.toml", options.priors.whole_text)
+        if campaign.declaration:
+            write_file(folder / CAMPAIGN_FILE, lambda place: place.write_bytes(campaign.declaration))
     summary = FitFindings(
         schema="sma-bayes/fit/1",
         campaign=campaign.name,

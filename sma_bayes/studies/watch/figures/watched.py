@@ -1,0 +1,138 @@
+"""Figures of a watch: evidence against the cycle, and the numbers of the sweeps with what is normal."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from sma_bayes.report.figures.sheet import (
+    COLOURS,
+    FAINT,
+    INK,
+    Drawing,
+    dot_handle,
+    empty_sheet,
+    heading,
+    in_units_of,
+    panels,
+    remark,
+    take_power,
+)
+from sma_bayes.studies.watch.outputs import StoredWatch
+from sma_bayes.studies.watch.reference import WATCHED
+from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
+
+ALARM: Final = "#b3261e"
+
+
+def evidence_figure(stored: StoredWatch) -> Drawing:
+    """The e-process against the cycle, with the line of the alarm."""
+    found = stored.found
+    cycle = np.array([c.cycle for c in found.cycles])
+    total = np.array([c.log10_e for c in found.cycles])
+    needed = -float(np.log10(found.alpha))
+    figure = empty_sheet(6.4, 3.0)
+    ax = panels(figure, 1, 1, left=0.75, right=0.2, bottom=0.5, top=0.55, gap_x=0.0, gap_y=0.0)[0][0]
+    share = np.log10(len(found.numbers))
+    for n in found.numbers:
+        ax.plot(cycle, np.array(n.log10_e) - share, color=COLOURS[n.branch], lw=0.6, alpha=0.45)
+    ax.plot(cycle, total, color=INK, lw=1.3, marker="o", ms=2.6 if cycle.size <= 60 else 0.0)
+    ax.axhline(needed, color=ALARM, lw=0.9, ls="--")
+    ax.axhline(0.0, color=FAINT, lw=0.6)
+    if found.alarm is not None:
+        ax.axvline(found.alarm.cycle, color=ALARM, lw=0.7, ls=":")
+    low, high = min(float(total.min()), -1.0), max(float(total.max()), needed)
+    ax.set_ylim(low - 0.6, high + 0.12 * (high - low) + 0.4)
+    ax.set_xlim(0.5, cycle[-1] + 0.5)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8))
+    ax.set_xlabel("watched cycle")
+    ax.set_ylabel("evidence, log10 e")
+    ax.annotate(
+        f"alarm at {1.0 / found.alpha:.4g}", (cycle[-1] + 0.5, needed), (-4, 3), textcoords="offset points",
+        ha="right", fontsize=7.0, color=ALARM,
+    )  # fmt: skip
+    heading(figure, f"{found.condition}: evidence of a change", "")
+    branches = list(dict.fromkeys(n.branch for n in found.numbers))
+    figure.legend(
+        handles=[
+            dot_handle(INK, "greatest of all numbers"), *(dot_handle(COLOURS[b], f"numbers, {b}") for b in branches)
+        ],
+        loc="upper right", ncols=1 + len(branches), bbox_to_anchor=(1.0, 1.0),
+    )  # fmt: skip
+    data: dict[str, Any] = {"cycle": cycle, "log10_e": total, "log10_alarm": np.full(cycle.size, needed)}
+    caption = (
+        f"Evidence of a change after each watched cycle: thin, each number of the sweeps; thick, the greatest; all "
+        f"over {len(found.numbers)}. While nothing changes it ever comes to the dashed line with a probability "
+        f"of at most {found.alpha:.3g}."
+    )
+    return Drawing("evidence", caption, caption, figure, data)
+
+
+def numbers_figure(stored: StoredWatch) -> Drawing:
+    """The numbers of every sweep against the cycle, with what is normal."""
+    found = stored.found
+    channels = list(dict.fromkeys(n.channel for n in found.numbers))
+    figure = empty_sheet(0.85 + 2.3 * len(WATCHED), 1.0 + 1.95 * len(channels))
+    axes = panels(
+        figure, len(channels), len(WATCHED), left=0.7, right=0.12, bottom=0.5, top=0.55, gap_x=0.6, gap_y=0.6
+    )
+    cycle = _axis(found)
+    data: dict[str, list[Any]] = {
+        k: [] for k in ("branch", "channel", "number", "unit", "cycle", "value", "normal_low", "normal_high")
+    }
+    for row, channel in zip(axes, channels, strict=True):
+        for ax, name in zip(row, WATCHED, strict=True):
+            own = [n for n in found.numbers if n.channel == channel and n.number == name]
+            for n in own:
+                _draw(ax, cycle, n)
+                _keep(data, cycle, n)
+            ax.axvline(0.0, color=INK, lw=0.6, ls=":")
+            if found.alarm is not None:
+                ax.axvline(found.alarm.cycle, color=ALARM, lw=0.7, ls=":")
+            ax.set_xlabel("watched cycle")
+            ax.set_xlim(cycle[0] - 0.5, cycle[-1] + 0.5)
+            ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=6))
+            power = take_power(ax.yaxis)
+            ax.set_title(f"{channel} {name} [{in_units_of(power, own[0].unit)}]", fontsize=7.5)
+            if own[0].normal_low[-1] is None:
+                remark(ax, "scatter not known yet", "#555555")
+    heading(figure, f"{found.condition}: numbers of the sweeps", "")
+    branches = list(dict.fromkeys(n.branch for n in found.numbers))
+    figure.legend(
+        handles=[dot_handle(COLOURS[b], b) for b in branches], loc="upper right", ncols=len(branches),
+        bbox_to_anchor=(1.0, 1.0),
+    )  # fmt: skip
+    caption = (
+        "Offset, stroke, shift, width of every sweep and what these leave; left of the dotted line the fitted cycles, "
+        "right of it the watched ones. Bands: where 95 % of the sweeps are while nothing changes. A red line is the "
+        "alarm."
+    )
+    return Drawing("numbers", caption, caption, figure, data)
+
+
+def _axis(found: WatchDocument) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Watched cycles from 1; the fitted ones before, the last of them 0 less a half."""
+    fitted = np.arange(-len(found.fitted), 0.0) + 0.5
+    return np.concatenate([fitted, np.arange(1.0, len(found.cycles) + 1.0)])
+
+
+def _draw(ax: Axes, cycle: np.ndarray[tuple[int], np.dtype[np.float64]], n: WatchedNumber) -> None:
+    low, high = (
+        np.array([np.nan if v is None else v for v in side]) for side in (n.normal_low, n.normal_high)
+    )
+    ax.fill_between(cycle, low, high, color=COLOURS[n.branch], alpha=0.15, lw=0, step="mid")
+    ax.plot(cycle, n.value, ls="none", marker="o", ms=2.4, color=COLOURS[n.branch], mfc="white", mew=0.7)
+
+
+def _keep(
+    data: dict[str, list[Any]], cycle: np.ndarray[tuple[int], np.dtype[np.float64]], n: WatchedNumber
+) -> None:
+    for key in ("branch", "channel", "number", "unit"):
+        data[key] += [getattr(n, key)] * cycle.size
+    data["cycle"] += cycle.tolist()
+    data["value"] += list(n.value)
+    for key in ("normal_low", "normal_high"):
+        data[key] += [np.nan if v is None else v for v in getattr(n, key)]

@@ -1,0 +1,224 @@
+"""How many cycles remain until a quantity reaches a limit, by the laws of training and the walk of `cycles`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from sma_bayes.errors import SmaBayesError
+from sma_bayes.quantities import ARBITRARY, SPECIMEN_QUANTITY, convert, number_and_unit
+from sma_bayes.studies.ask.workflow import asked_temperature
+from sma_bayes.studies.cycles.study import CycleSeries, Pooled, pool, quantities
+from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand
+from sma_bayes.studies.watch.reference import MeasuredNumbers, Reference
+
+AHEAD: Final = 200
+"""Cycles over which limits are looked for."""
+HISTORY: Final = 200
+"""Latest cycles, at most, from which the course is told."""
+DRAWS: Final = 1000
+FEWEST: Final = 3
+"""Cycles, fitted or watched, from which a course is told."""
+AT_TEMPERATURE: Final = ("stiffness", "force", "displacement", "modulus", "stress", "strain")
+CHANNEL_OF: Final = {name: channel for channel, name in SPECIMEN_QUANTITY.items()}
+EXAMPLE: Final = "such as 'stroke=-20%', 'shift=5 K', 'stiffness@60 degC=500 N/m'"
+
+
+@dataclass(frozen=True, slots=True)
+class WatchLimit:
+    """A value that is not to be reached.
+
+    Attributes
+    ----------
+    asked : str
+    name : str
+        One of the four numbers, or a channel or the stiffness at a temperature.
+    at : float or None
+        [unit of temperature]
+    share : float or None
+        Change over what it was when it was fitted.
+    value : float or None
+        The limit itself in `unit`.
+    unit : str
+    """
+
+    asked: str
+    name: str
+    at: float | None
+    share: float | None
+    value: float | None
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Remaining:
+    """Cycles that remain for one quantity.
+
+    Attributes
+    ----------
+    limit : WatchLimit
+    branch, channel, unit : str
+    fitted, now : tuple of float
+        5, 50 and 95 % of the quantity in the fitted cycles (a number), and after the last.
+    target : float
+        The limit [unit].
+    remaining : tuple of (float or None)
+        5, 50 and 95 %; None beyond the horizon.
+    probability : float
+        That it is reached within the horizon.
+    horizon : int
+    """
+
+    limit: WatchLimit
+    branch: str
+    channel: str
+    unit: str
+    fitted: float
+    now: tuple[float, float, float]
+    target: float
+    remaining: tuple[float | None, float | None, float | None]
+    probability: float
+    horizon: int
+
+
+def limit_of(text: str, temperature_unit: str) -> WatchLimit:
+    """Read ``stroke=-20%`` or ``stiffness@60 degC=500 N/m``.
+
+    Raises
+    ------
+    SmaBayesError, QuantityError
+        If it says something else.
+    """
+    quantity, equals, value = (part.strip() for part in text.partition("="))
+    name, at_sign, where = (part.strip() for part in quantity.partition("@"))
+    known = name in NUMBERS if not at_sign else name in AT_TEMPERATURE
+    if not equals or not known or not value:
+        raise SmaBayesError(f"--limit {text!r}", expected=EXAMPLE)
+    at = asked_temperature(where, temperature_unit, temperature_unit) if at_sign else None
+    name = CHANNEL_OF.get(name, name)
+    if value.endswith("%"):
+        share, rest = number_and_unit(value[:-1], what="limit")
+        if rest or share == 0.0 or name == "shift":
+            expected = "a temperature difference, such as 'shift=5 K'" if name == "shift" else EXAMPLE
+            raise SmaBayesError(f"--limit {text!r}", expected=expected)
+        return WatchLimit(text, name, at, share / 100.0, None, "")
+    number, unit = number_and_unit(value, what="limit")
+    return WatchLimit(text, name, at, None, number, unit)
+
+
+def remaining_cycles(
+    reference: Reference,
+    later: Sequence[Sequence[MeasuredNumbers]],
+    limits: Sequence[WatchLimit],
+    begins: int | None,
+    seed: int,
+) -> list[Remaining]:
+    """Cycles that remain until each limit, for each branch and channel that has the quantity.
+
+    Parameters
+    ----------
+    reference : Reference
+    later : sequence of sequence of MeasuredNumbers
+        Watched cycles, by strand.
+    limits : sequence of WatchLimit
+    begins : int or None
+        Watched cycle, from 1, with which a change began; what was before does not tell its course.
+    seed : int
+
+    Raises
+    ------
+    SmaBayesError
+        If nothing that was fitted has a quantity, or its unit is another one.
+    """
+    if not limits or reference.fitted + len(later) < FEWEST:
+        return []
+    total = reference.fitted + len(later)
+    first = max(0, total - HISTORY)
+    if begins is not None and total - (reference.fitted + begins - 2) >= FEWEST:
+        first = max(first, reference.fitted + begins - 2)
+    strands = [_extended(reference, s, later, first) for s in range(len(reference.strands))]
+    pooled = pool(strands, AHEAD, seed, DRAWS)
+    settled = replace(pooled, draws=tuple(replace(d, sweep=d.state) for d in pooled.draws))
+    return [r for limit in limits for r in _of_limit(reference, settled, limit)]
+
+
+def _extended(reference: Reference, s: int, later: Sequence[Sequence[MeasuredNumbers]], first: int) -> Strand:
+    """All sweeps of a strand, fitted and watched, from one on."""
+    sweeps = [*reference.numbers[s], *(cycle[s] for cycle in later)][first:]
+    cycle = np.concatenate([reference.cycle, reference.cycle[-1] + 1.0 + np.arange(len(later))])[first:]
+    values = np.array([n.value[: len(NUMBERS)] for n in sweeps])
+    return replace(reference.strands[s], cycle=cycle, numbers=values, sds=np.array([n.sd for n in sweeps]))
+
+
+def _of_limit(reference: Reference, pooled: Pooled, limit: WatchLimit) -> Iterator[Remaining]:
+    found = list(_fitting(pooled, limit))
+    if not found:
+        there = sorted({q.name for q in quantities(pooled, ())})
+        raise SmaBayesError(
+            f"--limit {limit.asked!r}: nothing that was fitted has {limit.name!r}",
+            expected=f"one of {', '.join(there)}, or a channel at a temperature",
+        )
+    for q in found:
+        yield _reached(reference, pooled, q, limit)
+
+
+def _fitting(pooled: Pooled, limit: WatchLimit) -> Iterator[CycleSeries]:
+    for q in quantities(pooled, () if limit.at is None else (limit.at,)):
+        if q.name == limit.name and (q.at is None) == (limit.at is None):
+            yield q
+
+
+def _reached(reference: Reference, pooled: Pooled, q: CycleSeries, limit: WatchLimit) -> Remaining:
+    last = int(np.searchsorted(pooled.cycle, pooled.last))
+    fitted = _as_fitted(reference, q)
+    target = fitted * (1.0 + limit.share) if limit.share is not None else _converted(limit, q)
+    now = q.draws[:, last]
+    rises = target > fitted
+    over = q.draws[:, last:] >= target if rises else q.draws[:, last:] <= target
+    when = np.where(over.any(axis=1), over.argmax(axis=1), np.inf)
+    horizon = int(pooled.cycle.size - 1 - last)
+    low, middle, high = (float(v) for v in np.quantile(when, [0.05, 0.5, 0.95], method="inverted_cdf"))
+    with np.errstate(all="ignore"):
+        a, b, c = (float(v) for v in np.nanquantile(now, [0.05, 0.5, 0.95]))
+    return Remaining(
+        limit, q.branch, q.channel, q.unit, fitted, (a, b, c), target,
+        tuple(v if np.isfinite(v) else None for v in (low, middle, high)),  # type: ignore[arg-type]
+        float(np.mean(np.isfinite(when))), horizon,
+    )  # fmt: skip
+
+
+def _as_fitted(reference: Reference, q: CycleSeries) -> float:
+    """The quantity with the mean numbers of the fitted sweeps."""
+    strands = {
+        s.channel: (i, s) for i, s in enumerate(reference.strands) if s.record.branch.value == q.branch
+    }
+    mean = {
+        c: np.mean([n.value[: len(NUMBERS)] for n in reference.numbers[i]], axis=0)
+        for c, (i, _) in strands.items()
+    }
+    if q.name in NUMBERS:
+        _, s = strands[q.channel]
+        a, g, d, w = (float(v) for v in mean[q.channel])
+        values = {
+            "offset": s.level + s.span * a, "stroke": s.span * np.exp(g), "shift": d, "width": np.exp(w)
+        }  # fmt: skip
+        return float(values[q.name])
+    t = np.array([q.at if q.at is not None else np.nan])
+    if q.name in strands:
+        return float(strands[q.name][1].curve(mean[q.name], t)[0])
+    force, displacement = (strands[c][1].slope(mean[c], t)[0] for c in ("force", "displacement"))
+    return float(force / displacement)
+
+
+def _converted(limit: WatchLimit, q: CycleSeries) -> float:
+    value = limit.value if limit.value is not None else np.nan
+    if not limit.unit:
+        if q.unit in ("1", ARBITRARY):
+            return value
+        raise SmaBayesError(f"--limit {limit.asked!r} has no unit", expected=f"its unit, such as {q.unit!r}")
+    if limit.unit == q.unit:
+        return value
+    return float(convert(value, limit.unit, q.unit, what=limit.name))

@@ -1,0 +1,123 @@
+"""Tables of a watch."""
+
+from __future__ import annotations
+
+from sma_bayes.report.content import Estimate, Number
+from sma_bayes.report.notation import unit_label
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.runs.schema import IntervalDocument
+from sma_bayes.studies.watch.outputs import StoredWatch
+from sma_bayes.studies.watch.schema import LimitDocument, WatchDocument
+
+CURVE = (Column("branch", "branch"), Column("channel", "channel"))
+
+
+def watch_tables(stored: StoredWatch) -> dict[str, Table]:
+    """All tables of a watch, by name."""
+    found = stored.found
+    tables = (_numbers(found), _causes(found), _limits(found), _cycles(found), _files(found))
+    return {t.name: t for t in tables}
+
+
+def _numbers(found: WatchDocument) -> Table:
+    columns = (
+        *CURVE, Column("number", "number"), Column("unit", "unit"), Column("fitted, mean", "fitted", OF_ROW),
+        Column("last", "last", OF_ROW), Column("normal from", "low", OF_ROW), Column("to", "high", OF_ROW),
+        Column("log10 e", "log10_e", "1"), Column("alarm", "alarm"),
+    )  # fmt: skip
+    count = len(found.fitted)
+    rows = tuple(
+        (
+            n.branch, n.channel, n.number, unit_label(n.unit) or "1",
+            _value(sum(n.value[:count]) / count, n.unit), _value(n.value[-1], n.unit),
+            _value(n.normal_low[-1], n.unit), _value(n.normal_high[-1], n.unit),
+            Number(n.log10_e[-1], "1", 0.01) if n.log10_e else None, "yes" if n.alarm else "no",
+        )
+        for n in found.numbers
+    )  # fmt: skip
+    note = (
+        f"Normal: 95 % of the sweeps while nothing changes. An alarm of one of these {len(rows)} numbers needs "
+        "as many times the evidence that a single one would."
+    )
+    return Table("numbers", "What is watched", note, columns, rows, 2)
+
+
+def _value(value: float | None, unit: str) -> Cell:
+    return None if value is None else Number(value, unit, abs(value) * 1e-4 or 1e-4)
+
+
+def _estimate(of: IntervalDocument, unit: str) -> Estimate:
+    low, middle, high = of.quantiles
+    return Estimate(middle, low, high, unit)
+
+
+def _causes(found: WatchDocument) -> Table:
+    columns = (
+        Column("cause", "cause"), Column("of", "of"), Column("effects of gap", "effects"),
+        Column("share of the change", "share", "1"), Column("p of what is left", "p_value", "1"),
+        Column("amount", "amount"), Column("unit", "unit"), Column("at the last cycle", "value", OF_ROW),
+    )  # fmt: skip
+    rows = tuple(
+        (
+            c.title, c.of, ", ".join(c.effects).replace("_", " ") or "none", Number(c.share, "1", 0.01),
+            Number(c.p_value, "1", 0.01), a.name.replace("_", " "), unit_label(a.unit) or "1",
+            _estimate(a, a.unit),
+        )
+        for c in found.change.causes for a in c.amounts
+    )  # fmt: skip
+    note = "Each may be the whole change; the data can't tell them apart. 90 % intervals."
+    return Table("causes", "What may have changed", note, columns, rows)
+
+
+def _limits(found: WatchDocument) -> Table:
+    columns = (
+        *CURVE, Column("limit", "limit"), Column("unit", "unit"), Column("fitted", "fitted", OF_ROW),
+        Column("now", "now", OF_ROW), Column("limit at", "target", OF_ROW),
+        Column("cycles that remain", "remaining"), Column("reached in time", "probability", "1"),
+    )  # fmt: skip
+    rows = tuple(
+        (
+            r.branch, r.channel, r.limit, unit_label(r.unit) or "1", _value(r.fitted, r.unit),
+            _estimate(r.now, r.unit), _value(r.target, r.unit),
+            remaining_text(r), Number(r.probability, "1", 0.01),
+        )
+        for r in found.limits
+    )  # fmt: skip
+    horizon = max((r.horizon for r in found.limits), default=0)
+    note = (
+        f"Median and 90 % interval; looked for over {horizon} cycles, by the laws and the walk of `cycles`."
+    )
+    return Table("limits", "Cycles that remain", note, columns, rows, 2)
+
+
+def remaining_text(r: LimitDocument) -> str:
+    """Cycles that remain, in words."""
+    low, middle, high = (_count(v, r.horizon) for v in (r.remaining.q05, r.remaining.median, r.remaining.q95))
+    return middle if low == middle == high else f"{middle} [{low}, {high}]"
+
+
+def _count(cycles: float | None, horizon: int) -> str:
+    return f"> {horizon}" if cycles is None else f"{cycles:.0f}"
+
+
+def _cycles(found: WatchDocument) -> Table:
+    columns = (
+        Column("cycle", "cycle"), Column("file", "file"), Column("its cycle there", "cycle_in_file"),
+        Column("log10 e", "log10_e", "1"),
+    )  # fmt: skip
+    rows = tuple(
+        (c.cycle, c.file, f"{c.cycle_in_file:g}", Number(c.log10_e, "1", 0.01)) for c in found.cycles
+    )
+    note = "Greatest e-process of all numbers, over how many there are."
+    return Table("cycles", "Watched cycles", note, columns, rows)
+
+
+def _files(found: WatchDocument) -> Table:
+    columns = (
+        Column("file", "file"), Column("counted", "counted"), Column("known already", "repeated"),
+        Column("not whole", "partial", brief=False), Column("SHA-256", "sha256", brief=False),
+    )  # fmt: skip
+    rows = tuple(
+        (f.name, f.counted, f.repeated, "; ".join(f.partial) or "none", f.sha256) for f in found.files
+    )
+    return Table("files", "Files", "In the order in which they were read.", columns, rows)

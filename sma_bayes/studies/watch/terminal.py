@@ -1,0 +1,70 @@
+"""A watch on the screen: the last cycles, what was not whole, what changed, and one closing sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from rich.console import Console
+from rich.table import Table
+
+from sma_bayes.errors import many
+from sma_bayes.quantities import unit_text
+from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
+
+LAST: Final = 5
+"""Cycles that are shown number by number."""
+
+
+def show_line(text: str) -> None:
+    """Tell of one file, as it was taken."""
+    screen().print(text, soft_wrap=True)
+
+
+def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
+    """Tell what the watched cycles say."""
+    found = WatchDocument.model_validate(told)
+    console = screen()
+    console.print(
+        f"{found.campaign}, {found.condition}: {many(len(found.fitted), 'cycle')} fitted, {len(found.cycles)} watched; "
+        f"false alarms, ever: at most {found.alpha:.2g}",
+        soft_wrap=True,
+    )
+    if found.cycles:
+        _show_numbers(console, found)
+    for text in found.partial[-SHOWN:]:
+        console.print(f"not whole, not counted: {text}", soft_wrap=True)
+    for text in found.remarks[-SHOWN:]:
+        console.print(f"remark: {text}", soft_wrap=True)
+    for limit in found.limits:
+        console.print(limit.statement, soft_wrap=True)
+    if not found.converged:
+        console.print("NOT CONVERGED: the fit must not be relied on.")
+    console.print(found.statement, soft_wrap=True)
+    if out is not None:
+        show_end(console, dict(told), out)
+
+
+def _show_numbers(console: Console, found: WatchDocument) -> None:
+    last = found.cycles[-LAST:]
+    table = Table(title="watched cycles; ! is outside the normal range (95 %)", title_justify="left")
+    for name in ("", "normal"):
+        table.add_column(name, justify="left")
+    for c in last:
+        table.add_column(f"{c.cycle}", justify="right")
+    table.add_column("log10 e", justify="right")
+    for n in found.numbers:
+        low, high = n.normal_low[-1], n.normal_high[-1]
+        normal = "not known yet" if low is None or high is None else f"{low:.4g} to {high:.4g}"
+        cells = [_cell(n, i - len(last)) for i in range(len(last))]
+        name = f"{n.branch} {n.channel} {n.number} [{unit_text(n.unit) or '1'}]"
+        table.add_row(name, normal, *cells, f"{n.log10_e[-1]:.2f}" + (" ALARM" if n.alarm else ""))
+    console.print(table)
+
+
+def _cell(n: WatchedNumber, at: int) -> str:
+    value, low, high = n.value[at], n.normal_low[at], n.normal_high[at]
+    outside = low is not None and high is not None and not low <= value <= high
+    return f"{value:.4g}" + ("!" if outside else "")

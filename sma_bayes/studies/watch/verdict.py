@@ -1,0 +1,298 @@
+"""What the watched cycles say: whether there is an alarm, since when, of what, and what is normal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from scipy.stats import t as t_distribution
+
+from sma_bayes.arrays import Floats
+from sma_bayes.errors import many
+from sma_bayes.quantities import unit_text
+from sma_bayes.report.notation import interval_text
+from sma_bayes.studies.cycles.sweeps import Strand
+from sma_bayes.studies.watch.evidence import Onset, Watched, least_squares_of, onset
+from sma_bayes.studies.watch.naming import Change, NamedCause, causes_of, change_of, interval, named
+from sma_bayes.studies.watch.reference import WATCHED, MeasuredNumbers, Reference
+from sma_bayes.studies.watch.remaining import Remaining
+from sma_bayes.studies.watch.state import WatchState
+
+NORMAL: Final = 0.975
+LOG10: Final = float(np.log(10.0))
+
+
+@dataclass(frozen=True, slots=True)
+class WatchVerdict:
+    """What is said.
+
+    Attributes
+    ----------
+    document : dict
+        Keys of `watch.json`.
+    begins : int or None
+        Watched cycle, from 1, with which a change began, if there is one.
+    """
+
+    document: dict[str, Any]
+    begins: int | None
+
+
+def judged(
+    reference: Reference, later: Sequence[Sequence[MeasuredNumbers]], state: WatchState, alpha: float
+) -> WatchVerdict:
+    """Judge all cycles that count.
+
+    Parameters
+    ----------
+    reference : Reference
+    later : sequence of sequence of MeasuredNumbers
+        Watched cycles, by strand.
+    state : WatchState
+        With the evidence after each.
+    alpha : float
+    """
+    watched = reference.watched(later)
+    series = len(reference.keys)
+    evidence = np.array([c.log_evidence for c in state.cycles]).reshape(-1, series)
+    total = evidence.max(axis=1, initial=-np.inf) - np.log(series)
+    needed = float(np.log(1.0 / alpha))
+    over = np.flatnonzero(total >= needed)
+    at = int(over[0]) if over.size else None
+    began = None if at is None else _began(watched, evidence, needed + np.log(series))
+    numbers = _numbers(reference, watched, evidence, began, needed + np.log(series))
+    greatest = float(total.max(initial=0.0))
+    change = _no_change() if began is None else _change(reference, began)
+    alarm = None
+    if at is not None and began is not None:
+        alarm = {
+            "cycle": at + 1,
+            "file": state.cycles[at].file,
+            "numbers": [f"{n['branch']} {n['channel']} {n['number']}" for n in numbers if n["alarm"]],
+            "onset": {
+                "low": began.onset.low, "median": began.onset.middle, "high": began.onset.high,
+                "shape": began.onset.shape,
+            },
+        }  # fmt: skip
+    document = {
+        "verdict": "same" if alarm is None else "changed",
+        "statement": _statement(len(later), alarm, change, alpha, greatest),
+        "p_value": float(min(1.0, np.exp(-greatest))),
+        "fitted": reference.cycle.tolist(),
+        "law": reference.law,
+        "cycles": [
+            {"cycle": n + 1, "file": c.file, "cycle_in_file": c.cycle, "log10_e": float(e / LOG10)}
+            for n, (c, e) in enumerate(zip(state.cycles, total, strict=True))
+        ],
+        "numbers": numbers,
+        "alarm": alarm,
+        "change": change,
+    }
+    return WatchVerdict(document, None if began is None else began.onset.middle)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Began:
+    """A change, and the cycles that show it."""
+
+    onset: Onset
+    watched: Watched
+
+
+def _began(watched: Watched, evidence: Floats, needed: float) -> _Began:
+    """When the clearest change began; where the evidence has gone since, by the cycle of the most of it."""
+    last = len(evidence) - 1
+    if evidence[last].max() < needed:
+        last = int(evidence.max(axis=1).argmax())
+    n = watched.fitted + last + 1
+    seen = Watched(
+        watched.value[:n], watched.weight[:n], watched.fitted, tuple(d[:n] for d in watched.designs)
+    )
+    return _Began(onset(seen, int(evidence[last].argmax())), seen)
+
+
+def _numbers(
+    reference: Reference, watched: Watched, evidence: Floats, began: _Began | None, needed: float
+) -> list[dict[str, Any]]:
+    base = watched.fitted + (watched.watched if began is None else began.onset.low - 1)
+    low, high = normal_range(watched, base)
+    out = []
+    for k, (s, i) in enumerate(reference.keys):
+        strand = reference.strands[s]
+        out.append({
+            "branch": strand.record.branch.value,
+            "channel": strand.channel,
+            "number": WATCHED[i],
+            "unit": _unit(strand, i),
+            "value": _physical(strand, i, watched.value[:, k]).tolist(),
+            "normal_low": _or_null(_physical(strand, i, low[:, k])),
+            "normal_high": _or_null(_physical(strand, i, high[:, k])),
+            "log10_e": (evidence[:, k] / LOG10).tolist(),
+            "alarm": bool(np.any(evidence[:, k] >= needed)),
+        })  # fmt: skip
+    return out
+
+
+def normal_range(watched: Watched, base: int) -> tuple[Floats, Floats]:
+    """Within which 95 % of the sweeps are while nothing changes, by the first so many; NaN where that is not known."""
+    design = watched.designs[len(watched.designs) // 2]
+    none = np.full(watched.value.shape, np.nan)
+    least = least_squares_of(watched.value[:base], watched.weight[:base], design[:base])
+    if least is None:
+        return none, none
+    size = 1.0 / watched.weight + np.sum((design @ least.root) ** 2, axis=1)
+    scatter = np.sqrt(least.left / least.spare * size[:, None])
+    by = t_distribution.ppf(NORMAL, least.spare) * scatter
+    middle = design @ least.beta
+    return middle - by, middle + by
+
+
+def _unit(strand: Strand, number: int) -> str:
+    temperature = strand.record.units["temperature"]
+    return {
+        "offset": strand.unit, "stroke": strand.unit, "shift": "K" if temperature == "degC" else temperature,
+        "width": "1", "noise": strand.unit,
+    }[WATCHED[number]]  # fmt: skip
+
+
+def _physical(strand: Strand, number: int, value: Floats) -> Floats:
+    """A number in its unit."""
+    name = WATCHED[number]
+    with np.errstate(over="ignore"):
+        if name == "offset":
+            return strand.level + strand.span * value
+        if name == "shift":
+            return value
+        return np.asarray(np.exp(value) * (1.0 if name == "width" else strand.span))
+
+
+def _or_null(values: Floats) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def _no_change() -> dict[str, Any]:
+    return {"verdict": "none", "causes": [], "statement": "no change that needs a name"}
+
+
+def _change(reference: Reference, began: _Began) -> dict[str, Any]:
+    change = change_of(began.watched, began.onset)
+    found = [] if change is None else named(change, causes_of(reference.strands))
+    if change is None or not found:
+        return {
+            "verdict": "unnamed",
+            "causes": [],
+            "statement": "unnamed: none of the causes that are known, nor two together, accounts for the change",
+        }
+    causes = [_cause(n, change) for n in found]
+    best = causes[0]
+    told = f"{best['title']} ({_amounts(best)}), {best['share']:.0%} of the change"
+    if len(causes) > 1:
+        others = "; ".join(c["title"] for c in causes[1:])
+        told += f"; these cycles can't tell it from: {others}"
+    return {"verdict": "named", "causes": causes, "statement": told}
+
+
+def _cause(n: NamedCause, change: Change) -> dict[str, Any]:
+    low, high = interval(n, change.spare)
+    amounts = [amount for cause in n.causes for amount in cause.amounts]
+    kinds = {c.of for c in n.causes}
+    return {
+        "id": "+".join(c.id for c in n.causes),
+        "title": ", and ".join(c.title for c in n.causes),
+        "of": kinds.pop() if len(kinds) == 1 else "either",
+        "effects": list(dict.fromkeys(c.effect for c in n.causes if c.effect)),
+        "share": n.share,
+        "p_value": n.p,
+        "amounts": [
+            {"q05": float(a), "median": float(m), "q95": float(b), "name": name, "unit": unit}
+            for a, m, b, (name, unit) in zip(low, n.amount, high, amounts, strict=True)
+        ],
+    }
+
+
+def _amounts(cause: Mapping[str, Any]) -> str:
+    return ", ".join(
+        f"{a['name'].replace('_', ' ')} {interval_text(a['median'], a['q05'], a['q95'])} {unit_text(a['unit'])}".strip()
+        for a in cause["amounts"]
+    )
+
+
+def _statement(
+    watched: int, alarm: Mapping[str, Any] | None, change: Mapping[str, Any], alpha: float, greatest: float
+) -> str:
+    if not watched:
+        return "no whole cycle has been watched yet"
+    if alarm is None:
+        return (
+            f"still the spring that was fitted, as far as {many(watched, 'cycle')} tell: the evidence of a change came "
+            f"to {np.exp(min(greatest, 50.0)):.2g}, and {1.0 / alpha:.4g} is an alarm"
+        )
+    o = alarm["onset"]
+    since = f"cycle {o['median']}" + ("" if o["low"] == o["high"] else f" ({o['low']} to {o['high']})")
+    return (
+        f"changed: alarm with cycle {alarm['cycle']} ({alarm['file']}), a {o['shape']} since {since}: "
+        f"{change['statement']}"
+    )
+
+
+def remaining_document(r: Remaining) -> dict[str, Any]:
+    """Keys of a limit in `watch.json`."""
+    low, middle, high = r.remaining
+    return {
+        "limit": r.limit.asked,
+        "branch": r.branch,
+        "channel": r.channel,
+        "quantity": r.limit.name,
+        "at": r.limit.at,
+        "unit": r.unit,
+        "fitted": r.fitted,
+        "now": dict(zip(("q05", "median", "q95"), r.now, strict=True)),
+        "target": r.target,
+        "remaining": {"q05": low, "median": middle, "q95": high},
+        "probability": r.probability,
+        "horizon": r.horizon,
+        "statement": _remaining_statement(r),
+    }
+
+
+def _remaining_statement(r: Remaining) -> str:
+    low, middle, high = r.remaining
+    what = f"{r.branch} {r.channel}, {r.limit.asked}"
+    if middle == 0.0:
+        return f"{what}: reached"
+    if middle is None:
+        least = "" if low is None else f", or in {low:.0f} at the earliest (5 %)"
+        return f"{what}: not within {r.horizon} cycles{least}; probability {r.probability:.0%}"
+    upper = f"{high:.0f}" if high is not None else f"more than {r.horizon}"
+    return f"{what}: in {middle:.0f} cycles (90 %: {low:.0f} to {upper})"
+
+
+def csv_columns(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Columns of `cycles.csv` (each number of each sweep) and `e_process.csv`, by file."""
+    fitted, cycles = found["fitted"], found["cycles"]
+    count = len(fitted)
+    rows = [
+        (
+            "fitted" if j < count else "watched", int(fitted[j]) if j < count else cycles[j - count]["cycle"],
+            "" if j < count else cycles[j - count]["file"], n["branch"], n["channel"], n["number"], n["unit"], value,
+            _nan(n["normal_low"][j]), _nan(n["normal_high"][j]),
+            np.nan if j < count else n["log10_e"][j - count],
+        )
+        for n in found["numbers"] for j, value in enumerate(n["value"])
+    ]  # fmt: skip
+    names = (
+        "part", "cycle", "file", "branch", "channel", "number", "unit", "value", "normal_low", "normal_high", "log10_e"
+    )  # fmt: skip
+    process = {
+        "cycle": [c["cycle"] for c in cycles],
+        "file": [c["file"] for c in cycles],
+        "log10_e": [c["log10_e"] for c in cycles],
+        "log10_alarm": [float(np.log10(1.0 / found["alpha"]))] * len(cycles),
+    }
+    return {"cycles.csv": dict(zip(names, zip(*rows, strict=True), strict=True)), "e_process.csv": process}
+
+
+def _nan(value: float | None) -> float:
+    return np.nan if value is None else value

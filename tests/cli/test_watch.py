@@ -1,0 +1,357 @@
+"""`sma-bayes watch`: quiet cycles, a fault, what comes twice or half, resuming, a folder, and bad input."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sma_bayes
+
+Published = Callable[[str], Any]
+Run = Callable[..., Any]
+QUIET, FAULTY = 4, 5
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory, watched_spring: ModuleType) -> Path:
+    """A fit of four cycles, files of quiet cycles that follow, and of cycles whose displacement drifts."""
+    folder, rng, rig = tmp_path_factory.mktemp("watch"), np.random.default_rng(0), watched_spring.PLAIN
+    campaign = sma_bayes.read_campaign(rig.campaign(folder / "bench", rng, 4))
+    sma_bayes.fit_campaign(campaign, folder / "results", jobs=1, figures="none", noise="independent")
+    for n in range(1, QUIET + 1):
+        watched_spring.write(folder / "quiet" / f"{n}.csv", [rig.cycle(rng)])
+    for n in range(1, FAULTY + 1):
+        read = watched_spring.offset_drift(n, rig.cycle(rng))
+        watched_spring.write(folder / "faulty" / f"{n}.csv", [read])
+    return folder
+
+
+def files(place: Path, name: str) -> list[Path]:
+    return sorted((place / name).glob("*.csv"))
+
+
+def found_in(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "watch.json").read_text(encoding="utf-8"))
+    return found
+
+
+def without_account(found: dict[str, Any]) -> dict[str, Any]:
+    of_run = {"wall_s", "stages_s", "stages_cpu_s", "workers", "content_sha256", "figures", "files_sha256"}
+    return {k: v for k, v in found.items() if k not in of_run}
+
+
+@pytest.fixture(scope="module")
+def out(place: Path) -> Path:
+    """A watch of the quiet cycles, then of the faulty ones."""
+    folder = place / "out"
+    limit = ["stroke=-20%", "displacement@60 degC=25 mm"]
+    first = sma_bayes.watch(place / "results", files(place, "quiet"), folder, limit=limit)
+    assert first["verdict"] == "same"
+    assert first["exit_status"] == 0
+    sma_bayes.watch(place / "results", files(place, "faulty"), folder, limit=limit)
+    return folder
+
+
+def test_the_document_is_as_published_and_every_file_is_there(out: Path, published: Published) -> None:
+    found = found_in(out)
+    published("watch").validate(found)
+    published("watch-state").validate(json.loads((out / "state.json").read_text(encoding="utf-8")))
+    assert len(found["cycles"]) == QUIET + FAULTY
+    assert found["fitted"] == [1, 2, 3, 4]
+    assert found["statement"] in (out / "report.html").read_text(encoding="utf-8").replace("&#39;", "'")
+    for name in ("evidence", "numbers"):
+        assert (out / "figures" / f"{name}.png").is_file()
+    with (out / "cycles.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 10 * (4 + QUIET + FAULTY)
+    with (out / "e_process.csv").open(encoding="utf-8") as file:
+        assert [float(r["log10_alarm"]) for r in csv.DictReader(file)] == [2.0] * (QUIET + FAULTY)
+
+
+def test_a_drift_is_found_dated_named_and_measured(out: Path) -> None:
+    """The sensor has crept by 0.12 mm * 5^0.7 = 0.370 mm at the last cycle; a power is neither a step nor a ramp."""
+    found = found_in(out)
+    assert found["verdict"] == "changed"
+    assert found["exit_status"] == 1
+    assert QUIET < found["alarm"]["cycle"] <= QUIET + 4
+    assert found["alarm"]["onset"]["low"] <= QUIET + 1 <= found["alarm"]["onset"]["high"] + 1
+    assert found["alarm"]["numbers"] == ["heating displacement offset", "cooling displacement offset"]
+    assert found["change"]["verdict"] == "named"
+    cause = found["change"]["causes"][0]
+    assert cause["id"] == "displacement_offset"
+    (amount,) = cause["amounts"]
+    assert amount["unit"] == "m"
+    assert amount["median"] == pytest.approx(0.370e-3, rel=0.15)
+    inside = [n for n in found["numbers"] if n["number"] != "offset"]
+    assert not any(n["alarm"] for n in inside)
+
+
+def test_limits_that_are_far_are_not_reached(out: Path) -> None:
+    limits = found_in(out)["limits"]
+    assert [(r["limit"], r["branch"]) for r in limits] == [
+        ("stroke=-20%", "heating"),
+        ("stroke=-20%", "cooling"),
+        ("displacement@60 degC=25 mm", "heating"),
+        ("displacement@60 degC=25 mm", "cooling"),
+    ]
+    for r in limits[:2]:
+        assert r["target"] == pytest.approx(0.8 * r["fitted"])
+        assert r["fitted"] == pytest.approx(0.018, rel=0.02)
+        assert r["probability"] < 0.1
+    assert limits[2]["target"] == pytest.approx(0.025)
+
+
+def test_one_call_and_many_give_the_same_numbers(place: Path, out: Path) -> None:
+    again = place / "one-by-one"
+    for path in (*files(place, "quiet"), *files(place, "faulty")):
+        sma_bayes.watch(place / "results", path, again, figures="none")
+    whole = sma_bayes.watch(place / "results", [*files(place, "quiet"), *files(place, "faulty")])
+    one, other = without_account(found_in(again)), without_account(whole)
+    assert one == other
+    assert {**without_account(found_in(out)), "limits": []} == {**one, "limits": []}
+
+
+def test_a_watch_that_was_killed_goes_on_to_the_same_numbers(place: Path, out: Path) -> None:
+    """SIGKILL as soon as the state has been written once; the same command counts the rest."""
+    folder = place / "killed"
+    paths = [*files(place, "quiet"), *files(place, "faulty")]
+    command = [sys.executable, "-m", "sma_bayes", "watch", str(place / "results"), *map(str, paths)]
+    command += ["--out", str(folder), "--no-figures", "--quiet"]
+    process = subprocess.Popen(command)
+    while not (folder / "state.json").is_file() and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL if os.name == "posix" else signal.SIGTERM)
+    process.wait()
+    assert subprocess.run(command, check=False).returncode == 1
+    state = json.loads((folder / "state.json").read_text(encoding="utf-8"))
+    unbroken = json.loads((out / "state.json").read_text(encoding="utf-8"))
+    assert state["cycles"] == unbroken["cycles"]
+
+
+def test_what_comes_twice_or_grows_counts_once(
+    place: Path, watched_spring: ModuleType, tmp_path: Path
+) -> None:
+    rng, rig, grows = np.random.default_rng(7), watched_spring.PLAIN, tmp_path / "grows.csv"
+    cycles = [rig.cycle(rng) for _ in range(3)]
+    results, out = place / "results", tmp_path / "out"
+    watched_spring.write(grows, cycles[:1])
+    first = sma_bayes.watch(results, grows, out, figures="none")
+    copied = shutil.copy(grows, tmp_path / "copy.csv")
+    again = sma_bayes.watch(results, [grows, copied], out, figures="none")
+    assert len(again["cycles"]) == len(first["cycles"]) == 1
+    assert any("came again" in text for text in again["remarks"])
+    watched_spring.write(grows, cycles)
+    lines = grows.read_text(encoding="utf-8").splitlines(keepends=True)
+    grows.write_text("".join(lines[:-12]), encoding="utf-8")
+    grown = sma_bayes.watch(results, grows, out, figures="none")
+    assert [c["cycle_in_file"] for c in grown["cycles"]] == [1, 2]
+    assert len(grown["partial"]) == 1
+    assert "grows.csv, cycle 3: cooling covers" in grown["partial"][0]
+    watched_spring.write(grows, cycles)
+    whole = sma_bayes.watch(results, grows, out, figures="none")
+    assert [c["cycle_in_file"] for c in whole["cycles"]] == [1, 2, 3]
+    assert whole["partial"] == []
+
+
+def test_a_line_without_an_end_is_left_out_and_told(place: Path, tmp_path: Path) -> None:
+    text = files(place, "quiet")[0].read_text(encoding="utf-8")
+    (tmp_path / "cut.csv").write_text(text[:-4], encoding="utf-8")
+    found = sma_bayes.watch(place / "results", tmp_path / "cut.csv")
+    assert len(found["cycles"]) == 1
+    assert any("line 51 has no end and was left out" in r for r in found["remarks"])
+
+
+def test_a_file_that_has_just_begun_is_partial(run: Run, place: Path, tmp_path: Path) -> None:
+    lines = files(place, "quiet")[0].read_text(encoding="utf-8").splitlines(keepends=True)
+    (tmp_path / "begun.csv").write_text("".join(lines[:8]), encoding="utf-8")
+    outcome = run("watch", place / "results", tmp_path / "begun.csv", "--json")
+    assert outcome.status == 0, outcome.err
+    found = json.loads(outcome.out)
+    assert found["cycles"] == []
+    assert "begun.csv" in found["partial"][0]
+    assert found["statement"] == "no whole cycle has been watched yet"
+
+
+def test_a_folder_is_watched_until_there_is_an_alarm(run: Run, place: Path, tmp_path: Path) -> None:
+    folder, out = tmp_path / "logger", tmp_path / "out"
+    folder.mkdir()
+    shutil.copy(files(place, "quiet")[0], folder / "q1.csv")
+    (folder / "broken.csv").write_text("a,b\n1,2\n", encoding="utf-8")
+    coming = [*files(place, "quiet")[1:], *files(place, "faulty")]
+
+    def log() -> None:
+        while not (out / "watch.json").is_file():
+            time.sleep(0.1)
+        for n, path in enumerate(coming):
+            shutil.copy(path, folder / f"x{n:02}.csv")
+
+    logger = threading.Thread(target=log)
+    logger.start()
+    outcome = run(
+        "watch", place / "results", "--folder", folder, "--out", out, "--no-figures", "--idle", "60"
+    )
+    logger.join()
+    assert outcome.status == 1, outcome.err
+    assert "broken.csv: left out" in outcome.out
+    assert "changed: alarm with cycle" in outcome.out
+    found = found_in(out)
+    assert found["alarm"]["file"].startswith("x")
+    assert len(found["cycles"]) == found["alarm"]["cycle"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_watch_of_a_folder_ends_in_order_by_a_signal(place: Path, tmp_path: Path) -> None:
+    folder, out = tmp_path / "logger", tmp_path / "out"
+    folder.mkdir()
+    shutil.copy(files(place, "quiet")[0], folder / "q1.csv")
+    command = [sys.executable, "-m", "sma_bayes", "watch", str(place / "results"), "--folder", str(folder)]
+    command += ["--out", str(out), "--no-figures"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith("q1.csv: 1 new")
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert told.splitlines()[-1] == "interrupted; the same command goes on from here"
+    assert len(found_in(out)["cycles"]) == 1
+
+
+def test_a_folder_in_which_nothing_comes_ends_when_idle(run: Run, place: Path, tmp_path: Path) -> None:
+    (tmp_path / "logger").mkdir()
+    outcome = run(
+        "watch", place / "results", "--folder", tmp_path / "logger", "--out", tmp_path / "out", "--idle", "0",
+        "--no-figures",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert "no whole cycle has been watched yet" in outcome.out
+
+
+def test_the_terminal_tells_the_same(run: Run, place: Path, out: Path) -> None:
+    before = found_in(out)
+    outcome = run("watch", place / "results", "--out", out, "--no-figures")
+    assert outcome.status == 1
+    assert " ".join(before["statement"].split()) in " ".join(outcome.out.split())
+    assert "ALARM" in outcome.out
+
+
+def test_the_report_is_built_anew(run: Run, place: Path, out: Path) -> None:
+    (out / "report.html").unlink(missing_ok=True)
+    assert run("report", out, "--quiet").status == 0
+    assert (out / "report.html").is_file()
+
+
+def test_a_file_of_another_campaign_is_refused_and_nothing_is_counted(
+    run: Run, place: Path, out: Path, tmp_path: Path
+) -> None:
+    before = (out / "state.json").read_bytes()
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n", encoding="utf-8")
+    outcome = run("watch", place / "results", tmp_path / "other.csv", files(place, "quiet")[0], "--out", out)
+    assert outcome.status == 2
+    assert "other.csv: is not of this campaign" in outcome.err
+    assert "--campaign FILE" in outcome.err
+    assert (out / "state.json").read_bytes() == before
+
+
+def test_temperatures_of_another_range_are_refused(run: Run, place: Path, tmp_path: Path) -> None:
+    lines = files(place, "quiet")[0].read_text(encoding="utf-8").splitlines()
+    rows = [line.split(",") for line in lines[1:]]
+    kelvin = [",".join([r[0], f"{float(r[1]) + 273.15:g}", *r[2:]]) for r in rows]
+    (tmp_path / "kelvin.csv").write_text("\n".join([lines[0], *kelvin]) + "\n", encoding="utf-8")
+    outcome = run("watch", place / "results", tmp_path / "kelvin.csv")
+    assert outcome.status == 2
+    assert "over which the spring was fitted" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--limit", "colour=3"), "--limit 'colour=3'"),
+        (("--limit", "stroke"), "such as 'stroke=-20%'"),
+        (("--limit", "shift=10%"), "a temperature difference"),
+        (("--limit", "stiffness@60=500 N/m"), "has no unit"),
+        (("--limit", "stroke=3 N"), "N"),
+        (("--alpha", "0"), "--alpha 0"),
+        (("--condition", "other"), "unknown condition 'other'"),
+        (("--campaign", "nowhere.toml"), "no such campaign file"),
+        (("--folder", "nowhere"), "is not a folder"),
+    ],
+)
+def test_what_can_not_be_is_refused(run: Run, place: Path, options: tuple[str, ...], told: str) -> None:
+    outcome = run("watch", place / "results", files(place, "quiet")[0], *options)
+    assert outcome.status == 2, outcome.out
+    assert told in outcome.err
+
+
+def test_a_watch_of_another_fit_or_alpha_is_refused(run: Run, place: Path, out: Path) -> None:
+    outcome = run("watch", place / "results", "--out", out, "--alpha", "0.05")
+    assert outcome.status == 2
+    assert "differs in alpha" in outcome.err
+    assert run("watch", place / "results", "--out", place / "results").status == 2
+    missing = run("watch", place / "nothing", files(place, "quiet")[0])
+    assert missing.status == 2
+    assert "the output folder of a fit" in missing.err
+
+
+def test_a_state_that_was_changed_is_refused(run: Run, place: Path, out: Path, tmp_path: Path) -> None:
+    changed = shutil.copytree(out, tmp_path / "changed")
+    state = json.loads((changed / "state.json").read_text(encoding="utf-8"))
+    state["cycles"][0]["log_evidence"][0] += 1.0
+    (changed / "state.json").write_text(json.dumps(state), encoding="utf-8")
+    outcome = run("watch", place / "results", "--out", changed)
+    assert outcome.status == 2
+    assert "state.json" in outcome.err
+
+
+def test_a_later_part_of_real_cycles(run: Run, shared_data: Path, tmp_path: Path) -> None:
+    """Cycles 1 to 5 of seven are fitted; 6 and 7, which go on as these trained, are no change."""
+    example = Path(__file__).parents[2] / "docs" / "examples" / "smareact_isobaric_7cycle.toml"
+    data = shared_data / "smareact_isobaric_7cycle" / "isobaric_7cycle.txt"
+    begin, text = tmp_path / "bench", example.read_text(encoding="utf-8")
+    begin.mkdir()
+    lines = data.read_text(encoding="utf-8").splitlines(keepends=True)
+    hours = [_hours(line) for line in lines]
+    cut = next(i for i, h in enumerate(hours) if h is not None and h >= 4.02)
+    head = next(i for i, h in enumerate(hours) if h is not None)
+    (begin / "isobaric_7cycle.txt").write_text("".join(lines[:cut]), encoding="utf-8")
+    (begin / "campaign.toml").write_text(text, encoding="utf-8")
+    later = tmp_path / "later.txt"
+    later.write_text("".join([*lines[:head], *lines[cut:]]), encoding="utf-8")
+    fitted = run(
+        "fit",
+        begin,
+        "--out",
+        tmp_path / "results",
+        "--jobs",
+        "1",
+        "--no-figures",
+        "--quiet",
+        "--noise",
+        "ar1",
+    )
+    assert fitted.status in (0, 1)
+    outcome = run("watch", tmp_path / "results", later, "--json")
+    found = json.loads(outcome.out)
+    assert found["law"] != "none"
+    assert len(found["cycles"]) == 2
+    assert found["verdict"] == "same"
+
+
+def _hours(line: str) -> float | None:
+    try:
+        return float(line.strip().strip('"').split(",")[0])
+    except ValueError:
+        return None
