@@ -53,7 +53,16 @@ def fresh(code: str) -> float:
 
 def demo() -> dict[str, float]:
     """Processor time of each stage of the demo."""
-    command = ["from sma_bayes.cli import main; main()", "demo", "--jobs", "1", "--quiet", "--json", "--out"]
+    command = [
+        "from sma_bayes.cli import main; main()",
+        "demo",
+        "--paper",
+        "--jobs",
+        "1",
+        "--quiet",
+        "--json",
+        "--out",
+    ]
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
             [sys.executable, "-c", *command, str(Path(folder) / "demo")], check=False, capture_output=True

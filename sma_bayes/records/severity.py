@@ -19,7 +19,7 @@ _SERIOUS: Final = frozenset({
 })  # fmt: skip
 _NOTES: Final = frozenset({
     "assumed", "constant-channel", "constant-load", "cut", "held-samples", "hold", "not-fitted", "quantised",
-    "recognised", "reduced", "segments", "twin",
+    "recognised", "reduced", "segments", "simulated", "twin",
 })  # fmt: skip
 
 

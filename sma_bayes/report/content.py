@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.adequacy import Missed, Reason
 from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.paper.tables import PrintedCell
@@ -433,6 +434,41 @@ class PrintedComparison:
         return low is not None and high is not None and low <= self.cell.value <= high
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownTruth:
+    """The true curve of a channel of simulated measurements, beside its band.
+
+    Attributes
+    ----------
+    record, condition, branch, channel : str
+    name, unit, temperature_unit : str
+    temperature, curve : ndarray, shape (m,)
+        [`temperature_unit`] and [`unit`].
+    within : float
+        Share of these temperatures at which the 90 % band holds the curve [1].
+    middle : float
+        Where the true displacement has gone half of its way [`temperature_unit`].
+    true : float
+        The curve there [`unit`].
+    estimate : Estimate
+        What the fit says there.
+    """
+
+    record: str
+    condition: str
+    branch: str
+    channel: str
+    name: str
+    unit: str
+    temperature: Floats
+    temperature_unit: str
+    curve: Floats
+    within: float
+    middle: float
+    true: float
+    estimate: Estimate
+
+
 @dataclass(frozen=True, slots=True)
 class AverageFactor:
     """Averages of the correlation factors of a channel over records, by one rule.
@@ -505,6 +541,10 @@ class Content:
         Empty but for the twin of the paper.
     averages : tuple of AverageFactor
     provenance : Provenance
+    truth : tuple of KnownTruth
+        Empty but for simulated measurements.
+    offsets : mapping of str to float
+        What the thermometer of a condition truly read too much [K]; empty where `truth` is.
     """
 
     campaign: str
@@ -515,6 +555,8 @@ class Content:
     printed: tuple[PrintedComparison, ...]
     averages: tuple[AverageFactor, ...]
     provenance: Provenance
+    truth: tuple[KnownTruth, ...] = ()
+    offsets: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def converged(self) -> tuple[RecordContent, ...]:
@@ -574,7 +616,14 @@ class Content:
     def only(self, r: RecordContent) -> Content:
         """The same with one record, and nothing about the others."""
         return replace(
-            self, records=(r,), loops=self.loops_of(r.condition), findings=(), printed=(), averages=()
+            self,
+            records=(r,),
+            loops=self.loops_of(r.condition),
+            findings=(),
+            printed=(),
+            averages=(),
+            truth=(),
+            offsets={},
         )
 
     def loops_of(self, condition: str) -> tuple[QuantityRow, ...]:

@@ -1,1 +1,1 @@
-"""The main job on a twin of the published campaign, without any file."""
+"""The main job on a campaign that ships with the package, without any other file."""

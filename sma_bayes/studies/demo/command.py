@@ -26,6 +26,12 @@ from sma_bayes.studies.command_options import (
 
 def command(
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("sma-bayes-demo"),
+    paper: Annotated[
+        bool,
+        typer.Option(
+            "--paper", help="The twin of the published campaign instead: 18 records in its own units."
+        ),
+    ] = False,
     seed: Seed = 0,
     jobs: Jobs = None,
     noise: Noise = "auto",
@@ -38,13 +44,16 @@ def command(
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
-    """Run the main job on a twin of the published campaign: 18 records, no other file, no network."""
+    """Run the main job on measurements of a simulated rig, whose truth is known: no other file, no network."""
     from sma_bayes.paper.twin import twin_campaign
+    from sma_bayes.runs.store import write_text
+    from sma_bayes.simulated.campaign import MEASUREMENTS, measurement_files, simulated_campaign
+    from sma_bayes.studies.demo.terminal import show_demo
     from sma_bayes.studies.fit.terminal import show_fit
     from sma_bayes.studies.fit.workflow import fit_campaign
     from sma_bayes.studies.identity import is_run_of
 
-    read = partial(twin_campaign, seed)
+    read = partial(twin_campaign if paper else simulated_campaign, seed)
     with working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
         summary = fit_campaign(
             campaign,
@@ -55,4 +64,13 @@ def command(
             figures="none" if no_figures else figures,
             **shared,
         )
-    finish(summary, quiet, as_json, lambda: show_fit(summary, out), strict=strict)
+    if not paper:
+        for name, text in measurement_files(seed).items():
+            write_text(out / MEASUREMENTS / name, text)
+    finish(
+        summary,
+        quiet,
+        as_json,
+        lambda: show_fit(summary, out) if paper else show_demo(summary, out),
+        strict=strict,
+    )

@@ -45,6 +45,7 @@ from sma_bayes.runs.fit_document import (
 )
 from sma_bayes.runs.outputs import StoredRun
 from sma_bayes.runs.schema import Factor
+from sma_bayes.studies.fit.truth import is_simulated, known_truth, thermometer_offsets
 
 TWIN_SOURCE: Final = "Tables 3 to 8 as printed"
 """How the source of the paper's twin campaign begins."""
@@ -92,6 +93,8 @@ def report_content(run: StoredRun) -> Content:
         printed=_printed(records) if is_twin(summary) else (),
         averages=tuple(f for e in summary.correlation_average for f in average_factors(e, e.data or "")),
         provenance=_provenance(run),
+        truth=known_truth(run, records),
+        offsets=thermometer_offsets(run),
     )
 
 
@@ -339,8 +342,9 @@ def _command(summary: FitFindings) -> str:
     common = [f"--seed {summary.seed}", f"--noise {options.noise}"]
     if summary.data_dir:
         common.insert(0, f"--data {_quoted(summary.data_dir)}")
-    if is_twin(summary) and options.pool == "none":
-        return " ".join(("sma-bayes demo --out NEW", *common))
+    if options.pool == "none" and (is_twin(summary) or is_simulated(summary)):
+        verb = "sma-bayes demo --paper --out NEW" if is_twin(summary) else "sma-bayes demo --out NEW"
+        return " ".join((verb, *common))
     if options.model != DEFAULT_MODEL:
         common.append(f"--model {options.model}")
     if options.extrapolate:

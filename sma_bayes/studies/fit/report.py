@@ -33,11 +33,13 @@ from sma_bayes.studies.fit.figures.crowd import correlation_of_many, diagnostics
 from sma_bayes.studies.fit.figures.discrepancy import discrepancy_figure
 from sma_bayes.studies.fit.figures.marginals import corner_figure
 from sma_bayes.studies.fit.figures.record import predictive_figure, residual_figure, trace_figure
+from sma_bayes.studies.fit.figures.truth import truth_figure
 from sma_bayes.studies.fit.gather import report_content
 from sma_bayes.studies.fit.methods import bibliography, methods_text
 from sma_bayes.studies.fit.page import write_record_page, write_report
 from sma_bayes.studies.fit.publication import publication_tex, supplement_tex
 from sma_bayes.studies.fit.residuals import median_curves, standardised_residuals
+from sma_bayes.studies.fit.truth import truth_table
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
@@ -50,6 +52,8 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         tables = report_tables(content) | {t.name: t for t in answer_tables(content)}
+        if content.truth:
+            tables["truth"] = truth_table(content)
         tables = written_tables(tables, stored.summary, folder, wanted)
         write_text(folder / "methods.md", methods_text(content))
         write_text(folder / "tables" / "publication.tex", publication_tex(content))
@@ -162,6 +166,15 @@ class _CampaignTask:
             yield partial(average_figure, self.content)
         if self.content.printed:
             yield partial(printed_figure, self.content)
+        if self.content.truth:
+            yield partial(
+                truth_figure,
+                self.content.truth,
+                {
+                    c: [branch_data(self.folder, r) for r in self.content.branches(c)]
+                    for c in self.content.conditions
+                },
+            )
         for number, part in enumerate(self.content.by_units(), 1):
             if several:
                 yield partial(parameters_of_many if many else parameter_figure, part, number)

@@ -146,7 +146,7 @@ def test_other_campaigns_are_not(run_copy: Path, edit_summary: Edit) -> None:
 def test_the_command_gives_the_same_run_again(run_copy: Path, edit_summary: Edit) -> None:
     assert (
         report_content(read_run(run_copy)).provenance.command
-        == "sma-bayes demo --out NEW --seed 0 --noise auto"
+        == "sma-bayes demo --paper --out NEW --seed 0 --noise auto"
     )
     options = {"noise": "ar1", "pool": "campaign", "extrapolate": 5.0}
     other = edit_summary(run_copy, lambda s: s.update(source="my rig", seed=7, options=options))
