@@ -14,7 +14,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.errors import UnknownNameError, near_matches
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Branch, Campaign, Finding
-from sma_bayes.simulated.rig import DEFAULT_RIG, GRAVITY, Course, Log, Setup, logged, ramp
+from sma_bayes.simulated.rig import DEFAULT_RIG, GRAVITY, HeatingRamp, LoggedRamp, Setup, logged, ramp
 
 SOURCE: Final = "simulated spring rig"
 """How the source of a simulated campaign begins."""
@@ -58,7 +58,7 @@ load_g = {load:g}
 
 
 @cache
-def course_of(condition: str) -> Course:
+def course_of(condition: str) -> HeatingRamp:
     """What truly happened in a condition.
 
     Raises
@@ -73,7 +73,7 @@ def course_of(condition: str) -> Course:
     return ramp(Setup(LOADS[condition] * 1e-3 * GRAVITY))
 
 
-def log_of(condition: str, seed: int) -> Log:
+def log_of(condition: str, seed: int) -> LoggedRamp:
     """What the instruments made of it; each condition has a random stream of its own.
 
     Raises

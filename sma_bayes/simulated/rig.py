@@ -183,7 +183,7 @@ class Setup:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class HeatingRamp:
     """What happens in one ramp of the heating power, up and down, without any error of an instrument.
 
     Attributes
@@ -211,7 +211,7 @@ class Course:
         return {c: np.concatenate([heating[c], cooling[c]]) for c in heating}
 
 
-def ramp(setup: Setup) -> Course:
+def ramp(setup: Setup) -> HeatingRamp:
     """Take the heating power from zero to its top and back.
 
     The heat balance ``(capacity - latent dm/dT) dT/dt = power - loss (T - ambient)`` is integrated by Euler's steps of
@@ -223,7 +223,7 @@ def ramp(setup: Setup) -> Course:
 
     Returns
     -------
-    Course
+    HeatingRamp
         A reading every `Rig.interval`.
     """
     rig = setup.rig
@@ -250,30 +250,30 @@ def ramp(setup: Setup) -> Course:
     capacities = capacity(setup.share(grid, Branch.COOLING, left))
     while len(course) < time.size:
         course.append(next_temperature(course[-1], power[len(course) - 1], capacities))
-    return Course(setup, time[::STEPS], np.array(course[::STEPS]), hottest // STEPS, left)
+    return HeatingRamp(setup, time[::STEPS], np.array(course[::STEPS]), hottest // STEPS, left)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Log:
+class LoggedRamp:
     """What the instruments make of a course, as a logger writes it down.
 
     Attributes
     ----------
-    course : Course
+    course : HeatingRamp
     temperature, force, displacement : ndarray, shape (n,)
         [degC], [N] and [m], rounded to 0.01 degC, 1 mN and 0.01 mm.
     offset : float
         What the thermocouple reads too much, always [K].
     """
 
-    course: Course
+    course: HeatingRamp
     temperature: Floats
     force: Floats
     displacement: Floats
     offset: float
 
 
-def logged(course: Course, rng: np.random.Generator) -> Log:
+def logged(course: HeatingRamp, rng: np.random.Generator) -> LoggedRamp:
     """Read the instruments.
 
     The thermocouple follows with its lag, is off by what its calibration left, and each reading by something of its
@@ -281,7 +281,7 @@ def logged(course: Course, rng: np.random.Generator) -> Log:
 
     Parameters
     ----------
-    course : Course
+    course : HeatingRamp
     rng : numpy.random.Generator
     """
     rig, n = course.setup.rig, course.time.size
@@ -297,7 +297,7 @@ def logged(course: Course, rng: np.random.Generator) -> Log:
         return np.asarray(sd * lfilter([1.0], [1.0, -rho], shocks, zi=first)[0])
 
     true = course.channels()
-    return Log(
+    return LoggedRamp(
         course,
         np.round(lagging + offset + rig.temperature_sd * rng.standard_normal(n), 2),
         np.round(true["force"] + noise(rig.force_sd), 3),

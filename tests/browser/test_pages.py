@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 import shutil
 import subprocess
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from sma_bayes import fit_campaign
+from sma_bayes import compare, fit_campaign, study_gap
 from sma_bayes.paper.twin import twin_campaign
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -89,6 +91,68 @@ def test_nothing_is_cut_and_nothing_overlaps(report: Path, tmp_path: Path) -> No
         assert found["over"] == []
         assert found["beyond"] <= 0
         assert found["blank"] == []
+
+
+AXE = """<script>%(axe)s</script><script>
+window.addEventListener("load", () => {
+  document.querySelectorAll("details").forEach(d => d.open = true);
+  axe.run(document, {resultTypes: ["violations"]}).then(result => {
+    const found = document.createElement("pre");
+    found.id = "found";
+    found.textContent = JSON.stringify({
+      passed: result.passes.length,
+      violations: result.violations.map(v => [v.impact, v.id, v.nodes.slice(0, 3).map(n => n.html.slice(0, 200))]),
+    });
+    document.body.append(found);
+  });
+});
+</script></body>"""
+"""What judges a page from inside; the policy of the page would not let it in, and is taken out first."""
+
+
+def judged(page: Path, place: Path, *options: str) -> dict[str, Any]:
+    """Rules of axe that a page passes and breaks."""
+    pytest.importorskip("axe_core_python", reason="axe-core-python is not installed")
+    code = resources.files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8")
+    text = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', "", page.read_text(encoding="utf-8"))
+    body, end = text.rsplit("</body>", 1)
+    copy = place / "judged.html"
+    copy.write_text(body + AXE % {"axe": code.replace("</script", "<\\/script")} + end, encoding="utf-8")
+    told = browser("--virtual-time-budget=60000", "--dump-dom", *options, copy.as_uri())
+    found = re.search(r'<pre id="found">(.*?)</pre>', told.stdout, re.DOTALL)
+    assert found is not None
+    return dict(json.loads(html.unescape(found[1])))
+
+
+@pytest.fixture(scope="module")
+def pages(report: Path) -> dict[str, Path]:
+    """Reports of the verbs that people read most."""
+    folder, twin = report.parent.parent, twin_campaign(0, ("force",))
+    one = replace(twin, records=tuple(r for r in twin.records if r.condition.id.startswith("100g")))
+    compare(one, folder / "compare", jobs=1)
+    study_gap(one, folder / "gap", jobs=1)
+    return {"fit": report, **{verb: folder / verb / "report.html" for verb in ("compare", "gap")}}
+
+
+@pytest.mark.parametrize("verb", ["fit", "compare", "gap"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_can_be_read_by_everybody(
+    pages: dict[str, Path], tmp_path: Path, verb: str, scheme: str
+) -> None:
+    found = judged(pages[verb], tmp_path, f"--blink-settings=preferredColorScheme={int(scheme == 'light')}")
+    assert found["passed"] > 10
+    assert found["violations"] == []
+
+
+def test_what_can_not_be_read_is_found(tmp_path: Path) -> None:
+    page = tmp_path / "bad.html"
+    page.write_text(
+        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>x</title></head><body><main><h1>x</h1>'
+        '<p style="color: #ccc; background: #fff">pale</p><img src="data:,"></main></body></html>',
+        encoding="utf-8",
+    )
+    broken = {rule for _, rule, _ in judged(page, tmp_path)["violations"]}
+    assert {"color-contrast", "image-alt"} <= broken
 
 
 def test_a_dark_page_is_dark(report: Path, tmp_path: Path) -> None:
