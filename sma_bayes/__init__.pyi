@@ -21,6 +21,7 @@ from .records.types import Record as Record
 from .runs.jobs import cluster as cluster
 from .runs.stored_draws import stored_draws as stored_draws
 from .studies.ask.workflow import ask as ask
+from .studies.card.workflow import card as card
 from .studies.compare.workflow import compare as compare
 from .studies.conditions.effects import operating_effects as operating_effects
 from .studies.conditions.features import condition_features as condition_features

@@ -16,6 +16,7 @@ from sma_bayes.checksum import KEY, netcdf_checksum
 from sma_bayes.errors import OutputError
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis
 from sma_bayes.runs.documents import (
+    CARD,
     COMPARISON,
     CONDITIONS,
     FINISH,
@@ -155,7 +156,7 @@ def read_run(folder: Path) -> StoredRun:
         other = next(
             (
                 d
-                for d in (GAP, COMPARISON, CONDITIONS, SENSITIVITY, SIMULATION, STUDY)
+                for d in (GAP, CARD, COMPARISON, CONDITIONS, SENSITIVITY, SIMULATION, STUDY)
                 if (folder / d.file).is_file()
             ),
             None,

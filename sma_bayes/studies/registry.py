@@ -37,6 +37,7 @@ _SHIPPED: Final = (
     "cycles",
     "modulus",
     "watch",
+    "card",
     "run",
     "report",
     "paper",

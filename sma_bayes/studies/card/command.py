@@ -1,0 +1,66 @@
+"""The verb `card` on the command line."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sma_bayes.studies.command_execution import finish, progress_shown
+from sma_bayes.studies.command_options import Figures, Json, NoFigures, Quiet, Resume, Seed, Verbose
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the files: new or empty, or --resume; none by default.")
+    ] = None,
+    area: Annotated[
+        str | None,
+        typer.Option(help="Cross-section of a wire whose force was measured, such as '0.98 mm^2'."),
+    ] = None,
+    length: Annotated[
+        str | None, typer.Option(help="Length of a wire whose displacement was measured, such as '50 mm'.")
+    ] = None,
+    modulus_austenite: Annotated[
+        str | None, typer.Option(help="Young's modulus of austenite where it is known, such as '70 GPa'.")
+    ] = None,
+    modulus_martensite: Annotated[
+        str | None, typer.Option(help="The same of martensite; that of austenite by default.")
+    ] = None,
+    reference_stress: Annotated[
+        str | None, typer.Option(help="Where C_A and C_M are told, such as '150 MPa'; the mean by default.")
+    ] = None,
+    points: Annotated[int, typer.Option(help="Rows of a stiffness table.")] = 65,
+    draws: Annotated[int, typer.Option(help="Draws of the constants.")] = 400,
+    seed: Seed = 0,
+    figures: Figures = "report",
+    no_figures: NoFigures = False,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Hand a fit on: constants for a finite-element solver, stiffness tables and a C header for a controller."""
+    from sma_bayes.studies.card.terminal import show_card
+    from sma_bayes.studies.card.workflow import card
+
+    with progress_shown(quiet or as_json, verbose) as progress:
+        found = card(
+            folder,
+            out,
+            area=area,
+            length=length,
+            modulus_austenite=modulus_austenite,
+            modulus_martensite=modulus_martensite,
+            reference_stress=reference_stress,
+            points=points,
+            draws=draws,
+            seed=seed,
+            resume=resume,
+            figures="none" if no_figures else figures,
+            progress=progress,
+        )
+    finish(found, quiet, as_json, partial(show_card, found, out))

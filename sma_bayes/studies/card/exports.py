@@ -1,0 +1,90 @@
+"""The constitutive card as other programs read it.
+
+`simcoon` takes the law as ``SMADI`` (``SMAUT`` of older versions), 28 constants in the order of `SIMCOON`, stresses in
+MPa: `simcoon.solver.io.load_material_json` reads the file. With the first of them, ``flagT``, zero, its temperatures
+are those of the tangent at half the transformation. SMA-REACT (https://github.com/maestrolab/SMA-REACT)
+takes the ends of the law itself, stresses in Pa and one expansion; the file has the keys with which it exports a
+solution, its bounds are the 90 % intervals.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from sma_bayes.arrays import Floats
+from sma_bayes.studies.card.law import ends
+from sma_bayes.studies.card.pooling import Constant, Pooled
+
+POISSON: Final = 0.33
+"""Poisson's ratio of both phases: one-dimensional measurements do not tell it [1]."""
+SIMCOON: Final = (
+    "flagT", "E_A", "E_M", "nu_A", "nu_M", "alpha_A", "alpha_M", "H_min", "H_max", "k", "sigma_crit", "C_A", "C_M",
+    "Ms", "Mf", "As", "Af", "n1", "n2", "n3", "n4", "sigma_calibration", "b_Prager", "n_Prager",
+    "c_lambda", "p0_lambda", "n_lambda", "alpha_lambda",
+)  # fmt: skip
+"""Order of the constants of ``SMADI``."""
+STATES: Final = 17
+"""Its internal variables."""
+_NUMERICAL: Final = {
+    "flagT": 0.0, "nu_A": POISSON, "nu_M": POISSON, "b_Prager": 0.0, "n_Prager": 2.0,
+    "c_lambda": 1e-6, "p0_lambda": 1e-3, "n_lambda": 1.0, "alpha_lambda": 1e8,
+}  # fmt: skip
+"""Poisson's ratios, no asymmetry of tension and compression, and the penalties of the examples of simcoon."""
+EXPONENTS: Final = (0.02, 1.0)
+"""What the exponents of the law may be [1]."""
+
+
+def simcoon_material(card: Pooled) -> dict[str, Any]:
+    """Material of `simcoon`: name, constants, states and orientation; ``symbols`` and ``units`` are told too."""
+    values = {name: c.value for name, c in card.constants.items()}
+    values |= _NUMERICAL | {"sigma_calibration": card.reference}
+    return {
+        "name": "SMADI",
+        "props": [float(values[name]) for name in SIMCOON],
+        "nstatev": STATES,
+        "orientation": {"psi": 0.0, "theta": 0.0, "phi": 0.0},
+        "symbols": list(SIMCOON),
+        "units": "MPa, K, 1/K, 1/MPa, MPa/K",
+    }
+
+
+def sma_react_solution(card: Pooled) -> dict[str, Any]:
+    """Solution of SMA-REACT: Pa, K, and the ends of the law itself."""
+    point = _of_react({name: np.asarray([c.value]) for name, c in card.constants.items()})
+    drawn = _of_react({name: c.draws for name, c in card.constants.items()})
+    return {
+        "final_solution": {name: float(v[0]) for name, v in point.items()},
+        "bounds": [[float(x) for x in np.quantile(v, (0.05, 0.95))] for v in drawn.values()],
+        "sigma_cal": 1e6 * card.reference,
+        "delta": 1e-6,
+        "MVF_tol": 1e-4,
+        "units": "Pa, K, 1/K, 1/Pa, Pa/K",
+    }
+
+
+def _of_react(c: Mapping[str, Floats]) -> dict[str, Floats]:
+    first, last = ends(c["Ms"], c["Mf"], c["n1"], c["n2"])
+    finish, start = ends(c["Af"], c["As"], c["n3"], c["n4"])
+    return {
+        "E_M": 1e6 * c["E_M"], "E_A": 1e6 * c["E_A"], "M_s": first, "M_s-M_f": first - last, "A_s": start,
+        "A_f - A_s": finish - start, "C_M": 1e6 * c["C_M"], "C_A": 1e6 * c["C_A"], "H_min": c["H_min"],
+        "H_max - H_min": c["H_max"] - c["H_min"], "k": 1e-6 * c["k"], "n_1": c["n1"], "n_2": c["n2"], "n_3": c["n3"],
+        "n_4": c["n4"], "sig_crit": 1e6 * c["sigma_crit"], "alpha": 0.5 * (c["alpha_A"] + c["alpha_M"]),
+    }  # fmt: skip
+
+
+def covariance_text(constants: Mapping[str, Constant]) -> str:
+    """Covariance of the draws as CSV, names in the first row and column."""
+    names = list(constants)
+    matrix = np.cov(np.stack([constants[n].draws for n in names]))
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["", *names])
+    for name, row in zip(names, matrix, strict=True):
+        writer.writerow([name, *(f"{v:.9g}" for v in row)])
+    return out.getvalue()

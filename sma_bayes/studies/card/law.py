@@ -1,0 +1,129 @@
+"""The phenomenological law of shape memory alloys with smooth hardening, at constant uniaxial stress.
+
+With ``x`` the share of martensite, the transformation at a stress ``s`` goes along
+
+    T(x, s) = T_none + (T_full - T_none) f(x) + shift(s),    f(x) = (1 + x^p - (1 - x)^q)/2
+
+on cooling (p, q = n1, n2) and on heating (p, q = n3, n4); `T_none` and `T_full` are temperatures at which nothing and
+all is martensite. The strain is
+
+    e(T, s) = s/E_A + x [H(s) + s (1/E_M - 1/E_A)] + [alpha_A + x (alpha_M - alpha_A)] (T - T_0)
+    H(s) = H_min + (H_max - H_min) (1 - exp(-k s))
+
+and, with ``g(s) = (1 -+ D) H(s) s + s^2 (1/E_M - 1/E_A)/2``, upper sign on cooling, the shift is
+``g(s)/(C g'(s_ref))``: the phase boundaries have the slopes C_M and C_A at the reference stress.
+
+References
+----------
+D. Lagoudas, D. Hartl, Y. Chemisky, L. Machado, P. Popov, "Constitutive model for the numerical analysis of phase
+transformation in polycrystalline shape memory alloys", Int. J. Plasticity 32-33 (2012) 155,
+https://doi.org/10.1016/j.ijplas.2011.10.009.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from sma_bayes.arrays import Floats
+
+_NODES: Final = np.unique(
+    np.concatenate([(grid := np.concatenate([[0.0], np.logspace(-9.0, np.log10(0.5), 160)])), 1.0 - grid])
+)
+"""Shares at which the law is tabulated, dense at both ends."""
+
+
+class Moduli(NamedTuple):
+    """Young's moduli of both phases [MPa]."""
+
+    austenite: float
+    martensite: float
+
+    @property
+    def compliance(self) -> float:
+        """What the compliance of martensite exceeds that of austenite by [1/MPa]."""
+        return 1.0 / self.martensite - 1.0 / self.austenite
+
+
+def hardening(x: Floats | float, p: Floats | float, q: Floats | float) -> Floats:
+    """f(x) above, from 0 to 1.
+
+    Examples
+    --------
+    >>> hardening(0.5, 1.0, 1.0).item(), hardening(1.0, 0.3, 0.6).item()
+    (0.5, 1.0)
+    """
+    x = np.asarray(x, dtype=float)
+    return np.asarray(0.5 * (1.0 + x**p - (1.0 - x) ** q))
+
+
+def ends(
+    none: Floats | float, full: Floats | float, p: Floats | float, q: Floats | float
+) -> tuple[Floats, Floats]:
+    """Temperatures at which the law itself ends, from those where its tangent at half the transformation does.
+
+    Parameters
+    ----------
+    none, full : ndarray or float
+        Where the tangent reaches no martensite and all of it, as in ASTM E3097 [any unit of temperature].
+    p, q : ndarray or float
+        Exponents.
+
+    Examples
+    --------
+    >>> [float(t) for t in ends(20.0, 10.0, 1.0, 1.0)]
+    [20.0, 10.0]
+    """
+    steep = p * 2.0**-p + q * 2.0**-q
+    half = 0.5 * (1.0 + 2.0**-p - 2.0**-q)
+    per = (np.asarray(full) - none) / steep
+    first = none - per * (half - 0.5 * steep)
+    return np.asarray(first), np.asarray(first + per)
+
+
+def share(temperature: Floats, none: float, full: float, p: float, q: float) -> Floats:
+    """Share of martensite at temperatures (m,), the ends told by the tangent at half the transformation.
+
+    Raises
+    ------
+    ValueError
+        Unless ``none`` exceeds ``full``.
+    """
+    if not none > full:
+        raise ValueError("no martensite must be at the higher temperature")
+    first, last = (float(t) for t in ends(none, full, p, q))
+    along = first + (last - first) * hardening(_NODES, p, q)
+    return np.asarray(np.interp(temperature, along[::-1], _NODES[::-1]))
+
+
+def transformation_strain(stress: Floats | float, least: Floats, most: Floats, k: Floats) -> Floats:
+    """H(s) above [1]; the stress in MPa, `k` in 1/MPa."""
+    return np.asarray(least + (most - least) * -np.expm1(-k * np.asarray(stress)))
+
+
+def shift(
+    stress: float, reference: float, strain: tuple[Floats, Floats, Floats], slopes: tuple[Floats, Floats],
+    moduli: Moduli, *, cooling: bool,
+) -> Floats:  # fmt: skip
+    """How far a stress moves the transformation of a branch [K].
+
+    Parameters
+    ----------
+    stress, reference : float
+        [MPa].
+    strain : tuple of ndarray
+        H_min [1], H_max [1], k [1/MPa].
+    slopes : tuple of ndarray
+        C_A and C_M [MPa/K].
+    moduli : Moduli
+    cooling : bool
+    """
+    least, most, k = strain
+    own, other = (slopes[1], slopes[0]) if cooling else slopes
+    at = transformation_strain(reference, least, most, k)
+    rise = at + reference * (most - least) * k * np.exp(-k * reference)
+    elastic = moduli.compliance * reference
+    weight = 2.0 * other * (rise + elastic) / (own + other) - elastic  # (1 -+ D) times the rise
+    work = transformation_strain(stress, least, most, k) * stress * weight / rise
+    return np.asarray((work + 0.5 * moduli.compliance * stress**2) / (own * (weight + elastic)))

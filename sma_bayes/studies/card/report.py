@@ -1,0 +1,56 @@
+"""The report of a card: its figures, tables and page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+from sma_bayes.report.assembly import assemble
+from sma_bayes.report.choice import MANY, REPORT, ReportOptions
+from sma_bayes.report.figures.sheet import Drawing, FigureFiles
+from sma_bayes.report.html import write_page
+from sma_bayes.report.tables import Table
+from sma_bayes.studies.card.figures.card import curves_figure, phase_figure, stiffness_figure, strain_figure
+from sma_bayes.studies.card.outputs import StoredCard, read_card
+from sma_bayes.studies.card.tables import card_tables
+from sma_bayes.studies.card.terminal import headline
+
+
+def build_report(folder: Path, wanted: ReportOptions) -> None:
+    """Write the report of a card; see `sma_bayes.report.choice.ReportBuilder`."""
+    stored = read_card(folder)
+    drawings: list[Callable[[StoredCard], Drawing]] = []
+    if stored.found.constitutive is not None:
+        drawings += [phase_figure, strain_figure, curves_figure]
+    conditions = list(dict.fromkeys(t.condition for t in stored.found.stiffness))
+    if wanted.drawn != REPORT or len(conditions) <= MANY:
+        drawings += [partial(stiffness_figure, condition=c) for c in conditions]
+    assemble(stored, wanted, drawings, card_tables, write_card_report)
+
+
+def write_card_report(
+    stored: StoredCard, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
+) -> None:
+    """Write ``report.html`` of a card.
+
+    Parameters
+    ----------
+    stored : StoredCard
+    tables : mapping of str to Table
+    figures : mapping of str to FigureFiles
+        By stem; their PNG files are in ``figures/``.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written, or a figure can't be read.
+    """
+    write_page(
+        stored.folder,
+        "sma_bayes.studies.card",
+        figures,
+        found=stored.found,
+        tables=tables,
+        headline=headline(stored.found),
+    )

@@ -1,0 +1,490 @@
+"""A fit handed on, from its folder to the files that solvers and controllers read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sma_bayes.account import Account
+from sma_bayes.arrays import Floats
+from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.errors import MeasurementError, OutputError, SmaBayesError, many
+from sma_bayes.fitting.curves import quantiles
+from sma_bayes.progress import Progress, silent
+from sma_bayes.records.types import Branch
+from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.runs.documents import CARD
+from sma_bayes.runs.fit_document import RecordSummary
+from sma_bayes.runs.outputs import StoredRun, read_run
+from sma_bayes.runs.store import plain, write_csv, write_json, write_text
+from sma_bayes.runs.stored_draws import draws_of
+from sma_bayes.studies.card.exports import covariance_text, simcoon_material, sma_react_solution
+from sma_bayes.studies.card.features import GRID, NAMES, curve_of, nearest_law
+from sma_bayes.studies.card.header import stiffness_header
+from sma_bayes.studies.card.law import Moduli, shift, transformation_strain
+from sma_bayes.studies.card.pooling import Constant, Pooled, Sweep, distinct, pooled
+from sma_bayes.studies.card.schema import (
+    CardConstant,
+    CardFindings,
+    CardSweep,
+    ConstitutiveCard,
+    StiffnessTable,
+)
+from sma_bayes.studies.card.specimen import Loaded, Size, kelvin, loaded, modulus_of, size_of
+from sma_bayes.studies.card.stiffness import TabulatedStiffness, tabulated
+from sma_bayes.studies.identity import all_versions, fit_identity
+from sma_bayes.studies.run_context import RunContext
+
+DRAWS: Final = 400
+POINTS: Final = 65
+AUSTENITE: Final = 70e3
+"""E_A where the data do not tell it and it is not given [MPa]; it moves the strain of the hot end alone."""
+POOR: Final = 0.05
+"""Miss of the law, over the range of a curve, from which it is a caution [1]."""
+COARSE: Final = 0.02
+"""Error of interpolation over the stiffness from which it is a caution [1]."""
+UNITS: Final = {
+    "E_A": ("MPa", "modulus of austenite"), "E_M": ("MPa", "modulus of martensite"),
+    "alpha_A": ("1/K", "expansion of austenite"), "alpha_M": ("1/K", "expansion of martensite"),
+    "H_min": ("1", "transformation strain without stress"), "H_max": ("1", "its saturation"),
+    "k": ("1/MPa", "rate at which it saturates"), "sigma_crit": ("MPa", "stress from which it grows"),
+    "C_A": ("MPa/K", "stress influence coefficient of heating"),
+    "C_M": ("MPa/K", "stress influence coefficient of cooling"),
+    "Ms": ("K", "martensite start without stress"), "Mf": ("K", "martensite finish without stress"),
+    "As": ("K", "austenite start without stress"), "Af": ("K", "austenite finish without stress"),
+    "Hcur": ("1", "transformation strain"),
+    "n1": ("1", "exponent of cooling at its start"), "n2": ("1", "exponent of cooling at its finish"),
+    "n3": ("1", "exponent of heating at its finish"), "n4": ("1", "exponent of heating at its start"),
+}  # fmt: skip
+
+
+def card(
+    folder: str | Path,
+    out: str | Path | None = None,
+    *,
+    area: str | None = None,
+    length: str | None = None,
+    modulus_austenite: str | None = None,
+    modulus_martensite: str | None = None,
+    reference_stress: str | None = None,
+    points: int = POINTS,
+    draws: int = DRAWS,
+    seed: int = 0,
+    resume: bool = False,
+    figures: str | bool = REPORT,
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Write what a fit found for a solver (constitutive card) and for a controller (stiffness table and C header).
+
+    Parameters
+    ----------
+    folder : str or Path
+        Output folder of a finished `fit` or `demo`.
+    out : str or Path, optional
+        Folder for `card.json` and the files beside it; nothing is written without it.
+    area, length : str, optional
+        Cross-section and length of a wire whose force and displacement were measured: ``"0.98 mm^2"``, ``"50 mm"``.
+    modulus_austenite, modulus_martensite : str, optional
+        Young's moduli where they are known: ``"70 GPa"``.
+    reference_stress : str, optional
+        Where C_A and C_M are the slopes of the phase boundaries; by default the mean of the stresses.
+    points : int
+        Rows of a stiffness table.
+    draws : int
+        Draws of the constants.
+    seed : int
+        Decides which draws, and the scatter between runs.
+    resume : bool
+        Where `out` holds this very card already, only what is missing of its report is made.
+    figures, progress, account
+        See `fit_campaign`.
+
+    Returns
+    -------
+    dict
+        What `card.json` holds.
+
+    Raises
+    ------
+    SmaBayesError, QuantityError
+        If an option makes no sense.
+    MeasurementError
+        If the fit gives neither constants nor a stiffness.
+    OutputError, ResumeError
+        If `folder` holds no finished fit, or one whose conditions share parameters, or `out` can't be used.
+    """
+    if not 9 <= points <= 4097:
+        raise SmaBayesError(f"{points} points", expected="9 to 4097 rows of a stiffness table")
+    if not 50 <= draws <= 10_000:
+        raise SmaBayesError(f"{draws} draws", expected="50 to 10,000")
+    asked = _Asked(
+        size_of(area, length),
+        (
+            modulus_of(modulus_austenite, "modulus-austenite"),
+            modulus_of(modulus_martensite, "modulus-martensite"),
+        ),
+        modulus_of(reference_stress, "reference-stress"),
+        points,
+        draws,
+        seed,
+    )
+    drawn = figures_for(figures)
+    work = RunContext(CARD, _build_report, None, drawn, progress or silent, account or Account())
+    with work.account.timed("read"):
+        run = read_run(Path(folder))
+    if any(r.shares_parameters_with for r in run.summary.records):
+        raise OutputError(
+            "holds a fit in which all conditions share A and B",
+            file=run.folder,
+            expected="parameters of their own for each condition, whose differences tell what stress does",
+            remedy="fit again without --pool campaign",
+        )
+    identity = fit_identity(CARD.verb, run.summary, asked.told())
+    return work.execute(out, identity, resume, lambda place: _handed_on(run, asked, place, work))
+
+
+def _build_report(folder: Path, wanted: ReportOptions) -> None:
+    from sma_bayes.studies.card.report import build_report  # what draws takes long to import
+
+    build_report(folder, wanted)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    size: Size
+    moduli: tuple[float | None, float | None]
+    reference: float | None
+    points: int
+    draws: int
+    seed: int
+
+    def told(self) -> dict[str, object]:
+        return {
+            "area": self.size.area, "length": self.size.length, "moduli": list(self.moduli),
+            "reference_stress": self.reference, "points": self.points, "draws": self.draws, "seed": self.seed,
+        }  # fmt: skip
+
+
+Read = Callable[[RecordSummary], RecordDraws]
+
+
+def _handed_on(run: StoredRun, asked: _Asked, folder: Path | None, work: RunContext) -> dict[str, Any]:
+    summary = run.summary
+
+    def read(record: RecordSummary) -> RecordDraws:
+        return draws_of(run.folder, record, summary.seed)
+
+    with work.account.timed("constants"):
+        made, why_not = _constitutive(summary.records, read, asked, work)
+    with work.account.timed("stiffness"):
+        tables, no_table = _stiffness(summary.records, read, asked.points)
+    if made is None and not tables:
+        raise MeasurementError(
+            f"nothing to hand on: {why_not}; {no_table}",
+            file=run.folder,
+            expected="strain (or displacement) on heating and cooling at constant load, or force and displacement from "
+            "which a stiffness follows",
+        )
+    if folder is not None:
+        _write(folder, made, tables, summary.campaign, str(getattr(summary, "content_sha256", "")))
+    used = {s.key for s in made.stated.sweeps} if made is not None else set()
+    used |= {f"{t.condition}-{t.branch}" for t in tables}
+    records = [r for r in summary.records if r.key in used]
+    return CardFindings(
+        schema="sma-bayes/card/1",
+        campaign=summary.campaign,
+        source=str(run.folder),
+        seed=asked.seed,
+        versions=all_versions(),
+        data_sha256=summary.data_sha256,
+        converged=all(r.converged for r in records),
+        adequate=all(r.adequate for r in records),
+        constitutive=None if made is None else made.stated,
+        no_constitutive=why_not,
+        stiffness=tuple(_stated_table(t) for t in tables),
+        no_stiffness=no_table,
+        cautions=tuple(_cautions(made, tables)),
+    ).as_json()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Made:
+    """A card with what figures are drawn from."""
+
+    law: Pooled
+    stated: ConstitutiveCard
+    curves: dict[str, Sequence[object] | Floats]
+
+
+def _constitutive(
+    records: Sequence[RecordSummary], read: Read, asked: _Asked, work: RunContext
+) -> tuple[_Made | None, str]:
+    left_out, usable = dict[str, str](), list[tuple[RecordSummary, Loaded]]()
+    for r in records:
+        found = loaded(r, asked.size)
+        if isinstance(found, str):
+            left_out[r.key] = found
+        else:
+            usable.append((r, found))
+    lacking = [b.value for b in Branch if not any(r.branch == b.value for r, _ in usable)]
+    if lacking:
+        reasons = list(dict.fromkeys(left_out.values()))
+        told = "; ".join(reasons) if reasons else f"there is no {lacking[0]} at constant load"
+        return None, told
+    common = min(float(kelvin(r.temperature.highest, r.temperature.unit)) for r, _ in usable)
+    rng = np.random.default_rng(np.random.SeedSequence([asked.seed, 21]))
+    sweeps, seen = list[Sweep](), list[_Seen]()
+    work.tell(0, len(usable), "fitting the law")
+    for r, load in usable:
+        one = _seen(read(r), load, asked.draws, common)
+        if isinstance(one, str):
+            left_out[r.key] = one
+        else:
+            seen.append(one)
+            sweeps.append(one.sweep)
+        work.tell(len(sweeps), len(usable), f"fitted {r.key}")
+    missing = [b.value for b in Branch if not any(s.branch is b for s in sweeps)]
+    if missing:
+        return None, "; ".join(dict.fromkeys(left_out.values()))
+    reference = asked.reference or float(np.mean([s.stress for s in sweeps]))
+    law = pooled(sweeps, reference, asked.moduli, AUSTENITE, rng)
+    stated = [_stated_sweep(one, law, common) for one in seen]
+    found_card = ConstitutiveCard(
+        constants=tuple(_stated(n, c) for n, c in law.constants.items()),
+        at_reference=tuple(
+            _stated(n, c, f"{UNITS[n][1].replace(' without stress', '')} at the reference stress")
+            for n, c in law.at_reference().items()
+        ),
+        reference_stress=reference,
+        common_temperature=common,
+        stresses=tuple(distinct([s.stress for s in sweeps])),
+        sweeps=tuple(stated),
+        left_out=left_out,
+        draws=asked.draws,
+        simcoon="simcoon.json",
+        sma_react="sma_react.json",
+    )
+    return _Made(law, found_card, _curve_columns(seen, law, common)), ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """A sweep, and what was measured in it [K, 1]."""
+
+    sweep: Sweep
+    condition: str
+    temperature: Floats
+    mean: Floats
+    measured: tuple[Floats, Floats]
+
+
+def _seen(draws: RecordDraws, load: Loaded, count: int, common: float) -> _Seen | str:
+    """Numbers of the law for one record; the reason where its strain falls on cooling."""
+    at = draws.grid()[:: max(1, draws.grid().size // GRID)]
+    chosen = np.linspace(0, draws.size - 1, count).round().astype(int)
+    curves = load.per * draws.curve("displacement", at)[chosen]
+    mean = curves.mean(axis=0)
+    if not mean[0] > mean[-1]:
+        return "its strain falls on cooling: a wire in tension becomes longer (give a length with the sign in mind)"
+    temperature = kelvin(at, draws.units["temperature"])
+    features = nearest_law(temperature, curves, common)
+    record = draws.record
+    measured = (
+        kelvin(record.temperature, draws.units["temperature"]),
+        load.per * record.observed["displacement"],
+    )
+    return _Seen(
+        Sweep(draws.key, draws.branch, load.stress, features), draws.condition.id, temperature, mean, measured
+    )
+
+
+def _law_numbers(sweep: Sweep, law: Pooled) -> Floats:
+    """Numbers of a sweep, in the order of `NAMES`, as the card has them."""
+    c = {name: one.value for name, one in law.constants.items()}
+    moduli, cooling = Moduli(c["E_A"], c["E_M"]), sweep.branch is Branch.COOLING
+    strain = (np.asarray(c["H_min"]), np.asarray(c["H_max"]), np.asarray(c["k"]))
+    slopes = (np.asarray(c["C_A"]), np.asarray(c["C_M"]))
+    moved = float(shift(sweep.stress, law.reference, strain, slopes, moduli, cooling=cooling))
+    upper, lower, p, q = (c[n] for n in (("Ms", "Mf", "n1", "n2") if cooling else ("Af", "As", "n3", "n4")))
+    whole = float(transformation_strain(sweep.stress, *strain)) + sweep.stress * moduli.compliance
+    return np.array([
+        0.5 * (upper + lower) + moved, upper - lower, p, q, sweep.stress / moduli.austenite, c["alpha_A"], whole,
+        c["alpha_M"] - c["alpha_A"],
+    ])  # fmt: skip
+
+
+def _card_curve(one: _Seen, law: Pooled, common: float, temperature: Floats) -> tuple[Floats, float]:
+    """Strain of the card with its zero where the measurements have theirs, and that offset."""
+    numbers = _law_numbers(one.sweep, law)
+    raw = curve_of(numbers, one.temperature, common)
+    offset = float(np.mean(one.mean - raw))
+    return curve_of(numbers, temperature, common) + offset, -offset
+
+
+def _stated_sweep(one: _Seen, law: Pooled, common: float) -> CardSweep:
+    f = one.sweep.features
+    middle, width = f.draws[:, NAMES.index("middle")], f.draws[:, NAMES.index("width")]
+    lower, upper = middle - 0.5 * width, middle + 0.5 * width
+    heating = one.sweep.branch is Branch.HEATING
+    curve, offset = _card_curve(one, law, common, one.temperature)
+    off = (curve - one.mean) / np.ptp(one.mean)
+    return CardSweep(
+        key=one.sweep.key,
+        condition=one.condition,
+        branch=one.sweep.branch.value,
+        stress=one.sweep.stress,
+        middle=_interval(middle),
+        start=_interval(lower if heating else upper),
+        finish=_interval(upper if heating else lower),
+        strain=_interval(f.draws[:, NAMES.index("strain")]),
+        offset=offset,
+        finished=f.finished,
+        alone=f.miss,
+        card=float(np.sqrt(np.mean(off**2))),
+        largest=float(np.abs(off).max()),
+    )
+
+
+def _interval(draws: Floats) -> Any:
+    from sma_bayes.runs.schema import IntervalDocument
+
+    q05, median, q95 = quantiles(draws, (0.05, 0.5, 0.95)).tolist()
+    return IntervalDocument(**plain({"q05": q05, "median": median, "q95": q95}))
+
+
+def _stated(name: str, c: Constant, meaning: str = "") -> CardConstant:
+    unit, words = UNITS[name]
+    q05, median, q95 = quantiles(c.draws, (0.05, 0.5, 0.95)).tolist()
+    return CardConstant(
+        **plain({"q05": q05, "median": median, "q95": q95}),
+        name=name,
+        unit=unit,
+        meaning=meaning or words,
+        value=c.value,
+        sd=float(c.draws.std()),
+        identified=c.identified,
+        why=c.why,
+    )
+
+
+def _curve_columns(seen: Sequence[_Seen], law: Pooled, common: float) -> dict[str, Sequence[object] | Floats]:
+    """Measurements and the card beside them, in rows."""
+    parts = [(one, _card_curve(one, law, common, one.measured[0])[0]) for one in seen]
+    return {
+        "condition": [one.condition for one, _ in parts for _ in one.measured[0]],
+        "branch": [one.sweep.branch.value for one, _ in parts for _ in one.measured[0]],
+        "stress_MPa": np.concatenate([np.full(one.measured[0].size, one.sweep.stress) for one, _ in parts]),
+        "temperature_K": np.concatenate([one.measured[0] for one, _ in parts]),
+        "strain_measured": np.concatenate([one.measured[1] for one, _ in parts]),
+        "strain_card": np.concatenate([curve for _, curve in parts]),
+    }
+
+
+def _stiffness(
+    records: Sequence[RecordSummary], read: Read, points: int
+) -> tuple[list[TabulatedStiffness], str]:
+    able = [r for r in records if "stiffness" in r.quantities and r.quantities_of_branch]
+    if not able:
+        if any("stiffness" in r.quantities for r in records):
+            return [], "the priors decide the stiffness, so that the fit gives none"
+        return [], "no stiffness follows: force and displacement were not both measured where they change"
+    tables = [tabulated(read(r), points) for r in able]
+    whole = [t for t in tables if np.isfinite(t.values).all() and np.isfinite(t.error)]
+    return whole, "" if whole else "the stiffness is not finite over the measured temperatures"
+
+
+def _stated_table(t: TabulatedStiffness) -> StiffnessTable:
+    return StiffnessTable(
+        condition=t.condition, branch=t.branch, quantity=t.quantity, unit=t.unit, temperature_unit=t.temperature_unit,
+        first=float(t.temperature[0]), step=t.step, points=t.temperature.size, interpolation_error=t.error,
+        relative_error=t.relative, caution=t.caution,
+    )  # fmt: skip
+
+
+def _cautions(made: _Made | None, tables: Sequence[TabulatedStiffness]) -> list[str]:
+    out = []
+    if made is not None:
+        stated = made.stated
+        poor = [s for s in stated.sweeps if s.card > POOR]
+        if poor:
+            worst = max(poor, key=lambda s: s.card)
+            out.append(
+                f"The card misses the curve of {many(len(poor), 'sweep')} by more than {POOR:.0%} of its range, "
+                f"{worst.key} by {worst.card:.0%} (root mean square): one law does not hold for all of them."
+            )
+        short = [s.key for s in stated.sweeps if not s.finished]
+        if short:
+            out.append(
+                f"The transformation was not finished within the measured temperatures: {', '.join(short)}."
+            )
+        held = [c.name for c in stated.constants if not c.identified and c.name != "sigma_crit"]
+        if held:
+            out.append(f"Not identified, and held at what `why` says: {', '.join(held)}.")
+        if stated.left_out:
+            out.append(f"Left out: {', '.join(f'{k} ({w})' for k, w in stated.left_out.items())}.")
+    coarse = [t for t in tables if t.relative > COARSE]
+    if coarse:
+        worst_table = max(coarse, key=lambda t: t.relative)
+        out.append(
+            f"Linear interpolation errs by up to {worst_table.relative:.1%} of the stiffness in "
+            f"{worst_table.condition}, {worst_table.branch}: take more --points."
+        )
+    out += list(dict.fromkeys(f"{t.condition}: {t.caution}." for t in tables if t.caution))
+    return out
+
+
+def _write(
+    folder: Path, made: _Made | None, tables: Sequence[TabulatedStiffness], campaign: str, checksum: str
+) -> None:
+    if made is not None:
+        constants = made.law.constants
+        write_csv(
+            folder / "constitutive-draws.csv",
+            {f"{n} [{UNITS[n][0]}]": c.draws for n, c in constants.items()},
+        )
+        write_text(folder / "constitutive-covariance.csv", covariance_text(constants))
+        write_csv(folder / "constitutive-curves.csv", made.curves)
+        write_json(folder / made.stated.simcoon, simcoon_material(made.law))
+        write_json(folder / made.stated.sma_react, sma_react_solution(made.law))
+    if tables:
+        write_csv(folder / "stiffness.csv", _table_columns(tables))
+        write_json(folder / "stiffness.json", _table_document(tables, campaign, checksum))
+        write_text(folder / "stiffness.h", stiffness_header(tables, campaign, checksum))
+
+
+def _table_columns(tables: Sequence[TabulatedStiffness]) -> dict[str, Sequence[object] | Floats]:
+    return {
+        "condition": [t.condition for t in tables for _ in t.temperature],
+        "branch": [t.branch for t in tables for _ in t.temperature],
+        "temperature": np.concatenate([t.temperature for t in tables]),
+        "temperature_unit": [t.temperature_unit for t in tables for _ in t.temperature],
+        **{
+            name: np.concatenate([t.values[i] for t in tables])
+            for i, name in enumerate(("stiffness_q05", "stiffness_median", "stiffness_q95"))
+        },
+        "stiffness_unit": [t.unit for t in tables for _ in t.temperature],
+    }
+
+
+def _table_document(tables: Sequence[TabulatedStiffness], campaign: str, checksum: str) -> dict[str, Any]:
+    return {
+        "schema": "sma-bayes/stiffness-table/1",
+        "campaign": campaign,
+        "fit_sha256": checksum,
+        "interpolation": "linear",
+        "tables": [
+            {
+                **_stated_table(t).as_json(),
+                "temperature": t.temperature.tolist(),
+                "q05": t.values[0].tolist(),
+                "median": t.values[1].tolist(),
+                "q95": t.values[2].tolist(),
+            }
+            for t in tables
+        ],
+    }
