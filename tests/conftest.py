@@ -237,3 +237,88 @@ def heated_fit(heated_wire: HeatedWire, tmp_path_factory: pytest.TempPathFactory
     campaign = sma_bayes.campaign_of(frames, name="wire")
     sma_bayes.fit_campaign(campaign, place / "fit", noise="independent", jobs=1, figures=False)
     return place / "fit"
+
+
+class LoadedWire:
+    """A wire at constant stress by the phase transformation law of Lagoudas et al. (2012), from its energies.
+
+    The share at which the criterion of transformation is met is looked for numerically at each temperature; nothing of
+    the package is used. Stresses in MPa, temperatures in K.
+    """
+
+    e_a, e_m, alpha_a, alpha_m = 65e3, 45e3, 1.1e-5, 8e-6
+    h_min, h_max, k = 0.002, 0.05, 0.016
+    c_a, c_m, calibration = 8.0, 7.0, 150.0
+    exponents = (0.4, 0.3, 0.35, 0.25)
+    hot = 390.0
+
+    def __init__(self) -> None:
+        self.zero_stress = {"Ms": 310.0, "Mf": 296.0, "As": 316.0, "Af": 332.0}  # ends of the law itself
+
+    def strain_of_transformation(self, stress: float) -> float:
+        return self.h_min + (self.h_max - self.h_min) * (1.0 - np.exp(-self.k * stress))
+
+    def strain(self, temperature: Any, stress: float, branch: str) -> Any:
+        """Strain at temperatures of one branch."""
+        from scipy.optimize import brentq
+
+        z, (n1, n2, n3, n4) = self.zero_stress, self.exponents
+        softer = 1.0 / self.e_m - 1.0 / self.e_a
+        slope = (self.h_max - self.h_min) * self.k * np.exp(-self.k * self.calibration)
+        rise = self.strain_of_transformation(self.calibration) + self.calibration * slope
+        whole = rise + self.calibration * softer
+        entropy = -2.0 * self.c_m * self.c_a * whole / (self.c_m + self.c_a)
+        d = (self.c_m - self.c_a) * whole / ((self.c_m + self.c_a) * rise)
+        a1, a2 = entropy * (z["Mf"] - z["Ms"]), entropy * (z["As"] - z["Af"])
+        a3 = -0.25 * a1 * (1 + 1 / (n1 + 1) - 1 / (n2 + 1)) + 0.25 * a2 * (1 + 1 / (n3 + 1) - 1 / (n4 + 1))
+        energy = 0.5 * entropy * (z["Ms"] + z["Af"])
+        yielding = 0.5 * entropy * (z["Ms"] - z["Af"]) - a3
+        h = self.strain_of_transformation(stress)
+
+        def criterion(x: float, t: float) -> float:
+            elastic = 0.5 * softer * stress**2
+            if branch == "cooling":
+                hard = 0.5 * a1 * (1 + x**n1 - (1 - x) ** n2) + a3
+                return (1 - d) * stress * h + elastic + entropy * t - energy - hard - yielding
+            hard = 0.5 * a2 * (1 + x**n3 - (1 - x) ** n4) - a3
+            return -((1 + d) * stress * h + elastic + entropy * t - energy) + hard - yielding
+
+        def share(t: float) -> float:
+            low, high = criterion(0.0, t), criterion(1.0, t)
+            if low * high > 0.0:
+                warm = low < 0.0 if branch == "cooling" else low > 0.0
+                return 0.0 if warm else 1.0
+            return float(brentq(criterion, 0.0, 1.0, args=(t,), xtol=1e-12))
+
+        x = np.array([share(float(t)) for t in temperature])
+        lines = (self.alpha_a + x * (self.alpha_m - self.alpha_a)) * (np.asarray(temperature) - self.hot)
+        return stress / self.e_a + x * (h + stress * softer) + lines
+
+
+@pytest.fixture(scope="session")
+def loaded_wire() -> LoadedWire:
+    """The wire of `loaded_fit`."""
+    return LoadedWire()
+
+
+@pytest.fixture(scope="session")
+def loaded_fit(loaded_wire: LoadedWire, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fit of strain against temperature of a wire at three stresses."""
+    place = tmp_path_factory.mktemp("loaded")
+    rng = np.random.default_rng(5)
+    down = np.linspace(390.0, 280.0, 70)
+    frames = {}
+    for stress in (80.0, 140.0, 200.0):
+        strain = np.concatenate([
+            loaded_wire.strain(down, stress, "cooling"), loaded_wire.strain(down[::-1], stress, "heating")
+        ])  # fmt: skip
+        frames[f"{stress:.0f}MPa"] = {
+            "temperature_K": np.concatenate([down, down[::-1]]),
+            "strain_1": strain + 5e-5 * rng.standard_normal(strain.size),
+            "stress_MPa": stress + 0.2 * rng.standard_normal(strain.size),
+        }
+    campaign = sma_bayes.campaign_of(frames, name="wire at constant stress")
+    sma_bayes.fit_campaign(
+        campaign, place / "fit", model="sinh_arcsinh", noise="independent", jobs=1, figures=False
+    )
+    return place / "fit"

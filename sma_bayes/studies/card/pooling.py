@@ -159,6 +159,7 @@ def distinct(stresses: Sequence[float]) -> list[float]:
 def pooled(
     sweeps: Sequence[Sweep],
     reference: float,
+    common: float,
     moduli: tuple[float | None, float | None],
     assumed_modulus: float,
     rng: np.random.Generator,
@@ -171,17 +172,19 @@ def pooled(
         At least one of each branch.
     reference : float
         Stress at which the slopes are told [MPa].
+    common : float
+        Temperature to which strains refer [K].
     moduli : tuple of float or None
         E_A and E_M that were given [MPa].
     assumed_modulus : float
         E_A where it is neither given nor told by the data [MPa].
     rng : numpy.random.Generator
     """
-    work = _Work(tuple(sweeps), reference, rng)
+    work = _Work(tuple(sweeps), reference, common, rng)
     found: dict[str, Constant] = work.moduli(moduli, assumed_modulus)
     elastic = Moduli(found["E_A"].value, found["E_M"].value)
     found |= work.expansions()
-    found |= work.strains(elastic)
+    found |= work.strains(elastic, found)
     found |= work.slopes_and_temperatures(found, elastic)
     found |= work.exponents()
     return Pooled(found, reference)
@@ -191,6 +194,7 @@ def pooled(
 class _Work:
     sweeps: tuple[Sweep, ...]
     reference: float
+    common: float
     rng: np.random.Generator
 
     @property
@@ -280,10 +284,11 @@ class _Work:
             out[name] = Constant(value, found, fair, why)
         return out
 
-    def strains(self, moduli: Moduli) -> dict[str, Constant]:
-        stress, whole, whole_draws = self.told("strain")
-        point = whole - stress * moduli.compliance
-        draws = whole_draws - stress * moduli.compliance
+    def strains(self, moduli: Moduli, found: Mapping[str, Constant]) -> dict[str, Constant]:
+        stress = np.array([s.stress for s in self.sweeps])
+        told = [transformation_strains(s, found, moduli, self.common) for s in self.sweeps]
+        point = np.array([p for p, _ in told])
+        draws = np.stack([d for _, d in told], axis=1)
         top, largest = float(stress.max()), float(point.max())
         if len(distinct(stress.tolist())) == 1:
             value, found = self.mean(point, draws, SCATTER["strain"] * largest)
@@ -415,6 +420,33 @@ class _Work:
                 why = f"curves fix it only between {ends[0]:.2g} and {ends[1]:.2g}: the corner is hardly seen"
             out[names] = Constant(float(expit(value)), np.asarray(expit(found)), not why, why)
         return out
+
+
+def transformation_strains(
+    sweep: Sweep, constants: Mapping[str, Constant], moduli: Moduli, common: float
+) -> tuple[float, Floats]:
+    """H of a sweep and its draws: the change of strain in the middle, less the elastic part and expansion.
+
+    Where the phases of a sweep have slopes of their own, their distance far from the transformation says nothing of it.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    constants : mapping of str to Constant
+        ``alpha_A`` and ``alpha_M``.
+    moduli : Moduli
+    common : float
+        See `pooled`.
+    """
+    middle, strain, difference = (NAMES.index(n) for n in ("middle", "strain", "alpha_difference"))
+    alpha = constants["alpha_M"].value - constants["alpha_A"].value
+    point, draws = (
+        f[..., strain]
+        + (f[..., difference] - alpha) * (f[..., middle] - common)
+        - sweep.stress * moduli.compliance
+        for f in (sweep.features.point, sweep.features.draws)
+    )
+    return float(point), np.asarray(draws)
 
 
 def _regressed(x: Floats, y: Floats) -> Floats:

@@ -39,7 +39,9 @@ class CardSweep(DocumentPart):
     middle: IntervalDocument = Field(description="middle of the transformation [K]")
     start: IntervalDocument = Field(description="As or Ms at that stress [K]")
     finish: IntervalDocument = Field(description="Af or Mf at that stress [K]")
-    strain: IntervalDocument = Field(description="change of strain between the phases [1]")
+    strain: IntervalDocument = Field(
+        description="transformation strain: change of strain in the middle, less the elastic part and expansion [1]"
+    )
     offset: Number = Field(description="strain of the card less that of the measurements at the hot end [1]")
     finished: bool = Field(
         description="whether the transformation lies within the measured temperatures to 5 %"

@@ -62,7 +62,7 @@ def _sweeps(card: ConstitutiveCard) -> Table:
             Column("stress", "stress", "MPa"),
             Column("start", "start", "K"),
             Column("finish", "finish", "K"),
-            Column("change of strain", "strain", "1"),
+            Column("transformation strain", "strain", "1"),
             Column("miss alone", "alone", "1"),
             Column("miss of the card", "card", "1"),
             Column("largest", "largest", "1"),

@@ -26,7 +26,7 @@ from sma_bayes.studies.card.exports import covariance_text, simcoon_material, sm
 from sma_bayes.studies.card.features import GRID, NAMES, curve_of, nearest_law
 from sma_bayes.studies.card.header import stiffness_header
 from sma_bayes.studies.card.law import Moduli, shift, transformation_strain
-from sma_bayes.studies.card.pooling import Constant, Pooled, Sweep, distinct, pooled
+from sma_bayes.studies.card.pooling import Constant, Pooled, Sweep, distinct, pooled, transformation_strains
 from sma_bayes.studies.card.schema import (
     CardConstant,
     CardFindings,
@@ -252,7 +252,7 @@ def _constitutive(
     if missing:
         return None, "; ".join(dict.fromkeys(left_out.values()))
     reference = asked.reference or float(np.mean([s.stress for s in sweeps]))
-    law = pooled(sweeps, reference, asked.moduli, AUSTENITE, rng)
+    law = pooled(sweeps, reference, common, asked.moduli, AUSTENITE, rng)
     stated = [_stated_sweep(one, law, common) for one in seen]
     found_card = ConstitutiveCard(
         constants=tuple(_stated(n, c) for n, c in law.constants.items()),
@@ -331,6 +331,7 @@ def _stated_sweep(one: _Seen, law: Pooled, common: float) -> CardSweep:
     middle, width = f.draws[:, NAMES.index("middle")], f.draws[:, NAMES.index("width")]
     lower, upper = middle - 0.5 * width, middle + 0.5 * width
     heating = one.sweep.branch is Branch.HEATING
+    moduli = Moduli(law.constants["E_A"].value, law.constants["E_M"].value)
     curve, offset = _card_curve(one, law, common, one.temperature)
     off = (curve - one.mean) / np.ptp(one.mean)
     return CardSweep(
@@ -341,7 +342,7 @@ def _stated_sweep(one: _Seen, law: Pooled, common: float) -> CardSweep:
         middle=_interval(middle),
         start=_interval(lower if heating else upper),
         finish=_interval(upper if heating else lower),
-        strain=_interval(f.draws[:, NAMES.index("strain")]),
+        strain=_interval(transformation_strains(one.sweep, law.constants, moduli, common)[1]),
         offset=offset,
         finished=f.finished,
         alone=f.miss,

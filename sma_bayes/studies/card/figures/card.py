@@ -111,7 +111,7 @@ def _point(ax: Any, told: tuple[float, float, float], sweep: CardSweep, *, hollo
 
 
 def strain_figure(stored: StoredCard) -> Drawing:
-    """Change of strain against stress, and that of the law with its 90 % band.
+    """Transformation strain against stress, and that of the law with its 90 % band.
 
     Parameters
     ----------
@@ -119,14 +119,12 @@ def strain_figure(stored: StoredCard) -> Drawing:
     """
     card = _card(stored)
     point = {c.name: np.asarray(c.value) for c in card.constants}
-    compliance = Moduli(float(point["E_A"]), float(point["E_M"])).compliance
     figure = empty_sheet(5.2, 3.3)
     ax = panels(figure, 1, 1, left=0.75, right=0.15, bottom=0.8, top=0.4)[0, 0]
     stress = np.linspace(0.0, 1.1 * max(card.stresses), _STRESSES)
-    middle = transformation_strain(stress, point["H_min"], point["H_max"], point["k"]) + stress * compliance
+    middle = transformation_strain(stress, point["H_min"], point["H_max"], point["k"])
     drawn = np.stack([
         transformation_strain(float(s), stored.draws["H_min"], stored.draws["H_max"], stored.draws["k"])
-        + s * compliance
         for s in stress
     ])  # fmt: skip
     low, high = quantiles(drawn, (0.05, 0.95), axis=1)
@@ -139,7 +137,7 @@ def strain_figure(stored: StoredCard) -> Drawing:
     ax.set_ylim(bottom=0.0)
     ax.set_xlim(0.0, stress[-1])
     ax.set_xlabel("stress [MPa]")
-    ax.set_ylabel(f"change of strain [{in_units_of(take_power(ax.yaxis), '1')}]")
+    ax.set_ylabel(f"transformation strain [{in_units_of(take_power(ax.yaxis), '1')}]")
     handles: list[Any] = [dot_handle(COLOURS[b], b) for b in COLOURS]
     handles += [
         Line2D([], [], color=INK, lw=1.0, label="law of the card"),
@@ -149,9 +147,8 @@ def strain_figure(stored: StoredCard) -> Drawing:
     heading(figure, "Transformation strain", _note(stored))
     return Drawing(
         stem="transformation-strain",
-        caption="Change of strain between the phases of each sweep with its 90 % interval, and Hcur of the card (with "
-        "the elastic part, where the moduli differ) with its 90 % band.",
-        alt="change of strain against stress",
+        caption="Transformation strain of each sweep with its 90 % interval, and Hcur of the card with its 90 % band.",
+        alt="transformation strain against stress",
         figure=figure,
         data={"stress_MPa": stress, "strain": middle, "strain_q05": low, "strain_q95": high},
     )
