@@ -176,9 +176,7 @@ class Document:
 
 
 FIT: Final = Document("fit", "summary.json", "sma-bayes/fit/1", "a fit", ("records",))
-CARD: Final = Document(
-    "card", "card.json", "sma-bayes/card/1", "a card", ("constitutive", "stiffness")
-)
+CARD: Final = Document("card", "card.json", "sma-bayes/card/1", "a card", ("constitutive", "stiffness"))
 COMPARISON: Final = Document(
     "compare",
     "comparison.json",

@@ -418,7 +418,9 @@ class _Work:
                 why = "the corner is rounder than the law has it: the exponent is the least that is allowed"
             elif ends[1] - ends[0] > WIDE:
                 why = f"curves fix it only between {ends[0]:.2g} and {ends[1]:.2g}: the corner is hardly seen"
-            out[names] = Constant(float(expit(value)), np.asarray(expit(found)), not why, why)
+            out[names] = Constant(
+                float(expit(value)), np.clip(expit(found), LEAST_EXPONENT, 1.0), not why, why
+            )
         return out
 
 
