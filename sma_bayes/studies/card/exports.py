@@ -18,7 +18,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.studies.card.law import ends
-from sma_bayes.studies.card.pooling import Constant, Pooled
+from sma_bayes.studies.card.pooling import Constant, PooledConstants
 
 POISSON: Final = 0.33
 """Poisson's ratio of both phases: one-dimensional measurements do not tell it [1]."""
@@ -39,7 +39,7 @@ EXPONENTS: Final = (0.02, 1.0)
 """What the exponents of the law may be [1]."""
 
 
-def simcoon_material(card: Pooled) -> dict[str, Any]:
+def simcoon_material(card: PooledConstants) -> dict[str, Any]:
     """Material of `simcoon`: name, constants, states and orientation; ``symbols`` and ``units`` are told too."""
     values = {name: c.value for name, c in card.constants.items()}
     values |= _NUMERICAL | {"sigma_calibration": card.reference}
@@ -53,7 +53,7 @@ def simcoon_material(card: Pooled) -> dict[str, Any]:
     }
 
 
-def sma_react_solution(card: Pooled) -> dict[str, Any]:
+def sma_react_solution(card: PooledConstants) -> dict[str, Any]:
     """Solution of SMA-REACT: Pa, K, and the ends of the law itself."""
     point = _of_react({name: np.asarray([c.value]) for name, c in card.constants.items()})
     drawn = _of_react({name: c.draws for name, c in card.constants.items()})

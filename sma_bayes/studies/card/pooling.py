@@ -64,7 +64,7 @@ SOLID: Final = 0.3
 Three = tuple[Floats, Floats, Floats]
 
 
-class Sweep(NamedTuple):
+class LoadedSweep(NamedTuple):
     """One sweep at constant stress.
 
     Attributes
@@ -103,7 +103,7 @@ class Constant:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pooled:
+class PooledConstants:
     """All constants by name, [MPa], [K], [1], and the reference stress [MPa]."""
 
     constants: Mapping[str, Constant]
@@ -157,18 +157,18 @@ def distinct(stresses: Sequence[float]) -> list[float]:
 
 
 def pooled(
-    sweeps: Sequence[Sweep],
+    sweeps: Sequence[LoadedSweep],
     reference: float,
     common: float,
     moduli: tuple[float | None, float | None],
     assumed_modulus: float,
     rng: np.random.Generator,
-) -> Pooled:
+) -> PooledConstants:
     """Constants of the law from all sweeps.
 
     Parameters
     ----------
-    sweeps : sequence of Sweep
+    sweeps : sequence of LoadedSweep
         At least one of each branch.
     reference : float
         Stress at which the slopes are told [MPa].
@@ -187,12 +187,12 @@ def pooled(
     found |= work.strains(elastic, found)
     found |= work.slopes_and_temperatures(found, elastic)
     found |= work.exponents()
-    return Pooled(found, reference)
+    return PooledConstants(found, reference)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Work:
-    sweeps: tuple[Sweep, ...]
+    sweeps: tuple[LoadedSweep, ...]
     reference: float
     common: float
     rng: np.random.Generator
@@ -201,7 +201,7 @@ class _Work:
     def size(self) -> int:
         return len(self.sweeps[0].features.draws)
 
-    def of(self, branch: Branch | None) -> tuple[Sweep, ...]:
+    def of(self, branch: Branch | None) -> tuple[LoadedSweep, ...]:
         return tuple(s for s in self.sweeps if branch is None or s.branch is branch)
 
     def told(self, name: str, branch: Branch | None = None) -> tuple[Floats, Floats, Floats]:
@@ -425,7 +425,7 @@ class _Work:
 
 
 def transformation_strains(
-    sweep: Sweep, constants: Mapping[str, Constant], moduli: Moduli, common: float
+    sweep: LoadedSweep, constants: Mapping[str, Constant], moduli: Moduli, common: float
 ) -> tuple[float, Floats]:
     """H of a sweep and its draws: the change of strain in the middle, less the elastic part and expansion.
 
@@ -433,7 +433,7 @@ def transformation_strains(
 
     Parameters
     ----------
-    sweep : Sweep
+    sweep : LoadedSweep
     constants : mapping of str to Constant
         ``alpha_A`` and ``alpha_M``.
     moduli : Moduli

@@ -14,7 +14,7 @@ from sma_bayes.assess.path import path_remark
 from sma_bayes.fitting.curves import quantiles
 
 LEVELS: Final = (0.05, 0.5, 0.95)
-_BETWEEN: Final = 8
+_BETWEEN: Final = 15
 """Temperatures between two rows at which interpolation is compared with the curve."""
 
 
@@ -93,7 +93,7 @@ def interpolation_error(
     --------
     >>> t = np.array([0.0, 1.0])
     >>> [round(e, 3) for e in interpolation_error(lambda x: np.stack([x**2] * 3), t, np.stack([t**2] * 3))]
-    [0.247, 3.5]
+    [0.25, 15.0]
     """
     fine = np.linspace(temperature[0], temperature[-1], (temperature.size - 1) * (_BETWEEN + 1) + 1)
     exact = at(fine)

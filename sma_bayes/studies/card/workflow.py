@@ -26,7 +26,14 @@ from sma_bayes.studies.card.exports import covariance_text, simcoon_material, sm
 from sma_bayes.studies.card.features import GRID, NAMES, curve_of, nearest_law
 from sma_bayes.studies.card.header import stiffness_header
 from sma_bayes.studies.card.law import Moduli, shift, transformation_strain
-from sma_bayes.studies.card.pooling import Constant, Pooled, Sweep, distinct, pooled, transformation_strains
+from sma_bayes.studies.card.pooling import (
+    Constant,
+    LoadedSweep,
+    PooledConstants,
+    distinct,
+    pooled,
+    transformation_strains,
+)
 from sma_bayes.studies.card.schema import (
     CardConstant,
     CardFindings,
@@ -216,7 +223,7 @@ def _handed_on(run: StoredRun, asked: _Asked, folder: Path | None, work: RunCont
 class _Made:
     """A card with what figures are drawn from."""
 
-    law: Pooled
+    law: PooledConstants
     stated: ConstitutiveCard
     curves: dict[str, Sequence[object] | Floats]
 
@@ -238,7 +245,7 @@ def _constitutive(
         return None, told
     common = min(float(kelvin(r.temperature.highest, r.temperature.unit)) for r, _ in usable)
     rng = np.random.default_rng(np.random.SeedSequence([asked.seed, 21]))
-    sweeps, seen = list[Sweep](), list[_Seen]()
+    sweeps, seen = list[LoadedSweep](), list[_Seen]()
     work.tell(0, len(usable), "fitting the law")
     for r, load in usable:
         one = _seen(read(r), load, asked.draws, common)
@@ -276,7 +283,7 @@ def _constitutive(
 class _Seen:
     """A sweep, and what was measured in it [K, 1]."""
 
-    sweep: Sweep
+    sweep: LoadedSweep
     condition: str
     temperature: Floats
     mean: Floats
@@ -299,11 +306,15 @@ def _seen(draws: RecordDraws, load: Loaded, count: int, common: float) -> _Seen 
         load.per * record.observed["displacement"],
     )
     return _Seen(
-        Sweep(draws.key, draws.branch, load.stress, features), draws.condition.id, temperature, mean, measured
+        LoadedSweep(draws.key, draws.branch, load.stress, features),
+        draws.condition.id,
+        temperature,
+        mean,
+        measured,
     )
 
 
-def _law_numbers(sweep: Sweep, law: Pooled) -> Floats:
+def _law_numbers(sweep: LoadedSweep, law: PooledConstants) -> Floats:
     """Numbers of a sweep, in the order of `NAMES`, as the card has them."""
     c = {name: one.value for name, one in law.constants.items()}
     moduli, cooling = Moduli(c["E_A"], c["E_M"]), sweep.branch is Branch.COOLING
@@ -318,7 +329,7 @@ def _law_numbers(sweep: Sweep, law: Pooled) -> Floats:
     ])  # fmt: skip
 
 
-def _card_curve(one: _Seen, law: Pooled, common: float, temperature: Floats) -> tuple[Floats, float]:
+def _card_curve(one: _Seen, law: PooledConstants, common: float, temperature: Floats) -> tuple[Floats, float]:
     """Strain of the card with its zero where the measurements have theirs, and that offset."""
     numbers = _law_numbers(one.sweep, law)
     raw = curve_of(numbers, one.temperature, common)
@@ -326,7 +337,7 @@ def _card_curve(one: _Seen, law: Pooled, common: float, temperature: Floats) -> 
     return curve_of(numbers, temperature, common) + offset, -offset
 
 
-def _stated_sweep(one: _Seen, law: Pooled, common: float) -> CardSweep:
+def _stated_sweep(one: _Seen, law: PooledConstants, common: float) -> CardSweep:
     f = one.sweep.features
     middle, width = f.draws[:, NAMES.index("middle")], f.draws[:, NAMES.index("width")]
     lower, upper = middle - 0.5 * width, middle + 0.5 * width
@@ -373,7 +384,9 @@ def _stated(name: str, c: Constant, meaning: str = "") -> CardConstant:
     )
 
 
-def _curve_columns(seen: Sequence[_Seen], law: Pooled, common: float) -> dict[str, Sequence[object] | Floats]:
+def _curve_columns(
+    seen: Sequence[_Seen], law: PooledConstants, common: float
+) -> dict[str, Sequence[object] | Floats]:
     """Measurements and the card beside them, in rows."""
     parts = [(one, _card_curve(one, law, common, one.measured[0])[0]) for one in seen]
     return {

@@ -10,7 +10,7 @@ import pytest
 from sma_bayes.records.types import Branch
 from sma_bayes.studies.card.features import curve_of, nearest_law
 from sma_bayes.studies.card.law import Moduli, ends, hardening, share, shift
-from sma_bayes.studies.card.pooling import Sweep, distinct, pooled
+from sma_bayes.studies.card.pooling import LoadedSweep, distinct, pooled
 
 AT = np.linspace(280.0, 390.0, 81)
 
@@ -53,7 +53,7 @@ def test_curve_and_shift_are_those_of_the_energies(loaded_wire: Any, stress: flo
     assert found.draws == pytest.approx(np.stack([found.point] * 2), rel=1e-3, abs=1e-6)
 
 
-def sweeps(wire: Any, stresses: tuple[float, ...], seed: int, scatter: float) -> list[Sweep]:
+def sweeps(wire: Any, stresses: tuple[float, ...], seed: int, scatter: float) -> list[LoadedSweep]:
     """Sweeps whose temperatures scatter from run to run [K]."""
     rng = np.random.default_rng(seed)
     found = []
@@ -62,7 +62,7 @@ def sweeps(wire: Any, stresses: tuple[float, ...], seed: int, scatter: float) ->
             at = AT - scatter * rng.standard_normal()
             curve = wire.strain(at, stress, branch.value)
             draws = curve + 1e-5 * rng.standard_normal((40, 1))
-            found.append(Sweep(f"{stress}", branch, stress, nearest_law(AT, draws, wire.hot)))
+            found.append(LoadedSweep(f"{stress}", branch, stress, nearest_law(AT, draws, wire.hot)))
     return found
 
 
