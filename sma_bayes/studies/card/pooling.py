@@ -284,11 +284,11 @@ class _Work:
             out[name] = Constant(value, found, fair, why)
         return out
 
-    def strains(self, moduli: Moduli, found: Mapping[str, Constant]) -> dict[str, Constant]:
+    def strains(self, moduli: Moduli, constants: Mapping[str, Constant]) -> dict[str, Constant]:
         stress = np.array([s.stress for s in self.sweeps])
-        told = [transformation_strains(s, found, moduli, self.common) for s in self.sweeps]
-        point = np.array([p for p, _ in told])
-        draws = np.stack([d for _, d in told], axis=1)
+        seen = [transformation_strains(s, constants, moduli, self.common) for s in self.sweeps]
+        point = np.array([p for p, _ in seen])
+        draws = np.stack([d for _, d in seen], axis=1)
         top, largest = float(stress.max()), float(point.max())
         if len(distinct(stress.tolist())) == 1:
             value, found = self.mean(point, draws, SCATTER["strain"] * largest)
