@@ -46,7 +46,7 @@ def command(
 ) -> None:
     """Run the main job on measurements of a simulated rig, whose truth is known: no other file, no network."""
     from sma_bayes.paper.twin import twin_campaign
-    from sma_bayes.runs.store import write_text
+    from sma_bayes.runs.store import write_file
     from sma_bayes.simulated.campaign import MEASUREMENTS, measurement_files, simulated_campaign
     from sma_bayes.studies.demo.terminal import show_demo
     from sma_bayes.studies.fit.terminal import show_fit
@@ -66,7 +66,9 @@ def command(
         )
     if not paper:
         for name, text in measurement_files(seed).items():
-            write_text(out / MEASUREMENTS / name, text)
+            write_file(
+                out / MEASUREMENTS / name, partial(Path.write_text, data=text, encoding="utf-8", newline="\n")
+            )
     finish(
         summary,
         quiet,
