@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sma_bayes.errors import PriorError
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import warm_start
@@ -71,7 +72,10 @@ def _estimates_of_data_alone(fit: Fit) -> Iterator[tuple[Parameter, float, float
     Where somebody gave priors the search begins at those that come with the model, which are as wide as the record:
     from a curve a million degrees away no slope leads back.
     """
-    posterior, start = _with_own_priors(fit.posterior), fit.warm_start
+    try:
+        posterior, start = _with_own_priors(fit.posterior), fit.warm_start
+    except PriorError:  # a model of somebody else's that comes without
+        posterior, start = fit.posterior, fit.warm_start
     of_model = slice(len(posterior.model.parameter_names))
     if posterior.space.parameters[of_model] != fit.posterior.space.parameters[of_model]:
         start = warm_start(posterior, np.random.default_rng(fit.seed))

@@ -17,6 +17,7 @@ from sma_bayes.assess.checks import CHANCE, Check, predictive_checks
 from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.assess.nearest import nearest_sigmoids
+from sma_bayes.errors import PriorError
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors, read_priors
@@ -165,3 +166,13 @@ def test_of_curves_that_do_not_determine_a_sigmoid_none_or_a_right_one_is_told(
     for own, (span, found_rate, middle, offset) in zip(curve, nearest_sigmoids(t, curve), strict=True):
         told = offset + span * expit(found_rate * (t - middle))
         assert np.isnan(span) or told == pytest.approx(own, abs=0.01 * np.ptp(own) + 1e-9)
+
+
+def test_a_model_without_priors_of_its_own_is_judged_by_its_fit(
+    good: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none(_: object) -> None:
+        raise PriorError("no such priors")
+
+    monkeypatch.setattr(type(good.posterior.model), "default_priors", classmethod(none))
+    assert contradicted(good) == ()
