@@ -36,6 +36,7 @@ from .studies.gap.workflow import study_gap as study_gap
 from .studies.inspect.workflow import inspect_campaign as inspect_campaign
 from .studies.modulus.workflow import modulus as modulus
 from .studies.paper.build import reproduce_paper as reproduce_paper
+from .studies.plan.workflow import plan as plan
 from .studies.run.workflow import run_study as run_study
 from .studies.sensitivity.workflow import sensitivity as sensitivity
 from .studies.simulate.workflow import simulate as simulate

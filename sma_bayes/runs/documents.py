@@ -221,4 +221,5 @@ MODULUS: Final = Document(
 WATCH: Final = Document(
     "watch", "watch.json", "sma-bayes/watch/1", "a watch", ("verdict", "cycles", "numbers")
 )
+PLAN: Final = Document("plan", "plan.json", "sma-bayes/plan/1", "a plan", ("candidates", "advice"))
 STUDY: Final = Document("study", "study.json", "sma-bayes/study/1", "the folders of a study")

@@ -53,10 +53,23 @@ def fit_identity(verb: str, fit: FitSummary, asked: Mapping[str, object]) -> dic
     asked : mapping of str to object
         All options that change a number.
     """
+    return study_identity(verb, fit.content_sha256, asked)
+
+
+def study_identity(verb: str, checksum: str | None, asked: Mapping[str, object]) -> dict[str, Any]:
+    """The same of a study of any finished run.
+
+    Parameters
+    ----------
+    verb : str
+    checksum : str or None
+        Of the document of that run.
+    asked : mapping of str to object
+    """
     return {
         "schema": "sma-bayes/run/1",
         "kind": verb,
-        "fit": fit.content_sha256,
+        "fit": checksum,
         **asked,
         "versions": all_versions(),
     }

@@ -38,6 +38,7 @@ _SHIPPED: Final = (
     "modulus",
     "watch",
     "card",
+    "plan",
     "run",
     "report",
     "paper",

@@ -14,6 +14,7 @@ from sma_bayes.cli import command_line
 from sma_bayes.parameters.priors_file import parse_priors, shipped_priors
 from sma_bayes.records.declaration import read_declaration
 from sma_bayes.records.split import SplitSettings
+from sma_bayes.studies.plan.candidates import Setting, declared
 from sma_bayes.studies.run.study_file import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -120,6 +121,11 @@ def test_every_toml_example_is_understood(page, tmp_path):
             place = tmp_path / "study.toml"
             place.write_text(text, encoding="utf-8")
             assert read_study(place).steps
+        elif "candidate" in document:
+            place = tmp_path / "candidates.toml"
+            place.write_text(text, encoding="utf-8")
+            measured = Setting("a", 30.0, 70.0, 0.02, 30, None, "degC", False)
+            assert declared(place, {"a": measured}, ["a"], 0.0, None)
         elif document.get("schema", "").startswith("sma-bayes/priors"):
             assert parse_priors(text, name(page)).entries["both"]
         else:

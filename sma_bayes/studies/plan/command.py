@@ -1,0 +1,94 @@
+"""The verb `plan` on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sma_bayes.studies.command_execution import finish, progress_shown
+from sma_bayes.studies.command_options import (
+    Data,
+    Figures,
+    Jobs,
+    Json,
+    NoFigures,
+    Quiet,
+    Resume,
+    Seed,
+    Verbose,
+)
+
+
+def command(
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="DIR", help="Folder that fit or demo has written, or gap for tell-apart."),
+    ],
+    asked: Annotated[
+        str,
+        typer.Option(
+            "--for",
+            metavar="WHAT",
+            help="'stiffness@60degC' (or force, displacement; modulus, stress, strain), 'parameters' or 'tell-apart'.",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results: new or empty, or --resume; none by default.")
+    ] = None,
+    hours: Annotated[
+        float | None, typer.Option(help="Time on the rig in hours, for which a design is made.")
+    ] = None,
+    candidates: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="TOML file of candidate experiments; a grid by default."),
+    ] = None,
+    condition: Annotated[str | None, typer.Option(help="Only this condition.")] = None,
+    branch: Annotated[str | None, typer.Option(help="Only 'heating' or 'cooling'.")] = None,
+    rate: Annotated[
+        str | None, typer.Option(help="Rate of temperature, such as '2 K/min'; as measured by default.")
+    ] = None,
+    setup: Annotated[
+        str, typer.Option(help="Time before the first cycle of an experiment, such as '20 min'.")
+    ] = "0 min",
+    scatter: Annotated[
+        str,
+        typer.Option(
+            help="Of sweeps, where one does not tell: 'none', or 'usual' of one specimen in one rig."
+        ),
+    ] = "none",
+    data: Data = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    figures: Figures = "report",
+    no_figures: NoFigures = False,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Tell what to measure next: experiments by what they are expected to tell per hour on the rig."""
+    from sma_bayes.studies.plan.terminal import show_plan
+    from sma_bayes.studies.plan.workflow import plan
+
+    with progress_shown(quiet or as_json, verbose) as progress:
+        found = plan(
+            folder,
+            asked,
+            out,
+            hours=hours,
+            candidates=candidates,
+            condition=condition,
+            branch=branch,
+            rate=rate,
+            setup=setup,
+            scatter=scatter,  # type: ignore[arg-type]
+            data=data,
+            seed=seed,
+            jobs=jobs,
+            resume=resume,
+            figures="none" if no_figures else figures,
+            progress=progress,
+        )
+    finish(found, quiet, as_json, lambda: show_plan(found, out))

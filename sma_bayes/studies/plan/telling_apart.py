@@ -1,0 +1,273 @@
+"""Planning to tell the explanations of a gap apart, from a gap study to what `plan.json` says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from sma_bayes.errors import MeasurementError, SmaBayesError
+from sma_bayes.records.types import Campaign, Record
+from sma_bayes.runs.documents import PLAN
+from sma_bayes.runs.store import plain, write_csv
+from sma_bayes.studies.gap.schema import GapDocument
+from sma_bayes.studies.identity import all_versions
+from sma_bayes.studies.plan.apart import Discrimination, Prospect, further, told_apart
+from sma_bayes.studies.plan.asked import TELL_APART
+from sma_bayes.studies.plan.candidates import (
+    CandidateExperiment,
+    Setting,
+    declared,
+    marked,
+    rate_of,
+    require_condition,
+    rounded,
+)
+from sma_bayes.studies.plan.listing import CANDIDATES, columns
+from sma_bayes.studies.plan.options import Options
+from sma_bayes.studies.plan.rivals import THRESHOLD, Rivals, conditions_of, fitted_rivals
+from sma_bayes.studies.plan.schema import PlanFindings
+from sma_bayes.studies.plan.words import advice
+from sma_bayes.studies.run_context import RunContext
+
+RATES: Final = (1.0 / 3.0, 1.0, 3.0)
+LOADS: Final = (1.0, 0.5, 2.0)
+PEAKS: Final = (1.0, 0.7)
+CYCLES: Final = (1, 3, 10)
+SURE: Final = 0.8
+"""Probability from which on a candidate counts as telling explanations apart; of these the shortest is the best."""
+MORE: Final = 0.02
+"""Least gain of probability for which it is worth going beyond what was measured."""
+CONDITIONS: Final = 3
+"""Conditions of which candidates are made, at most, where none is named."""
+
+Judged = tuple[CandidateExperiment, Sequence[Discrimination]]
+
+
+def planned_apart(
+    gap: GapDocument, campaign: Campaign, source: Path, o: Options, folder: Path | None, work: RunContext
+) -> dict[str, Any]:
+    """Judge candidates by how surely they tell explanations apart; write all of them to a folder, if there is one.
+
+    Parameters
+    ----------
+    gap : GapDocument
+    campaign : Campaign
+        That it was made from.
+    source : Path
+        Its folder.
+    o : Options
+    folder : Path or None
+    work : RunContext
+    """
+    if o.branch is not None:
+        raise SmaBayesError(
+            f"--branch {o.branch} with --for {TELL_APART}",
+            expected="no branch: explanations are of whole histories",
+        )
+    settings = settings_of_campaign(campaign.records)
+    require_condition(o.condition, settings, source)
+    tried = _candidates(settings, campaign, o, source)
+    work.tell(0, 2, "fitting the explanations again")
+    with work.account.timed("fit"), threadpool_limits(limits=1):
+        rivals = fitted_rivals(gap, campaign, source / "priors.toml", o.seed)
+    judged: list[Judged] = []
+    with work.account.timed("judge"), threadpool_limits(limits=1):
+        for n, candidate in enumerate(tried):
+            work.tell(n, len(tried), "judging candidates")
+            judged.append((candidate, discriminations(rivals, candidate)))
+    undecided = [i for i, pair in enumerate(rivals.pairs) if not _apart(rivals, pair)]
+    looked_at = undecided or list(range(len(rivals.pairs)))
+
+    def likely(found: Sequence[Discrimination]) -> float:
+        return min(found[i].probability for i in looked_at)
+
+    if o.candidates is None:
+        judged = without_needless(judged, settings)
+    judged.sort(key=lambda x: _place(x[0], likely(x[1])))
+    found = {
+        "schema": PLAN.schema,
+        "campaign": gap.campaign,
+        "source": str(source),
+        "asked": TELL_APART,
+        "kind": "tell-apart",
+        "seed": o.seed,
+        "versions": all_versions(),
+        "data_sha256": gap.data_sha256,
+        "converged": gap.converged,
+        "temperature_unit": campaign.records[0].units["temperature"],
+        "available": o.hours,
+        "assumed_scatter": o.scatter,
+        "threshold": THRESHOLD,
+        "quantities": [],
+        "scatter": [],
+        "rivals": [
+            {
+                "first": rivals.explanations[a].name,
+                "second": rivals.explanations[b].name,
+                "ln_bayes_factor": rivals.ln_bayes_factor(a, b),
+                "told_apart": _apart(rivals, (a, b)),
+            }
+            for a, b in rivals.pairs
+        ],
+        "candidates": [
+            _candidate(n, c, told, rivals, likely(told), o.hours, settings)
+            for n, (c, told) in enumerate(judged, 1)
+        ],
+        "design": None,
+        "advice": "",
+        "remarks": [*rivals.remarks, *_remarks(settings, tried, gap)],
+    }
+    stated = PlanFindings.model_validate(plain(found))
+    stated = stated.model_copy(update={"advice": advice(stated)})
+    if folder is not None:
+        write_csv(folder / CANDIDATES, columns(stated))
+    return stated.as_json()
+
+
+def settings_of_campaign(records: Sequence[Record]) -> dict[str, Setting]:
+    """What was measured of each condition, by its id."""
+    names = dict.fromkeys(r.condition.id for r in records)
+    return {name: Setting.of([r for r in records if r.condition.id == name]) for name in names}
+
+
+def discriminations(rivals: Rivals, candidate: CandidateExperiment) -> list[Discrimination]:
+    """How well a candidate tells each pair apart."""
+    history = list(conditions_of(rivals)).index(candidate.condition)
+    like = rivals.explanations[0].fitted.hypothesis.histories[history]
+    new = further(candidate, like)
+    with np.errstate(all="ignore"):
+        prospects = [Prospect.of(e, history, new) for e in rivals.explanations]
+        return [told_apart(prospects[a], prospects[b], THRESHOLD) for a, b in rivals.pairs]
+
+
+def _place(candidate: CandidateExperiment, probability: float) -> tuple[bool, float, int]:
+    """Where a candidate stands in the ranking: those that are sure come first, the shortest of them at the top."""
+    if probability >= SURE:
+        return False, candidate.hours, len(candidate.beyond)
+    return True, -probability / candidate.hours, len(candidate.beyond)
+
+
+def without_needless(judged: Sequence[Judged], settings: Mapping[str, Setting]) -> list[Judged]:
+    """Candidates less those under another load, or beyond what was measured, where others tell as much."""
+
+    def plain(c: CandidateExperiment) -> bool:
+        return not c.beyond and c.load == settings[c.condition].load
+
+    def same(c: CandidateExperiment) -> tuple[object, ...]:
+        return c.condition, c.lowest, c.peak, c.cycles, c.samples
+
+    usual: dict[tuple[object, ...], list[Sequence[Discrimination]]] = {}
+    for candidate, found in judged:
+        if plain(candidate):
+            usual.setdefault(same(candidate), []).append(found)
+    return [
+        (candidate, found)
+        for candidate, found in judged
+        if plain(candidate)
+        or not any(
+            max(a.probability - b.probability for a, b in zip(found, other, strict=True)) < MORE
+            for other in usual.get(same(candidate), [])
+        )
+    ]
+
+
+def _apart(rivals: Rivals, pair: tuple[int, int]) -> bool:
+    return abs(rivals.ln_bayes_factor(*pair)) >= THRESHOLD
+
+
+def _candidates(
+    settings: Mapping[str, Setting], campaign: Campaign, o: Options, source: Path
+) -> list[CandidateExperiment]:
+    unit = campaign.records[0].units["temperature"]
+    rate = None if o.rate is None else rate_of(o.rate, unit)
+    asked = [o.condition] if o.condition is not None else list(settings)[:CONDITIONS]
+    if o.candidates is not None:
+        found = declared(Path(o.candidates), settings, asked, o.setup, rate)
+    else:
+        found = [c for name in asked for c in _grid(settings[name], o.setup, rate)]
+    if not found:
+        raise MeasurementError(
+            "no time was recorded, so that nothing tells how long a sweep takes",
+            file=source,
+            expected="the rate of temperature of the rig",
+            remedy="give --rate '2 K/min', or a rate in the file of candidates",
+        )
+    return marked(found, settings)
+
+
+def _grid(s: Setting, setup: float, rate: float | None) -> list[CandidateExperiment]:
+    """Whole loops and shorter ones, slower and faster, under less and more load, of one cycle and of more."""
+    usual = rate if rate is not None else s.rate
+    if usual is None:
+        return []
+    rates = (1.0,) if rate is not None else RATES
+    loads = (None,) if s.load is None else LOADS
+    span = s.hottest - s.lowest
+    low = rounded(s.lowest, span)
+    whole = CandidateExperiment(s.condition, low, s.hottest, usual, s.load, 1, s.samples, setup)
+    return [
+        replace(
+            whole,
+            peak=rounded(s.lowest + peak * span, span),
+            rate=float(f"{times * usual:.3g}"),
+            load=None if load is None or s.load is None else load * s.load,
+            cycles=cycles,
+            samples=max(round(peak * s.samples), 2),
+        )
+        for times, load, peak, cycles in product(rates, loads, PEAKS, CYCLES)
+    ]
+
+
+def _candidate(
+    rank: int,
+    c: CandidateExperiment,
+    told: Sequence[Discrimination],
+    rivals: Rivals,
+    probability: float,
+    hours: float | None,
+    settings: Mapping[str, Setting],
+) -> dict[str, Any]:
+    names = [e.name for e in rivals.explanations]
+    return {
+        "rank": rank, "name": c.name, "condition": c.condition, "lowest": c.lowest, "peak": c.peak, "rate": c.rate,
+        "load": c.load, "other_load": c.load != settings[c.condition].load, "cycles": c.cycles, "samples": c.samples,
+        "setup": c.setup, "hours": c.hours, "branches": ["heating", "cooling"], "beyond": list(c.beyond),
+        "fits": hours is None or c.hours <= hours * (1.0 + 1e-9), "nats": None, "nats_per_hour": None,
+        "probability": probability, "expected": [],
+        "pairs": [
+            {
+                "first": names[a], "second": names[b], "separation": d.separation, "probability": d.probability,
+                "if_first": d.if_first, "if_second": d.if_second,
+            }
+            for (a, b), d in zip(rivals.pairs, told, strict=True)
+        ],
+    }  # fmt: skip
+
+
+def _remarks(
+    settings: Mapping[str, Setting], tried: Sequence[CandidateExperiment], gap: GapDocument
+) -> list[str]:
+    out = [
+        "one of the explanations is taken to be true; that both are wrong no probability here allows for",
+        "inputs that a candidate does not speak of (room, current) are taken to be as they were",
+    ]
+    if gap.verdict == "unnamed":
+        out.insert(0, "the gap study named nothing: what is compared are the explanations that came nearest")
+    elif gap.verdict == "none":
+        out.insert(
+            0, "the gap study found no disagreement beyond chance: compared is what came nearest with nothing"
+        )
+    if any(c.beyond for c in tried):
+        out.append(
+            "candidates that go beyond what the campaign measured are marked: effects are extrapolated there"
+        )
+    if any(c.peak < settings[c.condition].hottest - 0.02 * (c.peak - c.lowest) for c in tried):
+        out.append("loops that turn round before the transformation ends are reckoned along the curves of whole loops, "
+                   "but for what an explanation says of them")  # fmt: skip
+    return out

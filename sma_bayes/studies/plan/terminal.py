@@ -1,0 +1,89 @@
+"""A plan on the screen: the best candidates in a table, and one sentence of advice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from rich.table import Table
+
+from sma_bayes.quantities import unit_text
+from sma_bayes.report.screen import screen, show_end
+from sma_bayes.studies.plan.schema import PlanFindings, PlannedCandidate
+from sma_bayes.studies.plan.words import (
+    half_width,
+    hours_text,
+    known_of,
+    pair_name,
+    quantity_name,
+    range_text,
+    rate_text,
+)
+
+SHOWN: Final = 8
+"""Candidates on the screen; the report and `candidates.csv` have all of them."""
+
+
+def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
+    """What `plan.json` says, for a terminal."""
+    found = PlanFindings.model_validate(told)
+    console = screen()
+    console.print(f"{found.campaign}: what to measure next for {found.asked}", soft_wrap=True)
+    for k in found.quantities if found.kind == "quantity" else ():
+        if k.median is not None:
+            unit = f" {unit_text(k.shown_unit)}".rstrip()
+            value = f"{k.median * k.shown_factor:.4g} {half_width(k.sd, k)}{unit}"
+            console.print(
+                f"{quantity_name(k, found)}: {value} now (half of the 90 % interval)", soft_wrap=True
+            )
+    for p in found.rivals:
+        state = "told apart already" if p.told_apart else "not told apart"
+        console.print(f"{pair_name(p)}: {state}, ln Bayes factor {p.ln_bayes_factor:.1f}", soft_wrap=True)
+    console.print(_table(found))
+    for remark in found.remarks:
+        console.print(f"remark: {remark}", soft_wrap=True)
+    if not found.converged:
+        console.print("NOT CONVERGED: these numbers must not be relied on.")
+    console.print(found.advice, soft_wrap=True)
+    if out is not None:
+        show_end(console, dict(told), out)
+
+
+def _table(found: PlanFindings) -> Table:
+    table = Table(
+        title=f"best of {len(found.candidates)} candidates, by what they tell per hour", title_justify="left"
+    )
+    for name in ("condition", "temperature", "rate"):
+        table.add_column(name)
+    for name in ("cycles", "samples", "time"):
+        table.add_column(name, justify="right")
+    if found.kind == "tell-apart":
+        for p in found.rivals:
+            table.add_column(pair_name(p), justify="right")
+    else:
+        table.add_column("nats", justify="right")
+        table.add_column("nats/h", justify="right")
+        table.add_column("leaves" if found.kind == "quantity" else "shrinks variances by", justify="right")
+    table.add_column("beyond")
+    for c in [c for c in found.candidates if c.fits][:SHOWN]:
+        table.add_row(
+            c.condition, range_text(c, found.temperature_unit), rate_text(c.rate, found.temperature_unit),
+            str(c.cycles), str(c.samples), hours_text(c.hours), *_told(c, found), ", ".join(c.beyond),
+        )  # fmt: skip
+    return table
+
+
+def _told(c: PlannedCandidate, found: PlanFindings) -> list[str]:
+    if found.kind == "tell-apart":
+        return [f"{p.probability:.2f}" for p in c.pairs]
+    if not c.expected:
+        left = "-"
+    elif found.kind == "parameters":
+        left = f"{min(e.shrinkage for e in c.expected):.0%} to {max(e.shrinkage for e in c.expected):.0%}"
+    else:
+        best = max(c.expected, key=lambda e: e.shrinkage)
+        known = known_of(best, found)
+        left = f"{half_width(best.sd, known)} {unit_text(known.shown_unit)}".rstrip()
+        left += f" ({best.key.rpartition('-')[2]})"
+    return [f"{c.nats or 0.0:.2f}", f"{c.nats_per_hour or 0.0:.3g}", left]

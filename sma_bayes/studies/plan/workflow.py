@@ -1,0 +1,502 @@
+"""What to measure next, from the folder of a finished run to files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, get_args
+
+import numpy as np
+
+from sma_bayes.account import Account
+from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.errors import (
+    MeasurementError,
+    OutputError,
+    SmaBayesError,
+    StudyError,
+    UnknownNameError,
+    near_matches,
+)
+from sma_bayes.fitting.curves import quantiles
+from sma_bayes.progress import Progress, silent
+from sma_bayes.quantities import unit_text
+from sma_bayes.records.types import Branch
+from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.runs.declared_units import Shown, of_parameters, shown_units
+from sma_bayes.runs.documents import FIT, GAP, PLAN
+from sma_bayes.runs.fit_document import RecordSummary
+from sma_bayes.runs.outputs import StoredRun, read_run
+from sma_bayes.runs.store import plain, write_csv
+from sma_bayes.runs.stored_draws import draws_of
+from sma_bayes.studies.identity import all_versions, fit_identity, study_identity
+from sma_bayes.studies.plan.asked import PARAMETERS, TELL_APART, Asked, able, parse_asked
+from sma_bayes.studies.plan.candidates import (
+    CYCLES,
+    CandidateExperiment,
+    Setting,
+    declared,
+    default_grid,
+    hours_of,
+    marked,
+    rate_of,
+    require_condition,
+    settings_of,
+)
+from sma_bayes.studies.plan.design import Expectations, best_design, even_design, nats_of
+from sma_bayes.studies.plan.information import ExpectedGain, Knowledge, PlanTarget
+from sma_bayes.studies.plan.listing import CANDIDATES, columns
+from sma_bayes.studies.plan.options import Options, Scatter
+from sma_bayes.studies.plan.rivals import read_gap
+from sma_bayes.studies.plan.scatter import scatter_of
+from sma_bayes.studies.plan.schema import PlanFindings
+from sma_bayes.studies.plan.telling_apart import planned_apart
+from sma_bayes.studies.plan.words import advice
+from sma_bayes.studies.run_context import RunContext
+from sma_bayes.studies.sensitivity.quantities import QuantityDraws, quantities_of
+
+LONGEST: Final = 100_000.0
+"""Most hours."""
+
+
+def plan(
+    folder: str | Path,
+    asked: str,
+    out: str | Path | None = None,
+    *,
+    hours: float | None = None,
+    candidates: str | Path | None = None,
+    condition: str | None = None,
+    branch: str | None = None,
+    rate: str | None = None,
+    setup: str = "0 min",
+    scatter: Scatter = "none",
+    data: str | Path | None = None,
+    seed: int = 0,
+    jobs: int | None = None,
+    resume: bool = False,
+    figures: str | bool = REPORT,
+    progress: Progress | None = None,
+    account: Account | None = None,
+) -> dict[str, Any]:
+    """Tell what to measure next: candidate experiments by what they are expected to tell per hour on the rig.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Output folder of a finished `fit` or `demo`; of `gap` where explanations are to be told apart.
+    asked : str
+        ``"stiffness@60degC"`` (or force, displacement; modulus, stress, strain), ``"parameters"`` or ``"tell-apart"``.
+    out : str or Path, optional
+        Folder for `plan.json`, `candidates.csv`, tables, figures and the report; nothing is written without it.
+    hours : float, optional
+        Time that there is on the rig [h]; with it a design that fills it is made.
+    candidates : str or Path, optional
+        TOML file of candidates; by default a grid within what the campaign measured.
+    condition, branch : str, optional
+        Only this condition, only ``heating`` or ``cooling``; all by default.
+    rate : str, optional
+        Rate of temperature, ``"2 K/min"``, of candidates that state none; as measured by default. Needed where no time
+        was recorded.
+    setup : str
+        Time before the first cycle of each experiment, ``"20 min"``.
+    scatter : str
+        What is assumed of the scatter from sweep to sweep where there is one sweep only: ``none``, or ``usual``, as one
+        specimen in one rig usually repeats.
+    data : str or Path, optional
+        Folder of the data files, where it is not the campaign file's own; only to tell explanations apart, for which
+        the measurements are read again.
+    seed : int
+        Decides about which draws curves are linearised; the draws are those of the fit.
+    jobs : int, optional
+        Processes that draw figures; by default one for each core.
+    resume : bool
+        Where `out` holds this very plan already, only what is missing of its report is made.
+    figures, progress, account
+        See `fit_campaign`.
+
+    Returns
+    -------
+    dict
+        What `plan.json` holds.
+
+    Raises
+    ------
+    SmaBayesError
+        If it is not clear what is asked for, or an option makes no sense.
+    QuantityError
+        If the temperature was measured by no record, or a rate or time has no unit.
+    MeasurementError
+        If no record tells the quantity, or nothing tells how fast the rig is.
+    StudyError
+        If the file of candidates can't be used.
+    OutputError, ResumeError
+        If `folder` holds no finished run of the kind that is needed, or `out` can't be used.
+
+    Notes
+    -----
+    See `sma_bayes.studies.plan.information` for quantities, `sma_bayes.studies.plan.apart` for rivals.
+    """
+    question = parse_asked(asked)
+    setup_hours = hours_of(setup, "setup")
+    _require_options(hours, scatter, branch)
+    work = RunContext(
+        PLAN, _build_report, jobs, figures_for(figures), progress or silent, account or Account()
+    )
+    place = Path(folder)
+    options = Options(hours, candidates, rate, setup_hours, scatter, seed, condition, branch)
+    stated = {"asked": question.text, **options.identity()}
+    if question.name == TELL_APART:
+        with work.account.timed("read"):
+            gap, campaign = read_gap(place, None if data is None else Path(data))
+        identity = study_identity(PLAN.verb, gap.content_sha256, stated)
+        return work.execute(
+            out, identity, resume, lambda into: planned_apart(gap, campaign, place, options, into, work)
+        )
+    with work.account.timed("read"):
+        _require_fit(place)
+        run = read_run(place)
+        asks = _FitQuestion.of(run, question, condition, branch)
+    identity = fit_identity(PLAN.verb, run.summary, stated)
+    return work.execute(out, identity, resume, lambda into: _planned(asks, options, into, work))
+
+
+def _build_report(folder: Path, wanted: ReportOptions) -> None:
+    from sma_bayes.studies.plan.report import build_report  # what draws takes long to import
+
+    build_report(folder, wanted)
+
+
+def _require_options(hours: float | None, scatter: str, branch: str | None) -> None:
+    if hours is not None and not 0.0 < hours <= LONGEST:
+        raise SmaBayesError(f"--hours {hours}", expected=f"more than 0 and at most {LONGEST:g} h")
+    if scatter not in get_args(Scatter):
+        raise UnknownNameError(f"unknown scatter {scatter!r}", expected="'none' or 'usual'")
+    branches = [b.value for b in Branch]
+    if branch is not None and branch not in branches:
+        raise UnknownNameError(f"unknown branch {branch!r}", expected=near_matches(branch, branches))
+
+
+def _require_fit(folder: Path) -> None:
+    """Refuse a gap study, with what to run instead."""
+    if GAP.is_in(folder) and not FIT.is_in(folder):
+        raise OutputError(
+            "holds a gap study, which has no draws of the curves by themselves",
+            file=folder,
+            expected=f"a folder that fit has written; of this one --for {TELL_APART} can be asked",
+            remedy="run fit on the same campaign and plan from its folder",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _FitQuestion:
+    """A question to a fit.
+
+    Attributes
+    ----------
+    run : StoredRun
+    asked : Asked
+    chosen : tuple of RecordSummary
+        Records that are asked about.
+    draws : tuple of RecordDraws
+        Of all records.
+    """
+
+    run: StoredRun
+    asked: Asked
+    chosen: tuple[RecordSummary, ...]
+    draws: tuple[RecordDraws, ...]
+
+    @staticmethod
+    def of(run: StoredRun, asked: Asked, condition: str | None, branch: str | None) -> _FitQuestion:
+        """Records that have what is asked for."""
+        records = run.summary.records
+        if any(r.shares_parameters_with for r in records):
+            raise OutputError(
+                "holds a fit in which all conditions share A and B",
+                file=run.folder,
+                expected="parameters of their own for each condition, which an experiment at its settings tells of",
+                remedy="fit again without --pool campaign",
+            )
+        draws = tuple(draws_of(run.folder, r, run.summary.seed) for r in records)
+        require_condition(condition, settings_of(draws), run.folder)
+        wanted = [r for r in records if condition in (None, r.condition) and branch in (None, r.branch)]
+        if not wanted:
+            raise MeasurementError(
+                f"no record of condition {condition!r} and branch {branch!r}",
+                file=run.folder,
+                expected=", ".join(r.key for r in records[:6]),
+            )
+        return _FitQuestion(run, asked, tuple(able(asked, wanted, run.folder)), draws)
+
+    def summary(self, key: str) -> RecordSummary:
+        """Entry of a record."""
+        return next(r for r in self.chosen if r.key == key)
+
+    @property
+    def conditions(self) -> list[str]:
+        """Conditions that are asked about."""
+        return list(dict.fromkeys(r.condition for r in self.chosen))
+
+    def targets(self, options: Options) -> tuple[PlanTarget, ...]:
+        """What is asked of each record."""
+        keys = {r.key for r in self.chosen}
+        return tuple(
+            self._target(Knowledge.of(d, scatter_of(d, options.scatter), options.seed))
+            for d in self.draws
+            if d.key in keys
+        )
+
+    def _target(self, knowledge: Knowledge) -> PlanTarget:
+        draws = knowledge.draws
+        if self.asked.name == PARAMETERS:
+            names = knowledge.posterior.names[: knowledge.count]
+            own = {q.name: q for q in quantities_of(draws, (), stiffness=False)}
+            return PlanTarget(knowledge, tuple(own[n] for n in names), knowledge.unit_gradients())
+        at = self.asked.at(self.summary(draws.key))
+        values = draws.curve(self.asked.channel, np.array([at]))[:, 0]
+        name = f"{self.asked.name} at {at:g} {unit_text(draws.units['temperature'])}"
+        channel = self.asked.channel
+        quantity = QuantityDraws(name, "curve", channel, draws.units[channel], name, values, at)
+        return PlanTarget(knowledge, (quantity,), knowledge.gradient(channel, at))
+
+
+def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext) -> dict[str, Any]:
+    summary = q.run.summary
+    work.tell(0, 3, "linearising curves")
+    with work.account.timed("linearise"):
+        targets = q.targets(o)
+    settings = settings_of(q.draws)
+    unit = q.draws[0].record.units["temperature"]
+    rate = None if o.rate is None else rate_of(o.rate, unit)
+    tried = _candidates(q, o, settings, rate)
+    expectations = Expectations(targets)
+    work.tell(1, 3, f"judging {len(tried)} candidates")
+    with work.account.timed("judge"):
+        judged = [(c, expectations.of(c)) for c in tried]
+        judged.sort(key=lambda x: (-nats_of(x[1]) / x[0].hours, x[0].hours))
+    work.tell(2, 3, "putting a design together")
+    with work.account.timed("design"):
+        design = None if o.hours is None else _design(expectations, tried, settings, q.conditions, o, rate)
+    shown = shown_units(summary.records)
+    found: dict[str, Any] = {
+        "schema": PLAN.schema,
+        "campaign": summary.campaign,
+        "source": str(q.run.folder),
+        "asked": q.asked.text,
+        "kind": "parameters" if q.asked.name == PARAMETERS else "quantity",
+        "seed": o.seed,
+        "versions": all_versions(),
+        "data_sha256": summary.data_sha256,
+        "converged": all(r.converged for r in q.chosen),
+        "temperature_unit": unit,
+        "available": o.hours,
+        "assumed_scatter": o.scatter,
+        "threshold": None,
+        "quantities": [k for t in targets for k in _known(t, q, shown)],
+        "scatter": [s for t in targets for s in _scatter(t)],
+        "rivals": [],
+        "candidates": [
+            _candidate(n, c, gains, expectations, o.hours) for n, (c, gains) in enumerate(judged, 1)
+        ],
+        "design": design,
+        "advice": "",
+        "remarks": _remarks(q, o, targets, tried),
+    }
+    stated = PlanFindings.model_validate(plain(found))
+    stated = stated.model_copy(update={"advice": advice(stated)})
+    if folder is not None:
+        write_csv(folder / CANDIDATES, columns(stated))
+    return stated.as_json()
+
+
+def _candidates(
+    q: _FitQuestion, o: Options, settings: Mapping[str, Setting], rate: float | None
+) -> list[CandidateExperiment]:
+    """Candidates, declared or made.
+
+    Raises
+    ------
+    MeasurementError
+        If nothing tells how fast the temperature changes.
+    StudyError
+        If a declared one measures other curves than the fit has.
+    """
+    asked = q.conditions
+    at = None if q.asked.name == PARAMETERS else q.asked.at(q.chosen[0])
+    if o.candidates is not None:
+        found = declared(Path(o.candidates), settings, asked, o.setup, rate)
+    else:
+        cycles = CYCLES if o.hours is None else tuple(dict.fromkeys((1, *CYCLES)))
+        found = default_grid([settings[c] for c in asked], at, o.setup, rate, cycles)
+        if o.hours is not None:
+            found = _filled(found, o.hours)
+    if not found:
+        raise MeasurementError(
+            "no time was recorded, so that nothing tells how long a sweep takes",
+            file=q.run.folder,
+            expected="the rate of temperature of the rig",
+            remedy="give --rate '2 K/min', or a rate in the file of candidates",
+        )
+    for c in found:
+        load = settings[c.condition].load
+        if c.load is not None and (load is None or abs(c.load - load) > 1e-6 * max(abs(load), 1e-12)):
+            raise StudyError(
+                f"a candidate with a load of {c.load:g} at condition {c.condition!r}, which has "
+                f"{'none that is known' if load is None else f'{load:g}'}",
+                file=o.candidates,
+                column="load",
+                expected="the load of the condition: under another load the spring has another curve",
+                remedy=f"name the condition that has this load, or ask a gap study with --for {TELL_APART}",
+            )
+    return marked(found, settings)
+
+
+def _filled(found: Sequence[CandidateExperiment], hours: float) -> list[CandidateExperiment]:
+    """With candidates that fill the hours."""
+    out = dict.fromkeys(found)
+    for c in {c.settings: c for c in found}.values():
+        cycles = math.floor((hours - c.setup) / c.cycle_hours * (1.0 + 1e-9))
+        if cycles >= 1:
+            out[replace(c, cycles=cycles)] = None
+    return list(out)
+
+
+def _known(target: PlanTarget, q: _FitQuestion, shown: Shown) -> list[dict[str, Any]]:
+    draws = target.knowledge.draws
+    summary = q.summary(draws.key)
+    factors = of_parameters(summary, shown)
+    out = []
+    for quantity, sd in zip(target.quantities, target.sd, strict=True):
+        q05, median, q95 = quantiles(quantity.draws, (0.05, 0.5, 0.95)).tolist()
+        unit, factor = quantity.unit, 1.0
+        own = (
+            shown.get(summary.quantities[quantity.channel].name)
+            if quantity.channel in summary.quantities
+            else None
+        )
+        if own is not None and (own.stored == unit or quantity.name in factors):
+            unit, factor = own.of(unit), factors.get(quantity.name, own.factor)
+        out.append({
+            "key": draws.key, "name": quantity.name, "unit": quantity.unit, "q05": q05, "median": median, "q95": q95,
+            "sd": sd, "shown_unit": unit, "shown_factor": factor,
+        })  # fmt: skip
+    return out
+
+
+def _scatter(target: PlanTarget) -> list[dict[str, Any]]:
+    key = target.knowledge.draws.key
+    return [
+        {"key": key, "channel": channel, "sweeps": s.sweeps, **s.told()}
+        for channel, s in target.knowledge.scatter.items()
+    ]
+
+
+def _expected(targets: Sequence[PlanTarget], gains: Mapping[str, ExpectedGain]) -> list[dict[str, Any]]:
+    out = []
+    for t in targets:
+        gain = gains.get(t.knowledge.draws.key)
+        if gain is not None:
+            key = t.knowledge.draws.key
+            out += [
+                {"key": key, "name": quantity.name, "sd": sd * math.sqrt(left), "shrinkage": 1.0 - left}
+                for quantity, sd, left in zip(t.quantities, t.sd, gain.left, strict=True)
+            ]  # fmt: skip
+    return out
+
+
+def _candidate(
+    rank: int,
+    c: CandidateExperiment,
+    gains: Mapping[str, ExpectedGain],
+    expectations: Expectations,
+    hours: float | None,
+) -> dict[str, Any]:
+    nats = nats_of(gains)
+    followed = expectations.followed(c)
+    return {
+        "rank": rank, "name": c.name, "condition": c.condition, "lowest": c.lowest, "peak": c.peak, "rate": c.rate,
+        "load": c.load, "other_load": False, "cycles": c.cycles, "samples": c.samples, "setup": c.setup,
+        "hours": c.hours,
+        "branches": [t.knowledge.draws.branch.value for t in followed], "beyond": list(c.beyond),
+        "fits": hours is None or c.hours <= hours * (1.0 + 1e-9), "nats": nats, "nats_per_hour": nats / c.hours,
+        "probability": None, "expected": _expected(expectations.targets, gains), "pairs": [],
+    }  # fmt: skip
+
+
+def _design(
+    expectations: Expectations,
+    tried: Sequence[CandidateExperiment],
+    settings: Mapping[str, Setting],
+    conditions: Sequence[str],
+    o: Options,
+    rate: float | None,
+) -> dict[str, Any] | None:
+    assert o.hours is not None
+    parts = best_design(expectations, tried, o.hours)
+    if not parts:
+        return None
+    gains = expectations.of_design(parts)
+    even = even_design([settings[c] for c in conditions], tried, o.hours, o.setup, rate)
+    gains_of_even = expectations.of_design(even)
+    steps = [
+        {
+            "condition": c.condition, "lowest": c.lowest, "peak": c.peak, "rate": c.rate, "cycles": n,
+            "samples": c.samples, "hours": c.setup + n * c.cycle_hours,
+        }
+        for c, n in parts
+    ]  # fmt: skip
+    return {
+        "hours": sum(s["hours"] for s in steps),
+        "nats": nats_of(gains),
+        "expected": _expected(expectations.targets, gains),
+        "steps": steps,
+        "even": {
+            "hours": o.hours,
+            "nats": nats_of(gains_of_even),
+            "expected": _expected(expectations.targets, gains_of_even),
+        },
+    }
+
+
+def _remarks(
+    q: _FitQuestion, o: Options, targets: Sequence[PlanTarget], tried: Sequence[CandidateExperiment]
+) -> list[str]:
+    found = []
+    alone = [
+        t.knowledge.draws.key for t in targets if all(not s.sweeps for s in t.knowledge.scatter.values())
+    ]
+    if alone:
+        which = ", ".join(alone[:4]) + (f" and {len(alone) - 4} more" if len(alone) > 4 else "")
+        found.append(
+            f"one sweep only of {which}: it does not tell by how much sweeps differ. "
+            + (
+                "Sweeps are assumed to repeat but for noise, so that more is promised than may be kept; "
+                "--scatter usual assumes what one specimen in one rig usually does"
+                if o.scatter == "none"
+                else "Assumed is what one specimen in one rig usually does"
+            )
+        )
+    if len(alone) < len(targets):
+        found.append("scatter from sweep to sweep is learnt from the sweeps of each record")
+    found.append(
+        "a new set-up may differ from the old by more than one sweep from the next; "
+        "no run tells that until the same settings were measured twice"
+    )
+    if len({c.rate for c in tried}) > 1:
+        found.append("the curves of a fit do not depend on the rate: whether a faster sweep still follows them, a gap "
+                     "study of different rates tells")  # fmt: skip
+    if not any("time" in d.record.inputs for d in q.draws):
+        found.append("no time was recorded: times on the rig follow from the rate that was given")
+    if any(c.beyond for c in tried):
+        found.append(
+            "candidates that go beyond what the campaign measured are marked: there the curve is extrapolated"
+        )
+    if any(t.knowledge.draws.calibration for t in targets):
+        found.append("what a calibration leaves open no further sweep narrows")
+    if any(not r.adequate for r in q.chosen):
+        found.append("curve and noise do not describe all records (see the report of the fit): what is expected holds "
+                     "as far as they do")  # fmt: skip
+    return found
