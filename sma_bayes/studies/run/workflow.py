@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from sma_bayes.assess.bands import band_channels
 from sma_bayes.errors import ResumeError, SmaBayesError
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.noise import NOISE_MODELS
@@ -17,10 +18,11 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
+from sma_bayes.response.modified_sigmoid import channel_unit
 from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, STUDY, sealed
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.store import write_json
-from sma_bayes.studies.ask.workflow import AT_SCHEMA, WANTED, ask, asked_temperature
+from sma_bayes.studies.ask.workflow import AT_SCHEMA, OVERALL, WANTED, ask, asked_temperature, wanted_value
 from sma_bayes.studies.compare.workflow import compare
 from sma_bayes.studies.condition_text import condition_at
 from sma_bayes.studies.conditions.workflow import study_conditions
@@ -122,7 +124,7 @@ def run_study(
     study = read_study(Path(path))
     _check(study)
     campaign = read_campaign(study.campaign, data_dir=study.data)
-    _check_temperatures(study, campaign)
+    _check_questions(study, campaign)
     folder = Path(out) if out is not None else study.out
     tell = progress or silent
     steps = _steps(study, campaign, folder, jobs if jobs is not None else study.jobs, resume)
@@ -169,13 +171,20 @@ def _check(study: Study) -> None:
                     number_and_unit(asked[name].rstrip("% "), what=name)
 
 
-def _check_temperatures(study: Study, campaign: Campaign) -> None:
-    """Refuse temperatures that no record could be asked for."""
-    unit = campaign.records[0].units["temperature"]
+def _check_questions(study: Study, campaign: Campaign) -> None:
+    """Refuse temperatures and values that no record could be asked for."""
+    record = campaign.records[0]
     for number, asked in enumerate(study.asks, start=1):
         for text in asked["at"]:
             with _place(study, f"ask {number}.at"):
-                asked_temperature(text, unit, unit)
+                asked_temperature(text, record.units["temperature"], record.units["temperature"])
+        for name in WANTED:
+            channel = "stiffness" if name == OVERALL else name
+            if asked[name] is not None and channel in band_channels(record):
+                with _place(study, f"ask {number}.{name}"):
+                    wanted_value(
+                        asked[name], asked["tolerance"], channel_unit(record.units, channel), channel
+                    )
 
 
 @contextmanager
