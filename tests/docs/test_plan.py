@@ -1,0 +1,77 @@
+"""The guide to the next measurement: its commands, its file and its Python run on a bench of its shape."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+GUIDE = (ROOT / "docs" / "howto" / "plan_a_measurement.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the campaign `bench`, three cycles of a spring that trains, and its fit."""
+    place = tmp_path_factory.mktemp("guide")
+    rng, clock = np.random.default_rng(1), 0.0
+    lines = ["time_s,temperature_C,force_N,displacement_mm"]
+    up = np.linspace(30.0, 70.0, 30)
+    for cycle in range(3):
+        for branch, middle in ((up, 52.0), (up[::-1], 46.0)):
+            for t in branch:
+                clock += 20.0
+                phase = 1.0 / (1.0 + np.exp(-0.35 * (t - middle)))
+                force = 0.5 + 2.5 * phase + 0.02 * rng.standard_normal()
+                stroke = 1.0 + 20.0 / (1.0 + np.exp(-0.3 * (t - middle + 4.0))) + 0.4 * cycle
+                lines.append(f"{clock:g},{t:.4f},{force:.6g},{stroke + 0.1 * rng.standard_normal():.6g}")
+    (place / "bench").mkdir()
+    (place / "bench" / "campaign.toml").write_text(
+        '[[condition]]\nid = "a"\nfile = "a.csv"\n', encoding="utf-8"
+    )
+    (place / "bench" / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    called(place, "fit", "bench", "--out", "results", "--no-figures", "--jobs", "1", "-q")
+    return place
+
+
+def called(place: Path, *arguments: str) -> str:
+    command = [sys.executable, "-m", "sma_bayes", *arguments]
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", GUIDE, re.DOTALL | re.MULTILINE)
+
+
+def test_its_commands_run_and_leave_what_they_promise(bench: Path) -> None:
+    for line in "".join(blocks("console")).splitlines():
+        verb, *options = shlex.split(line)[1:]
+        told = called(bench, verb, *options, *(["--no-figures"] if verb == "gap" else []))
+        assert verb == "gap" or "Measure condition a" in told or "apart already" in told
+    for name in ("plan.json", "candidates.csv", "report.html", "figures", "tables"):
+        assert (bench / "plan" / name).exists(), name
+
+
+def test_its_file_of_candidates_is_one(bench: Path) -> None:
+    (text,) = blocks("toml")
+    (bench / "candidates.toml").write_text(text, encoding="utf-8")
+    told = called(bench, "plan", "results", "--for", "parameters", "--candidates", "candidates.toml")
+    assert "hotter than measured" in told
+    assert "best of 5 candidates" in told
+
+
+def test_its_python_runs(bench: Path) -> None:
+    (script,) = blocks("python")
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=bench, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("Measure condition a from ")
+    assert len(done.stdout.splitlines()) == 6
