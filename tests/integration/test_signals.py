@@ -113,6 +113,11 @@ def calls(campaign: Path, whole: Path, out: Path) -> dict[str, list[object]]:
         "cycles": ["cycles", campaign / "cycles", "--out", out, "--no-figures", "--jobs", 2],
         "modulus": ["modulus", campaign / "strip.csv", "--frequency", "1 Hz",
                     "--out", out, "--no-figures", "--jobs", 2],
+        "plan": ["plan", whole, "--for", "force@50degC", "--rate", "2 K/min",
+                 "--out", out, "--no-figures", "--jobs", 2],
+        "watch": ["watch", whole, campaign / "light.csv", "--condition", "light",
+                  "--out", out, "--no-figures"],
+        "card": ["card", campaign / "heated", "--out", out, "--no-figures"],
         "priors": ["priors"],
         "paper": ["paper"],
     }  # fmt: skip
@@ -322,7 +327,8 @@ def test_the_verbs_on_fits_and_cycles_end_in_order(
     campaign: Path, whole: Path, heated: Path, tmp_path: Path
 ) -> None:
     """One signal each; the night sends 200 of each over all verbs."""
-    try_instants(("sensitivity", "simulate", "cycles"), [signal.SIGTERM], 3, 2, campaign, whole, tmp_path)
+    verbs = ("sensitivity", "simulate", "cycles", "plan", "watch", "card")
+    try_instants(verbs, [signal.SIGTERM], len(verbs), 2, campaign, whole, tmp_path)
 
 
 def test_a_run_goes_on_to_the_same_bits_after_each_signal(
@@ -336,6 +342,14 @@ def test_a_run_goes_on_to_the_same_bits_after_each_signal(
     finish([*given, "--resume"])
     assert_same_run(whole, tmp_path / "out")
     assert list((tmp_path / "out").rglob(".*")) == []
+
+
+@pytest.mark.parametrize("verb", ["plan", "watch", "card"])
+def test_what_signals_are_sent_to_would_end_by_itself(
+    campaign: Path, whole: Path, heated: Path, tmp_path: Path, verb: str
+) -> None:
+    """Or they would have ended nothing."""
+    finish(arguments(verb, campaign, whole, tmp_path / "out"))
 
 
 @pytest.mark.thorough
