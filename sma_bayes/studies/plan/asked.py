@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, near_matches
-from sma_bayes.quantities import SPECIMEN_QUANTITY
+from sma_bayes.records.declaration import CHANNEL_OF
 from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.studies.ask.workflow import asked_temperature
 
@@ -17,7 +17,6 @@ FORMS: Final = (
     "stiffness@60degC (or force@..., displacement@..., of a specimen modulus@..., stress@..., strain@...), "
     f"{PARAMETERS}, or {TELL_APART}"
 )
-CHANNEL_OF: Final = {name: channel for channel, name in SPECIMEN_QUANTITY.items()}
 NAMES: Final = ("stiffness", "force", "displacement", *CHANNEL_OF)
 
 

@@ -16,7 +16,8 @@ from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, 
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors
 from sma_bayes.progress import Progress, silent
-from sma_bayes.quantities import SPECIMEN_QUANTITY, convert, unit_text
+from sma_bayes.quantities import convert, unit_text
+from sma_bayes.records.declaration import CHANNEL_OF
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.runs.declared_units import shown_units
@@ -46,7 +47,6 @@ OUTSIDE: Final = 0.02
 """How far beyond what was measured, as a share of its range, does not count: readings have their noise."""
 OTHER_DRAWS: Final = 50
 """Draws by which the other rule for loops inside the loop is told."""
-CHANNEL_OF: Final = {name: channel for channel, name in SPECIMEN_QUANTITY.items()}
 
 
 def simulate(

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.errors import SmaBayesError
-from sma_bayes.quantities import ARBITRARY, SPECIMEN_QUANTITY, convert, number_and_unit
+from sma_bayes.quantities import ARBITRARY, convert, number_and_unit
+from sma_bayes.records.declaration import CHANNEL_OF
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.cycles.study import CycleSeries, Pooled, pool, quantities
 from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand
@@ -23,7 +24,6 @@ DRAWS: Final = 1000
 FEWEST: Final = 3
 """Cycles, fitted or watched, from which a course is told."""
 AT_TEMPERATURE: Final = ("stiffness", "force", "displacement", "modulus", "stress", "strain")
-CHANNEL_OF: Final = {name: channel for channel, name in SPECIMEN_QUANTITY.items()}
 EXAMPLE: Final = "such as 'stroke=-20%', 'shift=5 K', 'stiffness@60 degC=500 N/m'"
 
 
