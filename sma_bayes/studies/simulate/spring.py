@@ -175,10 +175,6 @@ class CurveTable:
     step: float
     values: Mapping[str, Floats]
 
-    def at(self, name: str, temperature: Floats) -> Floats:
-        """Curve at temperatures of each draw, shape (S,) or (S, m); beyond the grid as at its ends."""
-        return _looked_up(self.values[name], (temperature - self.low) / self.step)
-
     @cached_property
     def _places(self) -> Floats:
         """Temperature at even log odds of the share, shape (S, k)."""
@@ -196,11 +192,17 @@ class CurveTable:
 
 def _looked_up(table: Floats, place: Floats) -> Floats:
     """Values of a table (S, k) at places between its columns, of each draw, (S,) or (S, m); at its ends beyond."""
-    place = np.clip(place, 0.0, table.shape[1] - 1.000001)
+    return _between(table, place, np.arange(len(table)).reshape(-1, *(1,) * (np.ndim(place) - 1)))
+
+
+def _between(table: Floats, place: Floats, row: Ints) -> Floats:
+    """Values of rows of a table (R, k) at places between its columns; at its ends beyond."""
+    place = np.minimum(np.maximum(place, 0.0), table.shape[1] - 1.000001)
     below = place.astype(np.intp)
     part = place - below
-    rows = np.arange(len(table)).reshape(-1, *(1,) * (np.ndim(place) - 1))
-    return np.asarray(table[rows, below] * (1.0 - part) + table[rows, below + 1] * part)
+    first = row * table.shape[1] + below
+    flat = table.reshape(-1)
+    return np.asarray(flat.take(first) * (1.0 - part) + flat.take(first + 1) * part)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -239,7 +241,7 @@ class State:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Spring:
     """Curves of both branches and the rule that joins them.
 
@@ -247,6 +249,7 @@ class Spring:
     ----------
     draws : BothDraws
     tables : mapping of Branch to CurveTable
+        On one grid.
     rule : str
         One of `RULES`.
     """
@@ -295,17 +298,28 @@ class Spring:
         none = np.zeros(self.size)
         return State(np.full(self.size, heating), none, none, dict.fromkeys(self.kept, none))
 
+    @cached_property
+    def _of_both(self) -> Mapping[str, Floats]:
+        """Curves of cooling, and below them those of heating, shape (2 S, m)."""
+        up, down = (self.tables[b].values for b in (Branch.HEATING, Branch.COOLING))
+        return {name: np.concatenate([down[name], up[name]]) for name in up}
+
     def curve(self, name: str, temperature: Floats, heating: Bools) -> Floats:
-        """Curve of the branch that holds."""
-        up, down = (self.tables[b].at(name, temperature) for b in (Branch.HEATING, Branch.COOLING))
-        return np.where(heating, up, down)
+        """Curve of the branch that holds; beyond the grid as at its ends."""
+        table = self.tables[Branch.HEATING]
+        draw = np.arange(self.size).reshape(-1, *(1,) * (np.ndim(temperature) - 1))
+        place = (temperature - table.low) / table.step
+        return _between(self._of_both[name], place, draw + self.size * heating)
 
     def fade(self, temperature: Floats, state: State) -> Floats:
         """Share of the difference at the turn that is left, from 1 to 0."""
-        share = self.curve(SHARE, temperature, state.heating)
+        return self._left(self.curve(SHARE, temperature, state.heating), state)
+
+    def _left(self, share: Floats, state: State) -> Floats:
+        """What `fade` tells, by the share on the curve of the branch that holds."""
         rest = np.where(state.heating, 1.0 - share, share)
         whole = np.where(state.heating, 1.0 - state.turned_at, state.turned_at)
-        left = np.clip(rest / np.maximum(whole, LEAST_LEFT), 0.0, 1.0)
+        left = np.minimum(np.maximum(rest / np.maximum(whole, LEAST_LEFT), 0.0), 1.0)
         if self.rule == "proportional":
             return left
         whole = state.turned_at - state.reached
@@ -315,7 +329,7 @@ class Spring:
     def share(self, temperature: Floats, state: State) -> Floats:
         """Share of austenite."""
         own = self.curve(SHARE, temperature, state.heating)
-        return np.clip(own + state.apart[SHARE] * self.fade(temperature, state), 0.0, 1.0)
+        return np.minimum(np.maximum(own + state.apart[SHARE] * self._left(own, state), 0.0), 1.0)
 
     def alike(self, temperature: Floats, state: State) -> Floats:
         """Temperature at which the branch that holds has the share of austenite that there is."""
