@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -66,7 +67,7 @@ def check(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
         "--strict",
         "--no-error-summary",
         "--cache-dir",
-        str(ROOT / ".mypy_cache"),
+        os.environ.get("MYPY_CACHE_DIR", str(ROOT / ".mypy_cache")),
         "--config-file",
         "",
     ]

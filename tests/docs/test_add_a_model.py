@@ -38,6 +38,7 @@ campaign = "one"
 out = "study"
 model = "gompertz"
 figures = "none"
+noise = "independent"
 [fit]
 [[ask]]
 force = "1.5 N"
@@ -113,7 +114,8 @@ def told(place: Path, *arguments: str) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def fitted(place: Path) -> dict[str, Any]:
-    return told(place, "fit", "bench", "--model", "gompertz", "--out", "results", "--figures", "report")
+    return told(place, "fit", "bench", "--model", "gompertz", "--noise", "independent", "--out", "results",
+                "--figures", "report")  # fmt: skip
 
 
 def test_it_is_listed_and_its_priors_are_shown(place: Path) -> None:
@@ -139,8 +141,8 @@ def test_a_fit_finds_the_parameters_that_made_the_data(fitted: dict[str, Any]) -
 def test_its_priors_can_be_edited_and_given_back(place: Path, fitted: dict[str, Any]) -> None:
     text = run(place, "priors", "gompertz").replace("median = 15.0", "median = 14.0")
     (place / "mine.toml").write_text(text, encoding="utf-8")
-    again = told(place, "fit", "one", "--model", "gompertz", "--priors", "mine.toml", "--out", "again",
-                 "--figures", "none")  # fmt: skip
+    again = told(place, "fit", "one", "--model", "gompertz", "--priors", "mine.toml", "--noise", "independent",
+                 "--out", "again", "--figures", "none")  # fmt: skip
     first, second = (f["records"][0]["parameters"]["force_rate"] for f in (fitted, again))
     assert first["prior"] != second["prior"]
     assert second["mean"] == pytest.approx(first["mean"], abs=first["sd"])
@@ -158,7 +160,8 @@ def test_a_finished_fit_answers_and_tells_what_the_current_does(place: Path, fit
 
 
 def test_it_takes_part_in_a_comparison(place: Path) -> None:
-    found = told(place, "compare", "one", "--model", "gompertz", "--out", "comparison", "--figures", "all")
+    found = told(place, "compare", "one", "--model", "gompertz", "--noise", "independent", "--out", "comparison",
+                 "--figures", "report")  # fmt: skip
     best = {m for g in found["overall"] for m in (g["preferred"],)}
     assert best == {"gompertz"}
 

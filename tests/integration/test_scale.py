@@ -20,7 +20,7 @@ from sma_bayes.records.campaign import read_campaign
 from sma_bayes.studies.fit import tasks as fit_tasks
 
 Same = Callable[[Path, Path], None]
-CONDITIONS = 8
+CONDITIONS = 4
 
 
 @pytest.fixture(scope="module")

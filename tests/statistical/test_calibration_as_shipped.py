@@ -24,11 +24,16 @@ FALSE_ALARM = 0.01
 """Of all counts of one truth together."""
 CHEAP = ("white", "ar1_0.5", "student_t", "rounded", "second_step", "hardening")
 """Truths that are fitted in half a second at most."""
+OFTEN = ("ar1_0.5", "hardening")
+"""Those for which CI has the time: one that the model is right for, and one that it is not."""
 SHARES = ("pointwise", "readings", "readings_cold", "readings_middle", "readings_hot", "nearest")
 COUNTS = ("start", "finish")
 
 
-@pytest.fixture(scope="module", params=CHEAP)
+@pytest.fixture(
+    scope="module",
+    params=[c if c in OFTEN else pytest.param(c, marks=pytest.mark.thorough) for c in CHEAP],
+)
 def repeats(request: pytest.FixtureRequest) -> list[dict[str, Any]]:
     return [attempt(Trial(request.param, i), Path("no real data")) for i in range(REPEATS)]
 

@@ -137,6 +137,7 @@ def joint_run(design: Design, records: list[RecordDraws], rng: np.random.Generat
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_two_stages_agree_with_a_joint_run() -> None:
     """Means within a quarter of an sd, widths of 90 % intervals within a fifth.
 
@@ -155,7 +156,7 @@ def test_the_two_stages_agree_with_a_joint_run() -> None:
     np.testing.assert_allclose(here, there, rtol=0.2)
 
 
-TRIALS = 60
+TRIALS = 40
 
 
 @cache

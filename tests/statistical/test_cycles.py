@@ -12,7 +12,7 @@ from sma_bayes.records.types import Branch
 from sma_bayes.studies.cycles.study import changes, pool, probability_stable
 from sma_bayes.studies.cycles.sweeps import fit_strand, sweeps_of
 
-REPEATS = 24
+REPEATS = 12
 CYCLES, SEEN = 100, 30
 SHARE, PROBABILITY = 0.01, 0.9
 CHANNEL = "displacement"
@@ -61,11 +61,12 @@ def true_changes(spring: ModuleType, truth: Any) -> np.ndarray:
 
 @pytest.mark.slow
 def test_forecasts_cover(outcome: dict[str, Any]) -> None:
-    """Mean share of 48 curves that is within 90 % intervals.
+    """Mean share of 24 curves that is within 90 % intervals.
 
-    That of one curve scatters by some 0.2 (its points go together), the mean by 0.03. For the next ten cycles 0.8 is
-    three of these below 0.9, a false alarm once in 700 runs. Seventy cycles on, where the laws are not the truth, the
-    intervals hold less than they say; docs/howto/follow_cycles.md states it, and 0.65 is what must hold.
+    That of one curve scatters by some 0.2 (its points go together), the mean by 0.04. For the next ten cycles 0.8 is
+    two and a half of these below 0.9, a false alarm once in 160 runs; the seeds are fixed. Seventy cycles on, where the
+    laws are not the truth, the intervals hold less than they say; docs/howto/follow_cycles.md states it, and 0.65 is
+    what must hold.
     """
     near, later, far = (np.mean(values) for values in outcome["covered"].values())
     assert near > 0.8
@@ -75,8 +76,8 @@ def test_forecasts_cover(outcome: dict[str, Any]) -> None:
 
 @pytest.mark.slow
 def test_springs_that_are_called_stable_are(outcome: dict[str, Any]) -> None:
-    """Each claim is wrong with a probability of 0.1: more than 7 of 24 once in 300 runs."""
+    """Each claim is wrong with a probability of 0.1: more than 4 of 12 once in 230 runs."""
     claims = outcome["claims"]
-    assert len(claims) >= 8
-    assert sum(not right for right in claims) <= 7
+    assert len(claims) >= 4
+    assert sum(not right for right in claims) <= 4
     assert set(outcome["laws"]) <= {"exponential", "stretched", "logarithmic"}

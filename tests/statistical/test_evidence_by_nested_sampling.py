@@ -19,7 +19,7 @@ from sma_bayes.studies.compare.contenders import of_channel
 
 dynesty = pytest.importorskip("dynesty")
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 RUNS = 4
 STUDENT = 5.84

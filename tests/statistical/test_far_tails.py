@@ -41,7 +41,10 @@ def far_reaching(posterior: Posterior, modes: Sequence[Mode]) -> AnyProposal:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("record", "seed"), [(10, 1004), (10, 1013), (10, 1016)])
+@pytest.mark.parametrize(
+    ("record", "seed"),
+    [(10, 1004), *(pytest.param(10, seed, marks=pytest.mark.thorough) for seed in (1013, 1016))],
+)
 def test_a_proposal_that_missed_a_tail_is_fitted_again(record: int, seed: int) -> None:
     problem = Problem.of(Case("S", "ar1").records()[record], "ar1")
     posterior = problem.posterior
@@ -63,6 +66,7 @@ def test_a_proposal_that_missed_a_tail_is_fitted_again(record: int, seed: int) -
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_tails_of_a_bent_posterior_are_not_short() -> None:
     """Mean shares over 40 runs, below three quantiles in seven parameters: 21 comparisons, each within 4.5 standard
     errors of 40 runs of 1,000 effective draws; one false alarm in 7,000."""
