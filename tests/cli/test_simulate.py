@@ -24,12 +24,11 @@ def profile(tmp_path: Path) -> Path:
 def test_json_is_what_python_gives(
     run: Callable[..., Any], heated_fit: Path, profile: Path, published: Callable[[str], Any]
 ) -> None:
-    outcome = run(
-        "simulate", heated_fit, "--current", profile, "--reach", "force=3 N", "--draws", "60", "--json"
-    )
+    one = ("--condition", "1.2A", "--draws", "60")
+    outcome = run("simulate", heated_fit, "--current", profile, "--reach", "force=3 N", *one, "--json")
     assert (outcome.status, outcome.err) == (0, "")
     document = json.loads(outcome.out)
-    again = sma_bayes.simulate(heated_fit, profile, reach="force=3 N", draws=60)
+    again = sma_bayes.simulate(heated_fit, profile, reach="force=3 N", condition="1.2A", draws=60)
     for key in ("balance", "runs", "reach", "profile", "cautions"):
         assert document[key] == json.loads(json.dumps(again[key]))
     published("simulate").validate(document)
@@ -38,22 +37,21 @@ def test_json_is_what_python_gives(
 def test_people_get_a_table_a_current_and_a_closing_sentence(
     run: Callable[..., Any], heated_fit: Path, profile: Path
 ) -> None:
-    outcome = run(
-        "simulate", heated_fit, "--current", profile, "--reach", "displacement=20 mm", "--draws", "60"
-    )
+    call = ("simulate", heated_fit, "--current", profile, "--condition", "1.2A", "--draws", "60")
+    outcome = run(*call, "--reach", "displacement=20 mm")
     assert outcome.status == 0
     for words in (
         "heat balance with gain",
         "latent heat",
         "after 90 s of profile.csv",
-        "1.0A",
+        "1.2A",
         "meets it most surely",
     ):
         assert words in outcome.out
     assert "displacement [mm]" in outcome.out
     assert "stiffness [N/mm]" in outcome.out
     assert outcome.out.rstrip().splitlines()[-1].startswith(("Temperatures stay within", "Part of it"))
-    assert run("simulate", heated_fit, "--current", profile, "--draws", "60", "--quiet").out == ""
+    assert run(*call, "--quiet").out == ""
 
 
 def test_a_folder_is_resumed_guarded_and_its_report_is_built_again(
