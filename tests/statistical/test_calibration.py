@@ -247,7 +247,7 @@ def share_below(fit: Fit, truth: Floats) -> float:
     return float(np.mean(posterior.log_likelihood(fit.flat) < at_truth))
 
 
-OFTEN = ("independent", "AR(1)", "stiffness only", "discrepancy", "model phase_slopes")
+OFTEN = ("AR(1)", "discrepancy")
 """Cases for which CI has the time."""
 
 

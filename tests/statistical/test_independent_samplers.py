@@ -80,7 +80,15 @@ class Sampled:
     ln_evidence_sd: float
 
 
-@pytest.fixture(scope="module", params=CASES, ids=lambda name: name.replace(" ", "-"))
+OFTEN = "force and displacement"
+"""The case for which CI has the time."""
+
+
+@pytest.fixture(
+    scope="module",
+    params=[c if c == OFTEN else pytest.param(c, marks=pytest.mark.thorough) for c in CASES],
+    ids=lambda name: name.replace(" ", "-"),
+)
 def sampled(request: pytest.FixtureRequest) -> Sampled:
     key, channels, noise = CASES[request.param]
     record = next(r for r in twin_campaign(0, channels).records if r.key == key)
@@ -292,6 +300,7 @@ class ByHand:
         return force_slope * (1.0 + a) ** 2 / (p["A1"] * p["A2"] * a)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sampled", ["stiffness only", "force and displacement"], indirect=True)
 def test_agrees_with_nested_sampling(sampled: Sampled) -> None:
     posterior, by_hand = sampled.posterior, ByHand(sampled.posterior)

@@ -59,6 +59,7 @@ def test_intervals_narrow_as_was_said(
     assert sum(0.05 < f.below < 0.95 for f in found) >= 0.6 * experiments
 
 
+@pytest.mark.thorough
 def test_the_advised_design_beats_an_even_one(make_record: Callable[..., Record], tmp_path: Path) -> None:
     """Of heating alone, asked low on the curve: the same hours as whole loops leave a wider interval."""
     from measure_plan import refitted
