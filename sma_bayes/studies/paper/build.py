@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,7 +11,9 @@ from sma_bayes.runs.store import nothing_unfinished, write_json, write_text
 from sma_bayes.studies.paper.document import reproduction_document
 from sma_bayes.studies.paper.page import PICTURES, page
 from sma_bayes.studies.paper.pictures import write_pictures
+from sma_bayes.studies.paper.schema import ReproductionDocument
 from sma_bayes.studies.paper.study import study_twin
+from sma_bayes.studies.paper.tables import table_entries
 
 PAGE: Final = "paper.md"
 NUMBERS: Final = "data/paper.json"
@@ -62,17 +63,18 @@ def reproduce_paper(
     OutputError
         If a file can't be written.
     """
-    place = Path(folder)
-    _try_to_write(place)
-    with nothing_unfinished(place):
-        return _reproduced(place, seed, jobs, progress)
+    return write_reproduction(Path(folder), seed=seed, jobs=jobs, progress=progress).as_json()
 
 
-def _reproduced(place: Path, seed: int, jobs: int | None, progress: Progress | None) -> dict[str, Any]:
-    study = study_twin(seed=seed, jobs=jobs, progress=progress)
-    found = reproduction_document(study)
-    figures = write_pictures(study, found["tables"], place / PICTURES)
-    found["figures"] = [asdict(f) for f in figures.values()]
-    write_json(place / NUMBERS, found)
-    write_text(place / PAGE, page(found))
-    return found
+def write_reproduction(
+    folder: Path, *, seed: int = 0, jobs: int | None = None, progress: Progress | None = None
+) -> ReproductionDocument:
+    """The same as `reproduce_paper`, typed."""
+    _try_to_write(folder)
+    with nothing_unfinished(folder):
+        study = study_twin(seed=seed, jobs=jobs, progress=progress)
+        tables = table_entries(study)
+        found = reproduction_document(study, tables, write_pictures(study, tables, folder / PICTURES))
+        write_json(folder / NUMBERS, found.as_json())
+        write_text(folder / PAGE, page(found))
+        return found

@@ -41,7 +41,7 @@ def command(
             )
         _reproduce(page, seed, jobs, quiet, verbose)
         return
-    from sma_bayes.paper.export import render, select, write
+    from sma_bayes.studies.paper.export import render, select, write
 
     selection = select(table, errata_only=errata)
     if out is None:
@@ -52,13 +52,13 @@ def command(
 
 
 def _reproduce(folder: Path, seed: int, jobs: int | None, quiet: bool, verbose: bool) -> None:
-    from sma_bayes.studies.paper.build import NUMBERS, PAGE, reproduce_paper
+    from sma_bayes.studies.paper.build import NUMBERS, PAGE, write_reproduction
 
     with progress_shown(quiet, verbose, tasks=False) as progress:
-        found = reproduce_paper(folder, seed=seed, jobs=jobs, progress=progress)
+        found = write_reproduction(folder, seed=seed, jobs=jobs, progress=progress)
     if not quiet:
-        for claim in found["claims"]:
-            typer.echo(f"{claim['verdict']}: {claim['claim']}")
+        for claim in found.claims:
+            typer.echo(f"{claim.verdict}: {claim.claim}")
         typer.echo(f"page: {folder / PAGE}, numbers: {folder / NUMBERS}")
-    if not found["converged"]:
+    if not found.converged:
         raise typer.Exit(1)

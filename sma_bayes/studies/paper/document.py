@@ -1,60 +1,99 @@
-"""Everything that the page says, as plain numbers: `paper.json`."""
+"""Everything that the page says, typed: `paper.json`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
 from sma_bayes.assess.correlation_average import Scored, averages
-from sma_bayes.paper.correlation import implied_average
-from sma_bayes.paper.export import SOURCE
 from sma_bayes.paper.extremes import EXTREME_TABLES
-from sma_bayes.runs.store import plain
-from sma_bayes.studies.compare.schema import ComparedModel, OverallAverages
+from sma_bayes.report.figures.sheet import FigureFiles
+from sma_bayes.runs.schema import CorrelationAverage, IntervalDocument
+from sma_bayes.studies.compare.outputs import StoredComparison
+from sma_bayes.studies.compare.schema import OverallModel
 from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.paper.claims import claims
 from sma_bayes.studies.paper.claims.correlation import straight_line_correlation
+from sma_bayes.studies.paper.claims.types import Claim
 from sma_bayes.studies.paper.distance import distances
+from sma_bayes.studies.paper.export import SOURCE, implied_summary
 from sma_bayes.studies.paper.printed import printed_effects
+from sma_bayes.studies.paper.schema import (
+    AlongWith,
+    AveragedR,
+    AveragedR2,
+    EvidenceForClaim,
+    JudgedClaim,
+    ModelOfTwin,
+    PageFigure,
+    PrintedEffect,
+    PublishedDistance,
+    ReproducedEntry,
+    ReproductionDocument,
+    TwinComparison,
+    VerdictOnRecord,
+)
 from sma_bayes.studies.paper.study import TwinStudy
-from sma_bayes.studies.paper.tables import table_rows
 
 SCHEMA: Final = "sma-bayes/reproduction/1"
 
 
-def reproduction_document(study: TwinStudy) -> dict[str, Any]:
+def reproduction_document(
+    study: TwinStudy, tables: Mapping[str, Sequence[ReproducedEntry]], figures: Iterable[FigureFiles]
+) -> ReproductionDocument:
     """What a study of the paper found.
 
     Parameters
     ----------
     study : TwinStudy
         Of all conditions of the twin.
+    tables : mapping of str to sequence of ReproducedEntry
+        As `table_entries` gives them.
+    figures : iterable of FigureFiles
     """
-    found: dict[str, Any] = plain({
-        "schema": SCHEMA,
-        "paper": SOURCE,
-        "campaign": study.campaign.name,
-        "seed": study.seed,
-        "versions": all_versions(),
-        "data_sha256": study.campaign.sha256,
-        "converged": study.converged,
-        "claims": [c.document() for c in claims(study)],
-        "implied_correlation": asdict(implied_average()),
-        "straight_line_correlation": straight_line_correlation(study),
-        "correlation_average": _averages(study),
-        "comparison": _comparison(study),
-        "distances": [{**asdict(d), "reaches_greatest": d.reaches_greatest} for d in distances()],
-        "printed_effects": {
-            str(t.number): [_effect(e) for e in printed_effects(t).values()] for t in EXTREME_TABLES
+    return ReproductionDocument(
+        schema=SCHEMA,
+        paper=SOURCE,
+        campaign=study.campaign.name,
+        seed=study.seed,
+        versions=all_versions(),
+        data_sha256=study.campaign.sha256,
+        converged=study.converged,
+        claims=tuple(judged_claim(c) for c in claims(study)),
+        implied_correlation=implied_summary(),
+        straight_line_correlation=straight_line_correlation(study),
+        correlation_average=_averages(study),
+        comparison=_comparison(study.comparison),
+        distances=tuple(
+            PublishedDistance(**asdict(d), reaches_greatest=d.reaches_greatest) for d in distances()
+        ),
+        printed_effects={
+            str(t.number): tuple(_effect(e) for e in printed_effects(t).values()) for t in EXTREME_TABLES
         },
-        "tables": table_rows(study),
-    })  # fmt: skip
-    return found
+        tables={number: tuple(entries) for number, entries in tables.items()},
+        figures=tuple(PageFigure(**asdict(f)) for f in figures),
+    )
 
 
-def _averages(study: TwinStudy) -> list[dict[str, Any]]:
+def judged_claim(claim: Claim) -> JudgedClaim:
+    """A claim with its verdict."""
+    return JudgedClaim(
+        id=claim.id,
+        claim=claim.text,
+        lines=claim.lines,
+        verdict=claim.verdict,
+        why=claim.why,
+        errata=claim.errata,
+        confounded=claim.confounded,
+        lost=claim.lost,
+        allowed_error=claim.allowed,
+        evidence=tuple(EvidenceForClaim(**asdict(e)) for e in claim.evidence),
+    )
+
+
+def _averages(study: TwinStudy) -> tuple[CorrelationAverage, ...]:
     scored = [
         Scored(
             r.key, r.branch.value, "stiffness", r.quantity("stiffness"), r.units["stiffness"], r.key,
@@ -62,59 +101,53 @@ def _averages(study: TwinStudy) -> list[dict[str, Any]]:
         )
         for r in study.campaign.records
     ]  # fmt: skip
-    return averages(scored)
+    return tuple(CorrelationAverage(**entry) for entry in averages(scored))
 
 
-def _comparison(study: TwinStudy) -> dict[str, Any]:
-    found = study.comparison.found
+def _comparison(stored: StoredComparison) -> TwinComparison:
+    found = stored.found
     (overall,) = found.overall
-    return {
-        "verdict": overall.verdict,
-        "why": overall.why,
-        "verdicts": overall.verdicts,
-        "models": {
-            name: {
-                **m.model_dump(
-                    mode="json",
-                    include={"family", "ln_evidence", "ln_evidence_sd", "elpd_held_out", "behind_preferred"},
-                ),
-                "r": _of_both_branches(m.correlation_average, "r"),
-                "r2": _of_both_branches(m.correlation_average, "r2"),
-            }
-            for name, m in overall.models.items()
-        },
-        "records": [
-            {
-                k: getattr(r, k)
-                for k in ("condition", "branch", "verdict", "preferred", "rival", "ln_bayes_factor")
-            }
+    return TwinComparison(
+        verdict=overall.verdict,
+        preferred=overall.preferred,
+        rival=overall.rival,
+        ln_bayes_factor=overall.ln_bayes_factor,
+        why=overall.why,
+        verdicts=overall.verdicts,
+        models={name: _model(m) for name, m in overall.models.items()},
+        records=tuple(
+            VerdictOnRecord(**{key: getattr(r, key) for key in VerdictOnRecord.model_fields})
             for r in found.records
-        ],
-        "unavailable": _unavailable(found.records[0].models),
-    }
+        ),
+        unavailable={n: m.unavailable for n, m in found.records[0].models.items() if m.unavailable},
+    )
 
 
-def _of_both_branches(averages: OverallAverages, factor: str) -> dict[str, Any]:
-    """Averages of a factor over both branches, in sample and held out, as JSON."""
-    stated = averages.as_json()
-    return {part: entries[-1][factor] for part, entries in stated.items()}
+def _model(m: OverallModel) -> ModelOfTwin:
+    """A model with its averages over both branches, which stand last."""
+    inside, outside = m.correlation_average.in_sample[-1], m.correlation_average.held_out[-1]
+    return ModelOfTwin(
+        family=m.family,
+        ln_evidence=m.ln_evidence,
+        ln_evidence_sd=m.ln_evidence_sd,
+        elpd_held_out=m.elpd_held_out,
+        behind_preferred=m.behind_preferred,
+        r=AveragedR(in_sample=inside.r or {}, held_out=outside.r or {}),
+        r2=AveragedR2(in_sample=inside.r2 or {}, held_out=outside.r2 or {}),
+    )
 
 
-def _unavailable(models: Mapping[str, ComparedModel]) -> dict[str, str]:
-    return {name: m.unavailable for name, m in models.items() if m.unavailable}
-
-
-def _effect(e: SettingEffect) -> dict[str, Any]:
-    return {
-        "feature": e.feature,
-        "unit": e.unit,
-        "setting": e.setting,
-        "from": e.from_,
-        "to": e.to,
-        "factor": e.factor,
-        "conditions": list(e.conditions),
-        "tested": None if e.tested is None else e.tested["median"],
-        "beyond": e.beyond,
-        "probability_rises": e.probability_rises,
-        "confounders": [asdict(c) | {"strong": c.strong} for c in e.confounders],
-    }
+def _effect(e: SettingEffect) -> PrintedEffect:
+    ends: dict[str, Any] = {"from": e.from_, "to": e.to}
+    return PrintedEffect(
+        **ends,
+        feature=e.feature,
+        unit=e.unit,
+        setting=e.setting,
+        factor=e.factor,
+        conditions=e.conditions,
+        tested=None if e.tested is None else e.tested["median"],
+        beyond=None if e.beyond is None else IntervalDocument(**e.beyond),
+        probability_rises=e.probability_rises,
+        confounders=tuple(AlongWith(**asdict(c), strong=c.strong) for c in e.confounders),
+    )

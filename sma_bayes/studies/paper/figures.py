@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sma_bayes.arrays import Floats
+from sma_bayes.paper.tables import CellStatus
 from sma_bayes.report.figures.averages import row_names
 from sma_bayes.report.figures.sheet import (
     COLOURS,
@@ -27,8 +28,10 @@ from sma_bayes.report.figures.sheet import (
     label_width,
     panels,
 )
+from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.compare.figures.models import LOOKS
-from sma_bayes.studies.compare.tables import SHORT
+from sma_bayes.studies.compare.tables import short
+from sma_bayes.studies.paper.schema import ReproducedEntry
 
 ARBITRARY_AXIS: Final = "temperature [arbitrary unit]"
 STIFFNESS_AXIS: Final = "stiffness K [N/m]"
@@ -246,7 +249,7 @@ def rival_figure(stem: str, numbers: str, rival: str, profiles: Sequence[Profile
         ax.set_title(title)
         ax.set_ylim(0.0, None)
     handles = [
-        *(Line2D([], [], color=LOOKS[m][0], label=SHORT[m]) for m in (SIGMOID, rival)),
+        *(Line2D([], [], color=LOOKS[m][0], label=short(m)) for m in (SIGMOID, rival)),
         *(Line2D([], [], color=INK, ls=s, label=b) for b, s in (("heating", "-"), ("cooling", "--"))),
         dot_handle(FAINT, "samples of the twin"),
     ]
@@ -255,9 +258,9 @@ def rival_figure(stem: str, numbers: str, rival: str, profiles: Sequence[Profile
         stem=stem,
         caption=(
             f"As {numbers}: stiffness of the twin with the posteriors of Eq. (7) and of the "
-            f"{SHORT[rival].split(',')[0]}, all parameters inferred; medians and pointwise 90 % bands."
+            f"{short(rival).split(',')[0]}, all parameters inferred; medians and pointwise 90 % bands."
         ),
-        alt=f"stiffness of {', '.join(titles)} with the curves of the modified sigmoid and of the {SHORT[rival]}",
+        alt=f"stiffness of {', '.join(titles)} with the curves of the modified sigmoid and of the {short(rival)}",
         figure=figure,
         data=_columns(profiles),
     )
@@ -411,30 +414,30 @@ def plugged_figure(found: Sequence[Plugged]) -> Drawing:
     )
 
 
-def extremes_figure(rows: Sequence[Mapping[str, Any]]) -> Drawing:
+def extremes_figure(entries: Sequence[ReproducedEntry]) -> Drawing:
     """Printed least and greatest stiffness of Tables 9 to 12 beside those of the twin.
 
     Parameters
     ----------
-    rows : sequence of mapping
-        Rows of those tables, with ``recomputed``.
+    entries : sequence of ReproducedEntry
+        Of those tables.
     """
     kinds = ("stiffness_min", "stiffness_max")
-    chosen = [r for r in rows if r["quantity"] in kinds]
-    names = list(dict.fromkeys(r["condition"] for r in chosen))
+    chosen = [(e, e.recomputed) for e in entries if e.quantity in kinds]
+    names = list(dict.fromkeys(e.condition for e, _ in chosen))
     left = label_width(names)
     figure = empty_sheet(left + 5.4, 0.95 + 0.22 * len(names))
     axes = panels(figure, 1, 2, left=left, right=0.15, bottom=0.7, top=0.3, gap_x=0.25)[0]
     for ax, kind in zip(axes, kinds, strict=True):
-        for r in (r for r in chosen if r["quantity"] == kind):
-            place = names.index(r["condition"])
-            found = r["recomputed"]
-            if found is not None:
-                ax.plot([found["q05"], found["q95"]], [place] * 2, color=INK, lw=2.2)
-                ax.plot([found["median"]], [place], "o", ms=4, color=INK)
-            if r["published"] is not None:
-                colour = WARNING if r["status"] != "ok" else LOOKS[SIGMOID][0]
-                ax.plot([r["published"]], [place], "D", ms=5, mfc="white", mec=colour, mew=1.1)
+        for e, found in ((e, found) for e, found in chosen if e.quantity == kind):
+            place = names.index(e.condition)
+            if isinstance(found, IntervalDocument):
+                low, middle, high = found.quantiles
+                ax.plot([low, high], [place] * 2, color=INK, lw=2.2)
+                ax.plot([middle], [place], "o", ms=4, color=INK)
+            if e.published is not None:
+                colour = WARNING if e.status != CellStatus.OK else LOOKS[SIGMOID][0]
+                ax.plot([e.published], [place], "D", ms=5, mfc="white", mec=colour, mew=1.1)
         row_names(ax, names, labelled=ax is axes[0])
         ax.set_xscale("log")
         low, high = ax.get_xlim()
@@ -466,10 +469,10 @@ def extremes_figure(rows: Sequence[Mapping[str, Any]]) -> Drawing:
             ("table", "condition", "quantity", "printed [N/m]", "q05 [N/m]", "median [N/m]", "q95 [N/m]"),
             [
                 (
-                    r["table"], r["condition"], r["quantity"], r["published"],
-                    *((r["recomputed"] or {}).get(q) for q in ("q05", "median", "q95")),
+                    e.table, e.condition, e.quantity, e.published,
+                    *((found.q05, found.median, found.q95) if isinstance(found, IntervalDocument) else [None] * 3),
                 )
-                for r in chosen
+                for e, found in chosen
             ],
         ),
     )  # fmt: skip

@@ -37,6 +37,7 @@ from sma_bayes.studies.paper.figures import (
     rival_figure,
 )
 from sma_bayes.studies.paper.printed import repeat_scatter
+from sma_bayes.studies.paper.schema import ReproducedEntry
 from sma_bayes.studies.paper.study import TwinStudy
 
 FIGURES: Final[Mapping[str, tuple[str, Mapping[str, str]]]] = {
@@ -82,27 +83,24 @@ PLUGGED: Final[Mapping[str, tuple[str, str]]] = {
 """Panels of the printed logistic: the name of its extremes, its title, and the condition of its temperatures."""
 
 
-def write_pictures(study: TwinStudy, tables: Mapping[str, Any], folder: Path) -> dict[str, FigureFiles]:
+def write_pictures(
+    study: TwinStudy, tables: Mapping[str, Sequence[ReproducedEntry]], folder: Path
+) -> list[FigureFiles]:
     """Draw all figures into a folder.
 
     Parameters
     ----------
     study : TwinStudy
-    tables : mapping
-        Rows of the tables, as the result file has them.
+    tables : mapping of str to sequence of ReproducedEntry
+        As `table_entries` gives them.
     folder : Path
-
-    Returns
-    -------
-    dict of str to FigureFiles
-        By stem.
 
     Raises
     ------
     OutputError
         If a file can't be written.
     """
-    rows = [row for n in ("9", "10", "11", "12") for row in tables[n]]
+    extreme = [entry for n in ("9", "10", "11", "12") for entry in tables[n]]
     drawings: list[Callable[[], Drawing]] = [
         *(
             partial(profile_figure, stem, name, _profiles(study, parts))
@@ -119,11 +117,10 @@ def write_pictures(study: TwinStudy, tables: Mapping[str, Any], folder: Path) ->
         partial(duty_cycle_figure, *duty_cycles()),
         partial(plugged_figure, plugged()),
         partial(nearest_figure, nearest()),
-        partial(extremes_figure, rows),
+        partial(extremes_figure, extreme),
         partial(model_average_figure, study.comparison),
     ]
-    written = [save_picture(draw, folder) for draw in drawings]
-    return {f.stem: f for f in written}
+    return [save_picture(draw, folder) for draw in drawings]
 
 
 def _in_si(values: Floats) -> Floats:

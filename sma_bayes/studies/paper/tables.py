@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.fitting.warm_start import GoodnessOfFit
 from sma_bayes.paper.errata import PRINTED_TABLES
-from sma_bayes.paper.export import cell_row
 from sma_bayes.paper.extremes import EXTREME_TABLES
 from sma_bayes.paper.physics import PUBLISHED_HELIX
 from sma_bayes.paper.specifications import TABLE_1, specification
 from sma_bayes.paper.tables import PARAMETER_TABLES, STATISTICS_TABLES, CellStatus, PrintedCell, PrintedTable
 from sma_bayes.paper.twin import FITTED_PARAMETERS
 from sma_bayes.quantities import convert
+from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.features import BOTH, interval
+from sma_bayes.studies.paper.export import printed_entry
+from sma_bayes.studies.paper.schema import RecomputedValue, ReproducedEntry
 from sma_bayes.studies.paper.study import TwinStudy
 
-Row = dict[str, Any]
-Found = Mapping[str, float] | None
-"""``value``, or ``q05``, ``median`` and ``q95``; None where nothing is recomputed."""
+Found = RecomputedValue | IntervalDocument | None
+"""None where nothing is recomputed."""
 
+IMPLIED: Final = "implied"
+"""Status of a number that follows from several printed ones."""
 FEATURES: Final[Mapping[str, str]] = {
     "stiffness_min": "least_stiffness",
     "stiffness_max": "greatest_stiffness",
@@ -31,30 +34,27 @@ FEATURES: Final[Mapping[str, str]] = {
 """Feature of a condition behind a printed column of Tables 9 to 12."""
 
 
-def table_rows(study: TwinStudy) -> dict[str, list[Row]]:
-    """Rows of every table, by its number.
+def table_entries(study: TwinStudy) -> dict[str, list[ReproducedEntry]]:
+    """Entries of every table, by its number.
 
     Parameters
     ----------
     study : TwinStudy
         Cells of conditions that it leaves out are left out too.
-
-    Returns
-    -------
-    dict of str to list of dict
-        Each cell as `sma_bayes.paper.export.cell_row` gives it, with ``recomputed``: ``value``, or ``q05``, ``median``
-        and ``q95`` [unit of the cell], null where nothing is recomputed.
     """
-    out: dict[str, list[Row]] = {}
+    out: dict[str, list[ReproducedEntry]] = {}
     for table in PRINTED_TABLES:
         if table.number == 0:
             continue
         recompute = _recomputer(table, study)
-        rows = [{**cell_row(table, cell), "recomputed": recompute(cell)} for cell in table.cells]
-        out[str(table.number)] = [*rows, *_derived(table, study)]
+        entries = [
+            ReproducedEntry(**printed_entry(table, cell).model_dump(), recomputed=recompute(cell))
+            for cell in table.cells
+        ]
+        out[str(table.number)] = [*entries, *_derived(table, study)]
     known = {r.condition.id for r in study.campaign.records}
     fitted = {str(t.number) for t in (*PARAMETER_TABLES, *STATISTICS_TABLES)}
-    return {n: [r for r in rows if n not in fitted or r["condition"] in known] for n, rows in out.items()}
+    return {n: [e for e in found if n not in fitted or e.condition in known] for n, found in out.items()}
 
 
 def _recomputer(table: PrintedTable, study: TwinStudy) -> Callable[[PrintedCell], Found]:
@@ -76,7 +76,7 @@ def _specification(cell: PrintedCell) -> Found:
         "resistivity": lambda: specification(TABLE_1, "resistivity_martensite", "ohm*m"),
         "specific_heat_joule": lambda: specification(TABLE_1, "specific_heat_calorie", "J/g/delta_degC"),
     }
-    return {"value": float(found[cell.quantity]())} if cell.quantity in found else None
+    return RecomputedValue(value=float(found[cell.quantity]())) if cell.quantity in found else None
 
 
 def _key(cell: PrintedCell) -> str:
@@ -87,7 +87,7 @@ def _parameter(cell: PrintedCell, study: TwinStudy) -> Found:
     """A1 and B1 from force and displacement, the others from stiffness, as the paper fitted them."""
     fits = study.parts if cell.quantity in ("A1", "B1") else study.stiffness
     fitted = fits.get(_key(cell))
-    return None if fitted is None else interval(fitted.flat[:, fitted.posterior.space.index(cell.quantity)])
+    return None if fitted is None else _interval(fitted.flat[:, fitted.posterior.space.index(cell.quantity)])
 
 
 def _goodness(cell: PrintedCell, study: TwinStudy) -> GoodnessOfFit | None:
@@ -97,7 +97,7 @@ def _goodness(cell: PrintedCell, study: TwinStudy) -> GoodnessOfFit | None:
 
 def _statistic(cell: PrintedCell, study: TwinStudy) -> Found:
     found = _goodness(cell, study)
-    return None if found is None else {"value": float(getattr(found, cell.quantity))}
+    return None if found is None else RecomputedValue(value=float(getattr(found, cell.quantity)))
 
 
 def _extreme(cell: PrintedCell, study: TwinStudy) -> Found:
@@ -105,45 +105,53 @@ def _extreme(cell: PrintedCell, study: TwinStudy) -> Found:
     for f in study.features:
         if (f.name, f.branch, f.condition.id) == (name, BOTH, cell.condition):
             draws = convert(f.draws, f.unit, cell.unit, what=cell.quantity)
-            return interval(np.asarray(draws))
+            return _interval(np.asarray(draws))
     return None
 
 
-def _derived(table: PrintedTable, study: TwinStudy) -> Iterator[Row]:
+def _interval(draws: Floats) -> IntervalDocument:
+    return IntervalDocument(**interval(draws))
+
+
+def _derived(table: PrintedTable, study: TwinStudy) -> Iterator[ReproducedEntry]:
     """What follows from several printed cells: B1/A1, and the spread of the measured stiffness."""
     places = dict.fromkeys((c.condition, c.branch) for c in table.cells)
     for condition, branch in places:
-        if branch is None:
+        fitted = None if branch is None else study.stiffness.get(f"{condition}-{branch.value}")
+        if branch is None or fitted is None:
             continue
         column = table.select(condition, branch)
-        head = {"table": table.number, "condition": condition, "branch": branch.value}
-        fitted = study.stiffness.get(f"{condition}-{branch.value}")
-        if fitted is None:
-            continue
+        place = (table.number, condition, branch.value)
         if table in PARAMETER_TABLES:
             draws = [fitted.flat[:, fitted.posterior.space.index(n)] for n in ("B1", "A1")]
             value = column["B1"].value / column["A1"].value
-            yield {**head, **_implied("B1/A1", "N/cm", value), "recomputed": interval(draws[0] / draws[1])}
+            yield _implied(place, "B1/A1", "N/cm", value, _interval(draws[0] / draws[1]))
         if table in STATISTICS_TABLES:
             y = fitted.records[0].observed["stiffness"]
             lost = column["r2"].status is CellStatus.DAMAGED
-            yield {
-                **head,
-                **_implied("spread", "N/cm", None if lost else printed_spread(column)),
-                "recomputed": {"value": _spread(y)},
-            }
+            spread = None if lost else printed_spread(column)
+            yield _implied(place, "spread", "N/cm", spread, RecomputedValue(value=float(np.std(y))))
 
 
-def _implied(quantity: str, unit: str, value: float | None) -> Row:
-    return {
-        "line": None, "quantity": quantity, "unit": unit, "printed": "" if value is None else f"{value:.4g}",
-        "published": value, "status": "implied" if value is not None else CellStatus.DAMAGED.value, "corrected": None,
-        "reason": "", "errata": "",
-    }  # fmt: skip
-
-
-def _spread(y: Floats) -> float:
-    return float(np.std(y))
+def _implied(
+    place: tuple[int, str, str], quantity: str, unit: str, value: float | None, recomputed: Found
+) -> ReproducedEntry:
+    table, condition, branch = place
+    return ReproducedEntry(
+        table=table,
+        line=None,
+        condition=condition,
+        branch=branch,
+        quantity=quantity,
+        unit=unit,
+        printed="" if value is None else f"{value:.4g}",
+        published=value,
+        status=IMPLIED if value is not None else CellStatus.DAMAGED.value,
+        corrected=None,
+        reason="",
+        errata="",
+        recomputed=recomputed,
+    )
 
 
 def printed_spread(column: Mapping[str, PrintedCell]) -> float:

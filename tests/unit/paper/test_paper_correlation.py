@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sma_bayes.paper.correlation import implied_average, implied_correlations
-from sma_bayes.paper.export import render, select, sheets
 from sma_bayes.records.types import Branch
+from sma_bayes.studies.paper.export import render, select, sheets
 
 R2 = np.array(
     [0.9980, 0.9973, 0.9980, 0.9987, 0.9980, 0.9978, 0.9992, 0.9989, 0.9982, 0.9986, 0.9981, 0.9950]

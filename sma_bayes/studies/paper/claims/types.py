@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 SURE: Final = 0.95
 """Probability with which all verdicts together are right, by Holm's rule."""
@@ -99,24 +99,6 @@ class Claim:
         if 1.0 - min(found) <= self.allowed:
             return HOLDS
         return FAILS if max(found) <= self.allowed else OPEN
-
-    def document(self) -> dict[str, Any]:
-        """As the result file has it."""
-        return {
-            "id": self.id,
-            "claim": self.text,
-            "lines": list(self.lines),
-            "verdict": self.verdict,
-            "why": self.why,
-            "errata": list(self.errata),
-            "confounded": list(self.confounded),
-            "lost": self.lost,
-            "allowed_error": self.allowed,
-            "evidence": [
-                {"source": e.source, "text": e.text, "probability": e.probability, "counts": e.counts}
-                for e in self.evidence
-            ],
-        }
 
 
 def judged(claims: Sequence[Claim]) -> tuple[Claim, ...]:

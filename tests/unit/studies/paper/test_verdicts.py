@@ -10,6 +10,7 @@ from sma_bayes.paper.specifications import TABLE_1, TABLE_2
 from sma_bayes.paper.tables import TABLE_6
 from sma_bayes.records.types import Branch
 from sma_bayes.studies.paper.claims.types import FAILS, HOLDS, OPEN, Claim, ClaimEvidence, judged
+from sma_bayes.studies.paper.document import judged_claim
 from sma_bayes.studies.paper.page import _untypeset, anchor, pipes, probability
 from sma_bayes.studies.paper.tables import printed_spread
 
@@ -39,7 +40,7 @@ def test_a_verdict_needs_all_evidence_that_counts(
     assert claim(*evidence).verdict == verdict
     for circular in (0.0, 1.0):
         assert claim(*evidence, ClaimEvidence("twin", "", circular, False)).verdict == verdict
-        assert claim(*evidence).document()["verdict"] == verdict
+        assert judged_claim(claim(*evidence)).verdict == verdict
 
 
 def test_evidence_that_does_not_count_decides_nothing() -> None:

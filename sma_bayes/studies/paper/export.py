@@ -22,6 +22,16 @@ from sma_bayes.paper.effects import Amount
 from sma_bayes.paper.errata import PRINTED_TABLES, Erratum, address, errata, printed_table
 from sma_bayes.paper.tables import CellStatus, PrintedCell, PrintedTable
 from sma_bayes.quantities import unit_text
+from sma_bayes.studies.paper.schema import (
+    ErratumEntry,
+    ImpliedAverageSummary,
+    ImpliedCorrelationRow,
+    ImpliedCorrelations,
+    PaperTablesDocument,
+    PrintedEntry,
+    PrintedTableDocument,
+    RecomputedAmount,
+)
 
 SCHEMA: Final = "sma-bayes/paper/1"
 """Schema of the JSON document."""
@@ -84,26 +94,22 @@ def select(table: int | None = None, *, errata_only: bool = False) -> Selection:
     return Selection(() if errata_only else tables, chosen)
 
 
-def cell_row(table: PrintedTable, cell: PrintedCell) -> Row:
-    """One printed cell as a row: where it stands, what is printed, whether it can be believed.
-
-    ``published`` is the printed number, empty where something else is printed in its place; ``corrected`` is what
-    other cells say that it should have been.
-    """
-    return {
-        "table": table.number,
-        "line": cell.line,
-        "condition": cell.condition,
-        "branch": "" if cell.branch is None else cell.branch.value,
-        "quantity": cell.quantity,
-        "unit": cell.unit,
-        "printed": cell.entry or cell.printed,
-        "published": None if cell.status is CellStatus.DAMAGED else cell.value,
-        "status": cell.status.value,
-        "corrected": cell.reconstructed,
-        "reason": cell.reason,
-        "errata": " ".join(_doubts().get(address(table, cell), ())),
-    }
+def printed_entry(table: PrintedTable, cell: PrintedCell) -> PrintedEntry:
+    """One printed cell: where it stands, what is printed, whether it can be believed."""
+    return PrintedEntry(
+        table=table.number,
+        line=cell.line,
+        condition=cell.condition,
+        branch="" if cell.branch is None else cell.branch.value,
+        quantity=cell.quantity,
+        unit=cell.unit,
+        printed=cell.entry or cell.printed,
+        published=None if cell.status is CellStatus.DAMAGED else cell.value,
+        status=cell.status.value,
+        corrected=cell.reconstructed,
+        reason=cell.reason,
+        errata=" ".join(_doubts().get(address(table, cell), ())),
+    )
 
 
 @cache
@@ -117,40 +123,49 @@ def _doubts() -> dict[str, tuple[str, ...]]:
     return found
 
 
-def erratum_row(erratum: Erratum) -> Row:
-    """One erratum as a row."""
-    return {
-        "id": erratum.id,
-        "lines": " ".join(map(str, erratum.lines)),
-        "tables": " ".join(map(str, erratum.tables)),
-        "confidence": erratum.confidence.value,
-        "printed": erratum.printed,
-        "problem": erratum.problem,
-        "correction": erratum.correction,
-        "cells": " ".join(address(table, cell) for table, cell in erratum.doubted()),
-    }
+def erratum_entry(erratum: Erratum) -> ErratumEntry:
+    """One erratum, with what it amounts to."""
+    return ErratumEntry(
+        id=erratum.id,
+        lines=erratum.lines,
+        tables=erratum.tables,
+        confidence=erratum.confidence.value,
+        printed=erratum.printed,
+        problem=erratum.problem,
+        correction=erratum.correction,
+        cells=tuple(address(table, cell) for table, cell in erratum.doubted()),
+        effect=tuple(recomputed_amount(a) for a in erratum.effect()),
+    )
 
 
-def amount_row(amount: Amount) -> Row:
-    """One recomputed number as a row."""
-    return {
-        "what": amount.name,
-        "value": amount.value,
-        "unit": amount.unit,
-        "claimed": amount.claimed or None,
-        "agrees": amount.agrees,
-    }
+def recomputed_amount(amount: Amount) -> RecomputedAmount:
+    """One recomputed number."""
+    return RecomputedAmount(
+        what=amount.name,
+        value=amount.value,
+        unit=amount.unit,
+        claimed=amount.claimed or None,
+        agrees=amount.agrees,
+    )
 
 
 def sheets(selection: Selection) -> tuple[Sheet, ...]:
     """Sheets of a selection: one a table, then the errata and their recomputed effects."""
     found = [*_table_sheets(selection), *_correlation_sheets(selection)]
-    effects = tuple({"id": e.id, **amount_row(a)} for e in selection.errata for a in e.effect())
-    if selection.errata:
-        found.append(Sheet("errata", "Errata", tuple(erratum_row(e) for e in selection.errata)))
+    entries = [erratum_entry(e) for e in selection.errata]
+    effects = tuple({"id": e.id, **a.as_json()} for e in entries for a in e.effect)
+    if entries:
+        found.append(Sheet("errata", "Errata", tuple(_erratum_row(e) for e in entries)))
     if effects:
         found.append(Sheet("effects", "Effects of the errata, recomputed", effects))
     return tuple(found)
+
+
+def _erratum_row(entry: ErratumEntry) -> Row:
+    """An erratum in one row: lists with blanks between, without what it amounts to."""
+    stated = entry.as_json()
+    del stated["effect"]
+    return {k: " ".join(map(str, v)) if isinstance(v, list) else v for k, v in stated.items()}
 
 
 def _table_sheets(selection: Selection) -> list[Sheet]:
@@ -158,32 +173,32 @@ def _table_sheets(selection: Selection) -> list[Sheet]:
         Sheet(
             f"table-{table.number}",
             f"Table {table.number}: {table.title}" if table.number else table.title.capitalize(),
-            tuple(cell_row(table, cell) for cell in table.cells),
+            tuple(printed_entry(table, cell).as_json() for cell in table.cells),
         )
         for table in selection.tables
     ]
 
 
-def correlation_row(found: ImpliedCorrelation) -> Row:
-    """The correlation factor that a column of Tables 6 to 8 implies, as a row; numbers are empty where it is lost."""
-    return {
-        "table": found.table,
-        "condition": found.condition,
-        "branch": found.branch.value,
-        "status": found.status.value,
-        "r2": found.r2,
-        "r_from_r2": found.r,
-        "r_from_r2_rounded": found.r_rounded,
-        "adj_r2": found.adj_r2,
-        "dof": found.dof,
-        "r_from_adj_r2": found.r_adjusted,
-        "claimed": CLAIMED,
-    }
+def correlation_row(found: ImpliedCorrelation) -> ImpliedCorrelationRow:
+    """The correlation factor that a column of Tables 6 to 8 implies."""
+    return ImpliedCorrelationRow(
+        table=found.table,
+        condition=found.condition,
+        branch=found.branch.value,
+        status=found.status.value,
+        r2=found.r2,
+        r_from_r2=found.r,
+        r_from_r2_rounded=found.r_rounded,
+        adj_r2=found.adj_r2,
+        dof=found.dof,
+        r_from_adj_r2=found.r_adjusted,
+        claimed=CLAIMED,
+    )
 
 
-def _implied(selection: Selection) -> list[Row]:
+def _implied(selection: Selection) -> tuple[ImpliedCorrelationRow, ...]:
     numbers = {table.number for table in selection.tables}
-    return [correlation_row(c) for c in implied_correlations() if c.table in numbers]
+    return tuple(correlation_row(c) for c in implied_correlations() if c.table in numbers)
 
 
 def _correlation_sheets(selection: Selection) -> list[Sheet]:
@@ -195,30 +210,28 @@ def _correlation_sheets(selection: Selection) -> list[Sheet]:
         f"Correlation factors that Tables 6 to 8 imply at least: the {mean.columns} columns that can be read average "
         f"{mean.plain:.4f} (Fisher {mean.fisher:.4f}), the text claims {mean.claimed:g}"
     )
-    return [Sheet("correlation", title, tuple(rows))]
+    return [Sheet("correlation", title, tuple(r.as_json() for r in rows))]
 
 
-def document(selection: Selection) -> dict[str, Any]:
-    """JSON document of a selection, with its schema."""
-    return {
-        "schema": SCHEMA,
-        "source": SOURCE,
-        "tables": [
-            {"number": t.number, "title": t.title, "cells": [cell_row(t, c) for c in t.cells]}
+def tables_document(selection: Selection) -> PaperTablesDocument:
+    """What a selection holds."""
+    return PaperTablesDocument(
+        schema=SCHEMA,
+        source=SOURCE,
+        tables=tuple(
+            PrintedTableDocument(
+                number=t.number, title=t.title, cells=tuple(printed_entry(t, c) for c in t.cells)
+            )
             for t in selection.tables
-        ],
-        "implied_correlation": {"columns": _implied(selection), "average": asdict(implied_average())},
-        "errata": [
-            {
-                **erratum_row(e),
-                "lines": list(e.lines),
-                "tables": list(e.tables),
-                "cells": [address(table, cell) for table, cell in e.doubted()],
-                "effect": [amount_row(a) for a in e.effect()],
-            }
-            for e in selection.errata
-        ],
-    }
+        ),
+        implied_correlation=ImpliedCorrelations(columns=_implied(selection), average=implied_summary()),
+        errata=tuple(erratum_entry(e) for e in selection.errata),
+    )
+
+
+def implied_summary() -> ImpliedAverageSummary:
+    """What all printed R² that can be read say together."""
+    return ImpliedAverageSummary(**asdict(implied_average()))
 
 
 def _number(value: object) -> str:
@@ -306,7 +319,10 @@ def texts(selection: Selection, form: str) -> dict[str, str]:
     if form not in FORMATS:
         raise UnknownNameError(f"there is no format {form!r}", expected=near_matches(form, FORMATS))
     if form == "json":
-        return {"paper.json": json.dumps(document(selection), indent=1, ensure_ascii=False) + "\n"}
+        return {
+            "paper.json": json.dumps(tables_document(selection).as_json(), indent=1, ensure_ascii=False)
+            + "\n"
+        }
     if form == "markdown":
         whole = [*_table_sheets(selection), *_correlation_sheets(selection)]
         pages = {f"{sheet.name}.md": _markdown(sheet) for sheet in whole}
@@ -386,25 +402,29 @@ This page is written by `sma-bayes paper --errata --format markdown`.
 
 def errata_page(chosen: Sequence[Erratum]) -> str:
     """Page of the documentation: a section for each erratum, what did not reproduce first."""
-    amounts = {e.id: e.effect() for e in chosen}
-    differing = [
-        {"id": i, **amount_row(a)} for i, found in amounts.items() for a in found if a.agrees is False
-    ]
+    entries = [erratum_entry(e) for e in chosen]
+    differing = [(e.id, a) for e in entries for a in e.effect if a.agrees is False]
     parts = [_PREFACE]
     if differing:
-        shown = [{k: v for k, v in row.items() if k != "agrees"} for row in differing]
-        parts.append("## Claims that do not reproduce as stated\n\n" + _pipes(shown))
-    parts += [_section(e, amounts[e.id]) for e in chosen]
+        rows = [
+            {"id": i, "what": a.what, "value": a.value, "unit": a.unit, "claimed": a.claimed}
+            for i, a in differing
+        ]
+        parts.append("## Claims that do not reproduce as stated\n\n" + _pipes(rows))
+    parts += [_section(e) for e in entries]
     return "\n".join(parts)
 
 
-def _section(erratum: Erratum, amounts: Sequence[Amount]) -> str:
-    row = erratum_row(erratum)
+def _section(erratum: ErratumEntry) -> str:
     where = ", ".join(map(str, erratum.lines))
     tables = ", ".join(map(str, erratum.tables)) or "none"
-    effect = _pipes([amount_row(a) for a in amounts]) if amounts else "A note: no number to recompute.\n"
+    effect = (
+        _pipes([a.as_json() for a in erratum.effect])
+        if erratum.effect
+        else "A note: no number to recompute.\n"
+    )
     return (
         f"## {erratum.id}\n\n"
-        f"Lines {where}; tables {tables}; {row['confidence']}.\n\n"
+        f"Lines {where}; tables {tables}; {erratum.confidence}.\n\n"
         f"- Printed: {erratum.printed}\n- Problem: {erratum.problem}\n- Instead: {erratum.correction}\n\n{effect}"
     )

@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 from sma_bayes.cli import command_line
 from sma_bayes.errors import OutputError, UnknownNameError
 from sma_bayes.paper.errata import PRINTED_TABLES, errata
-from sma_bayes.paper.export import FORMATS, render, select, sheets, texts, write
 from sma_bayes.paper.tables import CellStatus
+from sma_bayes.studies.paper.export import FORMATS, render, select, sheets, texts, write
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 
 
 def test_the_page_of_the_documentation_is_up_to_date() -> None:
