@@ -15,6 +15,7 @@ from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.identifiability import contraction
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
+from sma_bayes.quantities import unit_text
 
 MISSED = 0.02
 """Share of the range of a channel that a curve may miss at its worst place and still describe the data."""
@@ -162,7 +163,7 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
         if m.share > MISSED and abs(m.largest) > NOTICED * sd[m.channel]:
             what = (
                 f"{r.quantity(m.channel)} by up to {m.share:.1%} of its range, at {m.at:.4g} "
-                f"{r.units['temperature']}; what it misses is in all bands"
+                f"{unit_text(r.units['temperature'])}; what it misses is in all bands"
             )
             out.append(_reason("curve", m.channel, what))
     for c in checks:

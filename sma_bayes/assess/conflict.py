@@ -21,6 +21,7 @@ from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.noise.effective_samples import memory_of
 from sma_bayes.parameters.space import Parameter
+from sma_bayes.quantities import unit_text
 
 ALLOWED = 0.001
 """Prior probability, both tails together, outside of which a value contradicts the prior: by the prior's own account
@@ -49,7 +50,7 @@ def contradicted(fit: Fit, record: int = 0) -> tuple[str, ...]:
 
 
 def _told(parameter: Parameter, found: str, by: str = "") -> str:
-    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    unit = "" if parameter.unit == "1" else f" {unit_text(parameter.unit)}"
     low, high = _limits(parameter)
     name = parameter.name.partition("[")[0]
     return f"{name} ({found}{unit}{by}, the prior says {low:.3g} to {high:.3g})"

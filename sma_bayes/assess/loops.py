@@ -12,6 +12,7 @@ from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
+from sma_bayes.quantities import unit_text
 from sma_bayes.response.modified_sigmoid import channel_unit
 
 
@@ -46,14 +47,22 @@ def branch_quantities(fit: Fit, record: int = 0) -> list[QuantityInterval]:
     unit = channel_unit(r.units, "stiffness")
     curve = np.abs(curve_draws(fit, "stiffness", temperature_grid(r), record))
     low, high = curve.min(axis=1), curve.max(axis=1)
-    where = "over the observed temperatures"
+    stiffness, where = r.quantity("stiffness"), "over the observed temperatures"
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(np.isfinite(high), high / low, np.inf)
     return [
-        _interval("least_stiffness", fit, record, "stiffness", unit, low, f"least stiffness {where}"),
-        _interval("greatest_stiffness", fit, record, "stiffness", unit, high, f"greatest stiffness {where}"),
+        _interval("least_stiffness", fit, record, "stiffness", unit, low, f"least {stiffness} {where}"),
         _interval(
-            "stiffness_ratio", fit, record, "stiffness", "1", ratio, f"greatest over least stiffness {where}"
+            "greatest_stiffness", fit, record, "stiffness", unit, high, f"greatest {stiffness} {where}"
+        ),
+        _interval(
+            "stiffness_ratio",
+            fit,
+            record,
+            "stiffness",
+            "1",
+            ratio,
+            f"greatest over least {stiffness} {where}",
         ),
     ]
 
@@ -93,7 +102,7 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
             unit = channel_unit(h.units, channel)
             out.append(_interval(
                 "loop_area", heating, records[0], channel, f"{unit} {t_unit}" if unit != "1" else t_unit, area,
-                f"integral of heating less cooling from {low:.4g} to {high:.4g} {t_unit}", branch="",
+                f"integral of heating less cooling from {low:.4g} to {high:.4g} {unit_text(t_unit)}", branch="",
             ))  # fmt: skip
     return out
 

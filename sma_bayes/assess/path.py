@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.quantities import CHANNELS
+from sma_bayes.quantities import CHANNELS, unit_text
 from sma_bayes.records.types import Record
 from sma_bayes.response.modified_sigmoid import channel_unit
 
@@ -53,7 +53,7 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
         held = record.held["force"]
         return PathRemark(
             "constant_load",
-            f"the rig held the {force} at {held.mean:.4g} {record.units.get('force', '')} "
+            f"the rig held the {force} at {held.mean:.4g} {unit_text(record.units.get('force', ''))} "
             f"(sd {held.sd:.2g}): the slope {slope_text} of the path is zero by construction and says nothing about "
             f"the {tested}; only the {displacement} is fitted",
         )
@@ -80,8 +80,8 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
         other = "an elastic constraint" if record.specimen else "a bias spring"
         return PathRemark(
             "straight_path",
-            f"{force} is a straight line in {displacement} within the noise, with slope {slope:.4g} {unit}: that is "
-            f"what {other} of this {stiffness} imposes at every temperature, so the path slope tells "
+            f"{force} is a straight line in {displacement} within the noise, with slope {slope:.4g} {unit_text(unit)}: "
+            f"that is what {other} of this {stiffness} imposes at every temperature, so the path slope tells "
             f"{other}'s {stiffness} and nothing about the alloy",
         )
     return PathRemark(

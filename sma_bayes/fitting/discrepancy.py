@@ -32,7 +32,7 @@ from scipy.linalg import eigh
 
 from sma_bayes.arrays import Floats
 from sma_bayes.noise import NoiseModel, Steps
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 FUNCTIONS = 30
 """Eigenfunctions of the smoothing spline that are kept; the next has 1/170 of the first."""
@@ -55,7 +55,7 @@ def size_fact(channel: str, unit: str) -> ParameterSpec:
     return ParameterSpec(
         f"{channel}_discrepancy",
         unit,
-        f"root mean square of what the curve of {channel} misses",
+        f"root mean square of what the curve of {QUANTITY} misses",
         "discrepancy",
         channel,
         positive=True,

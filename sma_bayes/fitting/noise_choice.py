@@ -169,7 +169,7 @@ def choose_noise(
     neighbours = neighbour_correlation(posterior, start)
     return NoiseChoice(
         best,
-        _reason(best, rivals, neighbours, chosen, coarse),
+        _reason(best, rivals, neighbours, chosen, coarse, posterior.records[0].quantity),
         neighbours,
         rivals,
         chosen.gain,
@@ -206,13 +206,14 @@ def _reason(
     neighbours: Mapping[str, float],
     description: _Description,
     coarse: Mapping[str, float],
+    quantity: Callable[[str], str],
 ) -> str:
     title = NOISE_MODELS[name].title
     parts = []
-    correlations = ", ".join(f"{value:.2f} ({channel})" for channel, value in neighbours.items())
+    correlations = ", ".join(f"{value:.2f} ({quantity(channel)})" for channel, value in neighbours.items())
     parts.append(f"neighbouring residuals of the least-squares fit are correlated by {correlations}")
     if coarse:
-        steps = ", ".join(f"{value:.2g} ({channel})" for channel, value in coarse.items())
+        steps = ", ".join(f"{value:.2g} ({quantity(channel)})" for channel, value in coarse.items())
         parts.append(f"readings come in steps that are large for what is left, {steps} times as large")
     others = sorted(((v, k) for k, v in rivals.items() if k != name), reverse=True)
     if others:
@@ -223,7 +224,7 @@ def _reason(
         parts.append("what is left shows neither memory, heavy tails, growth nor a trace of the slope")
     taken = sorted({channel for bases in description.bases for channel in bases})
     if taken:
-        gains = ", ".join(f"{description.gain[c]:.1f} ({c})" for c in taken)
+        gains = ", ".join(f"{description.gain[c]:.1f} ({quantity(c)})" for c in taken)
         parts.append(f"a smooth discrepancy beside the curve gains {gains} in ln evidence")
     return f"{title}: {'; '.join(parts)}"
 

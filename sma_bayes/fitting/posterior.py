@@ -723,7 +723,9 @@ def build_posterior(
     noise_keys = {"growth", "temperature_sd", "discrepancy"}
     noise_keys |= {f.prior_key for n in NOISE_MODELS.values() for f in n.parameters("force", "N", "s")}
     priors.check_names(model.spoken_of(), noise_keys)
-    parameters: list[Parameter] = [priors.parameter(f, first.branch, scales) for f in facts]
+    parameters: list[Parameter] = [
+        priors.parameter(f.in_record(first.quantity), first.branch, scales) for f in facts
+    ]
     shared = np.arange(len(parameters))
     layout = []
     for i, record in enumerate(records):
@@ -734,7 +736,7 @@ def build_posterior(
         places, sizes = {}, {}
 
         def add(fact: ParameterSpec, record: Record = record, own: RecordScales = own) -> int:
-            parameter = priors.parameter(fact, record.branch, own, noise=True)
+            parameter = priors.parameter(fact.in_record(record.quantity), record.branch, own, noise=True)
             name = f"{fact.name}[{record.condition.id}]" if len(records) > 1 else fact.name
             parameters.append(replace(parameter, name=name))
             return len(parameters) - 1

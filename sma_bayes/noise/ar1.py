@@ -10,7 +10,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, Steps, sd_fact
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 
 def memory_log_density(e: Floats, phi: Floats) -> Floats:
@@ -133,7 +133,7 @@ class AR1(MemoryNoise):
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
         phi = ParameterSpec(
-            f"{channel}_phi", "1", f"correlation of neighbouring noise of {channel}", "phi", channel
+            f"{channel}_phi", "1", f"correlation of neighbouring noise of {QUANTITY}", "phi", channel
         )
         return (sd_fact(channel, unit), phi)
 

@@ -9,7 +9,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.noise.ar1 import MemoryNoise
 from sma_bayes.noise.base import Steps, sd_fact
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class AR1Time(MemoryNoise):
         tau = ParameterSpec(
             f"{channel}_tau",
             time_unit,
-            f"correlation time of the noise of {channel}",
+            f"correlation time of the noise of {QUANTITY}",
             "tau",
             channel,
             positive=True,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from sma_bayes.arrays import Floats
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 from sma_bayes.records.types import Record
 
 ABSCISSAE: Floats = np.sinh(np.linspace(-12.0, 12.0, 801))
@@ -343,5 +343,5 @@ def lag1(residual: Floats, steps: Steps) -> Floats:
 def sd_fact(channel: str, unit: str) -> ParameterSpec:
     """The parameter that every noise model begins with."""
     return ParameterSpec(
-        f"{channel}_sd", unit, f"standard deviation of the noise of {channel}", "sd", channel, positive=True
+        f"{channel}_sd", unit, f"standard deviation of the noise of {QUANTITY}", "sd", channel, positive=True
     )

@@ -31,7 +31,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.noise.ar1 import MemoryNoise
 from sma_bayes.noise.base import Steps, sd_fact
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class EffectiveSamples(MemoryNoise):
         memory = ParameterSpec(
             f"{channel}_memory",
             "1",
-            f"samples of {channel} that count as one",
+            f"samples of {QUANTITY} that count as one",
             "memory",
             channel,
             positive=True,

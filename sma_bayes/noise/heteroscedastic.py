@@ -14,7 +14,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 FURTHEST = 1.5
 """How far from the middle of its observed range [ranges] a response goes on changing the standard deviation."""
@@ -139,7 +139,7 @@ class Growing(Wrapped):
         growth = ParameterSpec(
             f"{channel}_growth",
             "1",
-            f"ln of the ratio of the noise of {channel} at the top of its range to that at the bottom",
+            f"ln of the ratio of the noise of {QUANTITY} at the top of its range to that at the bottom",
             "growth",
             channel,
             prior={

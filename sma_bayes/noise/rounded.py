@@ -21,7 +21,7 @@ from scipy.special import erfcx, ndtr, ndtri
 from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, Steps
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 FINE = 1e-4
 """Step in standard deviations of the noise below which rounding does not show."""
@@ -51,7 +51,7 @@ class Rounded(NoiseModel):
         step = ParameterSpec(
             f"{channel}_step",
             unit,
-            f"step to which readings of {channel} are rounded",
+            f"step to which readings of {QUANTITY} are rounded",
             "step",
             channel,
             prior={

@@ -15,7 +15,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
 from sma_bayes.noise.independent import Independent
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class StudentTNoise(OfSeries):
         nu = ParameterSpec(
             f"{channel}_nu",
             "1",
-            f"degrees of freedom of the noise of {channel}",
+            f"degrees of freedom of the noise of {QUANTITY}",
             "nu",
             channel,
             positive=True,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from sma_bayes.errors import PriorError, near_matches
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.distributions import Distribution, LogNormal, Normal
 from sma_bayes.parameters.roles import Role
+
+QUANTITY: Final = "{quantity}"
+"""What a meaning has in the place of the parameter's channel, which is strain or displacement, as it was measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +29,7 @@ class ParameterSpec:
         Symbol in the equations: ``B3``.
     unit : str
     meaning : str
-        One line for humans.
+        One line for humans, with `QUANTITY` in the place of the channel.
     prior_key : str
         Name under which a priors file speaks of it; ``B3``, or ``sd`` for ``force_sd``.
     channel : str
@@ -47,6 +50,24 @@ class ParameterSpec:
     role: Role | None = None
     prior: Mapping[str, Any] | None = None
     positive: bool = False
+
+    def in_record(self, quantity: Callable[[str], str]) -> ParameterSpec:
+        """The same with a meaning that says what is measured.
+
+        Parameters
+        ----------
+        quantity : callable
+            What a channel is called in the measurements.
+
+        Examples
+        --------
+        >>> spec = ParameterSpec("A2", "1/degC", f"rate of {QUANTITY}", channel="displacement")
+        >>> spec.in_record({"displacement": "strain"}.__getitem__).meaning
+        'rate of strain'
+        """
+        if QUANTITY not in self.meaning:
+            return self
+        return replace(self, meaning=self.meaning.replace(QUANTITY, quantity(self.channel)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from scipy.special import expit
 from sma_bayes.arrays import Floats
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.scales import RecordScales
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 from sma_bayes.quantities import per
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel, Variant
@@ -56,8 +56,8 @@ class BoundedLogistic(ResponseModel):
         """Facts about the parameters, for the units of temperature and of the channel."""
         (channel,) = self.channels
         rows = (
-            ("cold", units[channel], f"{channel} far below the midpoint", Role.OFFSET),
-            ("span", units[channel], f"distance of the asymptotes of {channel}", Role.SPAN),
+            ("cold", units[channel], f"{QUANTITY} far below the midpoint", Role.OFFSET),
+            ("span", units[channel], f"distance of the asymptotes of {QUANTITY}", Role.SPAN),
             ("rate", per(units["temperature"]), "rate of the transition", Role.RATE),
             ("midpoint", units["temperature"], "temperature of the midpoint", Role.MIDPOINT),
         )

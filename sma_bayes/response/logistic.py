@@ -24,7 +24,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.scales import RecordScales
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.response.base import ResponseModel, Variant
 
@@ -67,8 +67,8 @@ class Logistic(ResponseModel):
         """Facts about the parameters, for the units of temperature and of the channel."""
         (channel,) = self.channels
         meaning = (
-            f"least {channel}, K_min",
-            f"greatest {channel}, K_max",
+            f"least {QUANTITY}, K_min",
+            f"greatest {QUANTITY}, K_max",
             "centre of the transformation, half the sum of its start and finish temperatures",
             "distance of start and finish of the transformation",
         )

@@ -26,7 +26,7 @@ from scipy.special import expit
 
 from sma_bayes.arrays import Bools, Floats
 from sma_bayes.parameters.roles import Role
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 from sma_bayes.quantities import ARBITRARY, CHANNELS, per
 from sma_bayes.response.base import Asymptote, ResponseModel, Variant, in_order
 
@@ -120,14 +120,14 @@ def stiffness(
 SAME_RATE = 1e-6
 """Rates that differ by a smaller share count as equal: Eq. (7) is then bounded at every temperature that matters."""
 _MEANING = {
-    "A1": "span of the displacement sigmoid",
-    "A2": "rate of the displacement sigmoid",
-    "A3": "temperature of the midpoint of the displacement sigmoid",
-    "A4": "displacement far below A3",
-    "B1": "span of the force sigmoid",
-    "B2": "rate of the force sigmoid",
-    "B3": "temperature of the midpoint of the force sigmoid",
-    "B4": "force far below B3",
+    "A1": f"span of the {QUANTITY} sigmoid",
+    "A2": f"rate of the {QUANTITY} sigmoid",
+    "A3": f"temperature of the midpoint of the {QUANTITY} sigmoid",
+    "A4": f"{QUANTITY} far below A3",
+    "B1": f"span of the {QUANTITY} sigmoid",
+    "B2": f"rate of the {QUANTITY} sigmoid",
+    "B3": f"temperature of the midpoint of the {QUANTITY} sigmoid",
+    "B4": f"{QUANTITY} far below B3",
 }
 _ROLE = {
     "1": Role.SPAN,

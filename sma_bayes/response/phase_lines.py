@@ -21,7 +21,7 @@ from scipy.special import expit
 
 from sma_bayes.arrays import Floats
 from sma_bayes.parameters.roles import Role
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 from sma_bayes.quantities import per, quotient
 from sma_bayes.response.base import Asymptote, ResponseModel
 from sma_bayes.response.modified_sigmoid import channel_unit, log_cosh_squared
@@ -164,17 +164,17 @@ class PhaseLines(ResponseModel):
                 continue
             unit = channel_unit(units, channel)
             known = {
-                Role.SPAN: (unit, f"distance of the lines of the two phases of {channel}, at the midpoint"),
-                Role.RATE: (per(degrees), f"rate of the transformation of {channel}"),
-                Role.MIDPOINT: (degrees, f"temperature of the midpoint of {channel}"),
-                Role.OFFSET: (unit, f"line of the cold phase of {channel}, at the midpoint"),
-                Role.COLD_SLOPE: (quotient(unit, degrees), f"slope of {channel} in the cold phase"),
-                Role.HOT_SLOPE: (quotient(unit, degrees), f"slope of {channel} in the hot phase"),
+                Role.SPAN: (unit, f"distance of the lines of the two phases of {QUANTITY}, at the midpoint"),
+                Role.RATE: (per(degrees), f"rate of the transformation of {QUANTITY}"),
+                Role.MIDPOINT: (degrees, f"temperature of the midpoint of {QUANTITY}"),
+                Role.OFFSET: (unit, f"line of the cold phase of {QUANTITY}, at the midpoint"),
+                Role.COLD_SLOPE: (quotient(unit, degrees), f"slope of {QUANTITY} in the cold phase"),
+                Role.HOT_SLOPE: (quotient(unit, degrees), f"slope of {QUANTITY} in the hot phase"),
             }
             of_shape = {Role.GAP: degrees, Role.SECOND_RATE: per(degrees), Role.EFFECT: unit}
             for name, (_, role) in zip(self._names(channel), self._roles, strict=True):
                 its_unit, meaning = known.get(role) or (
-                    of_shape.get(role, "1"), f"{self.meanings[role]} of {channel}"
+                    of_shape.get(role, "1"), f"{self.meanings[role]} of {QUANTITY}"
                 )  # fmt: skip
                 facts.append(
                     ParameterSpec(name, its_unit, meaning, prior_key=name, channel=channel, role=role)

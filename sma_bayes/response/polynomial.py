@@ -25,7 +25,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.parameters.roles import Role
-from sma_bayes.parameters.space import ParameterSpec
+from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 from sma_bayes.quantities import quotient
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel, Variant
@@ -88,14 +88,14 @@ class Polynomial(ResponseModel):
         unit, kelvin = units[channel], units["temperature"]
         steep = quotient(unit, kelvin)
         rows = {
-            "level": (Role.LEVEL, unit, f"{channel} at the middle temperature and the mean frequency"),
-            "a4": (Role.SLOPE, steep, f"slope of {channel} with temperature"),
+            "level": (Role.LEVEL, unit, f"{QUANTITY} at the middle temperature and the mean frequency"),
+            "a4": (Role.SLOPE, steep, f"slope of {QUANTITY} with temperature"),
             "linear": (
                 Role.EFFECT,
                 unit,
-                f"change of {channel} from the least to the greatest frequency, linear part",
+                f"change of {QUANTITY} from the least to the greatest frequency, linear part",
             ),
-            "square": (Role.EFFECT, unit, f"curvature of {channel} over the range of frequencies"),
+            "square": (Role.EFFECT, unit, f"curvature of {QUANTITY} over the range of frequencies"),
         }
         return tuple(
             ParameterSpec(name, *rows[name][1:], prior_key=name, channel=channel, role=rows[name][0])

@@ -60,7 +60,7 @@ def _show_record(console: Console, r: ComparedRecords, tolerance: float) -> None
         console.print(f"  {name.replace('_', ' ')}: {_short(a)} in a, {_short(b)} in b", soft_wrap=True)
     for side, why in zip("ab", r.why, strict=True):
         for message in why if r.adequate[0] != r.adequate[1] else ():
-            console.print(f"  not adequate in {side}: {unit_text(message)}", soft_wrap=True)
+            console.print(f"  not adequate in {side}: {message}", soft_wrap=True)
     if r.priors:
         console.print(f"  other priors of {', '.join(r.priors)}", soft_wrap=True)
     table = Table()

@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 from sma_bayes.assess.adequacy import Missed, Reason
 from sma_bayes.paper.twin import printed_values
-from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY, unit_text
+from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY
 from sma_bayes.records.types import setting_unit
 from sma_bayes.report.averages import average_factors
 from sma_bayes.report.content import (
@@ -63,11 +63,11 @@ STATISTICS: Final = {
 QUANTITY_NAMES: Final = {
     "hysteresis_width": "hysteresis width",
     "loop_area": "loop area",
-    "least_stiffness": "least stiffness",
-    "greatest_stiffness": "greatest stiffness",
-    "stiffness_ratio": "stiffness ratio",
+    "least_stiffness": "least {stiffness}",
+    "greatest_stiffness": "greatest {stiffness}",
+    "stiffness_ratio": "{stiffness} ratio",
 }
-"""Names of quantities of branches and loops, for people."""
+"""Names of quantities of branches and loops, for people; a specimen's stiffness is its modulus."""
 
 
 def report_content(run: StoredRun) -> Content:
@@ -116,9 +116,9 @@ def _record(r: RecordSummary, scale: Mapping[str, float], units: Shown) -> Recor
         branch=r.branch,
         converged=r.converged,
         adequate=r.adequate,
-        reasons=tuple(Reason(w.kind, w.channel, unit_text(w.message)) for w in r.why),
+        reasons=tuple(Reason(w.kind, w.channel, w.message) for w in r.why),
         model=r.model,
-        model_reason=_renamed(r.model_choice.reason if r.model_choice else "", names),
+        model_reason=r.model_choice.reason if r.model_choice else "",
         nearest=tuple(_nearest(name, p, names) for name, p in r.nearest.items()),
         missed=tuple(_missed(c, m) for c, m in r.discrepancy.items()),
         n=r.n,
@@ -135,7 +135,7 @@ def _record(r: RecordSummary, scale: Mapping[str, float], units: Shown) -> Recor
         free_directions=tuple((d.text, d.contraction or 0.0) for d in r.free_directions),
         jacobian_rank=r.jacobian_rank,
         path_kind=r.path.kind,
-        path_message=unit_text(r.path.message),
+        path_message=r.path.message,
         shape=r.shape,
         quantities=tuple(_quantity(q, names) for q in r.quantities_of_branch),
         transformation=tuple(_transformation(name, t, names) for name, t in r.transformation.items()),
@@ -212,7 +212,7 @@ def _parameter(
     family, source = str(prior.pop("family", "")), str(prior.pop("source", ""))
     return ParameterResult(
         name=name,
-        meaning=_renamed(p.meaning, names),
+        meaning=p.meaning,
         unit=p.unit,
         channel=p.channel,
         of_noise=p.of_noise,
@@ -236,13 +236,12 @@ def _parameter(
 
 
 def _quantity(q: QuantitySummary, names: Mapping[str, str]) -> QuantityRow:
-    shown = QUANTITY_NAMES.get(q.name, q.name.replace("_", " "))
     return QuantityRow(
-        name=_renamed(shown, names),
+        name=_quantity_name(q.name, names),
         condition=q.condition,
         branch=q.branch,
         channel=names.get(q.channel, q.channel),
-        meaning=_renamed(q.meaning, names),
+        meaning=q.meaning,
         estimate=_estimate(q, q.unit),
     )
 
@@ -292,7 +291,7 @@ def _noise(noise: NoiseSummary, names: Mapping[str, str]) -> Noise:
         name=noise.name,
         title=noise.title,
         chosen_by=noise.chosen_by,
-        reason=_renamed(noise.reason, names),
+        reason=noise.reason,
         lag1={names.get(c, c): v for c, v in noise.lag1.items() if v is not None},
         ln_evidence={n: v for n, v in noise.ln_evidence.items() if v is not None},
     )
@@ -359,8 +358,6 @@ def _quoted(path: str) -> str:
     return f'"{path}"' if " " in path else path
 
 
-def _renamed(text: str, names: Mapping[str, str]) -> str:
-    """Text with channels and units called what they are here: strain for displacement, °C for degC."""
-    for channel, name in names.items():
-        text = text.replace(channel, name)
-    return unit_text(text)
+def _quantity_name(name: str, names: Mapping[str, str]) -> str:
+    shown = QUANTITY_NAMES.get(name, name.replace("_", " "))
+    return shown.format(stiffness=names.get("stiffness", "stiffness"))

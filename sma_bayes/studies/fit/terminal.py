@@ -170,7 +170,7 @@ def _adequacy_sentence(kind: str, records: Sequence[RecordSummary], model: str) 
     named = ", ".join(r.key for r in records[:NAMED])
     more = f" and {len(records) - NAMED} more" if len(records) > NAMED else ""
     which = f"{records[0].key}: " if len(records) > 1 else ""
-    message = unit_text(records[0].why[0].message)
+    message = records[0].why[0].message
     return f"{SUBJECTS[kind].format(records=named + more)}: {which}{message}; {remedy(kind, model)}."
 
 

@@ -124,7 +124,11 @@ def _curve(fit: Fit, channel: str, sweep: DmtaSweep) -> dict[str, Any]:
         "missed": float(np.sqrt(np.mean((y - median) ** 2)) / np.ptp(y)),
         "converged": fit.converged,
         "parameters": {
-            fact.name: {"unit": fact.unit, "meaning": fact.meaning, **_interval(theta[:, i])}
+            fact.name: {
+                "unit": fact.unit,
+                "meaning": fact.in_record(record.quantity).meaning,
+                **_interval(theta[:, i]),
+            }
             for i, fact in enumerate(model.parameters(record.units))
         },
     }

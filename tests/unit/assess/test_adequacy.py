@@ -66,7 +66,7 @@ def test_what_nobody_would_see_or_is_small_is_no_reason(good: Fit) -> None:
     seen = Missed("force", "N", 1.0, 10.0 * sd, 50.0, 2.0 * MISSED, 20.0)
     (why,) = reasons(good, 0, (), [seen])
     assert (why.kind, why.channel) == ("curve", "force")
-    assert "by up to 4.0% of its range, at 50 degC" in why.message
+    assert "by up to 4.0% of its range, at 50 °C" in why.message
     assert reasons(good, 0, (), [replace(seen, share=0.5 * MISSED)]) == ()
     assert reasons(good, 0, (), [replace(seen, largest=-2.0 * sd)]) == ()
 
@@ -145,7 +145,7 @@ def test_a_prior_is_named_however_far_it_is_from_the_data(
     found = fit_records([make_record(seed=1)], priors)
     conflict = reasons(found, 0, (), ())[0]
     assert conflict.kind == "conflict"
-    at = re.search(r"B3 \((\S+) degC by the data alone, the prior says", conflict.message)
+    at = re.search(r"B3 \((\S+) °C by the data alone, the prior says", conflict.message)
     assert at is not None, conflict.message
     assert float(at[1]) == pytest.approx(52.0, abs=1.0)
 

@@ -48,6 +48,16 @@ def test_white_residuals_are_independent_without_a_discrepancy(make_record: Call
     assert all(abs(r) < 0.35 for c in choices for r in c.lag1.values())
 
 
+def test_a_specimen_has_stress_and_strain(make_record: Callable[..., Record]) -> None:
+    record = make_record(n=60)
+    specimen = replace(record, specimen=True, units={**record.units, "displacement": "1", "force": "Pa"})
+    parameters = build_posterior([specimen], NOISE_MODELS["ar1"], DEFAULT).space.parameters
+    told = " ".join([*(p.meaning for p in parameters), choice_for(specimen, discrepancy=False).reason])
+    assert "rate of the strain sigmoid" in told
+    assert "correlation of neighbouring noise of stress" in told
+    assert not {"{quantity}", "displacement", "force"} & set(told.replace("(", " ").replace(")", " ").split())
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_residuals_with_a_memory_get_one(make_record: Callable[..., Record], seed: int) -> None:
     choice = choice_for(with_even_time(make_record(n=300, seed=seed, memory=0.8)))

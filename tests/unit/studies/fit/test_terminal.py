@@ -49,7 +49,7 @@ def test_an_adequate_run_says_nothing() -> None:
 
 
 def test_the_sentence_names_record_reason_and_what_to_try() -> None:
-    why = ("curve", "the curve misses strain by up to 5.0% of its range, at 60 degC")
+    why = ("curve", "the curve misses strain by up to 5.0% of its range, at 60 °C")
     (sentence,) = adequacy_sentences([record("a-heating", why), record("a-cooling")], "modified_sigmoid")
     assert sentence == (
         "The curve does not describe a-heating: the curve misses strain by up to 5.0% of its range, at 60 °C; "
@@ -84,7 +84,7 @@ def test_a_narrow_screen_cuts_no_word_off(
     width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(fit, "screen", lambda: Console(width=width, markup=False, emoji=False))
-    why = ("curve", "the curve misses displacement by up to 5.0% of its range, at 60 degC")
+    why = ("curve", "the curve misses displacement by up to 5.0% of its range, at 60 °C")
     parameter = ParameterSummary(
         unit="degC",
         channel="displacement",
