@@ -25,6 +25,8 @@ SWALLOWED = 0.25
 """Standard deviation of the noise over the range of the curve; beyond, it has swallowed the response."""
 PRIOR_LED = 0.75
 """Contraction below which a parameter is led by its prior: more than half of the prior's standard deviation is left."""
+MOST_SHOWN = 10.0
+"""Multiple of the range of a curve from which on the number itself says nothing."""
 GRID = 161
 
 SENTENCES = {
@@ -161,9 +163,10 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
     sd = {c: float(np.median(fit.flat[:, at[0]])) for c, at in posterior.layout[record].noise.items()}
     for m in of_curve:
         if m.share > MISSED and abs(m.largest) > NOTICED * sd[m.channel]:
+            share = f"up to {m.share:.1%} of" if m.share < MOST_SHOWN else "more than ten times"
             what = (
-                f"{r.quantity(m.channel)} by up to {m.share:.1%} of its range, at {m.at:.4g} "
-                f"{unit_text(r.units['temperature'])}; what it misses is in all bands"
+                f"{r.quantity(m.channel)} by {share} its range, at {m.at:.4g} {unit_text(r.units['temperature'])}; "
+                "what it misses is in all bands"
             )
             out.append(_reason("curve", m.channel, what))
     for c in checks:
@@ -176,7 +179,7 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
     for channel, own in sd.items():
         response = _response(fit, record, channel)
         if own > SWALLOWED * response:
-            share = f"{own / response:.0%} of" if own < 10.0 * response else "more than ten times"
+            share = f"{own / response:.0%} of" if own < MOST_SHOWN * response else "more than ten times"
             out.append(_reason("noise", channel, f"{share} what {r.quantity(channel)} changes by"))
     for channel in led_by_prior(fit, record):
         out.append(_reason("prior", channel, f"where and how fast {r.quantity(channel)} changes"))
