@@ -7,9 +7,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
+from sma_bayes.records.copies import Readings, copied_readings, readings_of
 from sma_bayes.records.declaration import Declaration, read_declaration
 from sma_bayes.records.mapping import read_run
-from sma_bayes.records.plausibility import implausible, named_otherwise, repeated_files, require_possible
+from sma_bayes.records.plausibility import (
+    implausible,
+    named_otherwise,
+    repeated_files,
+    require_possible,
+    unresolved,
+)
 from sma_bayes.records.split import SplitSettings, split_run
 from sma_bayes.records.types import Campaign, Finding, Record
 
@@ -48,13 +55,17 @@ def read_campaign(
     declaration = read_declaration(Path(path), None if data_dir is None else Path(data_dir), settings)
     records: list[Record] = []
     findings: list[Finding] = []
+    readings: list[Readings] = []
     for condition in declaration.conditions:
         run, seen_reading = read_run(condition)
         require_possible(run)
         parts, seen_splitting = split_run(run, condition.settings)
         records += parts
-        findings += (*named_otherwise(condition), *seen_reading, *implausible(run), *seen_splitting)
-    findings += repeated_files(declaration.conditions)
+        doubts = (*implausible(run), *unresolved(parts))
+        findings += (*named_otherwise(condition), *seen_reading, *doubts, *seen_splitting)
+        readings += readings_of(run)
+    repeated = repeated_files(declaration.conditions)
+    findings += (*repeated, *copied_readings(readings, repeated))
     return Campaign(
         name=declaration.name,
         source=str(declaration.source),

@@ -13,9 +13,11 @@ import numpy.typing as npt
 import pandas as pd
 
 from sma_bayes.errors import MeasurementError
+from sma_bayes.records.copies import Readings, copied_readings, readings_of
 from sma_bayes.records.declaration import CAMPAIGN_FILE, declared_condition
 from sma_bayes.records.formats.table import Cells, RawTable, sample_rows
 from sma_bayes.records.mapping import run_of_tables
+from sma_bayes.records.plausibility import implausible, named_otherwise, require_possible, unresolved
 from sma_bayes.records.split import SplitSettings, split_run
 from sma_bayes.records.types import Campaign, Finding, Record
 
@@ -100,6 +102,7 @@ def campaign_of(
         )
     records: list[Record] = []
     findings: list[Finding] = []
+    readings: list[Readings] = []
     total = hashlib.sha256(repr((columns, conditions)).encode())
     for key, table in tables.items():
         declared = declared_condition(
@@ -109,10 +112,13 @@ def campaign_of(
             settings,
         )
         run, seen = run_of_tables(declared, [table])
+        require_possible(run)
         parts, more = split_run(run, settings)
         records += parts
-        findings += (*seen, *more)
+        findings += (*named_otherwise(declared), *seen, *implausible(run), *unresolved(parts), *more)
+        readings += readings_of(run)
         total.update(_content(key, table))
+    findings += copied_readings(readings)
     return Campaign(name, name, total.hexdigest(), tuple(records), tuple(findings))
 
 

@@ -21,7 +21,7 @@ from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, SPECIMEN_QUANT
 from sma_bayes.records.declaration import ColumnDeclaration, DeclaredCondition
 from sma_bayes.records.default_names import recognised
 from sma_bayes.records.run import Run
-from sma_bayes.records.types import Finding
+from sma_bayes.records.types import Finding, Record
 
 ABSOLUTE_ZERO: Final = -273.15
 """[degC], by definition (SI brochure, 9th ed.)."""
@@ -79,7 +79,11 @@ SPREAD_SCALE: Final = 0.5
 """Share of the scale above which its declared standard deviation is doubted."""
 SPREAD_TEMPERATURE: Final = 0.25
 """Share of the sweep above which the declared error of a temperature reading is doubted: the curve is all but lost in
-it, and its expansion in the error, of which the start of a fit is made, has no meaning."""
+it."""
+SPREAD_CHANGE: Final = 0.25
+"""The same of the temperatures over which a channel goes from a tenth to nine tenths of its change. Of a sigmoid they
+are 4.4 / B, so that the error is larger than 1 / B: its expansion in the error, of whatever order, has no meaning, and
+errors that large would have smeared a jump over 2.6 of them."""
 OFFSET: Final = (10.0, 1.0)
 """Shares of the range of a channel, whose zero may be nobody's care, and of the sweep, from which on the declared
 standard deviation of an offset is doubted."""
@@ -93,7 +97,15 @@ TOGETHER: Final = 0.6
 """Correlation of a channel with the temperature from which on such a comparison says something."""
 
 
-DOUBTS: Final = ("implausible", "large-sd", "named-otherwise", "same-column", "same-file", "swapped")
+DOUBTS: Final = (
+    "copied-readings",
+    "implausible",
+    "large-sd",
+    "named-otherwise",
+    "same-column",
+    "same-file",
+    "swapped",
+)
 """Kinds of finding that say that a measurement can hardly be what it was declared to be."""
 
 
@@ -297,6 +309,47 @@ def _declared_spread(run: Run) -> _Seen:
                 "not even the sign is known; is it given in the unit of the scale?",
                 name,
             )
+
+
+def unresolved(records: Sequence[Record]) -> tuple[Finding, ...]:
+    """Channels that change over fewer degrees than the declared errors of the temperature would leave, in any branch.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Of one condition.
+    """
+    found = []
+    for channel in dict.fromkeys(c for r in records for c in r.observed):
+        of = [r for r in records if channel in r.observed and r.temperature_sd > 0.0]
+        widths = [w for r in of if (w := _width_of_change(r.temperature, r.observed[channel])) is not None]
+        if not widths or any(r.temperature_sd > SPREAD_TEMPERATURE * np.ptp(r.temperature) for r in of):
+            continue  # there is nothing to tell by, or it is told of already
+        sd, width = min(r.temperature_sd for r in of), max(widths)
+        if sd > SPREAD_CHANGE * width:
+            message = (
+                f"the declared error of a temperature reading, sd = {sd:.3g}, is more than a quarter of the "
+                f"{width:.3g} {unit_text(of[0].units['temperature'])} over which {of[0].quantity(channel)} changes: "
+                "how fast it does can't be told from such readings; is it an offset of all of them (offset_sd)?"
+            )
+            found.append(
+                Finding("large-sd", message, of[0].source, condition=of[0].condition.id, column="temperature")
+            )
+    return tuple(found)
+
+
+def _width_of_change(temperature: Floats, values: Floats) -> float | None:
+    """Degrees over which the monotonic curve nearest to readings goes from a tenth to nine tenths of its change."""
+    together = _correlation(temperature, values)
+    if temperature.size < 10 or abs(together) < TOGETHER:
+        return None
+    from scipy.optimize import isotonic_regression  # takes long to import, and few declare an error
+
+    order = np.argsort(temperature, kind="stable")
+    t, curve = temperature[order], isotonic_regression(np.sign(together) * values[order]).x
+    low, high = np.quantile(curve, (0.02, 0.98))
+    first, last = np.searchsorted(curve, low + np.array([0.1, 0.9]) * (high - low))
+    return float(t[last] - t[first])
 
 
 def _declared_offset(run: Run) -> _Seen:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.records.campaign import read_campaign
+from sma_bayes.records.memory import campaign_of
 from sma_bayes.records.plausibility import DOUBTS, RANGES
 from sma_bayes.records.severity import severity
 from sma_bayes.records.types import Finding
@@ -120,6 +121,10 @@ def by_names(**names: str) -> Callable[[dict[str, np.ndarray]], dict[str, np.nda
             "large-sd", "250% of its scale",
         ),
         (None, {"temperature": '{ name = "T", unit = "degC", sd = 20.0 }'}, "", "large-sd", "50% of the sweep"),
+        (
+            None, {"temperature": '{ name = "T", unit = "degC", sd = 5.0 }'}, "",
+            "large-sd", "sd = 5, is more than a quarter of the 12",
+        ),
         (None, {}, "duty_cycle_pct = 0.5\n", "implausible", "may be meant as a share, 50 %"),
         (None, {}, "current_A = 2000\n", "implausible", "the current of the condition is 2e+03 A"),
         (None, {}, "load_g = 2e7\n", "implausible", "the load of the condition is 1.96e+05 N"),
@@ -150,6 +155,84 @@ def test_a_copy_of_a_file_as_another_condition_is_reported(tmp_path: Path) -> No
     (folder / "b.csv").write_bytes((folder / "a.csv").read_bytes())
     (found,) = warnings_of(folder)
     assert (found.kind, found.condition) == ("same-file", "b")
+
+
+def another(folder: Path, data: dict[str, np.ndarray]) -> Path:
+    """A second condition."""
+    table = np.column_stack(list(data.values()))
+    text = ",".join(data) + "\n" + "\n".join(",".join(f"{v:.6g}" for v in row) for row in table) + "\n"
+    (folder / "b.csv").write_text(text, encoding="utf-8")
+    return folder
+
+
+TWO = '[[condition]]\nid = "b"\nfile = "b.csv"\n'
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda d: {"F": 1.3 * d["F"]}, "force is 1.3 times that of condition 'a', reading for reading"),
+        (lambda d: {"F": -2.0 * d["F"] + 5.0}, "force is -2 times that of condition 'a' plus 5 N"),
+        (lambda d: {"F": np.round(1.3 * d["F"], 3)}, "force is 1.3"),
+        (
+            lambda d: {"T": 1.1 * d["T"] + 4.0},
+            "force is the same as that of condition 'a', reading for reading",
+        ),
+    ],
+)
+def test_a_condition_whose_readings_are_those_of_another_is_reported(
+    tmp_path: Path, change: Callable, told: str
+) -> None:
+    data, other = measured(), measured(seed=1)
+    copied = {**data, **change(data)}
+    if "T" not in change(data):
+        copied["X"] = other["X"]
+    found = warnings_of(another(campaign(tmp_path, data, TWO), copied))
+    assert {(f.kind, f.condition) for f in found} == {("copied-readings", "b")}
+    assert told in found[0].message
+
+
+@pytest.mark.parametrize("digits", [1, 3])
+@pytest.mark.parametrize("n", [12, 60])
+def test_the_same_spring_measured_again_is_believed(tmp_path: Path, n: int, digits: int) -> None:
+    one, two = ({k: np.round(v, digits) for k, v in measured(n, seed=seed).items()} for seed in (0, 1))
+    assert warnings_of(another(campaign(tmp_path, one, TWO), two)) == []
+
+
+def test_curves_without_noise_may_differ_by_a_constant(tmp_path: Path) -> None:
+    up = np.linspace(30.0, 70.0, 40)
+    t = np.concatenate([up, up[::-1]])
+    curve = 1.0 / (1.0 + np.exp(-0.35 * (t - 52.0)))
+    data = {
+        "t": np.arange(t.size) * 1.0,
+        "T": t,
+        "F": 1.0 + curve,
+        "X": 2.0 + (1.0 + np.exp(0.2 * (48.0 - t))) ** -1,
+    }
+    folder = another(campaign(tmp_path, data, TWO), {**data, "F": 1.0 + 2.0 * curve})
+    assert warnings_of(folder) == []
+
+
+def test_data_in_memory_are_doubted_as_files_are() -> None:
+    data = measured()
+    columns = {name: {"name": key, "unit": unit} for name, key, unit in (
+        ("time", "t", "s"), ("temperature", "T", "degC"), ("force", "F", "N"), ("displacement", "X", "m"),
+    )}  # fmt: skip
+    found = campaign_of(
+        {"a": data, "b": {**data, "F": 1.2 * data["F"], "T": data["T"] + 1.0}}, columns=columns
+    )
+    kinds = {f.kind for f in found.findings if f.kind in DOUBTS}
+    assert kinds == {"implausible", "copied-readings"}
+    with pytest.raises(SmaBayesError, match="below absolute zero"):
+        campaign_of({"a": {**data, "T": data["T"] - 400.0}}, columns=columns)
+
+
+@pytest.mark.parametrize("sd", [0.5, 2.0])
+def test_an_error_of_the_thermometer_that_leaves_the_change_is_believed(tmp_path: Path, sd: float) -> None:
+    columns = {"temperature": f'{{ name = "T", unit = "degC", sd = {sd} }}'}
+    data = measured()
+    data["T"] = data["T"] + sd * np.random.default_rng(3).standard_normal(data["T"].size)
+    assert warnings_of(campaign(tmp_path, data, **columns)) == []
 
 
 def test_parts_of_one_file_are_two_conditions(tmp_path: Path) -> None:
@@ -229,4 +312,10 @@ def test_real_measurements_are_believed(shared_data: Path, example: str) -> None
     if not folder.is_dir():
         pytest.skip(f"{example} is not there")
     found = read_campaign(EXAMPLES / f"{example}.toml", data_dir=folder).findings
-    assert [f.message for f in found if f.kind in DOUBTS] == []
+    doubted = {
+        "ele_hys_4": "sd = 3, is more than a quarter"
+    }  # two sensors apart, declared as errors of single readings
+    unexpected = [
+        f.message for f in found if f.kind in DOUBTS and doubted.get(f.condition, "none") not in f.message
+    ]
+    assert unexpected == []
