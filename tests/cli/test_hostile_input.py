@@ -395,18 +395,40 @@ def no_entry(measured: Path, tmp_path: Path) -> Iterator[Path]:
     secret.chmod(0o755)
 
 
+AS_NOBODY = """\
+import contextlib, importlib, io, json, os, pkgutil, sys
+import sma_bayes
+from sma_bayes import cli
+
+for module in pkgutil.walk_packages(sma_bayes.__path__, "sma_bayes."):
+    if module.name != "sma_bayes.__main__":
+        importlib.import_module(module.name)  # Python itself may lie where only root reads
+calls = json.loads(sys.argv[2])
+sys.argv = ["sma-bayes", "inspect", sys.argv[1]]
+with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+    cli.main()
+if os.geteuid() == 0:
+    os.setgid(65534)
+    os.setuid(65534)
+told = []
+for call in calls:
+    sys.argv = ["sma-bayes", *call]
+    out, err, status = io.StringIO(), io.StringIO(), 0
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            cli.main()
+        except SystemExit as end:
+            status = end.code or 0
+    told.append([status, out.getvalue(), err.getvalue()])
+print(json.dumps(told))
+"""
+
+
 @pytest.mark.skipif(not hasattr(os, "setuid"), reason="no users")
 def test_what_a_user_may_not_read_or_write_is_named(measured: Path, tmp_path: Path, no_entry: Path) -> None:
+    """All in one process, which gives up its rights once: to load the package takes longer than all calls."""
     secret = no_entry
-    program = (
-        "import contextlib, importlib, io, os, pkgutil, sys\nimport sma_bayes\nfrom sma_bayes import cli\n"
-        "for module in pkgutil.walk_packages(sma_bayes.__path__, 'sma_bayes.'):\n"
-        "    if module.name != 'sma_bayes.__main__': importlib.import_module(module.name)\n"
-        f"given, sys.argv = sys.argv, ['sma-bayes', 'inspect', {str(measured)!r}]\n"
-        "with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):\n    cli.main()\n"
-        "sys.argv = given\nif os.geteuid() == 0:\n    os.setgid(65534)\n    os.setuid(65534)\ncli.main()"
-    )  # Python itself may lie where only root reads
-    for given in (
+    calls = [
         ("inspect", secret / "run.csv"),
         ("inspect", secret),
         ("fit", measured, "--out", secret / "out"),
@@ -415,11 +437,18 @@ def test_what_a_user_may_not_read_or_write_is_named(measured: Path, tmp_path: Pa
         ("report", secret),
         ("run", secret / "study.toml"),
         ("fit", measured, "--out", tmp_path / "out", "--priors", secret / "p.toml"),
-    ):
-        done = subprocess.run(
-            [sys.executable, "-c", program, *map(str, given)],
-            capture_output=True, text=True, timeout=240, check=False, cwd=ROOT,
-        )  # fmt: skip
-        assert (done.returncode, done.stdout) == (2, ""), (given, done.stderr)
-        assert "Permission denied" in done.stderr or "is not readable" in done.stderr
-        assert done.stderr.lower().count("error: ") == 1
+        ("plan", secret, "--for", "force@50degC", "--out", tmp_path / "out"),
+        ("card", secret, "--out", tmp_path / "out"),
+        ("watch", secret, measured, "--out", tmp_path / "out"),
+        ("modulus", secret / "run.csv", "--out", tmp_path / "out"),
+    ]
+    given = json.dumps([[str(a) for a in call] for call in calls])
+    done = subprocess.run(
+        [sys.executable, "-c", AS_NOBODY, str(measured), given],
+        capture_output=True, text=True, timeout=240, check=False, cwd=ROOT,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    for call, (status, out, err) in zip(calls, json.loads(done.stdout), strict=True):
+        assert (status, out) == (2, ""), (call, err)
+        assert "Permission denied" in err or "is not readable" in err, (call, err)
+        assert err.lower().count("error: ") == 1, (call, err)
