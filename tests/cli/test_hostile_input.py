@@ -271,6 +271,7 @@ def finished(make_campaign: Callable[..., Path], tmp_path_factory: pytest.TempPa
 
 @pytest.fixture
 def folder(finished: Path, tmp_path: Path) -> Path:
+    shutil.copytree(finished.parent / "bench", tmp_path / "bench")
     return Path(shutil.copytree(finished, tmp_path / "copy"))
 
 
@@ -279,8 +280,12 @@ def read_by_all(run: Callable[..., object], folder: Path, told: str) -> None:
         ("ask", folder, "--force", "1.5 N"),
         ("report", folder, "--jobs", 1),
         ("conditions", folder, "--out", folder / "conditions"),
+        ("plan", folder, "--for", "force@50degC", "--out", folder / "new"),
+        ("card", folder, "--out", folder / "new"),
+        ("watch", folder, folder.parent / "bench" / "a.csv", "--out", folder / "new"),
     ):
         assert told in refused(run, *call)
+        assert not (folder / "new").exists()
     assert not (folder / "report.html").exists()
 
 
@@ -366,6 +371,63 @@ def test_flipped_bits(run: Run, folder: Path, seed: int) -> None:
 )
 def test_a_question(run: Run, finished: Path, question: tuple[str, ...]) -> None:
     refused(run, "ask", finished, *question)
+
+
+FORTY = [f'"{i} degC"' for i in range(40)]
+CANDIDATES = {
+    "nested": f"[[candidate]]\npeak = {'[' * 1000}{']' * 1000}",
+    "a null character": '[[candidate]]\npeak = "\\u0000"',
+    "5,000 digits": f"[[candidate]]\nsamples = {'9' * 5000}",
+    "a power of powers": '[[candidate]]\npeak = "60 9**9**9**9"',
+    "a rate of powers": '[[candidate]]\nrate = "2 9**9**9**9/min"',
+    "a rate without end": '[[candidate]]\nrate = "1e400 K/min"',
+    "colder than nothing": '[[candidate]]\nlowest = "-375 degC"\npeak = "60 degC"',
+    "a billion cycles": "[[candidate]]\ncycles = 1000000000",
+    "100 million combinations": f"[[candidate]]\nlowest = [{', '.join(FORTY)}]\npeak = [{', '.join(FORTY * 40)}]\n"
+    f"cycles = {list(range(1, 41))}\nsamples = {list(range(2, 42))}",
+    "an emoji": f'[[candidate]]\ncondition = "{"😀" * 60}"',
+    "no text": "\ud800",
+    "nothing": "",
+}
+
+
+@pytest.mark.parametrize("what", CANDIDATES)
+def test_candidates_of_a_plan(run: Run, finished: Path, tmp_path: Path, what: str) -> None:
+    path, out = tmp_path / "candidates.toml", tmp_path / "out"
+    path.write_bytes(CANDIDATES[what].encode(errors="surrogatepass"))
+    told = refused(run, "plan", finished, "--for", "force@50degC", "--candidates", path, "--out", out)
+    assert "candidates.toml" in told
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        ("plan", "{fit}", "--for", "force@9**9**9degC"),
+        ("plan", "{fit}", "--for", "force@-375degC"),
+        ("plan", "{fit}", "--for", "force@" + "5" * 5000 + "degC"),
+        ("plan", "{fit}", "--for", "😀@50degC"),
+        ("plan", "{fit}", "--for", "force@50degC", "--rate", "9**9**9**9 K/min"),
+        ("plan", "{fit}", "--for", "force@50degC", "--rate", "0 K/min"),
+        ("plan", "{fit}", "--for", "force@50degC", "--hours", "nan"),
+        ("plan", "{fit}", "--for", "force@50degC", "--hours", "-1"),
+        ("plan", "{fit}", "--for", "force@50degC", "--condition", "😀" * 60),
+        ("watch", "{fit}", "{fit}/summary.json"),
+        ("watch", "{fit}", "{data}", "--condition", "😀" * 60),
+        ("watch", "{fit}", "{data}", "--alpha", "nan"),
+        ("watch", "{fit}", "{data}", "--limit", "9**9**9**9 N"),
+        ("card", "{data}"),
+        ("modulus", "{data}", "--frequency", "9**9**9**9 Hz"),
+        ("modulus", "{data}", "--frequency", "1e400 Hz"),
+        ("modulus", "{fit}/summary.json", "--frequency", "1 Hz"),
+    ],
+)
+def test_a_call_of_the_newest_verbs(
+    run: Run, finished: Path, measured: Path, tmp_path: Path, call: tuple[str, ...]
+) -> None:
+    out = tmp_path / "out"
+    refused(run, *(a.format(fit=finished, data=measured) for a in call), "--out", out)
+    assert not out.exists()
 
 
 # --- the table ----------------------------------------------------------------------------------------

@@ -29,9 +29,13 @@ from sma_bayes.records.dmta import read_dmta
 from sma_bayes.runs.documents import FIT, read_mark, sealed
 from sma_bayes.runs.netcdf import Variable, VariableGroup, axes, write_groups
 from sma_bayes.runs.outputs import posterior_of, posterior_path, read_columns
+from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.condition_text import condition_at
 from sma_bayes.studies.conditions.population import SCATTER
+from sma_bayes.studies.plan.asked import parse_asked
+from sma_bayes.studies.plan.candidates import Setting, declared
 from sma_bayes.studies.run.study_file import read_study
+from sma_bayes.studies.watch.state import STATE, empty, read_state
 
 SECONDS = float(os.environ.get("SMA_BAYES_FUZZ_S", "3"))
 CORPUS = Path(__file__).parent / "corpus"
@@ -185,8 +189,37 @@ def document(folder: Path, content: bytes) -> None:
     FIT.read(folder)
 
 
+MEASURED = Setting("a", 30.0, 70.0, 0.03, 40, 1.5, "degC", specimen=False)
+CANDIDATES = """\
+[[candidate]]
+name = "slow"
+condition = ["a"]
+lowest = "30 degC"
+peak = ["60 degC", "350 kelvin"]
+rate = ["2 K/min", "0.5 K/s"]
+load = "150 g"
+cycles = [1, 3]
+samples = 80
+setup = "20 min"
+"""
+NO_CYCLE = json.dumps(sealed(empty(("a-heating",)).model_dump(mode="json", by_alias=True)))
 STATED: dict[str, str] = {}
 """Checksum that the summary of a run states, of the posterior that was read first."""
+
+
+def watch_state(folder: Path, content: bytes) -> None:
+    (folder / STATE.file).write_bytes(content)
+    read_state(folder, ("a-heating",))
+
+
+def candidates(folder: Path, content: bytes) -> None:
+    (folder / "candidates.toml").write_bytes(content)
+    declared(folder / "candidates.toml", {"a": MEASURED}, ["a"], 0.5, None)
+
+
+def asked(folder: Path, content: bytes) -> None:
+    found = parse_asked(content.decode(errors="replace"))
+    asked_temperature(found.temperature, "degC", "degC")
 
 
 def posterior(folder: Path, content: bytes) -> None:
@@ -234,6 +267,9 @@ def text(of: str) -> Callable[[Path], bytes]:
 READERS: dict[str, tuple[Callable[[Path, bytes], None], Callable[[Path], bytes]]] = {
     "campaign": (one_campaign, text(CAMPAIGN)),
     "study": (study, text(STUDY)),
+    "candidates": (candidates, text(CANDIDATES)),
+    "asked": (asked, text("stiffness@60degC")),
+    "watch_state": (watch_state, text(NO_CYCLE)),
     "priors": (priors, text(read_priors("modified_sigmoid").text)),
     "csv": (data_file("a.csv"), made(csv_file)),
     "lvm": (data_file("a.lvm"), made(lvm_file)),

@@ -331,11 +331,7 @@ def declared(
                     column=f"{where}.condition",
                     expected=near_matches(condition, settings),
                 )
-            try:
-                out += _of_table(table, settings[condition], setup, rate)
-            except QuantityError as error:
-                raise StudyError(error.found, file=path, column=where, expected=error.expected) from None
-            if len(out) > MOST:
+            if len(out) + _combinations(table) > MOST:
                 raise StudyError(
                     f"more than {MOST} candidates",
                     file=path,
@@ -343,7 +339,16 @@ def declared(
                     expected=f"at most {MOST} combinations",
                     remedy="shorten the lists",
                 )
+            try:
+                out += _of_table(table, settings[condition], setup, rate)
+            except QuantityError as error:
+                raise StudyError(error.found, file=path, column=where, expected=error.expected) from None
     return out
+
+
+def _combinations(table: CandidateTable) -> int:
+    lists = (table.lowest, table.peak, table.rate, table.load, table.cycles, table.samples)
+    return math.prod(max(len(values), 1) for values in lists if isinstance(values, list))
 
 
 def _of_table(
