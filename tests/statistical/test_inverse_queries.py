@@ -16,7 +16,7 @@ from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
-SPRINGS = 150
+SPRINGS = 60
 STATED = 0.9
 ANSWERED = 0.95
 """Share of springs at least for which a stretch with that probability is found at all, of those whose curve stands by

@@ -32,7 +32,7 @@ from sma_bayes.studies.compare.verdict import CANNOT_TELL
 
 pytestmark = pytest.mark.slow
 
-TRIALS = {"modified_sigmoid": 4, "logistic": 4, "polynomial": 2, "displacement": 4, "buried": 2}
+TRIALS = {"modified_sigmoid": 4, "logistic": 4, "polynomial": 1, "displacement": 4, "buried": 2}
 RATE = 0.05
 ALARM = 0.01
 FALSE_ALARMS = 1
