@@ -51,6 +51,7 @@ MATLAB_BYTES: Final = Limit(256_000_000, "bytes of a MATLAB file when unpacked")
 BINARY_NUMBERS: Final = Limit(30_000_000, "numbers in a MATLAB or TDMS file")
 PROFILE_ROWS: Final = Limit(100_000, "rows of a profile of the current")
 PROFILE_TIME: Final = Limit(20_000, "its length in time constants of the heat balance")
+REPLICATES: Final = Limit(100_000, "replicates of a self-check")
 DOCUMENT_BYTES: Final = Limit(500_000_000, "bytes of a JSON document of an output folder")
 
 LIMITS: Final = tuple(value for value in list(globals().values()) if isinstance(value, Limit))

@@ -327,6 +327,50 @@ class SamplingSummary(DocumentPart):
     )
 
 
+class CoverageSummary(DocumentPart):
+    """Share of truths within central intervals."""
+
+    level: Number = Field(description="probability of the intervals [1]")
+    share: Number = Field(description="share of truths in them [1]")
+    low: Number = Field(description="lower end of its exact binomial 95 % interval [1]")
+    high: Number = Field(description="upper end of it [1]")
+
+
+class RankSummary(DocumentPart):
+    """Ranks of the truths of one number among the draws of the refits."""
+
+    name: str = Field(description="as the fit reports it")
+    kind: str = Field(description="`parameter`, `noise`, `curve` or `transformation`")
+    channel: str = Field(description="that it belongs to, empty for none")
+    shift: Number = Field(
+        description="how far truths lie above the draws, about, over their standard deviation; 0 is right [1]"
+    )
+    spread: Number = Field(
+        description="spread of truths over that of the draws, about; 1 is right, more where draws are too narrow [1]"
+    )
+    p_location: Number = Field(description="p-value of the mean of the ranks [1]")
+    p_spread: Number = Field(description="of their spread [1]")
+    p_distribution: Number = Field(description="of their distribution, after Kolmogorov [1]")
+    uniform: bool = Field(
+        description="whether none of these is rejected by Holm's rule over all of the record"
+    )
+    coverage: Items[CoverageSummary] = Field(description="of central 50 % and 90 % intervals")
+
+
+class SelfCheckSummary(DocumentPart):
+    """Posterior simulation-based calibration of one record (`--self-check`)."""
+
+    replicates: int = Field(description="measurements that were simulated and fitted")
+    failed: int = Field(description="refits that missed their target and are left out")
+    false_alarm_rate: Number = Field(
+        description="chance, at most, that a record whose ranks are uniform does not pass [1]"
+    )
+    passed: bool = Field(description="whether all ranks are uniform and at most 5 % of the refits failed")
+    quantities: Items[RankSummary] = Field(
+        default=(), description="one for each number; empty with fewer than 20 refits"
+    )
+
+
 class RecordSummary(DocumentPart):
     """All that is said of one condition and branch."""
 
@@ -409,6 +453,10 @@ class RecordSummary(DocumentPart):
     sampler: SamplerSummary = Field(default=SamplerSummary(), description="how it was sampled")
     sampling: SamplingSummary = Field(
         default=SamplingSummary(), description="the [audit](../explanation/sampling.md#the-audit)"
+    )
+    self_check: SelfCheckSummary | None = Field(
+        default=None,
+        description="of `--self-check` ([what it tells](../explanation/calibration.md#of-your-own-record))",
     )
     ln_evidence: NumberOrNull = Field(
         default=None,

@@ -143,6 +143,13 @@ def screen_proposal(
     return _looked_at(density, linearised, mode, rng, ahead)[1]
 
 
+def first_proposal(linearised: Linearised, mode: Mode, rng: np.random.Generator) -> Proposal | None:
+    """Proposal in the first coordinates in which linearising a density at a mode gives one; None where none does."""
+    for coordinates, narrow in linearised.proposals(mode.covariance, rng):
+        return Proposal(coordinates, narrow, _wide(mode))
+    return None
+
+
 def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator) -> Adapted:
     """One proposal of several, each with the share of its evidence."""
     evidence = np.array([f.weights.log_evidence()[0] for f in fitted])

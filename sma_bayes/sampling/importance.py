@@ -21,7 +21,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
-from sma_bayes.sampling.adaptation import adapt
+from sma_bayes.sampling.adaptation import adapt, first_proposal
 from sma_bayes.sampling.bridge import Evidence, fitted_proposal
 from sma_bayes.sampling.density import Density, linearised_at
 from sma_bayes.sampling.laplace import Mode, find_mode
@@ -110,6 +110,35 @@ def importance_draws(
     own = adapt(density, modes, np.random.default_rng(adapt_seed)).proposal
     found = drawn(density, own, modes, rng, DRAWS)
     return found if found.converged else _population(density, own, modes, rng, found)
+
+
+def few_draws(
+    density: Density, start: Floats, width: Floats, seed: np.random.SeedSequence, size: int
+) -> WeightedDraws:
+    """Sample one of very many similar densities: `size` draws of the first proposal, where these do.
+
+    Parameters
+    ----------
+    density : Density
+    start : ndarray, shape (D,)
+    width : ndarray, shape (D,)
+        See `importance_draws`, whose draws are given where those of the first proposal can't be relied on.
+    seed : numpy.random.SeedSequence
+    size : int
+        At least twice `ENOUGH`.
+    """
+    first_seed, thorough_seed = seed.spawn(2)
+    rng = np.random.default_rng(first_seed)
+    mode = find_mode(density, start, width)
+    linearised = None if mode is None else linearised_at(density, mode.z)
+    if mode is not None and linearised is not None:
+        with np.errstate(all="ignore"):  # what is not a number has no weight
+            proposal = first_proposal(linearised, mode, rng)
+            if proposal is not None:
+                found = drawn(density, proposal, [mode], rng, size)
+                if found.converged:
+                    return found
+    return importance_draws(density, [start], width, thorough_seed)
 
 
 def _population(

@@ -34,6 +34,13 @@ Sampler = Annotated[
     typer.Option(help="'independence', or to cross-check it 'de' (differential evolution) or 'stretch'."),
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the run that --out holds.")]
+SelfCheck = Annotated[
+    bool,
+    typer.Option(
+        "--self-check",
+        help="Simulate 1000 measurements from each posterior, fit them again: do intervals hold the truths?",
+    ),
+]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit status 1 also where a fit is not adequate.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")]
 Verbose = Annotated[

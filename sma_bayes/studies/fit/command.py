@@ -25,6 +25,7 @@ from sma_bayes.studies.command_options import (
     Sampler,
     Scheduler,
     Seed,
+    SelfCheck,
     SourceArgument,
     Strict,
     Verbose,
@@ -50,6 +51,7 @@ def command(
     no_figures: NoFigures = False,
     scheduler: Scheduler = None,
     resume: Resume = False,
+    self_check: SelfCheck = False,
     strict: Strict = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -75,6 +77,7 @@ def command(
             extrapolate=extrapolate,
             bias=bias_spring(arrangement, bias, bias_sd),
             resume=resume,
+            self_check=self_check,
             figures="none" if no_figures else figures,
             **shared,
         )

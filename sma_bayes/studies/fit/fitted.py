@@ -24,7 +24,7 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.least_squares import LeastSquares, least_squares_at
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Record
-from sma_bayes.runs.fit_document import FitFindings, RecordSummary
+from sma_bayes.runs.fit_document import FitFindings, RecordSummary, SelfCheckSummary
 from sma_bayes.runs.store import write_posterior
 from sma_bayes.studies.ask.workflow import PROBABILITY, FitSource, Question, answer
 from sma_bayes.studies.fit.summary import record_summary
@@ -59,9 +59,12 @@ class RecordFit(Fit):
     ----------
     index : int
         Which of the records that share the posterior.
+    self_check : SelfCheckSummary or None
+        Of ``fit(..., self_check=True)``.
     """
 
     index: int = 0
+    self_check: SelfCheckSummary | None = None
 
     @classmethod
     def of(cls, fit: Fit, index: int) -> RecordFit:
@@ -87,7 +90,8 @@ class RecordFit(Fit):
     def summarised(self) -> RecordSummary:
         """What ``summary.json`` says of the record."""
         measured, again = correlation_factors(self, self._replicated, self.index)
-        return record_summary(self, self.index, measured, again)
+        found = record_summary(self, self.index, measured, again)
+        return found if self.self_check is None else found.model_copy(update={"self_check": self.self_check})
 
     @cached_property
     def document(self) -> dict[str, Any]:

@@ -33,12 +33,14 @@ from sma_bayes.studies.fit.figures.crowd import correlation_of_many, diagnostics
 from sma_bayes.studies.fit.figures.discrepancy import discrepancy_figure
 from sma_bayes.studies.fit.figures.marginals import corner_figure
 from sma_bayes.studies.fit.figures.record import predictive_figure, residual_figure, trace_figure
+from sma_bayes.studies.fit.figures.self_check import self_check_figure
 from sma_bayes.studies.fit.figures.truth import truth_figure
 from sma_bayes.studies.fit.gather import report_content
 from sma_bayes.studies.fit.methods import bibliography, methods_text
 from sma_bayes.studies.fit.page import write_record_page, write_report
 from sma_bayes.studies.fit.publication import publication_tex, supplement_tex
 from sma_bayes.studies.fit.residuals import median_curves, standardised_residuals
+from sma_bayes.studies.fit.self_check_tables import self_check_tables
 from sma_bayes.studies.fit.truth import truth_table
 
 
@@ -52,6 +54,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         tables = report_tables(content) | {t.name: t for t in answer_tables(content)}
+        tables |= self_check_tables(stored.summary)
         if content.truth:
             tables["truth"] = truth_table(content)
         tables = written_tables(tables, stored.summary, folder, wanted)
@@ -132,6 +135,22 @@ class _DiscrepancyTask:
 
 
 @dataclass(frozen=True, slots=True)
+class _SelfCheckTask:
+    """Figure of the self-check of one record."""
+
+    folder: Path
+    summary: RecordSummary
+
+    @property
+    def title(self) -> str:
+        return self.summary.key
+
+    def drawings(self) -> Iterator[Callable[[], Drawing]]:
+        if self.summary.self_check is not None:
+            yield partial(self_check_figure, self.folder, self.summary, self.summary.self_check)
+
+
+@dataclass(frozen=True, slots=True)
 class _ConditionTask:
     """Figure of the loop of one condition."""
 
@@ -200,6 +219,11 @@ def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask
         worst = sorted(missed, key=lambda r: max(m.share for m in r.missed), reverse=True)
         missed = [] if content.paged else worst[:FEW]
     tasks += [_DiscrepancyTask(folder, r, summaries[r.key], stored.summary.seed) for r in missed]
+    checked = [r for r in summaries.values() if r.self_check is not None and r.self_check.quantities]
+    if not everything:
+        worst_first = sorted(checked, key=lambda r: r.self_check is not None and r.self_check.passed)
+        checked = [] if content.paged else worst_first[:FEW]
+    tasks += [_SelfCheckTask(folder, r) for r in checked]
     if everything:
         tasks += [_RecordTask(folder, r) for r in content.records]
     return tasks

@@ -99,6 +99,8 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         console.print(sentence, soft_wrap=True)
     for sentence in adequacy_sentences(found.records, found.options.model):
         console.print(sentence, soft_wrap=True)
+    for sentence in self_check_sentences(found.records):
+        console.print(sentence, soft_wrap=True)
     show_end(console, summary, out)
 
 
@@ -164,6 +166,34 @@ def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
         "from reading to reading makes it; intervals count it. Where its size is known, declare it: sd = ... with the "
         "column of temperature."
     ]
+
+
+def self_check_sentences(records: Sequence[RecordSummary]) -> list[str]:
+    """What the self-check found, one sentence for all that passed and one for each record that did not."""
+    found = [(r.key, r.self_check) for r in records if r.self_check is not None]
+    if not found:
+        return []
+    good = [c for _, c in found if c.passed]
+    rate = f"false alarm in {100 * found[0][1].false_alarm_rate:g} % of records at most"
+    sentences = []
+    if good:
+        held = [one for c in good for q in c.quantities for one in q.coverage if one.level == 0.9]
+        least, most = (100 * f(one.share for one in held) for f in (min, max))
+        sentences.append(
+            f"Self-check: {len(good)} of {many(len(found), 'record')} passed, {good[0].replicates} refits of simulated "
+            f"measurements each; 90 % intervals held {least:.3g} to {most:.3g} % of the truths ({rate})."
+        )
+    for key, c in found:
+        if not c.passed:
+            wrong = [q.name for q in c.quantities if not q.uniform]
+            why = (
+                f"ranks of {', '.join(wrong[:NAMED])}{f' and {len(wrong) - NAMED} more' if len(wrong) > NAMED else ''} "
+                "are not uniform"
+                if wrong
+                else f"{c.failed} of {c.replicates} refits missed their target"
+            )
+            sentences.append(f"Self-check FAILED for {key}: {why} ({rate}); do not rely on its intervals.")
+    return sentences
 
 
 def _adequacy_sentence(kind: str, records: Sequence[RecordSummary], model: str) -> str:

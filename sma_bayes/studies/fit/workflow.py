@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from sma_bayes.account import Account
 from sma_bayes.assess.correlation_average import Averages
+from sma_bayes.assess.draws import record_draws
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import AUTO
@@ -32,8 +34,10 @@ from sma_bayes.runs.jobs import run
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.schema import CorrelationAverage, FindingDocument
 from sma_bayes.runs.store import write_file, write_text
+from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.fit.fitted import Fits, by_record, shown_progress
 from sma_bayes.studies.fit.parts import remove_parts
+from sma_bayes.studies.fit.self_check import check_self_check, checked, replicates_asked
 from sma_bayes.studies.fit.tasks import FitTask, fitted, sample_task
 from sma_bayes.studies.identity import all_versions, run_identity
 from sma_bayes.studies.options import (
@@ -65,6 +69,7 @@ def fit(
     jobs: int | None = None,
     columns: Mapping[str, Mapping[str, Any]] | None = None,
     conditions: Mapping[str, Mapping[str, float]] | None = None,
+    self_check: bool | int = False,
     progress: bool | Progress = False,
 ) -> Fits:
     """Fit every record of a campaign, a data frame or arrays, in memory.
@@ -91,6 +96,9 @@ def fit(
         Processes; by default one for each core.
     columns, conditions : mapping, optional
         Of data in memory: what ``[columns]`` and ``[[condition]]`` of a campaign file say, see `campaign_of`.
+    self_check : bool or int
+        Whether to simulate measurements from each posterior, fit them again, and look whether intervals hold the truths
+        (posterior simulation-based calibration, see `sma_bayes.studies.fit.self_check`); or how many.
     progress : bool or callable
         True for a bar in a notebook or terminal; or what is called with the number of posteriors that are done, of all,
         and a message, ``progress(done, total, message)``. The logger ``sma_bayes`` is told the same.
@@ -113,6 +121,8 @@ def fit(
         campaign = campaign_of(data, columns=columns, conditions=conditions)
     options = FitOptions(prior_set(priors, model), seed, noise, pool, plan=plan_with(sampler), model=model)
     groups = groups_of(campaign, pool)
+    replicates = replicates_asked(self_check)
+    check_self_check(options, replicates)
     check_call(groups, options)
     tasks = [FitTask(g, options, None) for g in groups]
     fits: list[Fit] = []
@@ -123,7 +133,16 @@ def fit(
             message = f"sampled {', '.join(r.key for r in found.records)}{state}"
             tell(len(fits), len(tasks), message)
             LOG.info("%d of %d: %s", len(fits), len(tasks), message)
-    return by_record(fits)
+    found_fits = by_record(fits)
+    if not replicates:
+        return found_fits
+    records = [
+        (record_draws(f, f.index), bool(f.summarised.quantities_of_branch)) for f in found_fits.values()
+    ]
+    ranks = checked(records, replicates, seed, jobs=jobs)
+    return Fits({
+        key: replace(f, self_check=one) for (key, f), one in zip(found_fits.items(), ranks, strict=True)
+    })  # fmt: skip
 
 
 def fit_campaign(
@@ -141,6 +160,7 @@ def fit_campaign(
     bias: ArrangedSpring | None = None,
     resume: bool = False,
     figures: str | bool = REPORT,
+    self_check: bool | int = False,
     progress: Progress | None = None,
     account: Account | None = None,
 ) -> dict[str, Any]:
@@ -160,6 +180,10 @@ def fit_campaign(
         Go on with a run that was interrupted. The result is the same to the bit.
     figures : str or bool
         ``report`` (those that the report shows), ``all`` or ``none`` (no report either), see `figures_for`.
+    self_check : bool or int
+        Whether to simulate measurements from each posterior, fit them again, and look whether intervals hold the truths
+        (posterior simulation-based calibration, see `sma_bayes.studies.fit.self_check`); or how many.
+        A finished run gets it, too, with `resume`.
     progress : callable, optional
     account : Account, optional
         Account to go on with, such as one in which the reading was timed.
@@ -190,9 +214,13 @@ def fit_campaign(
     drawn = figures_for(figures)
     work = RunContext(FIT, _build_report, jobs, drawn, progress or silent, account or Account())
     groups = groups_of(campaign, pool)
+    replicates = replicates_asked(self_check)
+    check_self_check(options, replicates)
     check_call(groups, options)
     with claimed_folder(folder, run_identity(campaign, options), resume):
         records, averages, loops = _fitted(groups, options, folder, work)
+        if replicates:
+            records = _checked(records, replicates, seed, folder, work)
     with work.account.timed("write"):
         write_text(folder / "priors.toml", options.priors.whole_text)
         if campaign.declaration:
@@ -233,6 +261,15 @@ def _build_report(folder: Path, wanted: ReportOptions) -> None:
     from sma_bayes.studies.fit.report import build_report  # what draws takes long to import
 
     build_report(folder, wanted)
+
+
+def _checked(
+    records: Sequence[RecordSummary], replicates: int, seed: int, folder: Path, work: RunContext
+) -> list[RecordSummary]:
+    """Entries of records with what their self-check says; its ranks are written to the folder."""
+    draws = [(draws_of(folder, r, seed), bool(r.quantities_of_branch)) for r in records]
+    found = checked(draws, replicates, seed, folder, work.jobs, work.account, work.tell)
+    return [r.model_copy(update={"self_check": one}) for r, one in zip(records, found, strict=True)]
 
 
 def _fitted(

@@ -1,0 +1,372 @@
+"""Posterior simulation-based calibration: whether the intervals of a record would hold the truth, were its model right.
+
+For each replicate a truth ``theta'`` is drawn from the posterior of the record ``y``, and a measurement ``y'`` at the
+same temperatures from model, discrepancy and noise at that truth. By Bayes' rule
+
+    p(theta' | y) p(y' | theta') = p(y' | y) p(theta' | y, y'),
+
+so ``theta'`` is a draw of the posterior of both measurements together, too: among draws of that posterior its rank is
+uniform, exactly, if the draws of the fit and those of the refit are what they should be. A refit of ``y'`` alone would
+not do: its posterior has the prior where the truths have the posterior of ``y``.
+
+It judges the computation about this record: likelihood, simulation of measurements, draws. Whether the model describes
+the record it can't tell; that is told by predictive checks.
+
+References
+----------
+T. Säilynoja, M. Schmitt, P.-C. Bürkner, A. Vehtari, "Posterior SBC: simulation-based calibration checking conditional
+on data", arXiv:2502.03279 (2025), doi:10.48550/arXiv.2502.03279.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from sma_bayes.account import Account
+from sma_bayes.arrays import Floats
+from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.rank_uniformity import FALSE_ALARMS, places, rejected, uniformity
+from sma_bayes.errors import OutputError, SmaBayesError
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis
+from sma_bayes.fitting.posterior import Posterior, Weights
+from sma_bayes.limits import REPLICATES
+from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.progress import Progress
+from sma_bayes.records.types import Record
+from sma_bayes.runs.fit_document import CoverageSummary, RankSummary, SelfCheckSummary
+from sma_bayes.runs.jobs import run
+from sma_bayes.runs.store import write_csv
+from sma_bayes.sampling.importance import few_draws
+from sma_bayes.sampling.weighted import resampled
+from sma_bayes.studies.options import FitOptions
+from sma_bayes.studies.sensitivity.quantities import (
+    QuantityDraws,
+    before_calibration,
+    quantities_of,
+    stated_temperatures,
+)
+
+FOLDER: Final = "self_check"
+STANDARD: Final = 1000
+"""Replicates unless another number is asked for."""
+DRAWS: Final = 500
+"""Draws of each refit; the place of a truth among them is uniform however few there are."""
+BATCH: Final = 25
+"""Replicates of one task."""
+FEWEST: Final = 20
+"""Replicates below which nothing is told."""
+LOST: Final = 0.05
+"""Share of refits that may miss their target: what is left out might be what goes wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReplicateTask:
+    """Some replicates of one record.
+
+    Attributes
+    ----------
+    posterior : Posterior
+        Of the record.
+    theta : ndarray, shape (k, P)
+        Truths.
+    weights : Weights
+        Of their discrepancies.
+    start : ndarray, shape (D,)
+        Where refits begin: the posterior median.
+    at : tuple of float
+        Temperatures at which a curve is told [unit of temperature].
+    stiffness : bool
+        Whether the fit gives a stiffness.
+    seed : tuple of int
+    """
+
+    posterior: Posterior
+    theta: Floats
+    weights: Weights
+    start: Floats
+    at: tuple[float, ...]
+    stiffness: bool
+    seed: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordRanks:
+    """Places of all truths of one record.
+
+    Attributes
+    ----------
+    quantities : tuple of QuantityDraws
+        What was looked at; draws are of no account.
+    u : ndarray, shape (n, Q)
+        Of the replicates whose refit reached its target.
+    failed : int
+        Those whose refit did not.
+    """
+
+    quantities: tuple[QuantityDraws, ...]
+    u: Floats
+    failed: int
+
+
+def replicates_asked(self_check: bool | int) -> int:
+    """How many replicates are asked for: none, `STANDARD`, or a number.
+
+    Raises
+    ------
+    SmaBayesError
+        If it is a number out of range.
+    """
+    if isinstance(self_check, bool):
+        return STANDARD if self_check else 0
+    if self_check and not FEWEST <= self_check <= REPLICATES.value:
+        raise SmaBayesError(
+            f"self_check={self_check}",
+            expected=f"True, False, or a number of replicates from {FEWEST} to {REPLICATES.value:.0f}",
+            remedy=f"leave it at True for {STANDARD}",
+        )
+    return self_check
+
+
+def check_self_check(options: FitOptions, replicates: int) -> None:
+    """Refuse, before anything is sampled, a self-check that tells nothing.
+
+    Raises
+    ------
+    SmaBayesError
+        If conditions share their parameters, or the noise is no density of the data.
+    """
+    if not replicates:
+        return
+    if options.pool != "none":
+        raise SmaBayesError(
+            f"--self-check with --pool {options.pool}",
+            expected="parameters of their own for each condition: each record is checked by itself",
+            remedy="leave --pool out, or --self-check",
+        )
+    if options.noise in NOISE_MODELS and not NOISE_MODELS[options.noise].is_density:
+        raise SmaBayesError(
+            f"--self-check with --noise {options.noise}",
+            expected="a noise that is a density of the data, from which measurements can be simulated",
+            remedy="leave --noise out, or name another one",
+        )
+
+
+def augmented(posterior: Posterior, observed: dict[str, Floats]) -> Posterior:
+    """The posterior of a record and of another measurement (n,) of each channel at the same inputs, both together."""
+    (record,) = posterior.records
+    segment = record.inputs["segment"]
+    inputs = {name: np.concatenate([x, x]) for name, x in record.inputs.items()}
+    inputs["segment"] = np.concatenate([segment, segment + np.ptp(segment) + 1.0])
+    both: Record = replace(
+        record,
+        inputs=inputs,
+        observed={c: np.concatenate([record.observed[c], observed[c]]) for c in record.channels},
+        row=np.concatenate([record.row, record.row]),
+    )
+    bases = {
+        c: DiscrepancyBasis(b.temperature, b.values, np.concatenate([b.rows, b.rows], axis=1))
+        for c, b in posterior.discrepancy[0].items()
+    }
+    return posterior.on([both], discrepancy=[bases])
+
+
+def tasks_of(draws: RecordDraws, stiffness: bool, replicates: int, seed: int) -> list[ReplicateTask]:
+    """Replicates of one record, shared out; truths are taken evenly from its draws."""
+    posterior, theta = draws.posterior, before_calibration(draws)
+    at = np.linspace(0, draws.size, replicates, endpoint=False).astype(int)
+    start = np.median(posterior.space.unconstrain(theta), axis=0)
+    stated = stated_temperatures(draws)
+    tasks = []
+    for first in range(0, replicates, BATCH):
+        some = at[first : first + BATCH]
+        weights: Weights = ({c: w[some] for c, w in draws.weights.items()},) if draws.weights else ()
+        own = (seed, 12, first, *draws.key.encode())
+        tasks.append(ReplicateTask(posterior, theta[some], weights, start, stated, stiffness, own))
+    return tasks
+
+
+def ranked(task: ReplicateTask) -> RecordRanks:
+    """Simulate, fit again and rank."""
+    posterior = task.posterior
+    simulate_seed, *seeds = np.random.SeedSequence(task.seed).spawn(1 + len(task.theta))
+    with threadpool_limits(limits=1), np.errstate(all="ignore"):
+        again = posterior.replicate(np.random.default_rng(simulate_seed), task.theta, weights=task.weights)
+        found, quantities = [], None
+        for i, seed in enumerate(seeds):
+            fit_seed, rank_seed = seed.spawn(2)
+            rng = np.random.default_rng(rank_seed)
+            both = augmented(posterior, {c: y[i] for c, y in again.items()})
+            draws = few_draws(both, task.start, both.space.prior_sd(), fit_seed, DRAWS)
+            if not draws.converged:
+                continue
+            z, log_weight = draws.z, draws.log_weight
+            if len(z) > DRAWS:  # of a thorough refit: quantities of so many take longer than the refit
+                z = z[resampled(log_weight, DRAWS, rng)]
+                log_weight = np.full(DRAWS, -np.log(DRAWS))
+            theta = both.space.constrain(z)
+            missed = both.draw_discrepancy(rng, theta)[0] if both.has_discrepancy else {}
+            truth = task.weights[0] if task.weights else {}
+            joined = RecordDraws(
+                posterior,
+                np.concatenate([task.theta[i : i + 1], theta]),
+                True,
+                {c: np.concatenate([truth[c][i : i + 1], w]) for c, w in missed.items()},
+            )
+            quantities = quantities_of(joined, task.at, stiffness=task.stiffness)
+            found.append(places(np.stack([q.draws for q in quantities], axis=1), log_weight, rng))
+    if quantities is None:
+        return RecordRanks((), np.empty((0, 0)), len(seeds))
+    return RecordRanks(quantities, np.stack(found), len(seeds) - len(found))
+
+
+def summarised(ranks: RecordRanks, replicates: int) -> SelfCheckSummary:
+    """What the ranks of one record say."""
+    if len(ranks.u) < FEWEST:
+        return SelfCheckSummary(
+            replicates=replicates, failed=ranks.failed, false_alarm_rate=FALSE_ALARMS, passed=False
+        )
+    each = [uniformity(ranks.u[:, k]) for k in range(len(ranks.quantities))]
+    wrong: NDArray[np.bool_] = rejected(np.array([one.p_values for one in each]))
+    return SelfCheckSummary(
+        replicates=replicates,
+        failed=ranks.failed,
+        false_alarm_rate=FALSE_ALARMS,
+        passed=not wrong.any() and ranks.failed <= LOST * replicates,
+        quantities=tuple(
+            RankSummary(
+                name=q.name,
+                kind=q.kind,
+                channel=q.channel,
+                shift=one.shift,
+                spread=one.spread,
+                p_location=one.p_values[0],
+                p_spread=one.p_values[1],
+                p_distribution=one.p_values[2],
+                uniform=not bool(wrong[k].any()),
+                coverage=tuple(CoverageSummary.model_validate(c, from_attributes=True) for c in one.coverage),
+            )
+            for k, (q, one) in enumerate(zip(ranks.quantities, each, strict=True))
+        ),
+    )
+
+
+def checked(
+    records: Sequence[tuple[RecordDraws, bool]],
+    replicates: int,
+    seed: int,
+    folder: Path | None = None,
+    jobs: int | None = None,
+    account: Account | None = None,
+    tell: Progress | None = None,
+) -> Iterator[SelfCheckSummary]:
+    """Check records, in their order; what a folder holds of an earlier call is read, not done again.
+
+    Parameters
+    ----------
+    records : sequence of tuple of RecordDraws and bool
+        Each with whether the fit gives a stiffness of it.
+    replicates, seed : int
+    folder : Path, optional
+        Of the run: places are written to ``self_check/KEY.csv``, a row a replicate.
+    jobs, account
+        See `sma_bayes.runs.jobs.run`.
+    tell : callable, optional
+    """
+    shared = [tasks_of(draws, stiffness, replicates, seed) for draws, stiffness in records]
+    paths = [None if folder is None else folder / FOLDER / f"{draws.key}.csv" for draws, _ in records]
+    known = [
+        None if path is None else _read(path, draws, tasks[0], replicates)
+        for path, (draws, _), tasks in zip(paths, records, shared, strict=True)
+    ]
+    todo = [t for tasks, done in zip(shared, known, strict=True) if done is None for t in tasks]
+    results = run(ranked, todo, jobs, account=account, stage="self_check")
+    count = 0
+    for (draws, _), tasks, done, path in zip(records, shared, known, paths, strict=True):
+        if done is None:
+            parts = []
+            for _ in tasks:
+                parts.append(next(results))
+                count += 1
+                if tell is not None:
+                    tell(count, len(todo), f"checking {draws.key}")
+            done = _joined(parts)
+            if path is not None:
+                _write(path, done)
+        yield summarised(done, replicates)
+
+
+def _joined(parts: Sequence[RecordRanks]) -> RecordRanks:
+    some = [p for p in parts if p.quantities]
+    failed = sum(p.failed for p in parts)
+    if not some:
+        return RecordRanks((), np.empty((0, 0)), failed)
+    return RecordRanks(some[0].quantities, np.concatenate([p.u for p in some]), failed)
+
+
+def _write(path: Path, ranks: RecordRanks) -> None:
+    path.parent.mkdir(exist_ok=True)
+    lost = np.full((ranks.failed, ranks.u.shape[1]), np.nan)
+    u = np.concatenate([ranks.u, lost])
+    write_csv(path, {q.name: u[:, k] for k, q in enumerate(ranks.quantities)}, digits=17)
+
+
+def read_places(folder: Path, key: str) -> tuple[tuple[str, ...], Floats]:
+    """Names of the numbers of a record and places (n, Q) of their truths, as a folder holds them.
+
+    Raises
+    ------
+    OutputError
+        If the file is missing or damaged.
+    """
+    path = folder / FOLDER / f"{key}.csv"
+    try:
+        names, u = _table(path)
+    except OSError as error:
+        raise _damaged(path, error) from None
+    return names, u[np.isfinite(u).all(axis=1)]
+
+
+def _read(path: Path, draws: RecordDraws, task: ReplicateTask, replicates: int) -> RecordRanks | None:
+    """What an earlier call wrote; None where there is nothing, or of another number of replicates."""
+    if not path.is_file():
+        return None
+    names, u = _table(path)
+    some = slice(0, 2)
+    few = replace(
+        draws,
+        theta=draws.theta[some],
+        weights={c: w[some] for c, w in draws.weights.items()},
+        calibration={},
+    )
+    quantities = quantities_of(few, task.at, stiffness=task.stiffness)
+    if names != tuple(q.name for q in quantities) or len(u) != replicates:
+        return None
+    told = np.isfinite(u).all(axis=1)
+    return RecordRanks(quantities, u[told], int(np.sum(~told)))
+
+
+def _table(path: Path) -> tuple[tuple[str, ...], Floats]:
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = [*csv.reader(file)] or [[]]
+    try:
+        u = np.array([[float(cell or "nan") for cell in row] for row in rows], dtype=float)
+        return tuple(header), u.reshape(len(rows), len(header))
+    except ValueError as error:
+        raise _damaged(path, error) from None
+
+
+def _damaged(path: Path, error: Exception) -> OutputError:
+    return OutputError(
+        f"can't be read: {error}",
+        file=path,
+        expected="what --self-check wrote there",
+        remedy="remove the file; --resume --self-check then makes it again",
+    )
