@@ -9,9 +9,12 @@ from __future__ import annotations
 import sys
 import traceback
 from functools import cache
-from typing import Annotated
+from inspect import getdoc
+from textwrap import shorten
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from sma_bayes import __version__
 from sma_bayes.errors import SmaBayesError
@@ -22,17 +25,51 @@ MISTAKE = 70
 """Exit status besides 0, 1 and 2, as sysexits.h has it; `sma_bayes.interruption` has those of signals."""
 
 
-@cache
-def command_line() -> typer.Typer:
-    """The program, with a command for each verb.
+class VerbGroup(TyperGroup):
+    """Verbs of the registry, each made when it is called: the help tells of twenty and needs the options of none."""
+
+    def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
+        """Names of the verbs, in the order of the help."""
+        return list(VERBS)
+
+    def get_command(self, ctx: typer.Context, cmd_name: str) -> Any:  # type: ignore[override]
+        """The command of a verb; None where there is no such verb, when all are made to tell which one was meant."""
+        for verb in [cmd_name] if cmd_name in VERBS else VERBS:
+            if verb not in self.commands:
+                self.commands[verb] = command_of_verb(verb)
+        return self.commands.get(cmd_name)
+
+    def format_commands(self, ctx: typer.Context, formatter: Any) -> None:  # type: ignore[override]
+        """A line for each verb."""
+        room = formatter.width - 6 - max(map(len, VERBS))
+        told = ((verb, getdoc(command_of(verb)) or "") for verb in VERBS)
+        rows = [
+            (verb, shorten(text.partition("\n")[0].rstrip("."), room, placeholder="..."))
+            for verb, text in told
+        ]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+
+def command_of_verb(verb: str) -> Any:
+    """Command of a verb, with its options, as the program runs it.
 
     Raises
     ------
     SmaBayesError
-        If another package provides a verb that can't be had.
+        If another package provides the verb, and it can't be had.
     """
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    alone.command(verb)(command_of(verb))
+    return typer.main.get_command(alone)
+
+
+@cache
+def command_line() -> typer.Typer:
+    """The program, with a command for each verb."""
     app = typer.Typer(
         name="sma-bayes",
+        cls=VerbGroup,
         help="Bayesian stiffness of shape memory alloy springs: posteriors, credible bands, correlation factors.",
         no_args_is_help=True,
         context_settings={"help_option_names": ["-h", "--help"]},
@@ -40,8 +77,6 @@ def command_line() -> typer.Typer:
         rich_markup_mode=None,
     )
     app.callback()(_common)
-    for verb in VERBS:
-        app.command(verb)(command_of(verb))
     return app
 
 

@@ -168,7 +168,10 @@ def test_a_verb_that_can_not_be_had_is_one_error(tmp_path: Path, verb: str, pack
     (metadata / "METADATA").write_text(about, encoding="utf-8")
     point = f"[sma_bayes.studies]\n{verb} = {package}\n"
     (metadata / "entry_points.txt").write_text(point, encoding="utf-8")
-    called = call(tmp_path, "priors", "--list")
+    called = call(tmp_path, verb)
     assert called.returncode == 2
     assert called.stderr.startswith(f"error: {said}")
     assert package in called.stderr
+    assert call(tmp_path, "--help").returncode == 2
+    if verb == "empty":  # only what is called is made
+        assert call(tmp_path, "priors", "--list").returncode == 0

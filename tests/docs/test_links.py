@@ -8,13 +8,13 @@ import tomllib
 from pathlib import Path
 
 import pytest
-import typer
 
-from sma_bayes.cli import command_line
+from sma_bayes.cli import command_of_verb
 from sma_bayes.parameters.priors_file import parse_priors, shipped_priors
 from sma_bayes.records.declaration import read_declaration
 from sma_bayes.records.split import SplitSettings
 from sma_bayes.studies.plan.candidates import Setting, declared
+from sma_bayes.studies.registry import VERBS
 from sma_bayes.studies.run.study_file import read_study
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,7 +23,7 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 PATH = re.compile(r"`((?:sma_bayes|docs|tests|scripts|priors)/[\w./-]+)`")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 OPTION = re.compile(r"(?<![\w-])(--[a-z][a-z-]+)")
-COMMANDS = typer.main.get_command(command_line()).commands
+COMMANDS = {verb: command_of_verb(verb) for verb in VERBS}
 
 
 def name(page: Path) -> str:

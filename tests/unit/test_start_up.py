@@ -7,6 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
+
+from sma_bayes.cli import VerbGroup, command_line
+from sma_bayes.studies.registry import VERBS
 
 HEAVY = ("arviz", "arviz_stats", "corner", "dask", "distributed", "emcee", "h5py", "joblib", "matplotlib", "numpy",
          "pandas", "pint", "pydantic", "scipy", "xarray")  # fmt: skip
@@ -28,6 +32,17 @@ def test_help_and_the_package_itself_import_nothing_heavy() -> None:
         "CliRunner().invoke(command_line(), ['--help'])"
     )
     assert not imported(command) & set(HEAVY)
+
+
+def test_help_makes_no_verb_and_a_verb_makes_only_itself() -> None:
+    group = typer.main.get_command(command_line())
+    assert isinstance(group, VerbGroup)
+    with group.make_context("sma-bayes", ["-h"], resilient_parsing=True) as context:
+        shown = group.get_help(context)
+        assert all(f"  {verb} " in shown for verb in VERBS)
+        assert not group.commands
+        assert group.get_command(context, "fit").name == "fit"
+        assert set(group.commands) == {"fit"}
 
 
 @pytest.mark.parametrize(
