@@ -8,13 +8,13 @@ from functools import cached_property
 from typing import Final
 
 from sma_bayes.arrays import Floats
-from sma_bayes.assess.adequacy import Missed, Reason
+from sma_bayes.assess.adequacy import Missed
 from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.notation import compact
 from sma_bayes.response import DEFAULT_MODEL
-from sma_bayes.runs.fit_document import SampledParameter
+from sma_bayes.runs.fit_document import NoiseSummary, ReasonSummary, RecordSummary, SampledParameter
 from sma_bayes.runs.schema import FindingDocument
 
 LEVEL: Final = "90 %"
@@ -236,73 +236,22 @@ class PredictiveCheck:
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
-    """The noise model of a record and why it was taken.
-
-    Attributes
-    ----------
-    name, title, chosen_by, reason : str
-    lag1 : mapping of str to float
-        Correlation of neighbouring residuals of the warm start, by channel [1].
-    ln_evidence : mapping of str to float
-        Of each noise model that was looked at, less that of the best [1].
-    """
-
-    name: str
-    title: str
-    chosen_by: str
-    reason: str
-    lag1: Mapping[str, float]
-    ln_evidence: Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True)
-class SamplingRow:
-    """How a record was sampled.
-
-    Attributes
-    ----------
-    method : str
-    acceptance, efficiency, greatest_weight : float or None
-        [1].
-    modes, draws, evaluations : int
-    wall_s : float
-        [s].
-    ln_evidence, ln_evidence_sd : float or None
-    """
-
-    method: str
-    acceptance: float | None
-    efficiency: float | None
-    greatest_weight: float | None
-    modes: int
-    draws: int
-    evaluations: int
-    wall_s: float
-    ln_evidence: float | None
-    ln_evidence_sd: float | None
-
-
-@dataclass(frozen=True, slots=True)
 class RecordContent:
     """All that is said of one condition and branch.
 
     Attributes
     ----------
+    document : RecordSummary
+        What the run stored of it, numbers in the units in which people see them.
     key, condition, branch : str
-    checksum : str or None
-        Of the content of its posterior; None where an earlier version wrote it.
-    band_checksums : mapping of str to str
-        Of the files of its bands, by channel.
     converged, adequate : bool
-    reasons : tuple of Reason
+    reasons : tuple of ReasonSummary
         Why it is not adequate; empty where it is.
     model, model_reason : str
         Name of the response model; why it was taken, empty where it was asked for.
     nearest : tuple of NearestParameter
     missed : tuple of Missed
         What the curves miss, by channel; empty where nothing stands beside them.
-    n, rows_averaged, segments : int
     settings : mapping of str to Number
     temperature_unit : str
     temperature_range : tuple of float
@@ -315,36 +264,25 @@ class RecordContent:
     parameters : tuple of ParameterResult
     free_directions : tuple of tuple of str and float
         Combinations that the data leave to the prior, with their contraction [1].
-    jacobian_rank, jacobian_columns : int or None
-        Of the least-squares fit.
     path_kind, path_message : str
-    shape : mapping of str to float
-        Posterior probability of each behaviour of Eq. (7) [1].
     quantities : tuple of QuantityRow
     transformation : tuple of TransformationTemperature
         The lower temperature first; empty where neither displacement nor force was measured.
     checks : tuple of PredictiveCheck
-    noise : Noise
-    sampler : SamplingRow
-    shares_with : tuple of str
-        Records with the same parameters.
+    noise : NoiseSummary
     """
 
+    document: RecordSummary
     key: str
-    checksum: str | None
-    band_checksums: Mapping[str, str]
     condition: str
     branch: str
     converged: bool
     adequate: bool
-    reasons: tuple[Reason, ...]
+    reasons: tuple[ReasonSummary, ...]
     model: str
     model_reason: str
     nearest: tuple[NearestParameter, ...]
     missed: tuple[Missed, ...]
-    n: int
-    rows_averaged: int
-    segments: int
     settings: Mapping[str, Number]
     temperature_unit: str
     temperature_range: tuple[float, float]
@@ -354,16 +292,12 @@ class RecordContent:
     calibration: tuple[str, ...]
     parameters: tuple[ParameterResult, ...]
     free_directions: tuple[tuple[str, float], ...]
-    jacobian_rank: int | None
     path_kind: str
     path_message: str
-    shape: Mapping[str, float]
     quantities: tuple[QuantityRow, ...]
     transformation: tuple[TransformationTemperature, ...]
     checks: tuple[PredictiveCheck, ...]
-    noise: Noise
-    sampler: SamplingRow
-    shares_with: tuple[str, ...]
+    noise: NoiseSummary
 
     @property
     def model_parameters(self) -> tuple[ParameterResult, ...]:
@@ -376,7 +310,7 @@ class RecordContent:
         return self.model != DEFAULT_MODEL or bool(self.missed)
 
     @property
-    def stiffness_withheld(self) -> tuple[Reason, ...]:
+    def stiffness_withheld(self) -> tuple[ReasonSummary, ...]:
         """Why no stiffness is given of this record: its curves are led by their priors; empty where it is given."""
         if self.channel("stiffness") is None:
             return ()

@@ -464,26 +464,27 @@ def diagnostics_table(records: Sequence[RecordContent]) -> Table:
 
 
 def _diagnostic_cells(r: RecordContent) -> tuple[Cell, ...]:
-    rhat, ess, s = r.worst_rhat, r.least_ess, r.sampler
+    rhat, ess, d = r.worst_rhat, r.least_ess, r.document
+    s = d.sampler
     return (
-        r.n,
+        d.n,
         sum(not p.fixed for p in r.parameters),
         Number(rhat.rhat if rhat else None, "1", 0.01),
         rhat.name if rhat else None,
         Number(ess.ess if ess else None, "1", 10.0),
         ess.name if ess else None,
         s.draws,
-        s.evaluations,
+        d.log_likelihood_evaluations,
         Number(s.acceptance, "1", 0.1),
         Number(s.efficiency, "1", 0.1),
         Number(s.greatest_weight),
         s.modes,
         s.method,
-        r.jacobian_rank,
+        d.jacobian_rank,
         ", ".join(p.name for p in r.parameters if p.at_bound) or None,
-        Number(s.ln_evidence, "1", s.ln_evidence_sd),
-        Number(s.ln_evidence_sd, "1", s.ln_evidence_sd),
-        Number(s.wall_s, "s", 0.1),
+        Number(d.ln_evidence, "1", d.ln_evidence_sd),
+        Number(d.ln_evidence_sd, "1", d.ln_evidence_sd),
+        Number(d.wall_s or 0.0, "s", 0.1),
     )
 
 
@@ -531,10 +532,9 @@ def missed_table(records: Sequence[RecordContent]) -> Table:
 
 
 def _missed_cells(r: RecordContent, m: Missed) -> tuple[Cell, ...]:
-    channel = r.channel(m.channel)
     fine = 0.1 * m.rms
     return (
-        m.channel if channel is None else channel.name,
+        _name(r, m.channel),
         unit_label(m.unit) or "1",
         Number(m.rms, m.unit, fine),
         Number(m.largest, m.unit, fine),
@@ -580,8 +580,9 @@ def _nearest_cells(r: RecordContent, p: NearestParameter) -> tuple[Cell, ...]:
 
 def noise_table(records: Sequence[RecordContent]) -> Table:
     """The noise model of every record and why."""
-    names = tuple(dict.fromkeys(c for r in records for c in r.noise.lag1))
-    rivals = tuple(dict.fromkeys(c for r in records for c in r.noise.ln_evidence))
+    lag1 = [{_name(r, c): v for c, v in r.noise.lag1.items() if v is not None} for r in records]
+    names = tuple(dict.fromkeys(name for found in lag1 for name in found))
+    rivals = tuple(dict.fromkeys(n for r in records for n, v in r.noise.ln_evidence.items() if v is not None))
     return Table(
         "noise",
         "Noise models",
@@ -599,12 +600,17 @@ def noise_table(records: Sequence[RecordContent]) -> Table:
                 *_head(r),
                 r.noise.title or r.noise.name,
                 r.noise.chosen_by,
-                *(Number(r.noise.lag1.get(name), "1", 0.1) for name in names),
+                *(Number(found.get(name), "1", 0.1) for name in names),
                 *(Number(r.noise.ln_evidence.get(name), "1", 1.0) for name in rivals),
             )
-            for r in records
+            for r, found in zip(records, lag1, strict=True)
         ),
     )
+
+
+def _name(r: RecordContent, channel: str) -> str:
+    found = r.channel(channel)
+    return channel if found is None else found.name
 
 
 def check_table(records: Sequence[RecordContent]) -> Table:

@@ -17,7 +17,7 @@ from sma_bayes import read_campaign
 from sma_bayes.records.types import Branch
 from sma_bayes.runs.outputs import band_path, read_band, read_run
 from sma_bayes.simulated.campaign import truth_of
-from sma_bayes.studies.fit.gather import report_content
+from sma_bayes.studies.fit.report_content import report_content
 
 
 @pytest.fixture(scope="module")

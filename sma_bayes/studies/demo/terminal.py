@@ -8,7 +8,7 @@ from typing import Any
 from sma_bayes.report.screen import screen
 from sma_bayes.runs.outputs import read_run
 from sma_bayes.simulated.campaign import MEASUREMENTS
-from sma_bayes.studies.fit.gather import report_content
+from sma_bayes.studies.fit.report_content import report_content
 from sma_bayes.studies.fit.terminal import show_fit
 
 

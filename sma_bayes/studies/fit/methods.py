@@ -71,7 +71,7 @@ def bibliography(content: Content) -> str:
 def _sentences(content: Content) -> Iterator[str]:
     records, p = content.records, content.provenance
     observed = dict.fromkeys(c.name for r in records for c in r.channels if c.observed)
-    samples = count_text(sum(r.n for r in records))
+    samples = count_text(sum(r.document.n for r in records))
     yield (
         f"{_joined(list(observed)).capitalize()} against temperature of {many(len(content.conditions), 'condition')} "
         f"({many(len(records), 'record')} of one branch each, {samples} samples) were described by {_models(records)}."

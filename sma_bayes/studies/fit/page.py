@@ -223,7 +223,7 @@ def noise_groups(content: Content) -> tuple[NoiseGroup, ...]:
             title,
             by,
             tuple(records),
-            _ends([v for r in records for v in r.noise.lag1.values()]),
+            _ends([v for r in records for v in r.noise.lag1.values() if v is not None]),
             _ends([lead for r in records if (lead := _lead(r)) is not None]),
         )
         for (title, by), records in groups.items()
@@ -232,7 +232,7 @@ def noise_groups(content: Content) -> tuple[NoiseGroup, ...]:
 
 def _lead(record: RecordContent) -> float | None:
     """Ln evidence of the noise model less that of the best other one; None where none was compared."""
-    found = dict(record.noise.ln_evidence)
+    found = {n: v for n, v in record.noise.ln_evidence.items() if v is not None}
     own = found.pop(record.noise.name, None)
     return None if own is None or not found else own - max(found.values())
 

@@ -13,8 +13,8 @@ from sma_bayes.report.figures.sheet import save, style_of
 from sma_bayes.runs.outputs import read_run
 from sma_bayes.runs.store import nothing_unfinished
 from sma_bayes.studies.fit.figures.publication import LEAST, WIDEST, publication_figure
-from sma_bayes.studies.fit.gather import report_content
 from sma_bayes.studies.fit.report import branch_data
+from sma_bayes.studies.fit.report_content import report_content
 
 FOLDER = "publication"
 """Where they are, in the folder of the figures."""

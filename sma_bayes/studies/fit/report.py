@@ -35,10 +35,10 @@ from sma_bayes.studies.fit.figures.marginals import corner_figure
 from sma_bayes.studies.fit.figures.record import predictive_figure, residual_figure, trace_figure
 from sma_bayes.studies.fit.figures.self_check import self_check_figure
 from sma_bayes.studies.fit.figures.truth import truth_figure
-from sma_bayes.studies.fit.gather import report_content
 from sma_bayes.studies.fit.methods import bibliography, methods_text
 from sma_bayes.studies.fit.page import write_record_page, write_report
 from sma_bayes.studies.fit.publication import publication_tex, supplement_tex
+from sma_bayes.studies.fit.report_content import report_content
 from sma_bayes.studies.fit.residuals import median_curves, standardised_residuals
 from sma_bayes.studies.fit.self_check_tables import self_check_tables
 from sma_bayes.studies.fit.truth import truth_table
@@ -262,9 +262,9 @@ def _in_shown_units(branch: BranchData) -> BranchData:
 
 
 def _stored_branch(folder: Path, record: RecordContent) -> BranchData:
-    stored = posterior_of(folder, record.key, record.checksum)
+    stored = posterior_of(folder, record.key, record.document.posterior_sha256)
     bands = {
-        c.channel: band_of(folder, record.key, c.channel, record.band_checksums.get(c.channel))
+        c.channel: band_of(folder, record.key, c.channel, record.document.band_sha256.get(c.channel))
         for c in record.channels
     }
     return BranchData(record, stored, bands, median_curves(stored))

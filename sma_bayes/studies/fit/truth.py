@@ -33,7 +33,7 @@ def known_truth(run: StoredRun, records: Iterable[RecordContent]) -> tuple[Known
     if not is_simulated(run.summary):
         return ()
     return tuple(
-        _beside(r, c.channel, band_of(run.folder, r.key, c.channel, r.band_checksums.get(c.channel)))
+        _beside(r, c.channel, band_of(run.folder, r.key, c.channel, r.document.band_sha256.get(c.channel)))
         for r in records
         for c in r.channels
     )

@@ -17,7 +17,7 @@ from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.figures.sheet import BranchData
 from sma_bayes.runs.documents import sealed
 from sma_bayes.runs.outputs import band_path, posterior_path, read_band, read_record, read_run
-from sma_bayes.studies.fit.gather import report_content
+from sma_bayes.studies.fit.report_content import report_content
 from sma_bayes.studies.fit.residuals import median_curves
 
 CONDITION = "100g-10mHz"

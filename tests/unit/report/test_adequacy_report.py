@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 from sma_bayes import fit_campaign
-from sma_bayes.assess.adequacy import Reason
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.report.content import Content
 from sma_bayes.report.figures.sheet import STYLE, save
 from sma_bayes.report.tables import report_tables
+from sma_bayes.runs.fit_document import ReasonSummary
 from sma_bayes.runs.outputs import StoredRun, read_run
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.fit.figures.discrepancy import discrepancy_figure
-from sma_bayes.studies.fit.gather import report_content
 from sma_bayes.studies.fit.page import render
+from sma_bayes.studies.fit.report_content import report_content
 
 MIDDLE, SHARE = 40.0, 0.15
 """Midpoint of the second step [degC] and its share of the span."""
@@ -96,7 +96,11 @@ def test_a_model_that_was_chosen_is_told_with_its_reason(steps: Content) -> None
 
 
 def test_stiffness_that_is_withheld_is_told(steps: Content) -> None:
-    why = Reason("prior", "force", "the data hardly tell where and how fast force changes: its prior does")
+    why = ReasonSummary(
+        kind="prior",
+        channel="force",
+        message="the data hardly tell where and how fast force changes: its prior does",
+    )
     led = replace(steps.records[0], quantities=(), reasons=(why,))
     assert led.stiffness_withheld == (why,)
     page = text_of(replace(steps, records=(led, *steps.records[1:])))
@@ -115,7 +119,7 @@ def test_the_figure_shows_what_is_missed(run: StoredRun, steps: Content, tmp_pat
         assert {p.suffix for p in tmp_path.glob(f"{files.stem}.*")} == {".pdf", ".png", ".csv"}
         with (tmp_path / f"{files.stem}.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        assert sum(row["what"] == "measured" for row in rows) == content.n
+        assert sum(row["what"] == "measured" for row in rows) == content.document.n
         curve = [row for row in rows if row["what"] == "curve"]
         unit = "[unit]"
         middle = np.array([float(row[f"discrepancy_q50 {unit}"]) for row in curve])

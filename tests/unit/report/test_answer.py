@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sma_bayes.assess.adequacy import Reason
 from sma_bayes.report.content import Content
+from sma_bayes.runs.fit_document import ReasonSummary
 from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.studies.fit.answer import answer_tables, belief, next_steps
 from sma_bayes.studies.fit.findings import finding_groups, severity
@@ -43,7 +43,9 @@ def test_no_number_is_given_of_what_did_not_converge(content: Content) -> None:
 
 def test_an_inadequate_record_is_named_with_its_reason_and_a_remedy(content: Content) -> None:
     first, *others = content.records
-    reason = Reason("curve", "force", "the curve misses 9 % of the range of force")
+    reason = ReasonSummary(
+        kind="curve", channel="force", message="the curve misses 9 % of the range of force"
+    )
     bad = replace(content, records=(replace(first, adequate=False, reasons=(reason,)), *others))
     assert belief(bad.records[0]) == f"with care: {reason.message}"
     (step,) = (s for s in next_steps(bad) if reason.message in s)

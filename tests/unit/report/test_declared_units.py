@@ -14,8 +14,8 @@ import pytest
 from sma_bayes.report.tables import csv_columns, report_tables
 from sma_bayes.runs.declared_units import ShownUnit, declared_units, shown_unit, shown_units
 from sma_bayes.runs.outputs import read_columns, read_run
-from sma_bayes.studies.fit.gather import report_content
 from sma_bayes.studies.fit.report import branch_data
+from sma_bayes.studies.fit.report_content import report_content
 from sma_bayes.studies.report.build import build_report
 
 EditSummary = Callable[[Path, Callable[[dict[str, Any]], None]], Path]

@@ -145,7 +145,7 @@ def test_pyplot_is_not_needed() -> None:
 def test_the_loop_holds_what_was_measured_and_the_bands(content: Content, branch_of: Gather) -> None:
     drawing = draw("loop", content, branch_of)
     what, channel = np.array(drawing.data["what"]), np.array(drawing.data["channel"])
-    assert (what == "measured").sum() == 2 * sum(r.n for r in content.records)
+    assert (what == "measured").sum() == 2 * sum(r.document.n for r in content.records)
     assert set(channel[what == "measured"]) == {"force", "displacement"}
     assert (what == "band").sum() == 2 * 3 * 161
     assert "Stiffness (derived)" in words(drawing.figure)

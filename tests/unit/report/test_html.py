@@ -229,7 +229,12 @@ def test_the_overview_marks_what_is_not_identified(content: Content) -> None:
 
 def test_noise_models_are_grouped(content: Content) -> None:
     a, b = content.records
-    chosen = replace(b, noise=replace(b.noise, title="AR(1)", chosen_by="the user", lag1={}, ln_evidence={}))
+    chosen = replace(
+        b,
+        noise=b.noise.model_copy(
+            update={"title": "AR(1)", "chosen_by": "the user", "lag1": {}, "ln_evidence": {}}
+        ),
+    )
     mixed = replace(content, records=(a, chosen))
     groups = noise_groups(mixed)
     assert [(g.title, len(g.records)) for g in groups] == [(a.noise.title, 1), ("AR(1)", 1)]

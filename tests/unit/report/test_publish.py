@@ -18,7 +18,7 @@ from sma_bayes.studies.report.build import build_report
 
 def test_the_paragraph_says_what_was_done(content: Content) -> None:
     text = methods_text(content)
-    samples = sum(r.n for r in content.records)
+    samples = sum(r.document.n for r in content.records)
     assert f"{samples} samples" in text
     assert "the modified sigmoid of Sul and Dhanalakshmi" in text
     assert "2 of 2 records converged" in text

@@ -1,11 +1,11 @@
-"""From what a run stored to the content of its report."""
+"""What a report says of a finished fit: its typed document in the units and under the names that people see."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from typing import Final, Protocol
 
-from sma_bayes.assess.adequacy import Missed, Reason
+from sma_bayes.assess.adequacy import Missed
 from sma_bayes.paper.twin import printed_values
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY
 from sma_bayes.records.types import setting_unit
@@ -15,7 +15,6 @@ from sma_bayes.report.content import (
     Content,
     Estimate,
     NearestParameter,
-    Noise,
     Number,
     ParameterResult,
     PredictiveCheck,
@@ -23,7 +22,6 @@ from sma_bayes.report.content import (
     Provenance,
     QuantityRow,
     RecordContent,
-    SamplingRow,
     TransformationTemperature,
 )
 from sma_bayes.report.notation import compact, unit_label
@@ -37,7 +35,6 @@ from sma_bayes.runs.fit_document import (
     HeldSummary,
     Measure,
     NearestSummary,
-    NoiseSummary,
     ParameterSummary,
     QuantitySummary,
     RecordSummary,
@@ -71,7 +68,7 @@ QUANTITY_NAMES: Final = {
 
 
 def report_content(run: StoredRun) -> Content:
-    """Gather what a run says.
+    """What the report of a finished run says.
 
     Parameters
     ----------
@@ -109,21 +106,17 @@ def _record(r: RecordSummary, scale: Mapping[str, float], units: Shown) -> Recor
     temperature = r.temperature
     measured = {**r.quantities, "temperature": Measure(name="temperature", unit=temperature.unit)}
     return RecordContent(
+        document=r,
         key=r.key,
-        checksum=r.posterior_sha256,
-        band_checksums=r.band_sha256,
         condition=r.condition,
         branch=r.branch,
         converged=r.converged,
         adequate=r.adequate,
-        reasons=tuple(Reason(w.kind, w.channel, w.message) for w in r.why),
+        reasons=r.why,
         model=r.model,
         model_reason=r.model_choice.reason if r.model_choice else "",
         nearest=tuple(_nearest(name, p, names) for name, p in r.nearest.items()),
         missed=tuple(_missed(c, m) for c, m in r.discrepancy.items()),
-        n=r.n,
-        rows_averaged=r.rows_averaged,
-        segments=r.segments,
         settings={k: _setting(k, v, names, units) for k, v in r.settings.items()},
         temperature_unit=temperature.unit,
         temperature_range=(temperature.lowest, temperature.highest),
@@ -133,16 +126,12 @@ def _record(r: RecordSummary, scale: Mapping[str, float], units: Shown) -> Recor
         calibration=tuple(_calibration(k, measured[c]) for c, k in r.calibration.items() if c in measured),
         parameters=tuple(_parameter(n, p, r, names, scale.get(n, 1.0)) for n, p in r.parameters.items()),
         free_directions=tuple((d.text, d.contraction or 0.0) for d in r.free_directions),
-        jacobian_rank=r.jacobian_rank,
         path_kind=r.path.kind,
         path_message=r.path.message,
-        shape=r.shape,
         quantities=tuple(_quantity(q, names) for q in r.quantities_of_branch),
         transformation=tuple(_transformation(name, t, names) for name, t in r.transformation.items()),
         checks=tuple(_check(c, names) for c in r.checks),
-        noise=_noise(r.noise, names),
-        sampler=_sampler(r),
-        shares_with=r.shares_parameters_with,
+        noise=r.noise,
     )
 
 
@@ -284,33 +273,6 @@ def _check(c: CheckSummary, names: Mapping[str, str]) -> PredictiveCheck:
 
 def _number(value: float | None) -> float:
     return float("nan") if value is None else value
-
-
-def _noise(noise: NoiseSummary, names: Mapping[str, str]) -> Noise:
-    return Noise(
-        name=noise.name,
-        title=noise.title,
-        chosen_by=noise.chosen_by,
-        reason=noise.reason,
-        lag1={names.get(c, c): v for c, v in noise.lag1.items() if v is not None},
-        ln_evidence={n: v for n, v in noise.ln_evidence.items() if v is not None},
-    )
-
-
-def _sampler(r: RecordSummary) -> SamplingRow:
-    s = r.sampler
-    return SamplingRow(
-        method=s.method,
-        acceptance=s.acceptance,
-        efficiency=s.efficiency,
-        greatest_weight=s.greatest_weight,
-        modes=s.modes,
-        draws=s.draws,
-        evaluations=r.log_likelihood_evaluations,
-        wall_s=r.wall_s or 0.0,
-        ln_evidence=r.ln_evidence,
-        ln_evidence_sd=r.ln_evidence_sd,
-    )
 
 
 def _printed(records: Iterable[RecordContent]) -> tuple[PrintedComparison, ...]:

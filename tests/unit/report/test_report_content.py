@@ -14,7 +14,7 @@ from sma_bayes.paper.twin import truth
 from sma_bayes.report.content import Content, Number, ParameterResult
 from sma_bayes.runs.fit_document import read_fit
 from sma_bayes.runs.outputs import read_run
-from sma_bayes.studies.fit.gather import is_twin, report_content
+from sma_bayes.studies.fit.report_content import is_twin, report_content
 
 Edit = Callable[[Path, Callable[[dict[str, Any]], None]], Path]
 
