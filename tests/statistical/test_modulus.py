@@ -14,7 +14,7 @@ from sma_bayes.records.dmta import DmtaSweep
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.studies.modulus.sweep import LOSS, STORAGE, SweepTask, study_sweep
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 HALF, AT = 14.0, (-10.0, 44.0, 50.0, 56.0, 110.0)
 SWEEPS = 6

@@ -72,7 +72,13 @@ def test_places_are_uniform_under_the_truth() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("noise", "sweeps"), [("independent", 4), ("ar1", 3), ("student_t", 4)])
+@pytest.mark.parametrize(
+    ("noise", "sweeps"),
+    [
+        ("independent", 4),
+        *(pytest.param(*case, marks=pytest.mark.thorough) for case in (("ar1", 3), ("student_t", 4))),
+    ],
+)
 def test_places_are_uniform_under_the_truth_of_more_records(noise: str, sweeps: int) -> None:
     """Of 60 records the check may fail in one: a false alarm of the check in 500 makes that one file of 150."""
     pit, p = places(noise, sweeps, 60)
