@@ -361,12 +361,8 @@ def _by_cycle(q: CycleSeries) -> dict[str, Any]:
     stated = {"q05": low, "median": middle, "q95": high}
     return {
         **{name: getattr(q, name) for name in ("branch", "channel", "name", "unit", "at")},
-        **{name: _or_null(v) for name, v in ({"own": q.own, "own_sd": q.own_sd} | stated).items()},
+        **{name: plain(v) for name, v in ({"own": q.own, "own_sd": q.own_sd} | stated).items()},
     }
-
-
-def _or_null(values: Floats) -> list[float | None]:
-    return [float(v) if np.isfinite(v) else None for v in values]
 
 
 def _remarks(strands: Sequence[Strand], at: Sequence[float]) -> list[str]:

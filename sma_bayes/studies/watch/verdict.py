@@ -13,6 +13,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.errors import many
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
+from sma_bayes.runs.store import plain
 from sma_bayes.studies.cycles.sweeps import Strand
 from sma_bayes.studies.watch.evidence import Onset, Watched, least_squares_of, onset
 from sma_bayes.studies.watch.naming import Change, NamedCause, causes_of, change_of, interval, named
@@ -127,8 +128,8 @@ def _numbers(
             "number": WATCHED[i],
             "unit": _unit(strand, i),
             "value": _physical(strand, i, watched.value[:, k]).tolist(),
-            "normal_low": _or_null(_physical(strand, i, low[:, k])),
-            "normal_high": _or_null(_physical(strand, i, high[:, k])),
+            "normal_low": plain(_physical(strand, i, low[:, k])),
+            "normal_high": plain(_physical(strand, i, high[:, k])),
             "log10_e": (evidence[:, k] / LOG10).tolist(),
             "alarm": bool(np.any(evidence[:, k] >= needed)),
         })  # fmt: skip
@@ -166,10 +167,6 @@ def _physical(strand: Strand, number: int, value: Floats) -> Floats:
         if name == "shift":
             return value
         return np.asarray(np.exp(value) * (1.0 if name == "width" else strand.span))
-
-
-def _or_null(values: Floats) -> list[float | None]:
-    return [float(v) if np.isfinite(v) else None for v in values]
 
 
 def _no_change() -> dict[str, Any]:
