@@ -98,7 +98,7 @@ def described(measured: Measured, ours: Ours) -> dict[str, Any]:
         "discrepancy": _discrepancy(fit, measured),
         "converged": bool(fit.converged),
         "rmse": float(np.sqrt(np.mean(left * left))) / measured.size,
-        "lag1": float(np.median(lag1(innovations, fit.posterior.steps[0]))),
+        "lag1": float(np.median(lag1(innovations, fit.posterior.steps[0].first))),
         "width": float(wide) / (2.0 * 1.6448536 * scatter),
         "scatter": scatter / measured.size,
         "seconds": seconds,

@@ -117,7 +117,7 @@ STATISTICS: Final[Mapping[str, Statistic]] = MappingProxyType({
     ),
     "lag1": Statistic(
         "correlation of neighbouring innovations: memory that the noise model misses",
-        lambda e, s: lag1(e, s.steps), two_sided=True,
+        lambda e, s: lag1(e, s.steps.first), two_sided=True,
     ),
     "block_means": Statistic(
         "sum of squared mean innovations over blocks of temperature: misfit of the curve",

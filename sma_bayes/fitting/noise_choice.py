@@ -271,7 +271,7 @@ class _Signs:
         )
         spread = np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(square)))
         return _Signs(
-            abs(float(lag1(e, steps))) * root > SIGN,
+            abs(float(lag1(e, steps.first))) * root > SIGN,
             kurtosis > SIGN * float(np.sqrt(24.0 / n)),
             abs(_correlation(spread, response)) * root > SIGN,
             declared == 0.0 and _correlation(spread, slope**2) * root > SIGN,
@@ -682,7 +682,9 @@ def posterior_with(
 def neighbour_correlation(posterior: Posterior, start: WarmStart) -> dict[str, float]:
     """Correlation of neighbouring residuals of the warm start, by channel; the median over records."""
     pairs = list(zip(start.residual, posterior.steps, strict=True))
-    return {c: float(np.median([lag1(r[c], s) for r, s in pairs])) for c in posterior.records[0].channels}
+    return {
+        c: float(np.median([lag1(r[c], s.first) for r, s in pairs])) for c in posterior.records[0].channels
+    }
 
 
 def noise_start(posterior: Posterior, start: WarmStart, choice: NoiseChoice | None = None) -> Floats:

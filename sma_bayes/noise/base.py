@@ -332,9 +332,9 @@ class OfSeries(NoiseModel):
         return self.series.correlate(innovation, shape, steps)
 
 
-def lag1(residual: Floats, steps: Steps) -> Floats:
-    """Correlation of neighbouring residuals (..., n) within sweeps; 0 where all are."""
-    after = np.flatnonzero(~steps.first)
+def lag1(residual: Floats, first: NDArray[np.bool_]) -> Floats:
+    """Correlation of neighbouring residuals (..., n) within sweeps, whose first samples are marked; 0 where all are."""
+    after = np.flatnonzero(~first)
     total = np.sum(residual**2, axis=-1)
     near = np.sum(residual[..., after] * residual[..., after - 1], axis=-1)
     return np.asarray(near / np.where(total > 0, total, 1.0))

@@ -362,7 +362,7 @@ def _memory(
         return 1.0
     best, residual = _best_fitting(record, noise, contenders, priors, modes)
     steps = posterior_of(best, record, noise, priors).steps[0]
-    if lag1(residual, steps) < 2.0 / np.sqrt(record.n):  # within what independent samples show
+    if lag1(residual, steps.first) < 2.0 / np.sqrt(record.n):  # within what independent samples show
         return 1.0
     return memory_of(residual, steps)
 

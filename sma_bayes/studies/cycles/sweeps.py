@@ -33,6 +33,7 @@ from sma_bayes.errors import MeasurementError
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.noise.base import lag1
 from sma_bayes.records.types import Record
 from sma_bayes.response import AUTO_MODEL, RESPONSE_MODELS, ladder
 from sma_bayes.response.base import ResponseModel
@@ -484,8 +485,7 @@ def _memory(strand: Strand, left: Floats, rows: Floats) -> tuple[float, float]:
     """
     first = np.zeros(left.size, dtype=bool)
     first[strand.starts] = True
-    pairs = ~first[1:]
-    ratio = np.sum((left[1:] * left[:-1])[pairs]) / max(float(np.sum(left**2)), 1e-300)
+    ratio = float(lag1(left, first))
     typical = int(np.argsort(strand.lengths)[strand.cycle.size // 2])
     own = rows[strand.starts[typical] :][: min(strand.lengths[typical], MOST_SAMPLES)]
     q = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
