@@ -426,6 +426,9 @@ class GapFindings(GapOfModel, Versioned):
     )
     campaign: str = Field(description="name of the campaign")
     source: str = Field(description="where its measurements come from")
+    data_dir: str | None = Field(
+        default=None, description="folder of the data, only where `--data` was given"
+    )
     seed: int = Field(description="decides every draw")
     model: str = Field(description="response model")
     model_choice: ModelChoiceDocument | None = Field(

@@ -146,6 +146,8 @@ def _studied(
         remarks=(*can.remarks, *smoothed),
         findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
     )
+    if campaign.data_dir:
+        found = found.model_copy(update={"data_dir": campaign.data_dir})
     if folder is not None:
         with work.account.timed("write"):
             write_study(folder, outcome, seed=options.seed)

@@ -65,7 +65,7 @@ class Rivals:
 
 
 def read_gap(folder: Path, data: Path | None = None) -> tuple[GapDocument, Campaign]:
-    """A finished gap study and the campaign that it was made from.
+    """A finished gap study and the campaign that it was made from, whose data are where `data` or the study says.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def read_gap(folder: Path, data: Path | None = None) -> tuple[GapDocument, Campa
     found = read_document(GAP, GapDocument, folder)
     remedy = "put the campaign back where it was; where its data lie elsewhere name their folder with --data"
     try:
-        campaign = read_campaign(found.source, data_dir=data)
+        campaign = read_campaign(found.source, data_dir=data or found.data_dir)
     except SmaBayesError as error:
         raise OutputError(
             f"was made from {found.source or 'a campaign in memory'}, which can't be read: {error.found}",
