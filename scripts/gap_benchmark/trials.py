@@ -41,15 +41,23 @@ THERMAL = ("latent_heat", "ambient_draught")
 """Effects on the temperature response, which has a design of its own."""
 CONTAINED_BY = {
     "training_drift": ("training",), "amplitude_fatigue": ("training",),
-    "training": ("training_drift", "amplitude_fatigue"),
+    "training": ("training_drift", "amplitude_fatigue"), "stress_shift": ("branch_stress_shift",),
 }  # fmt: skip
 """What describes the same, wholly or in part, and is left out together with it."""
 LADDER = ("minor_loop", "temperature_gradient")
 """Effects that need peaks of different temperature."""
 DESIGNS_OF_NOTHING = ("standard", "standard", "one_cycle", "unequal_sampling", "ladder", "unpooled")
 """Designs of campaigns in which nothing is hidden, by turns."""
-ENGINE = ("gap", "effects", "response", "records/history.py", "noise")
+ENGINE = (
+    *(f"studies/gap/{name}.py" for name in (
+        "finite", "fitting", "flexible", "heating", "hypothesis", "locate", "name", "noise", "one_stage",
+        "periodic", "scatter", "splines", "study", "switching",
+    )),
+    "effects", "response", "records/history.py", "noise",
+)  # fmt: skip
 """Modules that decide what a study finds."""
+LAW_OF = {("stress_shift", "second"): "branch_stress_shift"}
+"""Effects that have a law of another's as their own: with a slope of each branch it is they that are to be named."""
 
 
 @dataclass(frozen=True)
@@ -111,9 +119,8 @@ def engine() -> str:
     root = Path(sma_bayes.__file__).parent
     for name in ENGINE:
         place = root / name
-        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place.with_suffix(".py")]:
-            if path.is_file():
-                digest.update(ast.dump(_undocumented(path)).encode())
+        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
+            digest.update(ast.dump(_undocumented(path)).encode())
     return digest.hexdigest()[:8]
 
 
@@ -247,7 +254,7 @@ def attempt(trial: Trial, *, folds: bool = False) -> Row | None:
             )
             study = study if of_heat is None else of_heat
     seconds = time.process_time() - began
-    low, high = interval(study, hidden[0])
+    low, high = interval(study, LAW_OF.get((hidden[0], trial.law), hidden[0]))
     row = Row(
         **asdict(trial),
         engine=engine(),
@@ -256,7 +263,7 @@ def attempt(trial: Trial, *, folds: bool = False) -> Row | None:
         verdict=study.verdict,
         named="+".join(e.id for e in study.effects),
         classes=";".join("/".join(c) for c in study.classes.values()),
-        outcome=outcome_of(study, [e for e in hidden if e in catalogue]),
+        outcome=outcome_of(study, [LAW_OF.get((e, trial.law), e) for e in hidden if e in catalogue]),
         p_value=study.p_value,
         unexplained=1.0 - study.carried if study.effects else float("nan"),
         true_size=case.answers[0].size if case.answers else 0.0,
