@@ -67,5 +67,5 @@ class DriveRipple:
         ripple = np.zeros(np.broadcast_shapes(turn.shape, phi.shape))
         for j in range(1, HARMONICS + 1):
             weight = np.cos(0.5 * np.pi * np.clip(k - j, -1.0, 1.0)) ** 2
-            ripple += weight * np.sin(j * turn + phi)
+            ripple += weight * np.cos(phi) * np.sin(j * turn) + weight * np.sin(phi) * np.cos(j * turn)
         return {**out, channel: out[channel] + a * ripple}
