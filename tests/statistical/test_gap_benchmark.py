@@ -2,18 +2,20 @@
 
 The rates are those that the gap workflow is to reach. More failures than are allowed would have a probability below
 0.1 % each time if failures were just as frequent as stated, and campaigns were drawn anew. Few campaigns bound a rate
-only loosely (five of 20 may fail where one should); the whole benchmark, which takes hours, is for that.
+only loosely: of the few that are always run, four of five may not be missed where one in 20 should. All of them, marked
+`thorough`, take half an hour, and bound it better (five of 20 may fail); the whole benchmark, which takes hours, is for
+the rates themselves.
 
 - One effect hidden at 10 sigma: its name or its class in 95 %. Every effect of the catalogue that shows in the usual
   design, by turns under white and AR(1) noise; those that need current and temperature, or a ladder of peaks, are
-  left to the whole benchmark. The 90 % interval of its size holds the true one in 90 % of those named, where
-  mechanism and catalogue mean the same by it.
+  left to the whole benchmark. Where all are run, the 90 % interval of its size holds the true one in 90 % of those
+  named, where mechanism and catalogue mean the same by it.
 - One at 100 sigma, by another law than the catalogue's: the same. What no catalogue has is not named then, either.
 - Nothing hidden: nothing is named in 99 %, whatever the noise, the sampling, the calibration; and small p-values are no
   more frequent than they say. Curves of another shape are left out: a skewed one is told as `asymmetric_kinetics`.
 - Something hidden that no catalogue has, or that was taken out of it: no name in 90 %, and a wrong name without any
   rival in at most 2 %.
-- Two effects: both named in 85 %.
+- Two effects: both named in 85 %; three: all in 70 %. Only where all are run.
 
 The held-out gap costs several times as much as all else and is left out; `tests/unit/gap/test_close.py` is about it.
 """
@@ -54,48 +56,66 @@ def is_told(row: Row) -> bool:
     return row.outcome in ("right", "class")
 
 
-def test_a_hidden_effect_is_named_with_its_size() -> None:
+few_or_all = pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.thorough)])
+"""Whether all campaigns are run, or the few for which there is always time."""
+
+
+@few_or_all
+def test_a_hidden_effect_is_named_with_its_size(whole: bool) -> None:
     noises = cycle(["white", "ar1_0.5"])
-    rows = tried([Trial("hidden", e, 10.0, next(noises), "standard", 0) for e in USUAL])
-    at_most(0.05, rows, lambda r: not is_told(r))
-    sized = [r for r in rows if r.outcome == "right" and r.in_range and r.effects not in OTHER_SIZE]
-    assert len(sized) >= 10
-    at_most(0.10, sized, lambda r: not r.q05 <= r.true_size <= r.q95)
-
-
-def test_a_strong_effect_is_named_though_its_form_is_not_the_catalogues() -> None:
-    strong = [e for e in USUAL if e not in SATURATED]
-    rows = tried([Trial("hidden", e, 100.0, "white", "standard", 0, "second") for e in strong])
-    at_most(0.05, rows, lambda r: not is_told(r))
-    foreign = tried(
-        [Trial("outside", e, 100.0, "white", "standard", seed) for e in OUTSIDE for seed in range(2)]
+    rows = tried(
+        [Trial("hidden", e, 10.0, next(noises), "standard", 0) for e in (USUAL if whole else USUAL[::5])]
     )
-    at_most(0.02, foreign, lambda r: r.verdict != "unnamed")
+    at_most(0.05, rows, lambda r: not is_told(r))
+    if whole:
+        sized = [r for r in rows if r.outcome == "right" and r.in_range and r.effects not in OTHER_SIZE]
+        assert len(sized) >= 10
+        at_most(0.10, sized, lambda r: not r.q05 <= r.true_size <= r.q95)
 
 
-def test_where_nothing_is_hidden_nothing_is_named() -> None:
-    plain = tried([t for t in trials("null", 120) if t.curve == "sigmoid"])
-    assert len(plain) >= 36
+@few_or_all
+def test_a_strong_effect_is_named_though_its_form_is_not_the_catalogues(whole: bool) -> None:
+    strong = [e for e in USUAL if e not in SATURATED]
+    chosen = strong if whole else strong[::5]
+    rows = tried([Trial("hidden", e, 100.0, "white", "standard", 0, "second") for e in chosen])
+    at_most(0.05, rows, lambda r: not is_told(r))
+
+
+@few_or_all
+def test_what_no_catalogue_has_is_not_named_though_it_is_strong(whole: bool) -> None:
+    seeds = range(2) if whole else range(1)
+    chosen = OUTSIDE if whole else OUTSIDE[::2]
+    rows = tried([Trial("outside", e, 100.0, "white", "standard", seed) for e in chosen for seed in seeds])
+    at_most(0.02, rows, lambda r: r.verdict != "unnamed")
+
+
+@few_or_all
+def test_where_nothing_is_hidden_nothing_is_named(whole: bool) -> None:
+    plain = tried([t for t in trials("null", 120) if t.curve == "sigmoid"][:: 1 if whole else 4])
+    assert len(plain) >= (36 if whole else 9)
     at_most(0.01, plain, lambda r: r.verdict == "named")
     for level in (0.02, 0.2):
         at_most(level, plain, lambda r, level=level: r.p_value <= level)
 
 
+@few_or_all
 @pytest.mark.parametrize(("noise", "design"), [("white", "one_cycle"), ("ar1_0.95", "standard")])
-def test_p_values_of_nothing_are_uniform(noise: str, design: str) -> None:
+def test_p_values_of_nothing_are_uniform(noise: str, design: str, whole: bool) -> None:
     """They are not too small: by Kolmogorov's distance upwards, which chance exceeds in one case of a thousand."""
-    rows = tried([Trial("null", "none", 0.0, noise, design, seed) for seed in range(40)])
+    rows = tried([Trial("null", "none", 0.0, noise, design, seed) for seed in range(40 if whole else 8)])
     assert kstest([r.p_value for r in rows], "uniform", alternative="greater").pvalue > FALSE_ALARM
 
 
-def test_what_is_in_no_catalogue_gets_no_name() -> None:
+@few_or_all
+def test_what_is_in_no_catalogue_gets_no_name(whole: bool) -> None:
     left_out = [Trial("left_out", e, 10.0, "white", "standard", 0) for e in USUAL[::5]]
-    rows = tried([*left_out, *trials("outside", 1, sigmas=[10.0])])
-    assert len(rows) >= 10
+    foreign = [*trials("outside", 1, sigmas=[10.0])]
+    rows = tried([*left_out, *foreign] if whole else [*left_out[::2], *foreign[::3]])
     at_most(0.10, rows, lambda r: r.verdict != "unnamed")
     at_most(0.02, rows, lambda r: r.outcome == "confident")
 
 
+@pytest.mark.thorough
 def test_several_effects_are_all_named() -> None:
-    at_most(0.15, tried([*trials("pairs", 4, sigmas=[30.0])]), lambda r: not is_told(r))
-    at_most(0.30, tried([*trials("triples", 4, sigmas=[30.0])]), lambda r: not is_told(r))
+    at_most(0.15, tried([*trials("pairs", 6, sigmas=[30.0])]), lambda r: not is_told(r))
+    at_most(0.30, tried([*trials("triples", 8, sigmas=[30.0])]), lambda r: not is_told(r))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ pytestmark = pytest.mark.slow
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 
 
+@cache
 def studied(name: str, shared: Path, *, model: str = "modified_sigmoid", pooled: bool = False) -> GapStudy:
     campaign = comparable(read_campaign(EXAMPLES / f"{name}.toml", data_dir=shared / name)).campaign
     return study_campaign(campaign, read_priors(model), model=RESPONSE_MODELS[model], pooled=pooled)
