@@ -38,6 +38,30 @@ def summary() -> Callable[[Path], Any]:
     return summary_of
 
 
+def left_by(folder: Path) -> dict[str, object]:
+    """What documents and tables of a folder say, without times; numbers of draws stand in them."""
+    found: dict[str, object] = {}
+    for path in sorted(folder.rglob("*")):
+        name = str(path.relative_to(folder))
+        if path.suffix == ".json" and path.name != "run.json":
+            found[name] = without_times(json.loads(path.read_text(encoding="utf-8")))
+        elif path.suffix in {".csv", ".toml", ".h"}:
+            found[name] = path.read_bytes()
+    return found
+
+
+@pytest.fixture(scope="session")
+def assert_same_folder() -> Callable[[Path, Path], None]:
+    """Check that documents and tables of two runs of any verb agree to the bit; times differ."""
+
+    def check(one: Path, other: Path) -> None:
+        expected = left_by(one)
+        assert expected
+        assert left_by(other) == expected
+
+    return check
+
+
 @pytest.fixture(scope="session")
 def assert_same_run() -> Callable[[Path, Path], None]:
     """Check that draws, bands and summary of two runs agree to the bit; times differ."""

@@ -90,7 +90,7 @@ def test_another_seed_gives_other_draws(data: Path, whole: Path, summary: Callab
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="needs process groups")
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.thorough), 2])
 def test_a_run_that_was_killed_goes_on_to_the_same_bits(
     data: Path, whole: Path, jobs: int, assert_same_run: Same
 ) -> None:

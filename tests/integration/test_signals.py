@@ -255,8 +255,17 @@ def try_instants(
             ) from error
 
 
-@pytest.mark.parametrize("group", [False, True])
-@pytest.mark.parametrize("number", ASKED)
+@pytest.mark.parametrize(
+    ("number", "group"),
+    [
+        (signal.SIGINT, True),
+        (signal.SIGTERM, False),
+        (signal.SIGTERM, True),
+        (signal.SIGHUP, False),
+        pytest.param(signal.SIGINT, False, marks=pytest.mark.thorough),
+        pytest.param(signal.SIGHUP, True, marks=pytest.mark.thorough),
+    ],
+)
 def test_a_signal_ends_a_run_with_its_status_and_one_line(
     campaign: Path, tmp_path: Path, number: signal.Signals, group: bool
 ) -> None:
@@ -344,12 +353,21 @@ def test_a_run_goes_on_to_the_same_bits_after_each_signal(
     assert list((tmp_path / "out").rglob(".*")) == []
 
 
-@pytest.mark.parametrize("verb", ["plan", "watch", "card"])
-def test_what_signals_are_sent_to_would_end_by_itself(
-    campaign: Path, whole: Path, heated: Path, tmp_path: Path, verb: str
+@pytest.mark.thorough
+@pytest.mark.parametrize("verb", sorted(set(OWN_VERBS) - QUICK - {"report", "demo", "run", "watch"}))
+def test_what_signals_end_goes_on_to_what_it_would_have_been(
+    campaign: Path, whole: Path, heated: Path, tmp_path: Path, assert_same_folder: Same, verb: str
 ) -> None:
-    """Or they would have ended nothing."""
-    finish(arguments(verb, campaign, whole, tmp_path / "out"))
+    """Each verb that takes --resume, after one signal of each kind."""
+    finish(arguments(verb, campaign, whole, tmp_path / "never"))
+    given = arguments(verb, campaign, whole, tmp_path / "often")
+    rng = np.random.default_rng(6)
+    for number in (*ASKED, signal.SIGKILL):
+        again = ["--resume"] if (tmp_path / "often").exists() else []
+        end_by(Started(tmp_path, [*given, *again]), float(rng.uniform(0.5, 5.0)), number, group=False)
+    finish([*given, *(["--resume"] if (tmp_path / "often").exists() else [])])
+    assert_same_folder(tmp_path / "never", tmp_path / "often")
+    assert list((tmp_path / "often").rglob(".*")) == []
 
 
 @pytest.mark.thorough
