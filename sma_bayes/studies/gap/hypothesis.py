@@ -185,9 +185,10 @@ def baseline(
         if simulation.mechanical is not None:
             facts = simulation.mechanical.model.parameters(histories[0].units)
             for branch in Branch:
-                own = RecordScales.of(_records(campaign, group, branch))
+                records = _records(campaign, group, branch)
+                own = RecordScales.of(records)
                 for fact in facts:
-                    p = priors.parameter(fact, branch, own)
+                    p = priors.parameter(fact.in_record(records[0].quantity), branch, own)
                     parameters.append(replace(p, name=f"{fact.name} {branch.value}{tag}"))
         if simulation.thermal is not None:
             parameters += _thermal(scales, tag)
