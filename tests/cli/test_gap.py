@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -90,9 +90,19 @@ def gap(run: Run, data: Path, out: Path, *options: object) -> Any:
     return run("gap", data, "--out", out, "--pool", "campaign", "--jobs", 1, *options)
 
 
+def sentences(found: Any) -> Iterator[str]:
+    """All texts of a document."""
+    if isinstance(found, str):
+        yield found
+    elif isinstance(found, dict | list):
+        for part in found.values() if isinstance(found, dict) else found:
+            yield from sentences(part)
+
+
 def test_a_study_writes_what_the_contract_names(done: Path) -> None:
     found = strict((done / "out" / "gap.json").read_text(encoding="utf-8"))
     assert (found["schema"], found["verdict"]) == ("sma-bayes/gap/1", "named")
+    assert "{" not in "".join(sentences(found)), "a place for a word was left empty"
     assert [e["id"] for e in found["effects"]] == ["training_drift"]
     assert found["gap"]["shrink"] > 0.9
     there = files(done / "out")

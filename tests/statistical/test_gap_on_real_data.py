@@ -19,6 +19,8 @@ pytestmark = pytest.mark.slow
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 
+MODELS = ["modified_sigmoid", pytest.param("sinh_arcsinh_slopes", marks=pytest.mark.thorough)]
+
 
 @cache
 def studied(name: str, shared: Path, *, model: str = "modified_sigmoid", pooled: bool = False) -> GapStudy:
@@ -26,7 +28,7 @@ def studied(name: str, shared: Path, *, model: str = "modified_sigmoid", pooled:
     return study_campaign(campaign, read_priors(model), model=RESPONSE_MODELS[model], pooled=pooled)
 
 
-@pytest.mark.parametrize("model", ["modified_sigmoid", "sinh_arcsinh_slopes"])
+@pytest.mark.parametrize("model", MODELS)
 def test_seven_cycles_are_training(model: str, shared_data: Path) -> None:
     """The least displacement of a cycle grows from 1.2 to 10.8 mm, fast at first.
 
@@ -47,7 +49,7 @@ def test_seven_cycles_are_training(model: str, shared_data: Path) -> None:
     assert 1.5 < theta["training.N0"] < 5.0
 
 
-@pytest.mark.parametrize("model", ["modified_sigmoid", "sinh_arcsinh_slopes"])
+@pytest.mark.parametrize("model", MODELS)
 def test_the_last_two_cycles_are_predicted_from_the_first_five(model: str, shared_data: Path) -> None:
     """Within 3 % of the range, where the model without training misses them by far more.
 

@@ -109,9 +109,9 @@ def verdict_on(task: tuple[str, int]) -> str:
     [
         ("modified_sigmoid", "modified_sigmoid"),
         ("logistic", "logistic"),
-        ("polynomial", "polynomial"),
+        pytest.param("polynomial", "polynomial", marks=pytest.mark.thorough),
         ("displacement", CANNOT_TELL),
-        ("buried", CANNOT_TELL),
+        pytest.param("buried", CANNOT_TELL, marks=pytest.mark.thorough),
     ],
 )
 def test_the_verdict_is_right(kind: str, expected: str) -> None:

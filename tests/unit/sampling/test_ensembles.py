@@ -261,6 +261,7 @@ def test_two_modes_of_unequal_weight_in_ten_dimensions(seed: int) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("joint", [True, False], ids=["multivariate", "independent"])
 def test_heavy_tails_in_ten_dimensions(joint: bool) -> None:
     """Student's t with 3 degrees of freedom: one radius for all coordinates, or each its own."""
@@ -288,6 +289,7 @@ def funnel_of(width: float) -> Density:
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_funnel_in_ten_dimensions() -> None:
     """Most runs reach it within 440,000 to 1,100,000 evaluations, one in twelve not within 2,000,000.
 
@@ -302,6 +304,7 @@ def test_a_funnel_in_ten_dimensions() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_wide_funnel_is_out_of_reach() -> None:
     assert not run(funnel_of(3.0), plan=Plan(evaluations=600_000)).convergence.converged
 

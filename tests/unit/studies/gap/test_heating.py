@@ -198,6 +198,7 @@ def of_phases(t: float, s: float) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("wire", "named"),
     [

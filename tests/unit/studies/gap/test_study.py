@@ -119,7 +119,7 @@ def test_a_step_in_the_middle_has_no_name_since_a_smooth_function_does_as_well(s
 
 @pytest.mark.slow
 @pytest.mark.parametrize("step", [0.02, 0.05, 0.1])
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in (1, 2))])
 def test_a_large_step_passes_neither_for_noise_nor_for_an_effect(step: float, seed: int, study) -> None:
     """Steps of 5 to 25 standard deviations of the noise, which look like a long memory."""
     assert study(step=step, cycles=5, seed=seed).verdict == "unnamed"
