@@ -96,7 +96,11 @@ def test_a_richer_curve_tells_the_slopes_of_the_branches_apart(shared_data: Path
 
 @pytest.mark.parametrize(
     ("name", "pooled"),
-    [("wire_in_water", False), ("smareact_nitico_isobaric", False), ("guarneros_spring_force", True)],
+    [
+        pytest.param("wire_in_water", False, marks=pytest.mark.thorough),
+        ("smareact_nitico_isobaric", False),
+        ("guarneros_spring_force", True),
+    ],
 )
 def test_where_the_cause_is_not_known_there_is_no_name(name: str, pooled: bool, shared_data: Path) -> None:
     assert studied(name, shared_data, pooled=pooled).verdict == "unnamed"

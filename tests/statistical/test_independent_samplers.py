@@ -364,6 +364,7 @@ def test_stretch_moves_are_right_on_a_ridge() -> None:
     assert abs(np.mean(bridged) - ridge.ln_evidence) < max(4.0 * np.std(bridged, ddof=1) / 2.0, 0.01)
 
 
+@pytest.mark.thorough
 def test_nested_sampling_is_right_on_a_ridge() -> None:
     ridge = Ridge(7, seed=0)
     found = nested(

@@ -125,6 +125,7 @@ def test_a_proposal_beside_the_mass_is_mended_by_its_own_weighted_draws(seed: in
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_draws_of_a_run_have_the_tail() -> None:
     """97.5 % quantiles of four seeds: 0.2 sd is four standard errors of the target."""
     density = SlowTail()

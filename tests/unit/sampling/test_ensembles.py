@@ -188,7 +188,7 @@ def test_evaluations_are_those_that_the_density_saw() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["de", "stretch"])
+@pytest.mark.parametrize("name", ["de", pytest.param("stretch", marks=pytest.mark.thorough)])
 def test_other_samplers_cross_check_the_default(name: str) -> None:
     """Shares of a bent density below three quantiles of the default's draws: 1,000 effective draws on either side, so
     that 4.5 standard errors are 0.1; the seeds are fixed."""

@@ -92,6 +92,8 @@ def test_the_form_of_a_law_is_that_of_the_data(form: str, law, pace: float) -> N
     assert found.p_value == pytest.approx(1.0 / 2001.0)
 
 
+@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_order_of_cycles_without_a_law_is_chance() -> None:
     """Of 60 p-values under nothing more than 8 are up to 0.05 with a probability of 0.3 %."""
     p = [cycle_law(table(lambda n: 0.0, 6, seed=s), np.random.default_rng(s)).p_value for s in range(60)]
