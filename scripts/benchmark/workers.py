@@ -39,9 +39,15 @@ class TimeUp(Exception):
     """A block was still at it when its processor time had run out."""
 
 
+AGAIN_S = 1.0
+"""Processor seconds between two attempts to break a block off."""
+
+
 @contextmanager
 def at_most(seconds: float, grace_s: float) -> Iterator[None]:
     """Raise `TimeUp` when a block has used so much processor time; end the process when that has not helped.
+
+    It is raised again each second: what rings while an object is done away with is not heard.
 
     Parameters
     ----------
@@ -59,7 +65,7 @@ def at_most(seconds: float, grace_s: float) -> Iterator[None]:
 
     before = signal.signal(signal.SIGPROF, ring)
     outside = _allow(seconds + grace_s)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
+    signal.setitimer(signal.ITIMER_PROF, seconds, AGAIN_S)
     try:
         yield
     except Exception as error:
