@@ -106,6 +106,7 @@ def test_p_values_of_nothing_are_uniform(noise: str, design: str, whole: bool) -
     assert kstest([r.p_value for r in rows], "uniform", alternative="greater").pvalue > FALSE_ALARM
 
 
+@pytest.mark.thorough
 @few_or_all
 def test_what_is_in_no_catalogue_gets_no_name(whole: bool) -> None:
     left_out = [Trial("left_out", e, 10.0, "white", "standard", 0) for e in USUAL[::5]]

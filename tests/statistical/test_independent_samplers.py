@@ -352,6 +352,7 @@ class Ridge:
         return self.log_likelihood(n) - 0.5 * np.sum(n**2, axis=-1)
 
 
+@pytest.mark.thorough
 def test_stretch_moves_are_right_on_a_ridge() -> None:
     ridge = Ridge(7, seed=0)
     chains = stretch(ridge.log_prob, ridge.truth, np.full(7, 1e-3), steps=6000, seed=3)
