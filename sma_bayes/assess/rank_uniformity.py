@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.special import betaincinv, kolmogi, kolmogorov, ndtr, ndtri
 
 from sma_bayes.arrays import Floats
+from sma_bayes.assess.holm import holm_limits
 
 FALSE_ALARMS: Final = 0.01
 """Chance that ranks which are uniform are called otherwise, over all quantities of a record together."""
@@ -139,12 +140,7 @@ def rejected(p_values: Floats, rate: float = FALSE_ALARMS) -> NDArray[np.bool_]:
     [True, False, True]
     """
     flat = np.asarray(p_values, dtype=float).ravel()
-    order = np.argsort(flat)
-    met = flat[order] <= rate / np.arange(flat.size, 0, -1)
-    count = flat.size if met.all() else int(np.argmin(met))
-    out = np.zeros(flat.size, dtype=bool)
-    out[order[:count]] = True
-    return out.reshape(np.shape(p_values))
+    return np.asarray(flat <= holm_limits(flat, rate)).reshape(np.shape(p_values))
 
 
 def band_half_width(n: int, quantities: int, rate: float = FALSE_ALARMS) -> float:

@@ -13,6 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
+from sma_bayes.assess.holm import holm_limits
+
 SURE: Final = 0.95
 """Probability with which all verdicts together are right, by Holm's rule."""
 HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot tell from these numbers"
@@ -110,12 +114,7 @@ def judged(claims: Sequence[Claim]) -> tuple[Claim, ...]:
     >>> [c.verdict[:5] for c in judged(several)]
     ['canno', 'holds', 'does ', 'canno', 'canno']
     """
-    order = sorted((c.error, i) for i, c in enumerate(claims) if c.error is not None)
-    allowed: dict[int, float] = {}
-    limit, passing = 0.0, True
-    for rank, (error, i) in enumerate(order):
-        if passing:
-            limit = (1.0 - SURE) / (len(order) - rank)
-            passing = error <= limit
-        allowed[i] = limit
+    errors = {i: c.error for i, c in enumerate(claims) if c.error is not None}
+    limits = holm_limits(np.array(list(errors.values())), 1.0 - SURE).tolist()
+    allowed = dict(zip(errors, limits, strict=True))
     return tuple(replace(c, allowed=allowed.get(i, c.allowed)) for i, c in enumerate(claims))
