@@ -42,6 +42,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
+from sma_bayes.normal import MAD_TO_SD
 
 STEP, RAMP = "step", "ramp"
 SHAPES: Final = (STEP, RAMP)
@@ -49,8 +50,6 @@ SIZES: Final = {STEP: np.array([2.0, 8.0, 32.0]), RAMP: np.array([0.05, 0.5, 5.0
 """Standard deviations of the prior of a change, in those of the scatter: of a step, and of a ramp per cycle."""
 FARTHEST: Final = 2.5
 """Robust standard deviations to which what is left of a value is held."""
-TO_SD: Final = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
 SINGULAR: Final = 1e-9
 """Share of its length below which what is left of a column, or of the data, counts as nothing."""
 
@@ -162,7 +161,7 @@ def _held(y: Floats, fitted: Floats, w: Floats, spare: int) -> Floats:
     """Values (n, K) whose distance from fitted ones is at most `FARTHEST` robust standard deviations."""
     root = np.sqrt(w)[:, None]
     left = (y - fitted) * root
-    robust = TO_SD * np.median(np.abs(left), axis=0) * np.sqrt(len(y) / spare)
+    robust = MAD_TO_SD * np.median(np.abs(left), axis=0) * np.sqrt(len(y) / spare)
     most = np.where(robust > 0.0, FARTHEST * robust, np.inf)
     return np.asarray(fitted + np.clip(left, -most, most) / root)
 
