@@ -192,7 +192,12 @@ class CurveTable:
 
 def _looked_up(table: Floats, place: Floats) -> Floats:
     """Values of a table (S, k) at places between its columns, of each draw, (S,) or (S, m); at its ends beyond."""
-    return _between(table, place, np.arange(len(table)).reshape(-1, *(1,) * (np.ndim(place) - 1)))
+    return _between(table, place, _rows(len(table), place))
+
+
+def _rows(draws: int, place: Floats) -> Ints:
+    """Numbers of the draws, in the shape that goes with places of each draw."""
+    return np.arange(draws).reshape(-1, *(1,) * (np.ndim(place) - 1))
 
 
 def _between(table: Floats, place: Floats, row: Ints) -> Floats:
@@ -307,9 +312,8 @@ class Spring:
     def curve(self, name: str, temperature: Floats, heating: Bools) -> Floats:
         """Curve of the branch that holds; beyond the grid as at its ends."""
         table = self.tables[Branch.HEATING]
-        draw = np.arange(self.size).reshape(-1, *(1,) * (np.ndim(temperature) - 1))
         place = (temperature - table.low) / table.step
-        return _between(self._of_both[name], place, draw + self.size * heating)
+        return _between(self._of_both[name], place, _rows(self.size, place) + self.size * heating)
 
     def fade(self, temperature: Floats, state: State) -> Floats:
         """Share of the difference at the turn that is left, from 1 to 0."""
