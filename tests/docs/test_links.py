@@ -95,7 +95,7 @@ def test_every_command_shown_is_one_that_the_program_takes(page):
 def test_every_option_and_verb_mentioned_exists(page):
     known = {o for c in COMMANDS.values() for p in c.params for o in (*p.opts, *p.secondary_opts)}
     known |= {"--help", "--version", "--install-completion", "--show-completion"}
-    known |= {"--slow", "--thorough"}  # of scripts/test
+    known |= {"--slow", "--thorough", "--ignore"}  # of scripts/test, and of pytest by way of it
     known |= {"--most"}  # of the verb in docs/howto/add_a_verb.md
     known |= {"--nthreads", "--nworkers", "--memory-limit", "--host", "--no-dashboard"}  # of dask
     text = page.read_text(encoding="utf-8")
