@@ -1,4 +1,4 @@
-"""Pages of a report, each one HTML file that needs nothing else: style and pictures inside, no scripts, no network."""
+"""Pages of a report, each one HTML file that needs nothing else: style, pictures and script inside, no network."""
 
 from __future__ import annotations
 
@@ -125,6 +125,7 @@ def page_environment(package: str, most: int | None = None) -> Environment:
     }
     environment.globals |= {
         "style": Markup(kit.get_source(environment, "report.css")[0]),  # ours, not the user's
+        "explorer_script": Markup(kit.get_source(environment, "explorer.js")[0]),
         "anchor": anchor,
         "select": select,
         "interval": INTERVAL,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import html
 import json
 import re
@@ -10,8 +11,9 @@ import subprocess
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
+import numpy as np
 import pytest
 
 from sma_bayes import compare, fit_campaign, study_gap
@@ -76,6 +78,11 @@ def looked_at(page: Path, place: Path, *options: str) -> list[dict[str, Any]]:
     return list(json.loads(found[1]))
 
 
+def columns(file: TextIO) -> dict[str, tuple[str, ...]]:
+    head, *rows = csv.reader(file)
+    return dict(zip(head, zip(*rows, strict=True), strict=True))
+
+
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     twin = twin_campaign(0, ("force", "displacement"))
@@ -91,6 +98,82 @@ def test_nothing_is_cut_and_nothing_overlaps(report: Path, tmp_path: Path) -> No
         assert found["over"] == []
         assert found["beyond"] <= 0
         assert found["blank"] == []
+
+
+ASKED = """<!DOCTYPE html><meta charset="utf-8"><body>
+<iframe src="%(page)s" style="width: 1000px; height: 900px; border: 0"></iframe><pre id="found"></pre><script>
+window.onload = () => {
+  const frame = document.querySelector("iframe"), page = frame.contentDocument, view = frame.contentWindow;
+  const root = page.querySelector(".explorer"), chart = root.querySelector(".chart > svg");
+  const press = key => chart.dispatchEvent(new view.KeyboardEvent("keydown", {key, bubbles: true}));
+  const point = (name, x) => chart.dispatchEvent(new view.MouseEvent(name, {
+    clientX: chart.getBoundingClientRect().left + x, clientY: chart.getBoundingClientRect().top + 90}));
+  const rows = () => [...root.querySelectorAll("tbody tr")].map(r => [...r.cells].map(c => c.textContent.trim()));
+  const place = () => root.querySelector("p").textContent, lines = () => chart.querySelectorAll("path").length;
+  const ticks = () => [...chart.querySelectorAll(".axes text[text-anchor=middle]")].map(t => t.textContent);
+  const found = {hidden: root.hidden, first: rows(), lines: lines(),
+    still: [...page.querySelectorAll("figure.still")].map(f => view.getComputedStyle(f).display)};
+  chart.setPointerCapture = () => {};
+  const quantity = root.querySelector("select");
+  found.quantities = [...quantity.options].map(o => o.value);
+  quantity.selectedIndex = found.quantities.findIndex(q => q.startsWith("force"));
+  quantity.onchange();
+  press("ArrowRight");
+  found.asked = [place(), rows()];
+  root.querySelectorAll("fieldset input")[1].click();
+  found.fewer = rows();
+  found.wide = ticks();
+  point("pointerdown", 300); point("pointermove", 420); point("pointerup", 420);
+  found.close = ticks();
+  press("0");
+  found.back = ticks();
+  document.getElementById("found").textContent = JSON.stringify(found);
+};
+</script>"""
+"""Asks the chart of a page, whose own policy is in force, as a reader would."""
+
+
+def test_the_chart_answers_who_points_at_it(report: Path, tmp_path: Path) -> None:
+    harness = tmp_path / "asks.html"
+    harness.write_text(ASKED % {"page": report.as_uri()}, encoding="utf-8")
+    told = browser(
+        "--allow-file-access-from-files", "--enable-logging=stderr", "--virtual-time-budget=20000", "--dump-dom",
+        harness.as_uri(),
+    )  # fmt: skip
+    assert not [line for line in told.stderr.splitlines() if "CONSOLE" in line]
+    text = re.search(r'<pre id="found">(.*?)</pre>', told.stdout, re.DOTALL)
+    assert text is not None
+    found = json.loads(html.unescape(text[1]))
+    assert found["hidden"] is False
+    assert found["first"] == []
+    assert found["lines"] > 0
+    assert set(found["still"]) == {"none"}
+    assert [q.split()[0] for q in found["quantities"]] == ["stiffness", "force", "displacement"]
+    assert found["close"] != found["wide"] == found["back"]
+
+    place, rows = found["asked"]
+    temperature = float(place.rpartition(" ")[2])
+    assert len(rows) == len(found["fewer"]) + 1
+    assert [r for r in rows if r not in found["fewer"]] == [rows[1]]
+    for name, middle, credible, predictive in rows:
+        condition, _, branch = name.partition(", ")
+        with (report.parent / "bands" / f"{condition}-{branch}-force.csv").open(encoding="utf-8") as file:
+            band = {k: np.array(v, dtype=float) for k, v in columns(file).items() if k != "extrapolated"}
+        told_here = [float(v) for v in (middle, *json.loads(credible), *json.loads(predictive))]
+        at = next(k for k in band if k.startswith("temperature"))
+        right = [
+            np.interp(temperature, band[at], next(v for k, v in band.items() if k.split(" ")[0] == name))
+            for name in ("q50", "q05", "q95", "pred_q05", "pred_q95")
+        ]
+        width = right[2] - right[1]
+        np.testing.assert_allclose(told_here, right, atol=0.1 * width)
+
+
+def test_on_paper_the_still_figure_is_seen(report: Path) -> None:
+    style = report.read_text(encoding="utf-8").partition("</style>")[0]
+    printed = style[style.index("@media print") :]
+    assert re.search(r"\.explorer\b[^}]*\{ display: none; \}", printed)
+    assert "@media screen { .explored > figure.still { display: none; } }" in style
 
 
 AXE = """<script>%(axe)s</script><script>

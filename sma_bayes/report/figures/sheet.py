@@ -27,6 +27,7 @@ from sma_bayes.report.content import (
     Channel,
     RecordContent,
 )
+from sma_bayes.report.explorer import Trace
 from sma_bayes.report.figures.typeface import families
 from sma_bayes.report.notation import power_text, unit_label
 from sma_bayes.runs.outputs import StoredBand, StoredRecord
@@ -99,6 +100,8 @@ class Drawing:
     figure : Figure
     data : mapping of str to sequence
         Columns of equal length.
+    traces : tuple of Trace
+        Curves of the figure that a reader of the page may question; see `sma_bayes.report.explorer`.
     """
 
     stem: str
@@ -106,15 +109,17 @@ class Drawing:
     alt: str
     figure: Figure
     data: Mapping[str, Any]
+    traces: tuple[Trace, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class FigureFiles:
-    """A figure on disk: `stem` with .pdf, .png and .csv."""
+    """A figure on disk: `stem` with .pdf, .png and .csv; for `traces` see `Drawing`."""
 
     stem: str
     caption: str
     alt: str
+    traces: tuple[Trace, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,7 +204,7 @@ def save(
                 partial(drawing.figure.savefig, format=name, **options),
             )
     write_csv(folder / f"{drawing.stem}.csv", drawing.data)
-    return FigureFiles(drawing.stem, drawing.caption, drawing.alt)
+    return FigureFiles(drawing.stem, drawing.caption, drawing.alt, drawing.traces)
 
 
 def save_picture(draw: Callable[[], Drawing], folder: Path) -> FigureFiles:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from sma_bayes.quantities import ARBITRARY
 from sma_bayes.report.content import (
@@ -19,6 +19,7 @@ from sma_bayes.report.content import (
     RecordContent,
     parameters_by_channel,
 )
+from sma_bayes.report.explorer import chart_data
 from sma_bayes.report.figures.sheet import FigureFiles, numbered
 from sma_bayes.report.html import Picture, embedded, estimate_text, rendered
 from sma_bayes.report.notation import MISSING, write
@@ -54,9 +55,15 @@ def write_report(
         If it can't be written, or a figure can't be read.
     """
     shown = {stem: f for stem, f in figures.items() if not content.paged or stem in of_campaign(content)}
-    write_text(folder / "report.html", render(content, tables, embedded(folder, shown)))
+    write_text(folder / "report.html", render(content, tables, embedded(folder, shown), _explored(shown)))
     if content.paged:
         write_text(folder / "records" / "index.html", render_index(content))
+
+
+def _explored(figures: Mapping[str, FigureFiles]) -> list[dict[str, Any]]:
+    """Curves that the reader of a page may question, stiffness first."""
+    traces = [t for f in figures.values() for t in f.traces]
+    return chart_data(sorted(traces, key=lambda t: t.channel != "stiffness"))
 
 
 def of_campaign(content: Content) -> set[str]:
@@ -93,6 +100,7 @@ def write_record_page(
         content=content,
         tables=report_tables(content),
         pictures=pictures,
+        explored=_explored(figures),
     )
     write_text(folder / "records" / f"{record.key}.html", page)
 
@@ -113,7 +121,12 @@ def _agreement(record: RecordContent, channel: str) -> float | None:
     return found.measured["r"].median if found is not None and "r" in found.measured else None
 
 
-def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str, Picture]) -> str:
+def render(
+    content: Content,
+    tables: Mapping[str, Table],
+    pictures: Mapping[str, Picture],
+    explored: Sequence[Mapping[str, Any]] = (),
+) -> str:
     """The report as text.
 
     Parameters
@@ -122,6 +135,8 @@ def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str,
     tables : mapping of str to Table
     pictures : mapping of str to Picture
         By stem; a picture that is missing is left out.
+    explored : sequence of mapping
+        Curves that the reader may question, see `sma_bayes.report.explorer.chart_data`.
     """
     return rendered(
         PACKAGE,
@@ -129,6 +144,7 @@ def render(content: Content, tables: Mapping[str, Table], pictures: Mapping[str,
         content=content,
         tables=tables,
         pictures=pictures,
+        explored=explored,
         level=LEVEL,
         check_tail=CHECK_TAIL,
         default_model=DEFAULT_MODEL,

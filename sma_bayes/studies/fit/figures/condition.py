@@ -17,6 +17,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.report.content import (
     Channel,
 )
+from sma_bayes.report.explorer import Trace
 from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
@@ -108,6 +109,7 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
         alt=f"{names} against temperature for condition {condition}, {what}, with credible bands",
         figure=figure,
         data=loop_data(branches),
+        traces=traces_of({condition: branches}, channels),
     )
 
 
@@ -177,6 +179,7 @@ def overview_figure(channel: str, conditions: Mapping[str, Sequence[BranchData]]
         alt=f"{found.name} against temperature, a panel for each of {len(conditions)} conditions, with credible bands",
         figure=figure,
         data=_overview_data(channel, conditions),
+        traces=traces_of(conditions, [found]),
     )
 
 
@@ -415,6 +418,44 @@ def _overview_data(channel: str, conditions: Mapping[str, Sequence[BranchData]])
                 ]
     header = ("condition", "branch", "what", f"temperature [{temperature}]")
     return as_columns((*header, *(f"{n} [{unit}]" for n in names), f"measured [{unit}]"), rows)
+
+
+def traces_of(
+    conditions: Mapping[str, Sequence[BranchData]], channels: Sequence[Channel]
+) -> tuple[Trace, ...]:
+    """Curves, bands and measurements of these channels; a branch that did not converge has no band.
+
+    Parameters
+    ----------
+    conditions : mapping of str to sequence of BranchData
+        With the same units in all records.
+    channels : sequence of Channel
+    """
+    return tuple(
+        _trace(condition, b, channel)
+        for channel in channels
+        for condition, branches in conditions.items()
+        for b in branches
+        if channel.channel in b.bands
+    )
+
+
+def _trace(condition: str, branch: BranchData, channel: Channel) -> Trace:
+    band, stored = branch.bands[channel.channel], branch.stored
+    names = ("q50", "q05", "q95", "pred_q05", "pred_q95") if branch.content.converged else ("q50",)
+    inside = band.temperature[~band.extrapolated]
+    measured = stored.observed.get(channel.channel)
+    return Trace(
+        condition,
+        branch.content.branch,
+        channel.channel,
+        axis_label(channel),
+        temperature_label(branch.content),
+        band.temperature,
+        {name: band.quantiles[name] for name in names},
+        (float(inside[0]), float(inside[-1])),
+        None if measured is None else (stored.inputs["temperature"], measured),
+    )
 
 
 def channels_of(branches: Sequence[BranchData]) -> list[Channel]:
