@@ -32,9 +32,10 @@ the fewest samples, because the curve follows them."""
 ONE_SD = np.array([0.1587, 0.8413])
 """Levels of the quantiles a standard deviation from the median of a normal distribution."""
 UNDETERMINED_EVALUATIONS, UNSEEN_EVALUATIONS = 30_000, 12_000
-"""Evaluations after which nothing else is tried, of a posterior whose curve is not determined or can't be seen: little
-follows from its draws, and to converge may take millions. Where the first proposals do it takes some ten thousand, with
-a discrepancy beside the curve twice that. Of 24 records of noise alone none converged with six times as much."""
+"""Evaluations after which nothing else is tried, of a posterior whose curve is not determined, or whose curve can't be
+seen or whose records are doubted: little follows from its draws, and to converge may take millions. Where the first
+proposals do it takes some ten thousand, with a discrepancy beside the curve twice that. Of 24 records of noise alone
+none converged with six times as much."""
 UNDETERMINED_BLOCK = 48
 """Steps of a block of other moves, of both."""
 
@@ -49,6 +50,7 @@ def fit_records(
     discrepancy: bool = True,
     seed: int = 0,
     plan: Plan | None = None,
+    doubted: bool = False,
     checkpoint: Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
@@ -71,6 +73,8 @@ def fit_records(
         Decides every draw, together with the keys of the records; neither the other records of a campaign nor
         the number of processes matter.
     plan : Plan, optional
+    doubted : bool
+        Whether the records can hardly be what they were declared to be: then less is tried where draws don't converge.
     checkpoint : Path, optional
         File for the chains; an interrupted run goes on from it.
     progress : callable, optional
@@ -96,7 +100,7 @@ def fit_records(
         with account.timed("sample"):
             posterior = posterior_with(name, first, start, best.priors, choice)
             z = noise_start(posterior, start, choice)
-            plan = _with_what_is_worth_it(plan or Plan(), posterior, start)
+            plan = with_what_is_worth_it(plan or Plan(), posterior, start, doubted=doubted)
             draws = sample(
                 posterior,
                 _starts(z, start),
@@ -120,9 +124,9 @@ def fit_records(
     )
 
 
-def _with_what_is_worth_it(plan: Plan, posterior: Posterior, start: WarmStart) -> Plan:
+def with_what_is_worth_it(plan: Plan, posterior: Posterior, start: WarmStart, *, doubted: bool) -> Plan:
     """The plan, with less effort where little can follow from the draws."""
-    if not seen(start):
+    if doubted or not seen(start):
         most = UNSEEN_EVALUATIONS
     elif excluded(posterior, start):
         most = UNDETERMINED_EVALUATIONS

@@ -11,13 +11,12 @@ from sma_bayes.records.copies import Readings, copied_readings, readings_of
 from sma_bayes.records.declaration import Declaration, read_declaration
 from sma_bayes.records.mapping import read_run
 from sma_bayes.records.plausibility import (
-    implausible,
     named_otherwise,
     repeated_files,
     require_possible,
-    unresolved,
+    split_with_doubts,
 )
-from sma_bayes.records.split import SplitSettings, split_run
+from sma_bayes.records.split import SplitSettings
 from sma_bayes.records.types import Campaign, Finding, Record
 
 DEFAULT_SETTINGS: Final = SplitSettings()
@@ -59,10 +58,9 @@ def read_campaign(
     for condition in declaration.conditions:
         run, seen_reading = read_run(condition)
         require_possible(run)
-        parts, seen_splitting = split_run(run, condition.settings)
+        parts, seen_splitting = split_with_doubts(run, condition.settings)
         records += parts
-        doubts = (*implausible(run), *unresolved(parts))
-        findings += (*named_otherwise(condition), *seen_reading, *doubts, *seen_splitting)
+        findings += (*named_otherwise(condition), *seen_reading, *seen_splitting)
         readings += readings_of(run)
     repeated = repeated_files(declaration.conditions)
     findings += (*repeated, *copied_readings(readings, repeated))

@@ -17,8 +17,8 @@ from sma_bayes.records.copies import Readings, copied_readings, readings_of
 from sma_bayes.records.declaration import CAMPAIGN_FILE, declared_condition
 from sma_bayes.records.formats.table import Cells, RawTable, sample_rows
 from sma_bayes.records.mapping import run_of_tables
-from sma_bayes.records.plausibility import implausible, named_otherwise, require_possible, unresolved
-from sma_bayes.records.split import SplitSettings, split_run
+from sma_bayes.records.plausibility import named_otherwise, require_possible, split_with_doubts
+from sma_bayes.records.split import SplitSettings
 from sma_bayes.records.types import Campaign, Finding, Record
 
 
@@ -113,9 +113,9 @@ def campaign_of(
         )
         run, seen = run_of_tables(declared, [table])
         require_possible(run)
-        parts, more = split_run(run, settings)
+        parts, more = split_with_doubts(run, settings)
         records += parts
-        findings += (*named_otherwise(declared), *seen, *implausible(run), *unresolved(parts), *more)
+        findings += (*named_otherwise(declared), *seen, *more)
         readings += readings_of(run)
         total.update(_content(key, table))
     findings += copied_readings(readings)

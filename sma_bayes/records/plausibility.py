@@ -7,7 +7,7 @@ is changed. `RANGES` holds between what values a quantity is believed without a 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -18,9 +18,11 @@ from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
 from sma_bayes.limits import MAGNITUDE
 from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, convert, unit_text
+from sma_bayes.records.decimals import misread_decimals
 from sma_bayes.records.declaration import ColumnDeclaration, DeclaredCondition
 from sma_bayes.records.default_names import recognised
 from sma_bayes.records.run import Run
+from sma_bayes.records.split import SplitSettings, split_run
 from sma_bayes.records.types import Finding, Record
 
 ABSOLUTE_ZERO: Final = -273.15
@@ -101,12 +103,16 @@ DOUBTS: Final = (
     "copied-readings",
     "implausible",
     "large-sd",
+    "misread-decimals",
     "named-otherwise",
     "same-column",
     "same-file",
     "swapped",
 )
 """Kinds of finding that say that a measurement can hardly be what it was declared to be."""
+DEGENERATE: Final = ("swapped",)
+"""Those of them after which no curve is one of a specimen. Of the others a right one may come: in other units, with a
+wider uncertainty, or without the few readings that were misread."""
 
 
 def require_possible(run: Run) -> None:
@@ -158,7 +164,7 @@ def require_possible(run: Run) -> None:
 
 def implausible(run: Run) -> tuple[Finding, ...]:
     """What of one run can hardly be, each with what it looks like."""
-    return tuple(
+    seen = (
         Finding(kind, message, run.file, condition=run.condition.id, column=column)
         for kind, message, column in (
             *_out_of_range(run),
@@ -171,6 +177,40 @@ def implausible(run: Run) -> tuple[Finding, ...]:
             *_settings(run),
         )
     )
+    return (*seen, *misread_decimals(run))
+
+
+def doubted_conditions(findings: Iterable[Finding]) -> frozenset[str]:
+    """Ids of conditions whose columns hold something else than a specimen's response to temperature."""
+    return frozenset(f.condition for f in findings if f.kind in DEGENERATE)
+
+
+def split_with_doubts(
+    run: Run, settings: SplitSettings | None = None
+) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """Split a run, and say what of it can hardly be.
+
+    Raises
+    ------
+    MeasurementError
+        Where the run can't be split; the message goes on with what is doubted, the likely reason.
+    """
+    doubts = implausible(run)
+    try:
+        parts, seen = split_run(run, settings)
+    except MeasurementError as error:
+        if not doubts:
+            raise
+        told = "; ".join(f.message for f in doubts)
+        raise MeasurementError(
+            f"{error.found}; {told}",
+            file=error.file,
+            row=error.row,
+            column=error.column,
+            expected=error.expected,
+            remedy=error.remedy,
+        ) from error
+    return parts, (*doubts, *unresolved(parts), *seen)
 
 
 _Seen = Iterator[tuple[str, str, str]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,13 +42,15 @@ LIGHT = 1000
 class FitTask:
     """Records that share a posterior, and where to write; without a folder nothing is written.
 
-    Where `lines` is a number of seconds, a record that takes longer tells of its steps by log lines that often.
+    Where `lines` is a number of seconds, a record that takes longer tells of its steps by log lines that often. Of
+    records that are `doubted` (see `doubted_conditions`) less is tried.
     """
 
     records: tuple[Record, ...]
     options: FitOptions
     folder: Path | None
     lines: float | None = None
+    doubted: bool = False
 
     @property
     def light(self) -> bool:
@@ -80,9 +82,24 @@ def sample_task(task: FitTask) -> Fit:
         noise=o.noise,
         seed=o.seed,
         plan=plan_for(o, task.records),
+        doubted=task.doubted,
         checkpoint=checkpoint,
         progress=None if task.lines is None else lines_about(name, task.lines),
     )
+
+
+def tasks_of(
+    groups: Iterable[tuple[Record, ...]],
+    options: FitOptions,
+    folder: Path | None,
+    lines: float | None = None,
+    doubted: Collection[str] = (),
+) -> list[FitTask]:
+    """A task for each group of records; one is doubted where all of its conditions are."""
+    return [
+        FitTask(group, options, folder, lines, all(r.condition.id in doubted for r in group))
+        for group in groups
+    ]
 
 
 def fitted(
@@ -92,6 +109,7 @@ def fitted(
     jobs: int | None,
     account: Account,
     lines: float | None = None,
+    doubted: Collection[str] = (),
 ) -> Iterator[Part]:
     """Fit groups of records that share a posterior each, and write what was found.
 
@@ -107,13 +125,15 @@ def fitted(
         Told of workers that were lost; the stages come with the parts.
     lines : float, optional
         See `FitTask`.
+    doubted : collection of str
+        Ids of conditions, see `doubted_conditions`.
 
     Yields
     ------
     Part
         In the order of the groups where each group is one record, else all at once.
     """
-    tasks = [FitTask(group, options, folder, lines) for group in groups]
+    tasks = tasks_of(groups, options, folder, lines, doubted)
     conditions = _by_condition(tasks)
     if options.pool == "none" and len(conditions) >= WHOLE_CONDITIONS:
         yield from _by_whole_conditions(conditions, folder, jobs, account)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -17,6 +17,7 @@ from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, lines_inside, silent
 from sma_bayes.records.declaration import CAMPAIGN_FILE
+from sma_bayes.records.plausibility import doubted_conditions
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
@@ -38,7 +39,7 @@ from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.fit.fitted import Fits, by_record, shown_progress
 from sma_bayes.studies.fit.parts import remove_parts
 from sma_bayes.studies.fit.self_check import check_self_check, checked, replicates_asked
-from sma_bayes.studies.fit.tasks import FitTask, fitted, sample_task
+from sma_bayes.studies.fit.tasks import fitted, sample_task, tasks_of
 from sma_bayes.studies.identity import all_versions, run_identity
 from sma_bayes.studies.options import (
     DEFAULT_SAMPLER,
@@ -124,7 +125,7 @@ def fit(
     replicates = replicates_asked(self_check)
     check_self_check(options, replicates)
     check_call(groups, options)
-    tasks = [FitTask(g, options, None) for g in groups]
+    tasks = tasks_of(groups, options, None, doubted=doubted_conditions(campaign.findings))
     fits: list[Fit] = []
     with shown_progress(progress, len(tasks)) as tell:
         for found in run(sample_task, tasks, jobs):
@@ -218,7 +219,9 @@ def fit_campaign(
     check_self_check(options, replicates)
     check_call(groups, options)
     with claimed_folder(folder, run_identity(campaign, options), resume):
-        records, averages, loops = _fitted(groups, options, folder, work)
+        records, averages, loops = _fitted(
+            groups, options, folder, work, doubted_conditions(campaign.findings)
+        )
         if replicates:
             records = _checked(records, replicates, seed, folder, work)
     with work.account.timed("write"):
@@ -277,6 +280,7 @@ def _fitted(
     options: FitOptions,
     folder: Path,
     work: RunContext,
+    doubted: Collection[str],
 ) -> tuple[list[RecordSummary], list[CorrelationAverage], list[QuantitySummary]]:
     """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
     total = sum(len(group) for group in groups)
@@ -284,7 +288,7 @@ def _fitted(
     records: list[RecordSummary] = []
     loops: list[QuantitySummary] = []
     averages = {"measured": Averages(), "replicated": Averages()}
-    for part in fitted(groups, options, folder, work.jobs, work.account, lines_inside(work.tell)):
+    for part in fitted(groups, options, folder, work.jobs, work.account, lines_inside(work.tell), doubted):
         records += part.records
         loops += part.loops
         for scored in part.scored:

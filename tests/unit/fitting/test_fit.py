@@ -12,12 +12,15 @@ from sma_bayes.fitting.fit import KEPT, Fit
 from sma_bayes.fitting.fit_records import (
     UNDETERMINED_BLOCK,
     UNDETERMINED_EVALUATIONS,
+    UNSEEN_EVALUATIONS,
     excluded,
     fit_records,
     seen,
+    with_what_is_worth_it,
 )
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Calibration, Record
+from sma_bayes.sampling.ensembles import Plan
 
 DEFAULT = read_priors("modified_sigmoid")
 
@@ -135,3 +138,13 @@ def test_a_response_that_can_be_seen_is_given_all_evaluations(make_record: Calla
     found = fit_records([record], DEFAULT, noise="independent")
     assert seen(found.warm_start)
     assert not excluded(found.posterior, found.warm_start)
+
+
+def test_doubted_records_are_given_few_evaluations_and_the_same_draws_where_those_do(
+    fit: Fit, record: Record
+) -> None:
+    plan = with_what_is_worth_it(Plan(), fit.posterior, fit.warm_start, doubted=True)
+    assert plan.evaluations == UNSEEN_EVALUATIONS
+    assert with_what_is_worth_it(Plan(), fit.posterior, fit.warm_start, doubted=False) == Plan()
+    again = fit_records([record], DEFAULT, noise="independent", seed=3, doubted=True)
+    np.testing.assert_array_equal(again.draws.z, fit.draws.z)

@@ -11,11 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sma_bayes.errors import SmaBayesError
+from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.memory import campaign_of
-from sma_bayes.records.plausibility import DOUBTS, RANGES
+from sma_bayes.records.plausibility import DOUBTS, RANGES, doubted_conditions
 from sma_bayes.records.severity import severity
 from sma_bayes.records.types import Finding
+from sma_bayes.studies.fit.tasks import tasks_of
+from sma_bayes.studies.options import FitOptions
 
 COLUMNS = {
     "time": '{ name = "t", unit = "s" }',
@@ -225,6 +228,73 @@ def test_data_in_memory_are_doubted_as_files_are() -> None:
     assert kinds == {"implausible", "copied-readings"}
     with pytest.raises(SmaBayesError, match="below absolute zero"):
         campaign_of({"a": {**data, "T": data["T"] - 400.0}}, columns=columns)
+
+
+LOST = {
+    "a third": lambda n: np.random.default_rng(4).random(n) < 1 / 3,
+    "two thirds": lambda n: np.random.default_rng(4).random(n) < 2 / 3,
+    "one": lambda n: np.arange(n) == n // 3,
+    "a block": lambda n: (np.arange(n) > n // 3) & (np.arange(n) < n // 2),
+}
+
+
+@pytest.mark.parametrize("n", [20, 200])
+@pytest.mark.parametrize("which", LOST)
+@pytest.mark.parametrize(("column", "unit"), [("F", "N"), ("X", "mm"), ("T", "degC"), ("T", "K")])
+def test_lost_decimal_marks_are_reported_with_their_rows(
+    tmp_path: Path, column: str, unit: str, which: str, n: int
+) -> None:
+    """Digits as a file has them, three behind the mark, so that noughts at the end may be gone with it."""
+    data = measured(n)
+    lost = LOST[which](2 * n)
+    if unit == "K":
+        data["T"] = data["T"] + 273.15
+    written = [f"{v:.3f}".rstrip("0") for v in data[column]]
+    lost &= [len(text.partition(".")[2]) > 1 for text in written]
+    data[column] = np.array(
+        [float(text.replace(".", "") if gone else text) for text, gone in zip(written, lost, strict=True)]
+    )
+    columns = {"temperature": f'{{ name = "T", unit = "{unit}" }}'} if column == "T" else {}
+    folder = campaign(tmp_path, data, **columns)
+    rows = ", ".join(map(str, (np.flatnonzero(lost) + 2)[:5]))
+    try:
+        found = [f for f in warnings_of(folder) if f.kind == "misread-decimals"]
+    except SmaBayesError as error:  # nothing is left to split by, and the reason is told
+        assert column == "T"
+        told = str(error)
+    else:
+        assert [(f.count, severity(f.kind)) for f in found] == [(np.count_nonzero(lost), "serious")]
+        told = found[0].message
+    assert f"{np.count_nonzero(lost)} reading" in told
+    assert rows in told
+
+
+def test_channels_that_leave_zero_by_a_step_have_their_decimal_marks(tmp_path: Path) -> None:
+    """A slack spring, a steep one, drop-outs, a sign and noise about zero: 1000 times, and of one measurement."""
+    rng = np.random.default_rng(8)
+    data = measured(200)
+    hot = data["T"] > 52.0
+    slack = np.where(hot, 3.0, 0.003) + 0.001 * rng.standard_normal(hot.size)
+    dropped = np.where(np.arange(hot.size) % 20 == 7, 0.0, data["F"])
+    for values in (
+        slack,
+        dropped,
+        rng.standard_normal(hot.size),
+        np.where(hot, -3.0, 0.003),
+        10.0 ** (hot * 2.5),
+    ):
+        found = warnings_of(campaign(tmp_path, {**data, "F": values}))
+        assert [f for f in found if f.kind == "misread-decimals"] == []
+
+
+def test_little_is_tried_of_a_condition_whose_columns_are_swapped(tmp_path: Path) -> None:
+    data = measured()
+    swapped = {**data, "T": data["F"], "F": data["T"]}
+    found = read_campaign(another(campaign(tmp_path, data, TWO), swapped))
+    assert doubted_conditions(found.findings) == {"b"}
+    options = FitOptions(read_priors("modified_sigmoid"))
+    tasks = tasks_of([(r,) for r in found.records], options, None, doubted=doubted_conditions(found.findings))
+    assert {(t.records[0].condition.id, t.doubted) for t in tasks} == {("a", False), ("b", True)}
 
 
 @pytest.mark.parametrize("sd", [0.5, 2.0])
