@@ -19,6 +19,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, many, near_matches
+from sma_bayes.limits import SETTING
 from sma_bayes.quantities import convert
 from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
 from sma_bayes.records.formats.delimited import text_lines
@@ -560,26 +561,29 @@ def _refuse_impossible(test: _Test) -> None:
     """A storage modulus or frequency that is not positive, a temperature below absolute zero."""
     least = {"storage_modulus": 0.0, "frequency": 0.0, "temperature": -273.15}
     for column in test.columns:
-        if column.quantity not in least:
+        low = least.get(column.quantity, -np.inf)
+        high = SETTING.value if column.quantity == "frequency" else np.inf
+        with np.errstate(invalid="ignore"):
+            bad = np.flatnonzero((column.values <= low) | (np.abs(column.values) > high))
+        if not bad.size:
             continue
-        bad = np.flatnonzero(column.values <= least[column.quantity])
-        if bad.size:
-            value = (
-                convert(column.values[bad[0]], UNITS[column.quantity], column.unit)
-                if column.unit != "rad/s"
-                else 0.0
-            )
-            raise MeasurementError(
-                f"found {float(value):g} {column.unit}"
-                + (f" (and {bad.size - 1} more in this column)" if bad.size > 1 else ""),
-                file=test.path,
-                row=int(test.row[bad[0]]),
-                column=column.name,
-                expected="a value above zero"
-                if column.quantity != "temperature"
-                else "a value above absolute zero",
-                remedy="correct the row, or leave it out of the export",
-            )
+        value = column.values[bad[0]]
+        if column.unit == "rad/s":
+            read = 2.0 * np.pi * float(value)
+        else:
+            read = float(convert(value, UNITS[column.quantity], column.unit))
+        above = "absolute zero" if column.quantity == "temperature" else "zero"
+        raise MeasurementError(
+            f"found {read:g} {column.unit}"
+            + (f" (and {bad.size - 1} more in this column)" if bad.size > 1 else ""),
+            file=test.path,
+            row=int(test.row[bad[0]]),
+            column=column.name,
+            expected=f"a value above {above}"
+            if value <= low
+            else f"at most {high:g} {UNITS[column.quantity]}",
+            remedy="correct the row, or leave it out of the export",
+        )
 
 
 # sweeps

@@ -23,12 +23,15 @@ pytestmark = pytest.mark.skipif(
 Same = Callable[[Path, Path], None]
 ENDS_WITHIN_S = 2.0
 """After the end of the parent, for its workers."""
+ROOT = Path(__file__).resolve().parents[2]
 TAG = "SMA_BAYES_TEST_RUN"
 ASKED = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 OWN_VERBS = tuple(name for name, folder in VERBS.items() if folder.__name__.startswith("sma_bayes.studies."))
 SPAN_S = 8.0
 """Instants are drawn from so many seconds, and from `QUICK_S` where a verb takes no longer."""
 QUICK, QUICK_S = frozenset({"ask", "diff", "init", "inspect", "paper", "priors"}), 1.5
+GOES_ON = frozenset({"report", "watch"})
+"""Verbs that need not be told to resume."""
 STUDY = """\
 [study]
 campaign = "campaign.toml"
@@ -95,7 +98,7 @@ def arguments(verb: str, campaign: Path, whole: Path, out: Path) -> list[str]:
 
 
 def calls(campaign: Path, whole: Path, out: Path) -> dict[str, list[object]]:
-    """A call of each verb of the program; the nightly test fails for one that is not here."""
+    """A call of each verb of the program, see `test_signals_are_sent_to_every_verb`."""
     return {
         "fit": ["fit", campaign, "--out", out, "--no-figures", "--jobs", 2],
         "compare": ["compare", campaign, "--out", out, "--no-figures", "--jobs", 2],
@@ -328,6 +331,12 @@ def test_a_signal_whose_exception_gets_lost_in_a_callback_ends_the_run_in_order(
     )
 
 
+def test_signals_are_sent_to_every_verb(tmp_path: Path) -> None:
+    """A verb that joins the registry joins the nights, too."""
+    assert set(calls(tmp_path, tmp_path, tmp_path)) == set(OWN_VERBS)
+    assert set(OWN_VERBS) == {p.parent.name for p in (ROOT / "sma_bayes" / "studies").glob("*/command.py")}
+
+
 def test_signals_at_random_instants(campaign: Path, whole: Path, tmp_path: Path) -> None:
     try_instants(("fit", "ask", "inspect"), ASKED, 9, 1, campaign, whole, tmp_path)
 
@@ -354,20 +363,29 @@ def test_a_run_goes_on_to_the_same_bits_after_each_signal(
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("verb", sorted(set(OWN_VERBS) - QUICK - {"report", "demo", "run", "watch"}))
+@pytest.mark.parametrize("verb", sorted(set(OWN_VERBS) - QUICK))
 def test_what_signals_end_goes_on_to_what_it_would_have_been(
     campaign: Path, whole: Path, heated: Path, tmp_path: Path, assert_same_folder: Same, verb: str
 ) -> None:
-    """Each verb that takes --resume, after one signal of each kind."""
-    finish(arguments(verb, campaign, whole, tmp_path / "never"))
-    given = arguments(verb, campaign, whole, tmp_path / "often")
+    """Each verb that writes for longer than a moment, after one signal of each kind."""
+    never, often = tmp_path / "never", tmp_path / "often"
+    if verb == "report":  # writes into the folder that it reads
+        shutil.copytree(whole, never)
+        shutil.copytree(whole, often)
+    given, wanted = (
+        arguments(verb, campaign, out if verb == "report" else whole, out) for out in (often, never)
+    )
+    finish(wanted)
     rng = np.random.default_rng(6)
+
+    def resumed() -> list[str]:
+        return [*given, *(["--resume"] if often.exists() and verb not in GOES_ON else [])]
+
     for number in (*ASKED, signal.SIGKILL):
-        again = ["--resume"] if (tmp_path / "often").exists() else []
-        end_by(Started(tmp_path, [*given, *again]), float(rng.uniform(0.5, 5.0)), number, group=False)
-    finish([*given, *(["--resume"] if (tmp_path / "often").exists() else [])])
-    assert_same_folder(tmp_path / "never", tmp_path / "often")
-    assert list((tmp_path / "often").rglob(".*")) == []
+        end_by(Started(tmp_path, resumed()), float(rng.uniform(0.5, 5.0)), number, group=False)
+    finish(resumed())
+    assert_same_folder(never, often)
+    assert list(often.rglob(".*")) == []
 
 
 @pytest.mark.thorough

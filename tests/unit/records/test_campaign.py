@@ -731,7 +731,8 @@ class TestExamples:
             "arbitrary"
         }
         run, seen = runs["ele_hys_4"]
-        assert run.temperature_sd == 3.0
+        assert run.temperature_sd == 0.0
+        assert run.calibration["temperature"].offset_sd == 3.0
         assert [(f.kind, f.count) for f in seen] == [("out-of-range", 58)]
         assert run.columns["time"][-1] == pytest.approx(47.9)
         run, _ = runs["hyd_stp_1_cold"]

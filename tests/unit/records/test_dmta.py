@@ -281,3 +281,23 @@ def test_a_frequency_without_its_unit_is_refused(tmp_path: Path, text: str) -> N
     path = write(tmp_path / "one.csv", ["temperature_C,storage_modulus_MPa", *rows(ident, in_mpa(storage))])
     with pytest.raises(QuantityError):
         read_dmta([path], DmtaOptions(frequency=text))
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        ("1e300", "found 1e+300 Hz"),
+        ("1e400", "1e400"),
+        ("-1", "found -1 Hz"),
+        ("0", "found 0 Hz"),
+        ("fast", "fast"),
+    ],
+)
+def test_a_frequency_that_no_rig_has_is_refused_with_its_row(tmp_path: Path, value: str, told: str) -> None:
+    """One row among those of a good frequency."""
+    lines = rows(ident, in_mpa(storage), lambda t: np.ones_like(t))
+    lines[4] = ",".join([*lines[4].split(",")[:2], value])
+    path = write(tmp_path / "one.csv", ["temperature_C,storage_modulus_MPa,frequency_Hz", *lines])
+    with pytest.raises(SmaBayesError, match="row 6") as refused:
+        read_dmta([path])
+    assert told in str(refused.value)

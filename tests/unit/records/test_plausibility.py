@@ -382,10 +382,4 @@ def test_real_measurements_are_believed(shared_data: Path, example: str) -> None
     if not folder.is_dir():
         pytest.skip(f"{example} is not there")
     found = read_campaign(EXAMPLES / f"{example}.toml", data_dir=folder).findings
-    doubted = {
-        "ele_hys_4": "sd = 3, is more than a quarter"
-    }  # two sensors apart, declared as errors of single readings
-    unexpected = [
-        f.message for f in found if f.kind in DOUBTS and doubted.get(f.condition, "none") not in f.message
-    ]
-    assert unexpected == []
+    assert [f.message for f in found if f.kind in DOUBTS] == []
