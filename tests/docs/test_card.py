@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,13 +20,9 @@ def blocks(language: str) -> list[str]:
     )
 
 
-def card(place: Path) -> None:
+def card() -> str:
     (line,) = (line for block in blocks("console") for line in block.splitlines() if " card " in line)
-    done = subprocess.run(
-        [sys.executable, "-m", "sma_bayes", *shlex.split(line)[1:], "--no-figures"],
-        cwd=place, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    return line
 
 
 def run(place: Path, script: str) -> str:
@@ -37,9 +33,11 @@ def run(place: Path, script: str) -> str:
     return done.stdout
 
 
-def test_the_solver_gets_what_the_guide_names(loaded_fit: Path, tmp_path: Path) -> None:
+def test_the_solver_gets_what_the_guide_names(
+    loaded_fit: Path, tmp_path: Path, command: Callable[..., str]
+) -> None:
     (tmp_path / "results").symlink_to(loaded_fit, target_is_directory=True)
-    card(tmp_path)
+    command(tmp_path, card(), "--no-figures")
     text = GUIDE.read_text(encoding="utf-8")
     written = {p.name for p in (tmp_path / "card").iterdir()}
     for name in ("simcoon.json", "sma_react.json", "constitutive-draws.csv", "constitutive-covariance.csv",
@@ -50,9 +48,11 @@ def test_the_solver_gets_what_the_guide_names(loaded_fit: Path, tmp_path: Path) 
     assert run(tmp_path, in_simcoon).startswith("SMADI {'flagT': 0.0, 'E_A': ")
 
 
-def test_the_controller_gets_what_the_guide_names(heated_fit: Path, tmp_path: Path) -> None:
+def test_the_controller_gets_what_the_guide_names(
+    heated_fit: Path, tmp_path: Path, command: Callable[..., str]
+) -> None:
     (tmp_path / "results").symlink_to(heated_fit, target_is_directory=True)
-    card(tmp_path)
+    command(tmp_path, card(), "--no-figures")
     (_, again) = blocks("python")
     assert len(run(tmp_path, again).splitlines()) == 4
     compiler = shutil.which("gcc") or shutil.which("cc")

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-import shlex
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -31,21 +29,19 @@ def bench(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_command_and_python_say_what_they_promise(bench: Path) -> None:
+def test_command_and_python_say_what_they_promise(
+    bench: Path, command: Callable[..., str], python: Callable[[Path, str], str]
+) -> None:
     blocks = dict(
         re.findall(r"^```(\w+)\n(.*?)^```", GUIDE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     )
-    command = [sys.executable, "-m", "sma_bayes", *shlex.split(blocks["console"])[1:]]
-    done = subprocess.run(command, cwd=bench, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    command(bench, blocks["console"])
     found = json.loads((bench / "moduli" / "modulus.json").read_text(encoding="utf-8"))
     assert [s["frequency"] for s in found["sweeps"]] == [1.0, 10.0]
     shift = next(s for s in found["shifts"] if s["temperature"] == "midpoint")
     assert shift["shift"]["q05"] < 4.0 < shift["shift"]["q95"]
     assert {v["at"] for s in found["sweeps"] for v in s["values"]} == {20.0, 80.0}
     assert (bench / "moduli" / "report.html").is_file()
-    said = subprocess.run(
-        [sys.executable, "-c", blocks["python"]], cwd=bench, capture_output=True, text=True, check=False
-    )
-    assert said.returncode == 0, said.stderr
-    assert said.stdout.splitlines() == [f"{s['branch']} {s['statement']}" for s in found["shifts"]]
+    assert python(bench, blocks["python"]).splitlines() == [
+        f"{s['branch']} {s['statement']}" for s in found["shifts"]
+    ]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ GUIDE = (ROOT / "docs" / "howto" / "plan_a_measurement.md").read_text(encoding="
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bench(tmp_path_factory: pytest.TempPathFactory, command: Callable[..., str]) -> Path:
     """A folder with the campaign `bench`, three cycles of a spring that trains, and its fit."""
     place = tmp_path_factory.mktemp("guide")
     rng, clock = np.random.default_rng(1), 0.0
@@ -35,43 +34,33 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
         '[[condition]]\nid = "a"\nfile = "a.csv"\n', encoding="utf-8"
     )
     (place / "bench" / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    called(place, "fit", "bench", "--out", "results", "--no-figures", "--jobs", "1", "-q")
+    command(place, "sma-bayes fit bench --out results --no-figures --jobs 1 -q")
     return place
-
-
-def called(place: Path, *arguments: str) -> str:
-    command = [sys.executable, "-m", "sma_bayes", *arguments]
-    done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", GUIDE, re.DOTALL | re.MULTILINE)
 
 
-def test_its_commands_run_and_leave_what_they_promise(bench: Path) -> None:
+def test_its_commands_run_and_leave_what_they_promise(bench: Path, command: Callable[..., str]) -> None:
     for line in "".join(blocks("console")).splitlines():
-        verb, *options = shlex.split(line)[1:]
-        told = called(bench, verb, *options, *(["--no-figures"] if verb == "gap" else []))
+        verb = shlex.split(line)[1]
+        told = command(bench, line, *(["--no-figures"] if verb == "gap" else []))
         assert verb == "gap" or "Measure condition a" in told or "apart already" in told
     for name in ("plan.json", "candidates.csv", "report.html", "figures", "tables"):
         assert (bench / "plan" / name).exists(), name
 
 
-def test_its_file_of_candidates_is_one(bench: Path) -> None:
+def test_its_file_of_candidates_is_one(bench: Path, command: Callable[..., str]) -> None:
     (text,) = blocks("toml")
     (bench / "candidates.toml").write_text(text, encoding="utf-8")
-    told = called(bench, "plan", "results", "--for", "parameters", "--candidates", "candidates.toml")
+    told = command(bench, "sma-bayes plan results --for parameters --candidates candidates.toml")
     assert "hotter than measured" in told
     assert "best of 5 candidates" in told
 
 
-def test_its_python_runs(bench: Path) -> None:
+def test_its_python_runs(bench: Path, python: Callable[[Path, str], str]) -> None:
     (script,) = blocks("python")
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=bench, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("Measure condition a from ")
-    assert len(done.stdout.splitlines()) == 6
+    said = python(bench, script)
+    assert said.startswith("Measure condition a from ")
+    assert len(said.splitlines()) == 6

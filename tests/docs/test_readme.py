@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,24 +19,20 @@ def blocks(file: Path, language: str) -> list[str]:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Path:
+def bench(tmp_path: Path, python: Callable[[Path, str], str]) -> Path:
     """Folder that holds the campaign `bench`: the tutorial's record under the id 2A."""
     folder = tmp_path / "bench"
     folder.mkdir()
     script = blocks(ROOT / "docs" / "tutorial.md", "python")[0]
-    subprocess.run([sys.executable, "-c", script], cwd=folder, check=True)
+    python(folder, script)
     (folder / "bench.csv").rename(folder / "2A.csv")
     (folder / "campaign.toml").write_text('[[condition]]\nid = "2A"\nfile = "2A.csv"\n', encoding="utf-8")
     return tmp_path
 
 
-def test_the_python_of_the_readme_runs_and_says_what_it_promises(bench):
+def test_the_python_of_the_readme_runs_and_says_what_it_promises(bench, python):
     (script,) = blocks(ROOT / "README.md", "python")
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=bench, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    lines = done.stdout.splitlines()
+    lines = python(bench, script).splitlines()
     assert lines[:2] == ["2A-heating converged", "2A-cooling converged"]
     unit, temperature, low, high = lines[2].split()
     assert unit == "N/m"

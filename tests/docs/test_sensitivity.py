@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import re
-import shlex
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -19,7 +15,9 @@ GUIDE = (ROOT / "docs" / "howto" / "find_what_a_number_rests_on.md").read_text(e
 
 
 @pytest.fixture(scope="module")
-def bench(make_record: Callable[..., Record], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bench(
+    make_record: Callable[..., Record], tmp_path_factory: pytest.TempPathFactory, command: Callable[..., str]
+) -> Path:
     """A folder with the campaign `bench` and its fit."""
     place = tmp_path_factory.mktemp("guide")
     lines = ["time_s,temperature_C,force_N,displacement_mm"]
@@ -33,32 +31,22 @@ def bench(make_record: Callable[..., Record], tmp_path_factory: pytest.TempPathF
         '[[condition]]\nid = "a"\nfile = "a.csv"\n', encoding="utf-8"
     )
     (place / "bench" / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    called(place, "fit", "bench", "--out", "results", "--no-figures", "--jobs", "1", "-q")
+    command(place, "sma-bayes fit bench --out results --no-figures --jobs 1 -q")
     return place
-
-
-def called(place: Path, *arguments: str) -> str:
-    command = [sys.executable, "-m", "sma_bayes", *arguments]
-    return subprocess.run(command, cwd=place, capture_output=True, text=True, check=True).stdout
 
 
 def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", GUIDE, re.DOTALL | re.MULTILINE)
 
 
-def test_its_commands_run_and_leave_what_they_promise(bench: Path) -> None:
+def test_its_commands_run_and_leave_what_they_promise(bench: Path, command: Callable[..., str]) -> None:
     (commands,) = blocks("console")
     for line in commands.splitlines():
-        told: Any = called(bench, *shlex.split(line)[1:])
-        assert "posterior standard deviations" in told
+        assert "posterior standard deviations" in command(bench, line)
     for name in ("sensitivity.json", "readings", "report.html", "figures", "tables"):
         assert (bench / "sensitivity" / name).exists(), name
 
 
-def test_its_python_runs(bench: Path) -> None:
+def test_its_python_runs(bench: Path, python: Callable[[Path, str], str]) -> None:
     (script,) = blocks("python")
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=bench, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert "The prior moves" in done.stdout.splitlines()[0]
+    assert "The prior moves" in python(bench, script).splitlines()[0]

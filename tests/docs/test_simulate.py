@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import shlex
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -28,25 +26,17 @@ def place(heated_fit: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_commands_run_and_leave_what_the_guide_names(place: Path) -> None:
+def test_the_commands_run_and_leave_what_the_guide_names(place: Path, command: Callable[..., str]) -> None:
     commands = [line for block in blocks("console") for line in block.splitlines() if " simulate " in line]
     assert len(commands) == 3
     for line in commands:
-        done = subprocess.run(
-            [sys.executable, "-m", "sma_bayes", *shlex.split(line)[1:]],
-            cwd=place, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
+        command(place, line)
     assert (place / "course" / "report.html").is_file()
     assert {p.name for p in (place / "course" / "bands").iterdir()} == {
         f"{c}-{s}.csv" for c in ("1.0A", "1.2A") for s in ("cold", "hot")
     }
 
 
-def test_the_python_runs(place: Path) -> None:
+def test_the_python_runs(place: Path, python: Callable[[Path, str], str]) -> None:
     (script,) = blocks("python")
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=place, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert len(done.stdout.splitlines()) == 6
+    assert len(python(place, script).splitlines()) == 6

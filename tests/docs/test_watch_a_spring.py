@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-import shlex
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -18,7 +16,12 @@ ROOT = Path(__file__).resolve().parents[2]
 GUIDE = ROOT / "docs" / "howto" / "watch_a_spring.md"
 
 
-def test_commands_and_python_say_what_they_promise(tmp_path: Path, watched_spring: ModuleType) -> None:
+def test_commands_and_python_say_what_they_promise(
+    tmp_path: Path,
+    watched_spring: ModuleType,
+    command: Callable[..., str],
+    python: Callable[[Path, str], str],
+) -> None:
     rng, rig = np.random.default_rng(4), watched_spring.PLAIN
     campaign = sma_bayes.read_campaign(rig.campaign(tmp_path / "bench", rng, 4))
     sma_bayes.fit_campaign(campaign, tmp_path / "results", jobs=1, figures="none", noise="independent")
@@ -28,15 +31,9 @@ def test_commands_and_python_say_what_they_promise(tmp_path: Path, watched_sprin
     commands = [text for kind, text in blocks if kind == "console"]
     assert len(commands) == 2
     for text in commands:
-        command = [sys.executable, "-m", "sma_bayes", *shlex.split(text)[1:]]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
+        command(tmp_path, text)
     found = json.loads((tmp_path / "watch" / "watch.json").read_text(encoding="utf-8"))
     assert [c["file"] for c in found["cycles"]] == ["1.csv", "2.csv", "3.csv", "4.csv"]
     assert (tmp_path / "watch" / "report.html").is_file()
-    (python,) = (text for kind, text in blocks if kind == "python")
-    said = subprocess.run(
-        [sys.executable, "-c", python], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert said.returncode == 0, said.stderr
-    assert said.stdout.splitlines() == ["same 4", found["statement"]]
+    (script,) = (text for kind, text in blocks if kind == "python")
+    assert python(tmp_path, script).splitlines() == ["same 4", found["statement"]]

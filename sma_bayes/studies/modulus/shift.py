@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from sma_bayes.arrays import Floats
 
@@ -61,7 +61,7 @@ class Line:
 
     def probability_above(self, value: float) -> float:
         """That the slope is greater."""
-        return float(self.weight @ norm.sf(value, self.slope, self.slope_sd))
+        return float(self.weight @ ndtr((self.slope - value) / self.slope_sd))
 
     def slope_quantiles(self, levels: Sequence[float]) -> tuple[float, ...]:
         """Quantiles of the slope [unit of y / unit of x]."""
@@ -120,7 +120,7 @@ def fit_line(x: Floats, y: Floats, sd: Floats, scatter: float) -> Line:
 def _quantile(weight: Floats, mean: Floats, sd: Floats, level: float) -> float:
     low, high = float(np.min(mean - 12.0 * sd)), float(np.max(mean + 12.0 * sd))
     return float(
-        brentq(lambda v: float(weight @ norm.cdf(v, mean, sd)) - level, low, high, xtol=1e-300, rtol=1e-12)
+        brentq(lambda v: float(weight @ ndtr((v - mean) / sd)) - level, low, high, xtol=1e-300, rtol=1e-12)
     )
 
 
