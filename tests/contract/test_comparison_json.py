@@ -29,7 +29,7 @@ def folder(make_record: Callable[..., Record], tmp_path_factory: pytest.TempPath
         for i, branch in enumerate(Branch)
     )
     out = tmp_path_factory.mktemp("comparison") / "out"
-    sma_bayes.compare(Campaign("spring", "spring", "0" * 64, records), out, jobs=1)
+    sma_bayes.compare(Campaign("spring", "spring", "0" * 64, records), out, jobs=1, noise="independent")
     return out
 
 

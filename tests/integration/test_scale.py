@@ -21,6 +21,8 @@ from sma_bayes.studies.fit import tasks as fit_tasks
 
 Same = Callable[[Path, Path], None]
 CONDITIONS = 4
+NOISE = "independent"
+"""What is told to all fits: which is chosen is none of these tests' business, and takes most of the time."""
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +38,7 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def whole(house: Path) -> Path:
     """Fitted branch by branch in one process, which is what few conditions get."""
-    fit_campaign(read_campaign(house), house / "whole", jobs=1, figures=False)
+    fit_campaign(read_campaign(house), house / "whole", jobs=1, figures=False, noise=NOISE)
     return house / "whole"
 
 
@@ -56,6 +58,7 @@ def test_whole_conditions_give_the_numbers_of_single_branches(
         house / "conditions",
         jobs=1,
         figures=False,
+        noise=NOISE,
         progress=lambda done, total, _: seen.append((done, total)),
     )
     assert_same_run(whole, house / "conditions")
@@ -79,12 +82,12 @@ def test_conditions_that_were_finished_are_not_done_again(
 
     sample = fit_tasks.sample_task
     with pytest.raises(KeyboardInterrupt):
-        fit_campaign(read_campaign(house), out, jobs=1, figures=False, progress=interrupt)
+        fit_campaign(read_campaign(house), out, jobs=1, figures=False, noise=NOISE, progress=interrupt)
     parts = sorted((out / "parts").iterdir())
     assert [p.stem for p in parts] == ["spring001-01", "spring001-02"]
     (out / "bands" / "spring001-02-heating-force.csv").unlink()  # so this one has to be done again
     monkeypatch.setattr(fit_tasks, "sample_task", count)
-    fit_campaign(read_campaign(house), out, jobs=1, figures=False, resume=True)
+    fit_campaign(read_campaign(house), out, jobs=1, figures=False, noise=NOISE, resume=True)
     assert {key.rpartition("-")[0] for key in sampled} == {
         f"spring001-{n:02}" for n in range(2, CONDITIONS + 1)
     }
@@ -145,7 +148,9 @@ def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(
             workers[0].send_signal(signal.SIGKILL)
 
     with sma_bayes.cluster(address):
-        found = fit_campaign(read_campaign(house), house / "cluster", figures=False, progress=kill_one)
+        found = fit_campaign(
+            read_campaign(house), house / "cluster", figures=False, noise=NOISE, progress=kill_one
+        )
     assert_same_run(whole, house / "cluster")
     assert found["workers"]["where"] == f"cluster {address}, 2 workers"
     assert len(found["workers"]["lost"]) == 1

@@ -80,13 +80,9 @@ class Sampled:
     ln_evidence_sd: float
 
 
-OFTEN = "force and displacement"
-"""The case for which CI has the time."""
-
-
 @pytest.fixture(
     scope="module",
-    params=[c if c == OFTEN else pytest.param(c, marks=pytest.mark.thorough) for c in CASES],
+    params=[pytest.param(c, marks=pytest.mark.thorough) for c in CASES],
     ids=lambda name: name.replace(" ", "-"),
 )
 def sampled(request: pytest.FixtureRequest) -> Sampled:

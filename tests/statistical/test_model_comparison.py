@@ -108,7 +108,7 @@ def verdict_on(task: tuple[str, int]) -> str:
     ("kind", "expected"),
     [
         ("modified_sigmoid", "modified_sigmoid"),
-        ("logistic", "logistic"),
+        pytest.param("logistic", "logistic", marks=pytest.mark.thorough),
         pytest.param("polynomial", "polynomial", marks=pytest.mark.thorough),
         ("displacement", CANNOT_TELL),
         pytest.param("buried", CANNOT_TELL, marks=pytest.mark.thorough),

@@ -63,10 +63,8 @@ def test_p_values_of_nothing_are_uniform(memory: float, fit_rig) -> None:
     assert kstest(p, "uniform").pvalue > 1e-3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "memory", [0.5, *(pytest.param(memory, marks=pytest.mark.thorough) for memory in (0.0, 0.9))]
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.9])
 def test_p_values_of_three_pooled_conditions(memory: float, fit_rig) -> None:
     """150 campaigns with nothing hidden; with a probability of 0.999 at most 27 alarms at 10 %, at most 9 at 2 %."""
     p, start = [], None
