@@ -163,7 +163,10 @@ def checked(
         key = str(first["loc"][0]) if first["loc"] else ""
         place = ".".join(part for part in (where, key) if part) or None
         if first["type"] == "extra_forbidden":
-            found, expected = f"unknown key {key!r}", near_matches(key, model.model_fields)
+            found, expected = (
+                f"unknown key {key!r}",
+                near_matches(key, [f.alias or name for name, f in model.model_fields.items()]),
+            )
         elif first["type"] == "missing" and len(first["loc"]) == 1:
             found, expected = f"the key {key!r} is not there", f"{key} = ..."
         else:

@@ -24,6 +24,7 @@ stiffness = "0.12 N/mm"
 """
 
 
+PLAN = '[plan]\nfor = "stiffness@50degC"\nrate = "2 K/min"\n'
 AT = '[[ask]]\nat = ["50 degC", "323.15 kelvin"]\nunit = ["mN"]\n'
 
 
@@ -64,7 +65,7 @@ def test_steps_are_run_resumed_and_added(
     assert again.status == 2
     assert "--resume" in again.err
     # one condition can't be left out: this step fails, the others don't; a new question is answered
-    written(study, STUDY + '[[ask]]\nforce = "1 N"\n' + AT + '[compare]\npool = "campaign"\n')
+    written(study, STUDY + '[[ask]]\nforce = "1 N"\n' + AT + PLAN + '[compare]\npool = "campaign"\n')
     more = run("run", study, "--resume")
     assert more.status == 2
     found = document(folder)
@@ -72,11 +73,13 @@ def test_steps_are_run_resumed_and_added(
     assert found["exit_status"] == 2
     assert not found["converged"]
     assert {s["step"]: s["status"] for s in found["steps"]} == {
-        "fit": "done", "compare": "failed", "ask 1": "done", "ask 2": "done", "ask 3": "done"
+        "fit": "done", "compare": "failed", "plan": "done", "ask 1": "done", "ask 2": "done", "ask 3": "done"
     }  # fmt: skip
     told = json.loads((folder / "results" / "ask" / "3.json").read_text(encoding="utf-8"))
     assert told["schema"] == "sma-bayes/ask-at/1"
     assert told["answers"][0]["quantities"]["force"]["unit"] == "mN"
+    planned = json.loads((folder / "results" / "plan" / "plan.json").read_text(encoding="utf-8"))
+    assert (planned["asked"], planned["schema"]) == ("stiffness@50degC", "sma-bayes/plan/1")
     (failed,) = [s for s in found["steps"] if s["status"] == "failed"]
     assert "no two conditions" in failed["error"]
     assert "no two conditions" in more.out
@@ -140,6 +143,8 @@ def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], stud
         ('stiffness = "0.12 N/mm"', 'at = ["50 N"]', "unit 'N' of temperature is of the wrong kind"),
         ('stiffness = "0.12 N/mm"', 'at = ["-300 degC"]', "temperature '-300 degC' is none that can be"),
         ("[fit]", '[fit]\n[conditions]\nat = ["curent_A=2"]', "key 'conditions.at, entry 1'"),
+        ("[fit]", '[fit]\n[plan]\nfor = "stiffnes@60degC"', "did you mean 'stiffness'"),
+        ("[fit]", '[fit]\n[plan]\nfor = "parameters"\nsetup = "5 N"', "key 'plan.setup'"),
         ('campaign = "bench"', 'campaign = "bunch"', "there is no such file or folder"),
         ("jobs = 1", "job = 1", "did you mean 'jobs'"),
     ],

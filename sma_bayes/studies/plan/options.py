@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 from sma_bayes.errors import StudyError
 
 Scatter = Literal["none", "usual"]
+LONGEST: Final = 100_000.0
+"""Hours on the rig beyond which none is planned [h]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -48,7 +48,7 @@ from sma_bayes.studies.plan.candidates import (
 from sma_bayes.studies.plan.design import Expectations, best_design, even_design, nats_of
 from sma_bayes.studies.plan.information import ExpectedGain, Knowledge, PlanTarget
 from sma_bayes.studies.plan.listing import CANDIDATES, columns
-from sma_bayes.studies.plan.options import Options, Scatter
+from sma_bayes.studies.plan.options import LONGEST, Options, Scatter
 from sma_bayes.studies.plan.rivals import read_gap
 from sma_bayes.studies.plan.scatter import scatter_of
 from sma_bayes.studies.plan.schema import PlanFindings
@@ -56,9 +56,6 @@ from sma_bayes.studies.plan.telling_apart import planned_apart
 from sma_bayes.studies.plan.words import advice
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.sensitivity.quantities import QuantityDraws, quantities_of
-
-LONGEST: Final = 100_000.0
-"""Most hours."""
 
 
 def plan(

@@ -12,7 +12,7 @@ from sma_bayes.runs.schema import DocumentPart, Items, Number
 class StatedStep(DocumentPart):
     """A step of a study."""
 
-    step: str = Field(description="`fit`, `compare`, `gap`, `conditions`, `ask 1` and so on")
+    step: str = Field(description="`fit`, `compare`, `gap`, `conditions`, `plan`, `ask 1` and so on")
     summary: str | None = Field(
         description="its JSON file, below the folder of the study; null where it failed"
     )

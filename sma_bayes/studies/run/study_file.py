@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -16,6 +16,8 @@ from sma_bayes.records.toml_table import StrictTable, as_toml, checked, declared
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.studies.ask.workflow import PROBABILITY, TOLERANCE, WANTED
 from sma_bayes.studies.conditions.population import SCATTER
+from sma_bayes.studies.plan.asked import TELL_APART
+from sma_bayes.studies.plan.options import LONGEST, Scatter
 
 Figures = Literal["report", "all", "none"]
 
@@ -112,6 +114,27 @@ class ConditionsTable(DrawnTable):
     scatter: float = Field(default=SCATTER, gt=0.0, le=SCATTER_LIMIT.value)
 
 
+class PlanTable(DrawnTable):
+    """``[plan]``: the next measurement, as `plan` is asked for it.
+
+    It starts from ``[fit]``, or from ``[gap]`` where explanations are to be told apart.
+    """
+
+    asked: str = Field(alias="for")
+    hours: float | None = Field(default=None, gt=0.0, le=LONGEST)
+    candidates: str | None = None
+    condition: str | None = None
+    branch: Literal["heating", "cooling"] | None = None
+    rate: str | None = None
+    setup: str = "0 min"
+    scatter: Scatter = "none"
+
+    @property
+    def start(self) -> str:
+        """The step whose results it reads."""
+        return "gap" if self.asked.strip() == TELL_APART else "fit"
+
+
 class AskTable(StrictTable):
     """One ``[[ask]]``; values with their units, as `ask` takes them."""
 
@@ -143,6 +166,7 @@ _STEPS: Final[dict[str, type[DrawnTable]]] = {
     "compare": CompareTable,
     "gap": GapTable,
     "conditions": ConditionsTable,
+    "plan": PlanTable,
 }
 
 
@@ -158,8 +182,8 @@ class Study:
     seed : int
     jobs : int or None
     steps : mapping of str to mapping
-        Options of ``fit``, ``compare``, ``gap`` and ``conditions``, those of ``[study]`` filled in; a step that is not
-        there does not run.
+        Options of ``fit``, ``compare``, ``gap``, ``conditions`` and ``plan``, those of ``[study]`` filled in; a step
+        that is not there does not run.
     asks : tuple of mapping
         Arguments of each `ask`.
     strict : bool
@@ -200,14 +224,20 @@ def read_study(path: Path) -> Study:
     tables = {name: _table(document, name, path) for name in ("study", *_STEPS) if name in document}
     study = checked(StudyTable, tables.get("study", {}), file=path, where="study", kind=StudyError)
     asks = _asks(document.get("ask", []), path)
-    steps = {
-        name: _options(study, checked(model, tables[name], file=path, where=name, kind=StudyError), path)
+    declared = {
+        name: checked(model, tables[name], file=path, where=name, kind=StudyError)
         for name, model in _STEPS.items()
         if name in tables
     }
+    steps = {name: _options(study, table, path) for name, table in declared.items()}
     if not steps:
         raise StudyError("no step is declared", file=path, expected="at least one of [fit], [compare], [gap]")
-    _refuse_without_fit(steps, asks, path)
+    plan = declared.get("plan")
+    starts = {"conditions": "fit", "plan": plan.start if isinstance(plan, PlanTable) else "fit"}
+    needs = {name: start for name, start in starts.items() if name in steps} | (
+        {"ask": "fit"} if asks else {}
+    )
+    _refuse_without_start(steps, needs, path)
     if "conditions" in steps:
         own = tables["conditions"].get("model")
         chosen = AUTO_MODEL if steps["fit"]["model"] == AUTO_MODEL else None
@@ -226,17 +256,17 @@ def read_study(path: Path) -> Study:
     )
 
 
-def _refuse_without_fit(
-    steps: Mapping[str, Mapping[str, Any]], asks: Sequence[Mapping[str, Any]], path: Path
+def _refuse_without_start(
+    steps: Mapping[str, Mapping[str, Any]], needs: Mapping[str, str], path: Path
 ) -> None:
-    """Refuse what starts from a fit where there is none, or one that can't serve it."""
-    for name, there in (("conditions", "conditions" in steps), ("ask", bool(asks))):
-        if there and "fit" not in steps:
+    """Refuse what starts from another step where that is not there, or one that can't serve it."""
+    for name, start in needs.items():
+        if start not in steps:
             raise StudyError(
-                f"{name} without a fit",
+                f"{name} without a {start}",
                 file=path,
                 column=name,
-                expected="a [fit], from whose posteriors it starts",
+                expected=f"a [{start}], from whose results it starts",
             )
     if "conditions" in steps and steps["fit"]["pool"] != "none":
         raise StudyError(
@@ -276,4 +306,6 @@ def _options(study: StudyTable, table: DrawnTable, path: Path) -> dict[str, Any]
     priors = options.get("priors") or ""
     if priors.endswith(".toml") or Path(priors).name != priors:
         options["priors"] = str(path.parent / priors)
+    if options.get("candidates"):
+        options["candidates"] = str(path.parent / options["candidates"])
     return options

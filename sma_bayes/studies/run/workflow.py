@@ -1,4 +1,4 @@
-"""Running a whole study from one file: fit, comparison, gap, conditions and questions, each in its own folder."""
+"""Running a whole study from one file: fit, comparison, gap, conditions, plan and questions, each in its folder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sma_bayes.quantities import number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
 from sma_bayes.response.modified_sigmoid import channel_unit
-from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, STUDY, sealed
+from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, PLAN, STUDY, sealed
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.store import write_json
 from sma_bayes.studies.ask.workflow import AT_SCHEMA, OVERALL, WANTED, ask, asked_temperature, wanted_value
@@ -37,6 +37,9 @@ from sma_bayes.studies.options import (
     plan_with,
     prior_set,
 )
+from sma_bayes.studies.plan.asked import TELL_APART, parse_asked
+from sma_bayes.studies.plan.candidates import hours_of
+from sma_bayes.studies.plan.workflow import plan
 from sma_bayes.studies.run.schema import StatedStep, StudyDocument
 from sma_bayes.studies.run.study_file import Study, read_study
 
@@ -50,9 +53,10 @@ FOLDERS: Final = {
     "compare": "comparison",
     "gap": "gap",
     "conditions": "conditions",
+    "plan": "plan",
     "ask": "ask",
 }
-SUMMARIES: Final = {d.verb: d.file for d in (FIT, COMPARISON, GAP, CONDITIONS)}
+SUMMARIES: Final = {d.verb: d.file for d in (FIT, COMPARISON, GAP, CONDITIONS, PLAN)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +168,11 @@ def _check(study: Study) -> None:
     for number, text in enumerate(study.steps.get("conditions", {}).get("at", ()), start=1):
         with _place(study, f"conditions.at, entry {number}"):
             condition_at(text, specimen="stress_MPa" in text)
+    if "plan" in study.steps:
+        with _place(study, "plan.for"):
+            parse_asked(study.steps["plan"]["asked"])
+        with _place(study, "plan.setup"):
+            hours_of(study.steps["plan"]["setup"], "setup")
     for number, asked in enumerate(study.asks, start=1):
         for name in (*WANTED, "tolerance"):
             if asked[name] is not None:
@@ -223,6 +232,9 @@ def _steps(study: Study, campaign: Campaign, folder: Path, jobs: int | None, res
         elif kind == "conditions":
             needs = "fit"
             call = partial(study_conditions, fit, place, **given)
+        elif kind == "plan":
+            needs = "gap" if parse_asked(given["asked"]).name == TELL_APART else "fit"
+            call = partial(plan, folder / FOLDERS[needs], out=place, data=study.data, **given)
         else:
             call = partial({"compare": compare, "gap": study_gap}[kind], campaign, place, **given)
         steps.append(_Step(kind, kind, f"{FOLDERS[kind]}/{SUMMARIES[kind]}", needs, partial(_called, call)))
@@ -285,6 +297,8 @@ def _told(kind: str, found: Mapping[str, Any]) -> str:
     if kind == "conditions":
         counts = {"effects": "effects", "predictions": "predictions", "held_out": "left out"}
         return ", ".join(f"{len(found[key])} {what}" for key, what in counts.items())
+    if kind == "plan":
+        return f"{len(found['candidates'])} candidates for {found['asked']}"
     if found["schema"] == AT_SCHEMA:
         return f"{len(found['answers'])} records at {', '.join(found['at'])}"
     sure = sum(bool(a["within"]["intervals"]) for a in found["answers"])

@@ -75,6 +75,13 @@ def test_an_empty_table_runs_a_step_with_its_defaults(tmp_path: Path) -> None:
     assert list(study.steps) == ["gap"]
 
 
+def test_a_plan_to_tell_apart_starts_from_the_gap_and_finds_its_candidates(tmp_path: Path) -> None:
+    text = '[study]\ncampaign = "a"\nout = "b"\n[gap]\n[plan]\nfor = "tell-apart"\ncandidates = "c.toml"\n'
+    options = read_study(written(tmp_path, text)).steps["plan"]
+    assert (options["asked"], options["figures"], options["setup"]) == ("tell-apart", "report", "0 min")
+    assert options["candidates"] == str(tmp_path / "c.toml")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "column", "told"),
     [
@@ -96,6 +103,14 @@ def test_an_empty_table_runs_a_step_with_its_defaults(tmp_path: Path) -> None:
         ('at = ["current_A=2"]', 'pool = "none"', "conditions.pool", "known: "),
         ('noise = "student_t"', 'pool = "campaign"', "fit.pool", 'pool = "none" under [fit]'),
         ('branch = "heating"', 'branch = "up"', "ask 2.branch", "'heating' or 'cooling'"),
+        ("[[ask]]\nforce", "[plan]\nfro = 'parameters'\n[[ask]]\nforce", "plan.fro", "did you mean 'for'"),
+        ("[[ask]]\nforce", "[plan]\nhours = 2.0\n[[ask]]\nforce", "plan.for", "for = ..."),
+        (
+            "[[ask]]\nforce",
+            "[plan]\nfor = 'parameters'\nhours = 0.0\n[[ask]]\nforce",
+            "plan.hours",
+            "greater than 0",
+        ),
         ("[[ask]]\nforce", "[fit2]\nforce", "fit2", "did you mean 'fit'"),
     ],
 )
@@ -116,6 +131,8 @@ def test_each_mistake_is_told_with_file_and_key(
     [
         ('[study]\ncampaign = "a"\nout = "b"\n', "no step is declared"),
         ('[study]\ncampaign = "a"\nout = "b"\n[gap]\n[[ask]]\nforce = "1 N"\n', "ask without a fit"),
+        ('[study]\ncampaign = "a"\nout = "b"\n[gap]\n[plan]\nfor = "parameters"\n', "plan without a fit"),
+        ('[study]\ncampaign = "a"\nout = "b"\n[fit]\n[plan]\nfor = "tell-apart"\n', "plan without a gap"),
         (
             '[study]\ncampaign = "a"\nout = "b"\n[fit]\n[ask]\nforce = "1 N"\n',
             r"each begins with \[\[ask\]\]",
