@@ -34,7 +34,7 @@ from sma_bayes.studies.plan.apart import Explanation, Prospect, alone_with, chan
 from sma_bayes.studies.plan.asked import parse_asked
 from sma_bayes.studies.plan.candidates import CandidateExperiment
 from sma_bayes.studies.plan.information import Knowledge, PlannedSweep, PlanTarget
-from sma_bayes.studies.plan.rivals import THRESHOLD, Rivals, conditions_of, fitted_rivals, read_gap
+from sma_bayes.studies.plan.rivals import THRESHOLD, RivalExplanations, conditions_of, fitted_rivals, read_gap
 from sma_bayes.studies.plan.scatter import scatter_of
 from sma_bayes.studies.plan.telling_apart import settings_of_campaign
 from sma_bayes.studies.sensitivity.quantities import QuantityDraws
@@ -155,7 +155,9 @@ def with_new(
     return fit_hypothesis(both, fitted.z, (*fitted.noise, *noise_there(fitted, history, new, blocks)))
 
 
-def trial(rivals: Rivals, pair: tuple[int, int], candidate: CandidateExperiment, seed: int) -> Trial:
+def trial(
+    rivals: RivalExplanations, pair: tuple[int, int], candidate: CandidateExperiment, seed: int
+) -> Trial:
     """Draw a truth from the first of a pair, simulate, and fit both again."""
     rng = np.random.default_rng(seed)
     true, rival = (rivals.explanations[i] for i in pair)
@@ -187,7 +189,9 @@ def brier(trials: Sequence[Trial]) -> tuple[float, float]:
     return float(np.mean((p - reached) ** 2)), float(np.mean(p * (1.0 - p)))
 
 
-def experiments_of(rivals: Rivals, rng: np.random.Generator, count: int) -> list[CandidateExperiment]:
+def experiments_of(
+    rivals: RivalExplanations, rng: np.random.Generator, count: int
+) -> list[CandidateExperiment]:
     """Experiments drawn at random about what the campaign did: rates, peaks, loads, cycles, samples."""
     settings = settings_of_campaign(rivals.campaign.records)
     out = []

@@ -37,7 +37,7 @@ THRESHOLD: Final = APART
 
 
 @dataclass(frozen=True, eq=False)
-class Rivals:
+class RivalExplanations:
     """Explanations of a gap.
 
     Attributes
@@ -100,7 +100,7 @@ def read_gap(folder: Path, data: Path | None = None) -> tuple[GapDocument, Campa
     return found, comparable(campaign).campaign
 
 
-def fitted_rivals(found: GapDocument, campaign: Campaign, priors_file: Path, seed: int) -> Rivals:
+def fitted_rivals(found: GapDocument, campaign: Campaign, priors_file: Path, seed: int) -> RivalExplanations:
     """Fit the explanations of a gap study again.
 
     Parameters
@@ -139,7 +139,7 @@ def fitted_rivals(found: GapDocument, campaign: Campaign, priors_file: Path, see
                 "it is seen at a lesser mode"
             )
     pairs = tuple((0, i) for i in range(1, len(explanations)))
-    return Rivals(found, campaign, tuple(explanations), pairs, tuple(remarks))
+    return RivalExplanations(found, campaign, tuple(explanations), pairs, tuple(remarks))
 
 
 def _base(found: GapDocument, campaign: Campaign, priors_file: Path) -> FittedHypothesis:
@@ -208,6 +208,6 @@ def _ranked(found: GapDocument, number: int) -> list[str]:
     return [c.id for c in sorted(usable, key=lambda c: -(c.ln_bayes_factor or 0.0))]
 
 
-def conditions_of(rivals: Rivals) -> Sequence[str]:
+def conditions_of(rivals: RivalExplanations) -> Sequence[str]:
     """Ids of the conditions, in the order of the histories."""
     return [h.condition.id for h in rivals.explanations[0].fitted.hypothesis.histories]

@@ -30,7 +30,7 @@ from sma_bayes.studies.plan.candidates import (
 )
 from sma_bayes.studies.plan.listing import CANDIDATES, columns
 from sma_bayes.studies.plan.options import Options
-from sma_bayes.studies.plan.rivals import THRESHOLD, Rivals, conditions_of, fitted_rivals
+from sma_bayes.studies.plan.rivals import THRESHOLD, RivalExplanations, conditions_of, fitted_rivals
 from sma_bayes.studies.plan.schema import PlanFindings
 from sma_bayes.studies.plan.words import advice
 from sma_bayes.studies.run_context import RunContext
@@ -136,7 +136,7 @@ def settings_of_campaign(records: Sequence[Record]) -> dict[str, Setting]:
     return {name: Setting.of([r for r in records if r.condition.id == name]) for name in names}
 
 
-def discriminations(rivals: Rivals, candidate: CandidateExperiment) -> list[Discrimination]:
+def discriminations(rivals: RivalExplanations, candidate: CandidateExperiment) -> list[Discrimination]:
     """How well a candidate tells each pair apart."""
     history = list(conditions_of(rivals)).index(candidate.condition)
     like = rivals.explanations[0].fitted.hypothesis.histories[history]
@@ -177,7 +177,7 @@ def without_needless(judged: Sequence[Judged], settings: Mapping[str, Setting]) 
     ]
 
 
-def _apart(rivals: Rivals, pair: tuple[int, int]) -> bool:
+def _apart(rivals: RivalExplanations, pair: tuple[int, int]) -> bool:
     return abs(rivals.ln_bayes_factor(*pair)) >= THRESHOLD
 
 
@@ -228,7 +228,7 @@ def _candidate(
     rank: int,
     c: CandidateExperiment,
     told: Sequence[Discrimination],
-    rivals: Rivals,
+    rivals: RivalExplanations,
     probability: float,
     hours: float | None,
     settings: Mapping[str, Setting],
