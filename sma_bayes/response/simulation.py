@@ -66,3 +66,11 @@ class Simulation:
         if self.thermal is not None:
             out |= self.thermal.predict(theta[..., -len(self.thermal.parameter_names) :], inputs)
         return out
+
+    def curves(self, theta: Floats, temperature: Floats, branch: float) -> dict[str, Floats]:
+        """Mechanical channels on a branch, 1 heating or -1 cooling, at given temperatures (n,); shape (..., n)."""
+        if self.mechanical is None:
+            return {}
+        count = 2 * len(self.mechanical.model.parameter_names)
+        inputs = {"temperature": temperature, "branch": np.full(temperature.shape, branch)}
+        return self.mechanical.predict(np.asarray(theta, dtype=float)[..., :count], inputs)

@@ -12,7 +12,7 @@ import pytest
 from sma_bayes import study_gap
 from sma_bayes.effects import EFFECTS
 from sma_bayes.records.campaign import read_campaign
-from sma_bayes.studies.gap import study
+from sma_bayes.studies.gap import name, study
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 THRESHOLDS = {
@@ -20,7 +20,8 @@ THRESHOLDS = {
     "ln_bayes_factor": study.WORTH,
     "ln_bayes_factor_apart": study.APART,
     "unexplained_share": pytest.approx(1.0 - study.CARRIED),
-    "share_beside": study.CARRIED_BESIDE,
+    "share_beside": name.CARRIED_BESIDE,
+    "share_beyond_shape": name.BEYOND,
     "ln_bayes_factor_shape": study.MISSHAPEN,
     "further_share": study.FURTHER,
 }

@@ -15,10 +15,18 @@ from sma_bayes.records.history import History
 from sma_bayes.studies.gap.cautions import cautions
 from sma_bayes.studies.gap.close import NOISE_ALONE, Gap
 from sma_bayes.studies.gap.fitting import FittedHypothesis, nearest
-from sma_bayes.studies.gap.flexible import TermEvidence
+from sma_bayes.studies.gap.flexible import FlexibleTerms, TermEvidence, worth_of
 from sma_bayes.studies.gap.heating import heat_parameters
 from sma_bayes.studies.gap.locate import Disagreement
-from sma_bayes.studies.gap.name import MISSHAPEN, WORTH, Candidate, EvidenceBeside
+from sma_bayes.studies.gap.name import (
+    BEYOND,
+    CARRIED_BESIDE,
+    MISSHAPEN,
+    WORTH,
+    Candidate,
+    EvidenceBeside,
+    share_of,
+)
 from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, scatter
 from sma_bayes.studies.gap.outcome import GapOutcome, added, judgement, named_channels, probability
 from sma_bayes.studies.gap.periodic import FrequencyBand, Spectra
@@ -32,6 +40,7 @@ from sma_bayes.studies.gap.schema import (
     JudgedCandidate,
     RefittedCandidate,
     RemainderBeside,
+    ShapeEvidence,
     StatedBand,
     StatedChannelGap,
     StatedDisagreement,
@@ -49,7 +58,6 @@ from sma_bayes.studies.gap.schema import (
 from sma_bayes.studies.gap.study import (
     APART,
     CARRIED,
-    CARRIED_BESIDE,
     FURTHER,
     SIGNIFICANT,
     GapStudy,
@@ -67,6 +75,7 @@ THRESHOLDS: Final = GapThresholds(
     ln_bayes_factor_apart=APART,
     unexplained_share=round(1.0 - CARRIED, 6),
     share_beside=CARRIED_BESIDE,
+    share_beyond_shape=BEYOND,
     ln_bayes_factor_shape=MISSHAPEN,
     further_share=FURTHER,
 )
@@ -226,6 +235,8 @@ def _effect(outcome: GapOutcome, effect: Effect) -> AddedEffect:
         ln_bayes_factor_beside=None if beside is None else beside.over,
         share=None if beside is None else beside.carried,
         shape_apart=beside is not None and beside.shape_apart,
+        ln_bayes_factor_beyond_shape=None if beside is None else beside.beyond_shape,
+        one_stage=chosen.one_stage,
         remainder=None if beside is None else _remainder(beside),
         parameters=_parameters(outcome, effect),
         next_experiment=None if experiment is None else str(experiment),
@@ -324,8 +335,22 @@ def _round(step: Step) -> StatedRound:
                 guard_covariate=c.guard_covariate,
                 ln_bayes_factor_beside=None if c.beside is None else c.beside.over,
                 share=None if c.beside is None else c.beside.carried,
+                ln_bayes_factor_beyond_shape=None if c.beside is None else c.beside.beyond_shape,
+                one_stage=c.one_stage,
             )
             for c in step.candidates
             if c.fitted is not None
         ),
+        shape=_shape(step.flexible),
+    )
+
+
+def _shape(found: FlexibleTerms | None) -> ShapeEvidence | None:
+    """What the shape of the curve is worth, where there was something to explain and a curve."""
+    if found is None or not found.curved:
+        return None
+    return ShapeEvidence(
+        ln_bayes_factor=found.shape,
+        share=share_of(found.shape, worth_of(found.beyond)),
+        beyond=None if found.beyond is None else _flexible(found.beyond),
     )

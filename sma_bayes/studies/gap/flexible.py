@@ -23,6 +23,7 @@ from scipy.special import logsumexp
 from sma_bayes.arrays import Floats
 from sma_bayes.records.history import sweep_rate
 from sma_bayes.studies.gap.fitting import FittedHypothesis
+from sma_bayes.studies.gap.free_shape import free_curves
 from sma_bayes.studies.gap.noise import ChannelBlock
 from sma_bayes.studies.gap.splines import (
     bspline_basis,
@@ -128,25 +129,48 @@ def gains(fitted: FittedHypothesis, terms: Sequence[Term]) -> list[TermEvidence]
     return out
 
 
-def beyond_shape(fitted: FittedHypothesis, terms: Sequence[Term]) -> FittedHypothesis:
-    """The same fit with the shape of every curve free: a smooth function of temperature on each branch and channel.
+def shape_terms(fitted: FittedHypothesis) -> tuple[list[Term], list[Term]]:
+    """Terms that let the curves bend inside the effects, one a channel: with all splines, and with few."""
+    sizes = {c: _noise(fitted, c) for c in _mechanical(fitted)}
+    found = free_curves(fitted, sizes) if sizes else {}
+    fine, coarse = ([Term(SHAPE, c, of[i]) for c, of in found.items()] for i in (0, 1))
+    return fine, coarse
+
+
+def beyond_shape(fitted: FittedHypothesis, shape: Sequence[Term]) -> tuple[FittedHypothesis, float]:
+    """The same fit with the shape of every curve free, and its log evidence then.
 
     What terms and effects bring to it is not what the curve of a specimen has by being no sigmoid, the same in every
-    cycle and condition.
+    cycle and condition. The prior of a coefficient is as wide as the channel covers: freedom costs the same with an
+    effect and without, so it is no matter how much of a curve an effect could have explained by itself.
+
+    Parameters
+    ----------
+    fitted : FittedHypothesis
+    shape : sequence of Term
+        As of `shape_terms`.
     """
-    parts = [
-        term.columns[:, np.any(term.columns != 0.0, axis=0)]
-        for term in terms
-        if term.covariate == SHAPE and term.channel in fitted.hypothesis.channels
-    ]
-    columns = fitted.whiten(np.concatenate(parts, axis=1).T).T
+    if not shape:
+        return fitted, fitted.ln_evidence
+    columns = fitted.whiten(np.concatenate([t.columns for t in shape], axis=1).T).T
+    held = np.concatenate([np.full(t.columns.shape[1], _loose(fitted, t.channel)) for t in shape])
     free = fitted.jacobian.shape[1]
     jacobian = np.concatenate([fitted.jacobian, columns], axis=1)
     precision = jacobian.T @ jacobian
     precision[:free, :free] = fitted.precision
-    loose = 1e-9 * float(np.max(np.diag(precision)[free:]))
-    precision[np.arange(free, len(precision)), np.arange(free, len(precision))] += loose
-    return replace(fitted, jacobian=jacobian, precision=precision)
+    place = np.arange(free, len(precision))
+    precision[place, place] += held
+    a, b = columns.T @ fitted.project_out(columns), columns.T @ fitted.left
+    a[np.diag_indices_from(a)] += held
+    volume = np.linalg.slogdet(a)[1] - float(np.sum(np.log(held)))
+    value = fitted.ln_evidence + 0.5 * float(b @ np.linalg.solve(a, b)) - 0.5 * float(volume)
+    return replace(fitted, jacobian=jacobian, precision=precision), value
+
+
+def _loose(fitted: FittedHypothesis, channel: str) -> float:
+    """Precision of the coefficient of a spline whose prior is as wide as its channel covers."""
+    span = fitted.hypothesis.scales.span.get(channel, 0.0)
+    return float((_noise(fitted, channel) / max(span, 1e-300)) ** 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,26 +185,35 @@ class FlexibleTerms:
         Log Bayes factor of a curve that is free to have any shape: in every channel by itself, or in all together.
     beyond : TermEvidence or None
         The best on top of that.
+    free : float
+        Log evidence of the model with all curves free, up to a constant; see `beyond_shape`.
+    curved : bool
+        Whether there is a curve that could have another shape; a heat balance has none.
     """
 
     best: TermEvidence | None
     shape: float
     beyond: TermEvidence | None
+    free: float
+    curved: bool = True
 
 
 def offer(fitted: FittedHypothesis, found: Sequence[TermEvidence] = ()) -> FlexibleTerms:
     """What flexible terms bring to a fitted model; `found`, if that is known already for it as it is."""
     terms = [g.term for g in found] or terms_of(fitted)
     found = found or gains(fitted, terms)
-    channels = [c for c in fitted.hypothesis.channels if c != "temperature"]
-    if not channels:  # a heat balance has no curve whose shape may be another
-        return FlexibleTerms(_best(found), 0.0, _best(found))
-    shapes = [g for g in found if g.term.covariate == SHAPE]
-    alone = sum(worth_of(_best([g for g in shapes if g.term.channel == c])) for c in channels)
-    together = worth_of(_best([g for g in shapes if g.term.channel not in channels]))
-    shape = max(alone, together)
+    fine, coarse = shape_terms(fitted)
+    free, evidence = beyond_shape(fitted, fine)
+    if not fine:
+        return FlexibleTerms(_best(found), 0.0, _best(found), evidence, curved=False)
+    shapes = [*gains(fitted, [*fine, *coarse]), *(g for g in found if g.term.covariate == SHAPE)]
+    channels = {t.channel for t in fine}
+    apart = sum(worth_of(_best([g for g in shapes if g.term.channel == c])) for c in channels)
+    joint = [g for g in shapes if g.term.channel not in channels]
     others = [t for t in terms if t.covariate != SHAPE]
-    return FlexibleTerms(_best(found), shape, _best(gains(beyond_shape(fitted, terms), others)))
+    return FlexibleTerms(
+        _best(found), max(apart, worth_of(_best(joint))), _best(gains(free, others)), evidence
+    )
 
 
 def _best(found: Sequence[TermEvidence]) -> TermEvidence | None:
@@ -202,17 +235,26 @@ def terms_of(fitted: FittedHypothesis) -> list[Term]:
     for channel in fitted.hypothesis.channels:
         blocks = [b for b in fitted.blocks if b.channel == channel]
         v = _covariates(fitted, channel)
-        size = np.concatenate([np.full(b.first.size, _noise(fitted, b)) for b in blocks])
+        size = _noise(fitted, channel)
         rows = np.concatenate([np.arange(b.at.start, b.at.stop) for b in blocks])
         for name, columns in _columns(v):
             whole = np.zeros((fitted.whitened.size, columns.shape[1]))
-            whole[rows] = columns * size[:, None]
+            whole[rows] = columns * size
             out.append(Term(name, channel, whole))
     return out + _joint_terms(fitted)
 
 
-def _noise(fitted: FittedHypothesis, block: ChannelBlock) -> float:
-    return fitted.noise[fitted.blocks.index(block)].sd
+def _mechanical(fitted: FittedHypothesis) -> list[str]:
+    return [c for c in fitted.hypothesis.channels if c != "temperature"]
+
+
+def _noise(fitted: FittedHypothesis, channel: str) -> float:
+    """Standard deviation of the noise of a channel, the root mean square over all histories.
+
+    One for all, so that what is common to all histories stays so.
+    """
+    own = [n.sd for b, n in zip(fitted.blocks, fitted.noise, strict=True) if b.channel == channel]
+    return float(np.sqrt(np.mean(np.square(own))))
 
 
 def _covariates(fitted: FittedHypothesis, channel: str) -> dict[str, Floats]:
@@ -241,7 +283,7 @@ def _covariates(fitted: FittedHypothesis, channel: str) -> dict[str, Floats]:
 
 def _joint_terms(fitted: FittedHypothesis) -> list[Term]:
     """Terms that act on force, displacement and stiffness together."""
-    channels = [c for c in fitted.hypothesis.channels if c != "temperature"]
+    channels = _mechanical(fitted)
     if len(channels) < 2:
         return []
     columns = _columns(_covariates(fitted, ""))
@@ -252,7 +294,7 @@ def _joint_terms(fitted: FittedHypothesis) -> list[Term]:
             slopes[block], spans[block] = _leverage(fitted, block)
     out = []
     for label, leverage in (("temperature shift", slopes), ("share transformed", spans)):
-        greatest = max(float(np.max(np.abs(v))) / _noise(fitted, b) for b, v in leverage.items())
+        greatest = max(float(np.max(np.abs(v))) / _noise(fitted, b.channel) for b, v in leverage.items())
         for name, basis in columns:
             if name in ALONE or (leverage is spans and name != "temperature"):
                 continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,6 +23,8 @@ from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.response.simulation import Simulation
 
 Positions = NDArray[np.intp]
+Bend = Callable[[Mapping[str, Floats], Mapping[str, Floats]], dict[str, Floats]]
+"""Channels of a simulation and the inputs that they were predicted for, to channels of other curves."""
 
 SHIFT = 0.2
 """Shift of a switching by which what it moves is found, in steps of the record."""
@@ -74,7 +76,11 @@ class Hypothesis:
         return np.concatenate([self.layout[history], np.arange(self._base, len(self.space.parameters))])
 
     def predict(
-        self, theta: Floats, history: int, inputs: Mapping[str, Floats] | None = None
+        self,
+        theta: Floats,
+        history: int,
+        inputs: Mapping[str, Floats] | None = None,
+        bend: Bend | None = None,
     ) -> dict[str, Floats]:
         """Response of each channel along a history.
 
@@ -84,6 +90,8 @@ class Hypothesis:
         history : int
         inputs : mapping of str to ndarray, optional
             In place of those of the history.
+        bend : callable, optional
+            Alters the curves of the simulation; the effects act on what comes of it.
 
         Returns
         -------
@@ -95,7 +103,8 @@ class Hypothesis:
         base = theta[..., self.layout[history]]
 
         def response(given: Mapping[str, Floats]) -> dict[str, Floats]:
-            return self.simulation.predict(base, given)
+            out = self.simulation.predict(base, given)
+            return out if bend is None else bend(out, given)
 
         at = self.effect_positions
         whole = with_effects(response, [(e, theta[..., at[e.id]]) for e in self.effects])

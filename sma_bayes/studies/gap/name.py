@@ -4,9 +4,11 @@ Every effect of the catalogue that the data can test is first screened: its sign
 less what the model's parameters absorb, is laid over the residuals. Those that come near the best are refitted in
 full, with all parameters and the noise anew, and judged by the evidence.
 
-Two guards stand against false names. An effect must be worth more than flexible terms that contain most of its
-signature, or, with a flexible term on top of it, more than flexible terms are without it (`EvidenceBeside`). And the
-noise keeps its memory throughout, so slow residuals do not count as often as they were sampled.
+Three guards stand against false names. An effect must be worth more than flexible terms that contain most of its
+signature, or, with a flexible term on top of it, more than flexible terms are without it (`EvidenceBeside`). It must be
+worth more than the shapes that the curve of one stage can have, or explain what no curve of any shape does, the same in
+every sweep and condition: no specimen is a sigmoid, and an effect that only bends its curve is no cause. And the noise
+keeps its memory throughout, so slow residuals do not count as often as they were sampled.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from sma_bayes.studies.gap.finite import STRONG, gained_in_steps
 from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by, fit_hypothesis, stacked
 from sma_bayes.studies.gap.flexible import FlexibleTerms, TermEvidence, offer, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis
-from sma_bayes.studies.gap.one_stage import claims_a_stage, worth_of_one_stage
+from sma_bayes.studies.gap.one_stage import OneStageShapes, claims_a_stage
 from sma_bayes.studies.gap.scatter import lay_together, members_of
 
 SIZES = {True: (0.001, 0.1, 0.5, 0.9), False: (0.25, 0.75)}
@@ -41,6 +43,10 @@ NEGLIGIBLE = 0.02
 """Share of the best screened gain below which an effect is not worth the steps of a fit."""
 WORTH = 3.0
 """Least ln Bayes factor of an effect that is added, and of one that is kept."""
+CARRIED_BESIDE = 0.85
+"""Share that an effect must carry of what it and a flexible term on top of it explain, to get in beside such a term."""
+BEYOND = 0.2
+"""Share of what an effect explains that must lie beyond any shape of the curve: less may be the form of a shape."""
 MISSHAPEN = 20.0
 """Log Bayes factor from which on a curve surely has another shape than the model's."""
 BELIEVABLE = 0.999
@@ -100,7 +106,8 @@ class EvidenceBeside:
     Attributes
     ----------
     over : float
-        Log Bayes factor of the effect with the best flexible term on top of it, over the best flexible term alone.
+        Log Bayes factor of the effect with the best flexible term on top of it, over the best flexible term alone; the
+        greater one of with the shape of the curve and beside it, where that is told apart.
     carried : float
         Share that the effect has in what the two explain together.
     remainder : TermEvidence or None
@@ -108,7 +115,11 @@ class EvidenceBeside:
     on_top : float
         Log Bayes factor of the best term on top of it, the shape of the curve included; 0 where none pays for itself.
     shape_apart : bool
-        Whether all this is beside a curve that is free to have any shape, the same in every cycle and condition.
+        Whether the share is that beside a curve that is free to have any shape, the same in every cycle and condition.
+    beyond_shape : float
+        Log Bayes factor of the effect where the curve is free to have any shape, with the effect as without.
+    carried_beyond : float
+        Share that the effect has in what it and the best flexible term on top of it explain beside such a curve.
     """
 
     over: float
@@ -116,6 +127,8 @@ class EvidenceBeside:
     remainder: TermEvidence | None
     on_top: float
     shape_apart: bool
+    beyond_shape: float = np.inf
+    carried_beyond: float = 1.0
 
     @staticmethod
     def of(gained: float, with_it: FlexibleTerms, without: FlexibleTerms) -> EvidenceBeside:
@@ -129,20 +142,36 @@ class EvidenceBeside:
             What flexible terms bring to the model with it and without.
         """
         on_top = worth_of(with_it.best)
-        plain = EvidenceBeside(
-            gained + on_top - worth_of(without.best), share_of(gained, on_top), with_it.best, on_top, False
-        )
-        own, rest = gained + with_it.shape - without.shape, worth_of(with_it.beyond)
-        apart = EvidenceBeside(
-            own + rest - worth_of(without.beyond), share_of(own, rest), with_it.beyond, on_top, True
-        )
-        better = with_it.shape >= MISSHAPEN and apart.over >= WORTH and apart.carried > plain.carried
-        return apart if better else plain
+        own, rest = with_it.free - without.free, worth_of(with_it.beyond)
+        over, share = own + rest - worth_of(without.beyond), share_of(own, rest)
+        over_plain, share_plain = gained + on_top - worth_of(without.best), share_of(gained, on_top)
+        if with_it.shape >= MISSHAPEN and max(over, over_plain) >= WORTH and share > share_plain:
+            return EvidenceBeside(max(over, over_plain), share, with_it.beyond, on_top, True, own, share)
+        return EvidenceBeside(over_plain, share_plain, with_it.best, on_top, False, own, share)
 
 
 def share_of(explained: float, rest: float) -> float:
     """Share of what effects explain in that and the rest, both logarithms of Bayes factors."""
     return explained / (explained + max(rest, 0.0)) if explained > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rivals:
+    """What an effect has to be worth more than, in a model as it is.
+
+    Attributes
+    ----------
+    terms : FlexibleTerms
+    shapes : OneStageShapes
+    """
+
+    terms: FlexibleTerms
+    shapes: OneStageShapes
+
+    @staticmethod
+    def of(fitted: FittedHypothesis, flexible: Sequence[TermEvidence] = ()) -> Rivals:
+        """Rivals in a fitted model; `flexible`, if what such terms bring is known already."""
+        return Rivals(offer(fitted, flexible), OneStageShapes(fitted))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,7 +194,8 @@ class Candidate:
     untestable : str
         Why the data can't test it; empty where they can.
     one_stage : float
-        Log Bayes factor of a richer shape of one stage, for an effect that claims a further one.
+        Log Bayes factor of the best shape that a curve of one stage can have, for an effect that hangs on it; -inf for
+        others.
     """
 
     effect: Effect
@@ -181,6 +211,28 @@ class Candidate:
     def plausible(self) -> bool:
         """Whether its numbers, but for its size, are those of the mechanism; see `is_plausible`."""
         return self.fitted is None or is_plausible(self.fitted.hypothesis, self.fitted.z)
+
+    @property
+    def beats_flexible(self) -> bool:
+        """Whether it is worth more than flexible terms in its place, or beside them and carries most by itself."""
+        found = self.beside
+        beside = found is not None and found.over >= WORTH and found.carried >= CARRIED_BESIDE
+        return self.ln_bayes_factor >= WORTH and (self.ln_bayes_factor > self.guard or beside)
+
+    @property
+    def beyond_shape(self) -> bool:
+        """Whether it explains what no curve does that is the same in every sweep and condition, and most of that."""
+        found, least = self.beside, max(WORTH, BEYOND * self.ln_bayes_factor)
+        return found is None or (found.beyond_shape >= least and found.carried_beyond >= CARRIED_BESIDE)
+
+    @property
+    def beats_shape(self) -> bool:
+        """Whether it is worth more than the shapes of one stage, or explains what lies beyond any shape.
+
+        An effect that claims a stage of its own has to be worth more than those of one.
+        """
+        more = self.ln_bayes_factor >= self.one_stage + WORTH
+        return more or (self.beyond_shape and not claims_a_stage(self.effect))
 
     @property
     def weight(self) -> float:
@@ -208,8 +260,8 @@ def candidates(
     fitted: FittedHypothesis,
     screened: Sequence[Screened],
     flexible: Sequence[TermEvidence],
+    rivals: Rivals | None,
     *,
-    refit: bool,
     most: int = REFITTED,
     steps: bool = True,
 ) -> list[Candidate]:
@@ -223,8 +275,8 @@ def candidates(
         Greatest gain first.
     flexible : sequence of TermEvidence
         What flexible terms would bring to the same model.
-    refit : bool
-        Without it they are judged by the screening alone, which is enough where there is nothing to explain.
+    rivals : Rivals or None
+        Without them effects are judged by the screening alone, which is enough where there is nothing to explain.
     most : int
         How many are refitted, at most.
     steps : bool
@@ -235,17 +287,16 @@ def candidates(
     list of Candidate
         Best first.
     """
-    if refit and steps and flexible and flexible[0].ln_bayes_factor >= STRONG:
+    if rivals is not None and steps and flexible and flexible[0].ln_bayes_factor >= STRONG:
         screened = _in_steps(fitted, screened)
     out: list[Candidate] = []
-    without = offer(fitted, flexible) if refit else None
     best = _best_law(fitted, screened)
     for place, s in enumerate(screened):
-        if not refit or place >= most or s.gain < best - max(NEAR, FAR_BELOW * best):
+        if rivals is None or place >= most or s.gain < best - max(NEAR, FAR_BELOW * best):
             out.append(Candidate(s.effect, None, s.ln_bayes_factor))
             continue
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
-        out.append(judged(fitted, found, s, flexible, without))
+        out.append(judged(fitted, found, s, flexible, rivals))
     return sorted(out, key=lambda c: -c.ln_bayes_factor)
 
 
@@ -276,9 +327,9 @@ def judged(
     extended: FittedHypothesis,
     screened: Screened,
     flexible: Sequence[TermEvidence],
-    without: FlexibleTerms | None,
+    rivals: Rivals,
 ) -> Candidate:
-    """Weigh an effect against flexible terms, and beside them.
+    """Weigh an effect against flexible terms and shapes of the curve, and beside them.
 
     Parameters
     ----------
@@ -288,14 +339,17 @@ def judged(
         The effect over the grid of its parameters.
     flexible : sequence of TermEvidence
         What flexible terms bring to the model.
-    without : FlexibleTerms or None
-        The best of that; None where the effect is not to be weighed beside them.
+    rivals : Rivals
+        The best of that, and shapes.
     """
     guard, covariate = flexible_alternative(signature_at_mode(fitted, extended), flexible, screened)
     gained = extended.ln_evidence - fitted.ln_evidence
-    beside = EvidenceBeside.of(gained, offer(extended), without) if without and gained >= WORTH else None
-    shape = worth_of_one_stage(fitted) if claims_a_stage(screened.effect) else -np.inf
-    return Candidate(screened.effect, extended, gained, guard, covariate, beside, one_stage=shape)
+    beside = EvidenceBeside.of(gained, offer(extended), rivals.terms) if gained >= WORTH else None
+    found = Candidate(screened.effect, extended, gained, guard, covariate, beside)
+    hangs_on_shape = claims_a_stage(screened.effect) or not found.beyond_shape
+    if not (hangs_on_shape and found.plausible and found.beats_flexible):
+        return found
+    return replace(found, one_stage=rivals.shapes.worth(gained - WORTH))
 
 
 def screen(fitted: FittedHypothesis, effect: Effect) -> Screened:

@@ -24,7 +24,7 @@ from sma_bayes.studies.gap.density import sample_hypothesis
 from sma_bayes.studies.gap.experiments import ProposedExperiment, next_experiment
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.heating import study_heating
-from sma_bayes.studies.gap.name import WORTH, Candidate
+from sma_bayes.studies.gap.name import CARRIED_BESIDE, WORTH, Candidate
 from sma_bayes.studies.gap.schema import NamedChannel, Status
 from sma_bayes.studies.gap.study import (
     APART,
@@ -255,16 +255,16 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
         return "rejected", f"ln Bayes factor {candidate.ln_bayes_factor:.1f}, below {WORTH:g}"
     if not candidate.plausible:
         return "rejected", "it fits only with numbers that the mechanism cannot have"
-    if candidate.ln_bayes_factor < candidate.one_stage + WORTH:
-        return "rejected", (
-            f"one stage of another shape explains as much (ln Bayes factor {candidate.one_stage:.1f} against "
-            f"{candidate.ln_bayes_factor:.1f}); --model offers richer ones"
-        )
-    if not is_worthy(candidate):
+    if not candidate.beats_flexible:
         return "rejected", (
             f"a meaningless smooth function of {_called(study, candidate.guard_covariate)} explains more "
             f"(ln Bayes factor {candidate.guard:.1f} against {candidate.ln_bayes_factor:.1f}), "
             f"{_beside_text(study, candidate)}"
+        )
+    if not candidate.beats_shape:
+        return "rejected", (
+            f"one stage of another shape explains as much (ln Bayes factor {candidate.one_stage:.1f} against "
+            f"{candidate.ln_bayes_factor:.1f}){_beyond_text(candidate)}; --model offers richer ones"
         )
     return "rejected", "another effect explains more, and once that is added this one is not needed"
 
@@ -277,6 +277,22 @@ def _beside_text(study: GapStudy, candidate: Candidate) -> str:
     return (
         f"and the effect carries no more than {100.0 * beside.carried:.0f} % of what it explains together with a "
         f"function of {_called(study, beside.remainder.term.covariate)}"
+    )
+
+
+def _beyond_text(candidate: Candidate) -> str:
+    """What an effect explains beside a curve of any shape."""
+    beside = candidate.beside
+    if beside is None or candidate.beyond_shape:
+        return ""
+    if beside.carried_beyond >= CARRIED_BESIDE or beside.beyond_shape < WORTH:
+        return (
+            ", and of that only a ln Bayes factor of "
+            f"{beside.beyond_shape:.1f} lies beyond a curve of any shape, the same in every sweep and condition"
+        )
+    return (
+        ", and beside a curve of any shape it carries no more than "
+        f"{100.0 * beside.carried_beyond:.0f} % of what can be explained"
     )
 
 

@@ -14,7 +14,14 @@ from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.studies.gap.outcome import HEATING
 from sma_bayes.studies.gap.outputs import StoredStudy
 from sma_bayes.studies.gap.schema import GapFindings, GapOfModel, StatedGap
-from sma_bayes.studies.gap.words import channel_text, covariate_text, p_text, periodic_text, remainder_text
+from sma_bayes.studies.gap.words import (
+    channel_text,
+    covariate_text,
+    p_text,
+    periodic_text,
+    remainder_text,
+    shape_text,
+)
 
 
 def write_gap_report(
@@ -46,6 +53,7 @@ def write_gap_report(
         share=share_text(found.gap),
         place=place_text(found),
         remainder=remainder_text(found),
+        shape=shape_text(found),
         folds=fold_texts(found.gap),
         periodic=[periodic_text(found.channels, line) for line in found.periodic],
         parameters=lambda name: _parameters(tables["effects"], name),
@@ -68,6 +76,7 @@ def _heating(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any]:
         "share": share_text(found.gap),
         "place": place_text(found),
         "remainder": remainder_text(found),
+        "shape": shape_text(found),
         "folds": fold_texts(found.gap),
         "periodic": [periodic_text(found.channels, line) for line in found.periodic],
         "parameters": {e.id: _parameters(tables[f"{HEATING}-effects"], e.id) for e in study.effects},

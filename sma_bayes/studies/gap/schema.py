@@ -68,6 +68,20 @@ class FlexibleEvidence(DocumentPart):
     ln_bayes_factor: Number = Field(description="with it over without it [1]")
 
 
+class ShapeEvidence(DocumentPart):
+    """What the shape of the curve is worth, the same in every sweep and condition that it serves."""
+
+    ln_bayes_factor: Number = Field(
+        description="with a free smooth function of temperature on each branch over without [1]"
+    )
+    share: Number = Field(
+        description="part of the shape of what it and the best flexible term beyond it explain [1]"
+    )
+    beyond: FlexibleEvidence | None = Field(
+        description="that term, on top of a curve of any shape; null where there is none"
+    )
+
+
 class RemainderBeside(FlexibleEvidence):
     """The best flexible term on top of an effect."""
 
@@ -133,6 +147,13 @@ class AddedEffect(DocumentPart):
     )
     share: NumberOrNull = Field(description="how much of what the two explain is the effect's [1]")
     shape_apart: bool = Field(description="whether both are beside a curve that is free to have any shape")
+    ln_bayes_factor_beyond_shape: NumberOrNull = Field(
+        description="of the effect where the curve is free to have any shape, with the effect as without [1]"
+    )
+    one_stage: NumberOrNull = Field(
+        description="ln Bayes factor of the best shape of a curve of one stage in its place; null where the effect "
+        "does not hang on it [1]"
+    )
     remainder: RemainderBeside | None = Field(description="that term; null where there is none")
     parameters: dict[str, EffectParameter] = Field(description="its parameters, by name")
     next_experiment: str | None = Field(
@@ -175,6 +196,13 @@ class RefittedCandidate(DocumentPart):
         description="of the effect with the best flexible term on top over the best one alone [1]"
     )
     share: NumberOrNull = Field(description="how much of what the two explain is the effect's [1]")
+    ln_bayes_factor_beyond_shape: NumberOrNull = Field(
+        description="of the effect where the curve is free to have any shape, with the effect as without [1]"
+    )
+    one_stage: NumberOrNull = Field(
+        description="ln Bayes factor of the best shape of a curve of one stage in its place; null where the effect "
+        "does not hang on it [1]"
+    )
 
 
 class StatedRound(DocumentPart):
@@ -185,6 +213,9 @@ class StatedRound(DocumentPart):
     added: str | None = Field(description="effect that was added; null where nothing was")
     class_: Items[str] = Field(alias="class", description="effects that cannot be told from it, itself first")
     candidates: Items[RefittedCandidate] = Field(description="those that were refitted")
+    shape: ShapeEvidence | None = Field(
+        description="what the shape of the curve is worth; null where there was nothing to explain"
+    )
 
 
 class StatedRemaining(DocumentPart):
@@ -246,6 +277,10 @@ class GapThresholds(DocumentPart):
     ln_bayes_factor_apart: Number = Field(description="from which two effects are told apart [1]")
     unexplained_share: Number = Field(description="up to which what was added is named as the cause [1]")
     share_beside: Number = Field(description="that an effect has to carry beside a flexible term [1]")
+    share_beyond_shape: Number = Field(
+        description="of what an effect explains that must lie beyond any shape of the curve, where it does not beat "
+        "the shapes of one stage [1]"
+    )
     ln_bayes_factor_shape: Number = Field(description="from which the shape of the curve is told apart [1]")
     further_share: Number = Field(description="of what is explained from which a further effect is added [1]")
 

@@ -20,7 +20,7 @@ from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, fit_with_noise
-from sma_bayes.studies.gap.flexible import gains, offer, terms_of, worth_of
+from sma_bayes.studies.gap.flexible import FlexibleTerms, gains, offer, terms_of, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
 from sma_bayes.studies.gap.locate import SHUFFLES, Disagreement, DisagreementTest, disagreements, look
 from sma_bayes.studies.gap.name import (
@@ -28,6 +28,7 @@ from sma_bayes.studies.gap.name import (
     REFITTED,
     WORTH,
     Candidate,
+    Rivals,
     candidates,
     judged,
     screen,
@@ -44,8 +45,6 @@ APART = 3.0
 """Least difference of ln Bayes factors by which data tell two effects apart."""
 CARRIED = 0.85
 """Share that all effects together must carry of what they and flexible terms on top of them explain, shape apart."""
-CARRIED_BESIDE = 0.9
-"""The same share of a single effect that gets in beside a flexible term, since it explains less than that by itself."""
 FURTHER = 0.2
 """Share of what the effects before it explain that a further one must bring: less may be the form of these."""
 FIRST_OF_SEVERAL = 3
@@ -76,6 +75,8 @@ class Step:
         What was added, if anything.
     class_ : tuple of str
         Effects that the data cannot tell from the chosen one, itself first.
+    flexible : FlexibleTerms or None
+        What flexible terms and the shape of the curve bring to that model; None where no effect was refitted.
     """
 
     before: FittedHypothesis
@@ -83,6 +84,13 @@ class Step:
     candidates: tuple[Candidate, ...]
     chosen: Candidate | None
     class_: tuple[str, ...]
+    flexible: FlexibleTerms | None = None
+
+    @property
+    def only_shape(self) -> bool:
+        """Whether a curve of another shape, the same in every sweep and condition, leaves nothing to explain."""
+        found = self.flexible
+        return found is not None and found.shape >= MISSHAPEN and worth_of(found.beyond) < WORTH
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,7 +208,8 @@ def study_from(
         found = [one_round(current, effects, rng, last=len(steps) == MOST, least=least)]
         one = found[0].chosen
         alone = one is not None and not members_of(one.effect)
-        if not alone and len(steps) <= MOST - 2 and _lacking(found[0], bare, current, explained):
+        missing = not alone and len(steps) <= MOST - 2 and not found[0].only_shape
+        if missing and _lacking(found[0], bare, current, explained):
             tell(f"trying several effects at once, round {len(steps) + 1}")
             laws = effects if one is None else {k: e for k, e in effects.items() if not members_of(e)}
             needed = least if one is None else max(least, MOSTLY * one.ln_bayes_factor)
@@ -253,12 +262,14 @@ def one_round(
     screened, untested = screen_all(current, effects.values())
     seen = look(current, screened, rng, shuffles)
     refit = not last and seen.p_value <= SIGNIFICANT
-    tried = candidates(current, screened, seen.gains, refit=refit, most=refitted, steps=steps)
+    rivals = Rivals.of(current, seen.gains) if refit else None
+    tried = candidates(current, screened, seen.gains, rivals, most=refitted, steps=steps)
+    terms = None if rivals is None else rivals.terms
     fitted = [c for c in tried if c.fitted is not None]
     worthy = _laws_first([c for c in fitted if c.ln_bayes_factor >= least and is_worthy(c)])
     if not worthy:
-        return Step(current, seen, (*tried, *untested), None, ())
-    return Step(current, seen, (*tried, *untested), worthy[0], _like(worthy[0], fitted))
+        return Step(current, seen, (*tried, *untested), None, (), terms)
+    return Step(current, seen, (*tried, *untested), worthy[0], _like(worthy[0], fitted), terms)
 
 
 def _laws_first(worthy: Sequence[Candidate]) -> list[Candidate]:
@@ -283,19 +294,19 @@ def _laws_first(worthy: Sequence[Candidate]) -> list[Candidate]:
 
 
 def is_worthy(candidate: Candidate) -> bool:
-    """Whether an effect explains more than functions without meaning do: in its place, or beside it.
+    """Whether an effect explains more than functions without meaning do, and than the shape of the curve.
 
-    In its place, it must be worth more than the flexible terms that contain its signature (`flexible_alternative`).
-    Beside it, the effect with the best flexible term on top must be worth more than such a term alone, by `WORTH`, and
-    the effect must carry `CARRIED_BESIDE` of what the two explain. And its numbers must be those of the mechanism.
-    A further stage of the transformation must be worth more than the shapes that one stage can have, by `WORTH`.
+    In the place of such functions it must be worth more than the flexible terms that contain its signature
+    (`flexible_alternative`). Beside them, the effect with the best flexible term on top must be worth more than such a
+    term alone, by `WORTH`, and the effect must carry `CARRIED_BESIDE` of what the two explain.
+
+    The shape of the curve is a rival in the same two ways. In its place the effect must be worth more than every shape
+    that one stage can have, by `WORTH`. Beside a curve of any shape, the same in every sweep and condition, it must
+    still be worth `WORTH`, and `BEYOND` of what it is worth without one, and carry `CARRIED_BESIDE` of what can be
+    explained. A further stage of the transformation has to be worth more than the shapes of one. And the numbers of the
+    effect must be those of the mechanism.
     """
-    if not candidate.plausible or candidate.ln_bayes_factor < candidate.one_stage + WORTH:
-        return False
-    against = candidate.ln_bayes_factor > candidate.guard
-    found = candidate.beside
-    beside = found is not None and found.over >= WORTH and found.carried >= CARRIED_BESIDE
-    return candidate.ln_bayes_factor >= WORTH and (against or beside)
+    return candidate.plausible and candidate.beats_flexible and candidate.beats_shape
 
 
 def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:
@@ -388,7 +399,7 @@ def _beside_the_others(whole: FittedHypothesis, effect: Effect) -> Candidate:
     with_it = rest.hypothesis.extended(effect)
     again = fit_hypothesis(with_it, _start_from(whole, with_it), whole.noise)
     flexible = gains(rest, terms_of(rest))
-    return judged(rest, again, screen(rest, effect), flexible, offer(rest, flexible))
+    return judged(rest, again, screen(rest, effect), flexible, Rivals.of(rest, flexible))
 
 
 def without_needless(fitted: FittedHypothesis) -> FittedHypothesis:
@@ -438,7 +449,7 @@ def _carried(
     plain = share_of(explained, worth_of(after.best))
     if after.shape < MISSHAPEN:
         return plain
-    return max(plain, share_of(explained + after.shape - before.shape, worth_of(after.beyond)))
+    return max(plain, share_of(after.free - before.free, worth_of(after.beyond)))
 
 
 def _covariates(fitted: FittedHypothesis) -> list[str]:

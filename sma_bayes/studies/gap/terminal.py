@@ -28,6 +28,7 @@ from sma_bayes.studies.gap.words import (
     p_text,
     periodic_text,
     remainder_text,
+    shape_text,
 )
 
 VERDICTS: Final = {
@@ -62,6 +63,8 @@ def _show_part(console: Console, found: GapFindings | HeatingFindings, title: st
     if found.verdict == "named" and remainder_text(found):
         verdict = f"{verdict}, {remainder_text(found)}"
     console.print(f"{title}: {verdict} ({chance})", soft_wrap=True)
+    if shape_text(found):
+        console.print(f"  {shape_text(found)}", soft_wrap=True)
     if reason:
         console.print(f"  model {reason}", soft_wrap=True)
     for line in found.periodic[:3]:

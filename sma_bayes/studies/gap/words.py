@@ -14,6 +14,8 @@ BEYOND = 1e-6
 """Below this a p-value is extrapolated so far that its digits say nothing."""
 SMALL = 0.01
 """Share of a remainder below which it is only bounded."""
+MOSTLY_SHAPE = 0.5
+"""Share of what can be explained from which on it is said to be the shape of the curve."""
 COVARIATES: Final[Mapping[str, str]] = {
     "order": "place in the record",
     "rate": "rate dT/dt",
@@ -52,6 +54,24 @@ def remainder_text(found: GapOfModel) -> str:
     share = f"{100.0 * left.share:.0f} %" if left.share >= SMALL else f"less than {100.0 * SMALL:.0f} %"
     along, where = covariate_text(found.channels, left.covariate), channel_text(found.channels, left.channel)
     return f"with a remainder of {share} along {along}, in {where}"
+
+
+def shape_text(found: GapOfModel) -> str:
+    """How much of what has no name is the shape of the curve; empty where a name is given or that is little.
+
+    Parameters
+    ----------
+    found : GapOfModel
+    """
+    shape = found.rounds[-1].shape if found.rounds else None
+    if found.verdict != "unnamed" or shape is None:
+        return ""
+    if shape.ln_bayes_factor < found.thresholds.ln_bayes_factor_shape or shape.share < MOSTLY_SHAPE:
+        return ""
+    return (
+        f"{100.0 * shape.share:.0f} % of what can be explained is the shape of the curve, the same in every sweep and "
+        "condition: what the model's curve misses, and not a cause"
+    )
 
 
 def closed_text(found: GapOfModel) -> str:

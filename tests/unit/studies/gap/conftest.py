@@ -54,6 +54,9 @@ class Rig:
         Amplitude over its span of a sine of 0.37 Hz in each channel.
     drift : float
         Rise of each channel a cycle, over its span.
+    shape : callable, optional
+        Share transformed, of the rate times the kelvins above the midpoint and of whether it heats; logistic if not
+        given.
     seed : int
     """
 
@@ -71,6 +74,7 @@ class Rig:
     step: float = 0.0
     hum: float = 0.0
     drift: float = 0.0
+    shape: Callable[[Floats, NDArray[np.bool_]], Floats] | None = None
     seed: int = 0
 
     def campaign(self) -> Campaign:
@@ -117,7 +121,8 @@ class Rig:
     ) -> Floats:
         low, span, rate, above = CURVES[channel]
         midpoint = np.where(rising, MIDPOINT[Branch.HEATING], MIDPOINT[Branch.COOLING]) + above
-        share = 0.5 * (1.0 + np.tanh(0.5 * rate * (metal - midpoint - self.shift * load**self.power)))
+        above = rate * (metal - midpoint - self.shift * load**self.power)
+        share = 0.5 * (1.0 + np.tanh(0.5 * above)) if self.shape is None else self.shape(above, rising)
         fresh = rng.standard_normal(metal.size)
         fresh[1:] *= np.sqrt(1.0 - self.memory**2)
         noise = self.sd * lfilter([1.0], [1.0, -self.memory], fresh)
@@ -140,6 +145,9 @@ class Straight:
 
     def predict(self, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
         return {"displacement": theta @ design(inputs["temperature"]).T}
+
+    def curves(self, theta: Floats, temperature: Floats, branch: float) -> dict[str, Floats]:
+        return self.predict(theta, {"temperature": temperature})
 
 
 def design(temperature: Floats) -> Floats:

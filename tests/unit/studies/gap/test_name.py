@@ -8,11 +8,20 @@ import numpy as np
 import pytest
 
 from sma_bayes.studies.gap.fitting import fit_hypothesis
-from sma_bayes.studies.gap.flexible import FlexibleTerms, Term, beyond_shape, gains, offer, terms_of
+from sma_bayes.studies.gap.flexible import (
+    FlexibleTerms,
+    Term,
+    beyond_shape,
+    gains,
+    offer,
+    shape_terms,
+    terms_of,
+)
 from sma_bayes.studies.gap.name import (
     WORTH,
     Candidate,
     EvidenceBeside,
+    Rivals,
     candidates,
     flexible_alternative,
     screen,
@@ -46,7 +55,7 @@ def test_a_candidate_is_judged_by_a_ratio_of_marginal_likelihoods(line, fitted, 
     effects = [added("wave", wave, 0.7), added("ramp", lambda v: v["order"] / 40.0, 0.2)]
     screened, untested = screen_all(fitted, effects)
     assert untested == []
-    found = {c.effect.id: c for c in candidates(fitted, screened, [], refit=True)}
+    found = {c.effect.id: c for c in candidates(fitted, screened, [], Rivals.of(fitted))}
     for effect in effects:
         g = column_of(effect, line)
         exact = line.log_evidence(extra=effect.sd**2 * np.outer(g, g)) - line.log_evidence()
@@ -82,8 +91,8 @@ def test_candidates_are_ranked_and_only_refitted_where_that_is_asked(line, fitte
     effects = [added("wave", wave), added("ramp", lambda v: v["order"] / 40.0)]
     screened, _ = screen_all(fitted, effects)
     assert screened[0].gain >= screened[1].gain
-    assert all(c.fitted is None for c in candidates(fitted, screened, [], refit=False))
-    out = candidates(fitted, screened, [], refit=True)
+    assert all(c.fitted is None for c in candidates(fitted, screened, [], None))
+    out = candidates(fitted, screened, [], Rivals.of(fitted))
     values = [c.ln_bayes_factor for c in out]
     assert values == sorted(values, reverse=True)
     by_name = {s.effect.id: s for s in screened}
@@ -146,26 +155,32 @@ def test_a_line_does_not_guard_against_an_effect_that_is_that_line(line, fitted,
 
 
 def offered(
-    line, fitted, added, best: float | None, shape: float = 0.0, beyond: float | None = None
+    line,
+    fitted,
+    added,
+    best: float | None,
+    shape: float = 0.0,
+    beyond: float | None = None,
+    free: float = 0.0,
 ) -> FlexibleTerms:
     """What flexible terms bring, made up."""
     term = Term("order", "displacement", column_of(added("wave", wave), line)[:, None])
     (gain,) = gains(fitted, [term])
     first, second = (None if v is None else replace(gain, ln_bayes_factor=v) for v in (best, beyond))
-    return FlexibleTerms(first, shape, second)
+    return FlexibleTerms(first, shape, second, free)
 
 
 @pytest.mark.parametrize(
     ("gained", "with_it", "without", "over", "carried", "apart"),
     [
-        (8.0, (2.0, 0.0, 2.0), (7.0, 0.0, 7.0), 3.0, 0.8, False),
-        (8.0, (-5.0, 0.0, -5.0), (7.0, 0.0, 7.0), 1.0, 1.0, False),
-        (8.0, (None,), (-2.0,), 8.0, 1.0, False),
-        (-3.0, (2.0,), (-2.0,), -1.0, 0.0, False),
+        (8.0, (2.0, 0.0, 2.0, 8.0), (7.0, 0.0, 7.0), 3.0, 0.8, False),
+        (8.0, (-5.0, 0.0, -5.0, 8.0), (7.0, 0.0, 7.0), 1.0, 1.0, False),
+        (8.0, (None, 0.0, None, 8.0), (-2.0,), 8.0, 1.0, False),
+        (-3.0, (2.0, 0.0, None, -3.0), (-2.0,), -1.0, 0.0, False),
         # 500 are left to the shape of the curve with the effect as without, and hardly anything beside it
-        (300.0, (520.0, 500.0, 10.0), (700.0, 500.0, 200.0), 110.0, 300.0 / 310.0, True),
+        (300.0, (520.0, 500.0, 10.0, 800.0), (700.0, 500.0, 200.0, 500.0), 120.0, 300.0 / 310.0, True),
         # an effect that is about the shape is worth nothing beside a free one
-        (300.0, (20.0, 10.0, 5.0), (310.0, 310.0, 5.0), 10.0, 300.0 / 320.0, False),
+        (300.0, (20.0, 10.0, 5.0, 301.0), (310.0, 310.0, 5.0, 300.0), 10.0, 300.0 / 320.0, False),
     ],
 )
 def test_an_effect_is_weighed_beside_flexible_terms_with_the_shape_or_without(
@@ -178,12 +193,17 @@ def test_an_effect_is_weighed_beside_flexible_terms_with_the_shape_or_without(
     assert found.carried == pytest.approx(carried)
     assert found.shape_apart is apart
     assert found.on_top == pytest.approx(max(with_it[0] or 0.0, 0.0))
+    own = with_it[3] - (without[3] if len(without) > 3 else 0.0)
+    assert found.beyond_shape == pytest.approx(own)
+    assert found.carried_beyond == pytest.approx(
+        own / (own + max(with_it[2] or 0.0, 0.0)) if own > 0.0 else 0.0
+    )
 
 
 def test_what_is_looked_at_is_what_flexible_terms_bring(line, fitted, added) -> None:
     half = added("half", lambda v: 3.0 * wave(v) * (v["order"] < 20.0), 2.0)
     screened = screen(fitted, half)
-    (found,) = candidates(fitted, [screened], gains(fitted, terms_of(fitted)), refit=True)
+    (found,) = candidates(fitted, [screened], gains(fitted, terms_of(fitted)), Rivals.of(fitted))
     assert found.fitted is not None
     extended, plain = (gains(f, terms_of(f)) for f in (found.fitted, fitted))
     on_top, alone = (max(0.0, *(g.ln_bayes_factor for g in some)) for some in (extended, plain))
@@ -195,11 +215,45 @@ def test_what_is_looked_at_is_what_flexible_terms_bring(line, fitted, added) -> 
 
 
 def test_beside_a_free_shape_a_bend_of_the_curve_brings_nothing(fitted) -> None:
-    terms = terms_of(fitted)
-    shaped = beyond_shape(fitted, terms)
-    shape = [t for t in terms if t.covariate == "temperature"]
-    assert max(g.ln_bayes_factor for g in gains(shaped, shape)) < 0.1
+    fine, coarse = shape_terms(fitted)
+    shaped, _ = beyond_shape(fitted, fine)
+    assert max(g.ln_bayes_factor for g in gains(shaped, [*fine, *coarse])) < 0.1
     assert np.linalg.norm(shaped.left) < np.linalg.norm(fitted.left)
+
+
+def test_the_evidence_of_a_free_curve_is_that_of_more_parameters(line, fitted) -> None:
+    """Exactly, where all is linear and the parameters are free."""
+    fine, _ = shape_terms(fitted)
+    columns = np.concatenate([t.columns for t in fine], axis=1)
+    of_channel = np.array([n.sd for n in line.noise])
+    span = line.hypothesis.scales.span["displacement"]
+    size = span / np.sqrt(np.mean(of_channel**2))
+    exact = line.log_evidence(extra=size**2 * columns @ columns.T) - line.log_evidence()
+    _, value = beyond_shape(fitted, fine)
+    assert value - fitted.ln_evidence == pytest.approx(exact, rel=0.01, abs=0.1)
+
+
+def test_what_differs_from_sweep_to_sweep_is_seen_beside_a_free_shape(make_line, added) -> None:
+    """And a bend that is the same in all of them is not."""
+    line = make_line(prior_sd=VAGUE, n=40, seed=3)
+    of_cycle = added("of cycle", lambda v: 3.0 * (v["cycle"] - 1.5), 2.0)
+    bend = added("bend", lambda v: 3.0 * np.exp(-(((v["temperature"] - 60.0) / 12.0) ** 2)), 2.0)
+    seen = {}
+    for effect in (of_cycle, bend):
+        moved = column_of(effect, line)
+        blocks = np.cumsum([0, *(h.n for h in line.hypothesis.histories)])
+        some = tuple(
+            replace(h, observed={"displacement": h.observed["displacement"] + moved[a:b]})
+            for h, a, b in zip(line.hypothesis.histories, blocks[:-1], blocks[1:], strict=True)
+        )
+        hypothesis = replace(line.hypothesis, histories=some)
+        without = fit_hypothesis(hypothesis, line.prior_mean, line.noise)
+        with_it = fit_hypothesis(hypothesis.extended(effect), screen(without, effect).start, line.noise)
+        gained = with_it.ln_evidence - without.ln_evidence
+        assert gained > 20.0
+        seen[effect.id] = EvidenceBeside.of(gained, offer(with_it), offer(without)).beyond_shape
+    assert seen["of cycle"] > 20.0
+    assert seen["bend"] < 1.0
 
 
 @pytest.mark.parametrize(("on_top", "weight"), [(2.0, 9.433781), (0.0, 8.0), (None, 8.0)])
@@ -211,13 +265,33 @@ def test_the_weight_of_an_effect_is_its_mean_with_a_flexible_term_and_without(
 
 
 @pytest.mark.parametrize(
+    ("beyond", "carried", "one_stage", "worthy"),
+    [
+        (5.0, 0.95, -np.inf, True),
+        (18.0, 0.95, 90.0, True),
+        (17.9, 0.95, 90.0, False),
+        (18.0, 0.84, 90.0, False),
+        (-4.0, 0.0, 86.0, True),
+        (-4.0, 0.0, 88.0, False),
+    ],
+)
+def test_an_effect_is_worthy_in_the_place_of_a_shape_or_beyond_any(
+    beyond: float, carried: float, one_stage: float, worthy: bool, added
+) -> None:
+    """The shape in its place must be worth less by three, or a fifth lie beyond any shape and be the effect's."""
+    beside = EvidenceBeside(4.0, 0.95, None, 1.0, False, beyond, carried)
+    found = Candidate(added("wave", wave), None, 90.0, 80.0, "order", beside, one_stage=one_stage)
+    assert is_worthy(found) is worthy
+
+
+@pytest.mark.parametrize(
     ("factor", "guard", "over", "carried", "worthy"),
     [
         (9.0, 8.0, None, 0.0, True),
         (9.0, 10.0, None, 0.0, False),
         (9.0, 10.0, 4.0, 0.9, True),
         (9.0, 10.0, 2.0, 0.9, False),
-        (9.0, 10.0, 4.0, 0.89, False),
+        (9.0, 10.0, 4.0, 0.84, False),
         (2.0, -np.inf, 4.0, 1.0, False),
     ],
 )

@@ -9,14 +9,15 @@ import pytest
 
 from sma_bayes.effects import EFFECTS
 from sma_bayes.effects.transformation import SLOPED, curves
+from sma_bayes.effects.types import Scales
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import histories
 from sma_bayes.records.types import Branch
 from sma_bayes.response.sinh_arcsinh import SinhArcsinhSlopes
 from sma_bayes.studies.gap.fitting import fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.name import candidates, screen_all
-from sma_bayes.studies.gap.one_stage import OneStageShape, worth_of_one_stage
+from sma_bayes.studies.gap.name import WORTH, Rivals, candidates, screen_all
+from sma_bayes.studies.gap.one_stage import COLD, HOT, SHAPES, SKEW, TAIL, OneStageShape, OneStageShapes
 from sma_bayes.studies.gap.study import baseline_start, is_worthy
 
 PRIORS = read_priors("modified_sigmoid")
@@ -53,7 +54,7 @@ def judged(rig, share):
     start = baseline_start(hypothesis, campaign, PRIORS, pooled=True, rng=np.random.default_rng(0))
     fitted = fit_with_noise(hypothesis, start)
     screened, _ = screen_all(fitted, [EFFECTS["r_phase"]])
-    (found,) = candidates(fitted, screened, [], refit=True)
+    (found,) = candidates(fitted, screened, [], Rivals.of(fitted))
     return fitted, found
 
 
@@ -61,7 +62,7 @@ def test_a_skewed_curve_is_no_second_stage(rig) -> None:
     fitted, found = judged(rig, skewed)
     assert found.ln_bayes_factor > 20.0, "without the rival it would be named"
     assert is_worthy(replace(found, one_stage=-np.inf))
-    assert found.one_stage == pytest.approx(worth_of_one_stage(fitted))
+    assert found.one_stage == pytest.approx(OneStageShapes(fitted).worth(found.ln_bayes_factor - WORTH))
     assert found.one_stage > found.ln_bayes_factor
     assert not is_worthy(found)
 
@@ -84,7 +85,8 @@ def test_the_shape_around_a_logistic_is_that_of_the_richer_model(rig) -> None:
         return {"displacement": LOW + SPAN * logistic(RATE * t)}
 
     theta = np.array([0.4, 0.8, 0.0, 0.0, -0.3, 1.2, 0.0, 0.0])
-    out = OneStageShape().apply(response, theta, inputs)["displacement"]
+    shape = OneStageShape(60.0)
+    out = shape.apply(response, theta, inputs)["displacement"]
     model = SinhArcsinhSlopes(("displacement",))
     of_role = {
         "offset": LOW,
@@ -115,3 +117,65 @@ def test_phases_with_slopes_are_their_lines_and_not_what_is_far_away() -> None:
     np.testing.assert_allclose(curve.cold, 1.0 + 0.01 * temperature, rtol=1e-9)
     np.testing.assert_allclose(curve.span, 2.0 + 0.01 * temperature, rtol=1e-9)
     np.testing.assert_allclose(curve.share, logistic(0.3 * (temperature - 60.0)), atol=1e-9)
+
+
+def test_slopes_turn_about_one_temperature_in_all_conditions() -> None:
+    """What a slope adds at a temperature does not depend on which others were measured with it."""
+    shape = OneStageShape(60.0, (COLD, HOT))
+    theta = np.array([1e-4, 2e-4, -1e-4, 3e-4])
+
+    def response(v):
+        return {"displacement": LOW + SPAN * logistic(RATE * (v["temperature"] - 62.0))}
+
+    added = []
+    for low, high in ((20.0, 90.0), (40.0, 120.0)):
+        temperature = np.linspace(low, high, 71)
+        inputs = {"temperature": temperature, "branch": np.ones_like(temperature)}
+        change = shape.apply(response, theta, inputs)["displacement"] - response(inputs)["displacement"]
+        added.append(np.interp([45.0, 60.0, 85.0], temperature, change))
+    np.testing.assert_allclose(*added, atol=2e-3 * SPAN)
+    assert added[0][1] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_every_shape_is_the_plain_curve_at_its_middle(shape, rig) -> None:
+    history = histories(rig(channels=("force", "displacement")).campaign())[0]
+    effect = OneStageShape(60.0, *shape)
+    parameters = effect.parameters(Scales.of([history]))
+    theta = np.array([float(p.prior.quantile(np.array(0.5))) for p in parameters])
+
+    def response(v):
+        share = logistic(RATE * (v["temperature"] - 62.0))
+        return {"force": 1.0 + share, "displacement": LOW + SPAN * share}
+
+    out = effect.apply(response, theta, history.inputs)
+    for channel, plain in response(history.inputs).items():
+        np.testing.assert_allclose(out[channel], plain, rtol=1e-9)
+
+
+def test_skew_that_channels_share_is_the_same_in_both(rig) -> None:
+    history = histories(rig(channels=("force", "displacement")).campaign())[0]
+    alike, apart = OneStageShape(60.0, (SKEW, TAIL), True), OneStageShape(60.0)
+    names = [[p.name for p in s.parameters(Scales.of([history]))] for s in (alike, apart)]
+    assert names[0] == ["e_heating", "t_heating", "e_cooling", "t_cooling"]
+    assert len(names[1]) == 16
+
+    def response(v):
+        share = logistic(RATE * (v["temperature"] - 62.0))
+        return {"force": 1.0 + share, "displacement": LOW + SPAN * share}
+
+    given = {"e_heating": 0.4, "t_heating": 0.8, "e_cooling": -0.3, "t_cooling": 1.2}
+    each = [given.get(n.replace("force_", "").replace("displacement_", ""), 0.0) for n in names[1]]
+    one = alike.apply(response, np.array(list(given.values())), history.inputs)
+    two = apart.apply(response, np.array(each), history.inputs)
+    for channel in one:
+        np.testing.assert_allclose(one[channel], two[channel], rtol=1e-12)
+
+
+def test_shapes_are_tried_until_one_is_worth_enough(rig) -> None:
+    fitted, _ = judged(rig, skewed)
+    few, all_of_them = OneStageShapes(fitted), OneStageShapes(fitted)
+    assert few.worth(10.0) > 10.0
+    best = all_of_them.worth()
+    assert best >= few.worth(10.0)
+    assert few.worth() == pytest.approx(best)

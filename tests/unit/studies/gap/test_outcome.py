@@ -116,7 +116,9 @@ def test_a_posterior_beyond_the_literature_is_noticed(low: float, high: float, f
 EFFECT: dict[str, Any] = {
     "id": "x", "title": "", "equation": "", "reference": "", "round": 1, "class": ["x", "y"], "probability": 1.0,
     "ln_bayes_factor": 9.0, "guard": None, "guard_covariate": "", "ln_bayes_factor_beside": None, "share": None,
-    "shape_apart": False, "remainder": None, "parameters": {}, "next_experiment": None,
+    "shape_apart": False,
+    "ln_bayes_factor_beyond_shape": None, "one_stage": None, "remainder": None, "parameters": {},
+    "next_experiment": None,
 }  # fmt: skip
 NOISE: dict[str, Any] = {"condition": "c", "channel": "force", "sd": 1.0, "lag1": 0.1, "scatter": 1.0}
 NOTHING: dict[str, Any] = {

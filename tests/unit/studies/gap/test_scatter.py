@@ -13,7 +13,7 @@ from sma_bayes.records.history import histories
 from sma_bayes.records.types import Campaign
 from sma_bayes.studies.gap.fitting import fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.name import candidates, is_plausible, screen_all
+from sma_bayes.studies.gap.name import Rivals, candidates, is_plausible, screen_all
 from sma_bayes.studies.gap.scatter import holds_beside, lay_together, members_of
 from sma_bayes.studies.gap.study import baseline_start, study_campaign
 
@@ -87,7 +87,7 @@ def test_screening_lays_all_members_together(scattered_runs: Campaign) -> None:
     offsets = theta[0] * theta[2:6] / SPAN
     np.testing.assert_allclose(offsets - offsets.mean(), [0.03, -0.045, 0.01, 0.005], atol=0.005)
     screened, _ = screen_all(fitted, [effect])
-    (judged,) = candidates(fitted, screened, [], refit=True)
+    (judged,) = candidates(fitted, screened, [], Rivals.of(fitted))
     assert judged.fitted is not None
     reached = judged.fitted.log_likelihood - fitted.log_likelihood
     assert found.gain == pytest.approx(reached, rel=0.1)
@@ -99,7 +99,7 @@ def test_a_law_holds_beside_a_random_effect_only_where_it_explains_the_members(r
     for campaign, holds in ((rig(shift=2.0).campaign(), True), (scattered_runs, False)):
         fitted = baseline_of(campaign)
         screened, _ = screen_all(fitted, [effect])
-        (judged,) = candidates(fitted, screened, [], refit=True)
+        (judged,) = candidates(fitted, screened, [], Rivals.of(fitted))
         assert judged.fitted is not None
         assert holds_beside(EFFECTS["stress_shift" if holds else "training_drift"], judged.fitted) is holds
 

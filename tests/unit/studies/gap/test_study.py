@@ -13,10 +13,10 @@ from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Condition
 from sma_bayes.studies.gap.fitting import fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
+from sma_bayes.studies.gap.name import CARRIED_BESIDE
 from sma_bayes.studies.gap.outcome import judgement
 from sma_bayes.studies.gap.study import (
     CARRIED,
-    CARRIED_BESIDE,
     SIGNIFICANT,
     WORTH,
     baseline_start,

@@ -1,0 +1,64 @@
+"""Curves of another shape with nothing hidden: none of them may get a name.
+
+At a false-alarm rate of 1 % a campaign one name in these would come by chance with a probability of 6 %.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.studies.gap.study import MISSHAPEN, study_campaign
+
+
+def logistic(x):
+    return 1.0 / (1.0 + np.exp(-x))
+
+
+def skewed(x, rising):
+    return logistic(np.sinh(0.8 * np.arcsinh(x) + 0.5))
+
+
+def skewed_each_way(x, rising):
+    return logistic(np.sinh(1.1 * np.arcsinh(x) + np.where(rising, 0.4, -0.4)))
+
+
+def sloped(x, rising):
+    s = logistic(np.sinh(1.1 * np.arcsinh(x)))
+    return s + x * (0.006 + 0.004 * s)
+
+
+def in_two_stages(x, rising):
+    return 0.82 * logistic(x) + 0.18 * logistic(2.0 * (x - 3.5))
+
+
+@pytest.mark.parametrize(
+    ("shape", "seed"),
+    [(skewed, 1), (skewed, 2), (skewed_each_way, 3), (sloped, 4), (sloped, 5), (in_two_stages, 6)],
+)
+def test_a_curve_of_another_shape_gets_no_name(shape, seed, rig) -> None:
+    found = study_campaign(
+        rig(shape=shape, sd=0.005, seed=seed).campaign(), read_priors("modified_sigmoid"), pooled=True
+    )
+    assert found.verdict == "unnamed"
+    assert found.effects == ()
+    terms = found.steps[-1].flexible
+    assert terms is not None
+    assert terms.shape > MISSHAPEN
+    assert terms.shape > 10.0 * max(0.0, terms.beyond.ln_bayes_factor if terms.beyond else 0.0)
+
+
+def test_what_differs_between_conditions_is_named_beside_such_a_curve(rig) -> None:
+    """The effect is worth less than the shape, and has its name from what no shape explains."""
+    found = study_campaign(
+        rig(shape=skewed_each_way, sd=0.005, shift=3.0, seed=7).campaign(),
+        read_priors("modified_sigmoid"),
+        pooled=True,
+    )
+    assert found.verdict == "named"
+    assert found.effects[0].id in ("stress_shift", "branch_stress_shift")
+    chosen = found.steps[0].chosen
+    assert chosen is not None
+    assert chosen.beside is not None
+    assert chosen.beyond_shape
