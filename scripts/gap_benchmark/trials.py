@@ -50,7 +50,7 @@ DESIGNS_OF_NOTHING = ("standard", "standard", "one_cycle", "unequal_sampling", "
 """Designs of campaigns in which nothing is hidden, by turns."""
 ENGINE = (
     *(f"studies/gap/{name}.py" for name in (
-        "finite", "fitting", "flexible", "heating", "hypothesis", "locate", "name", "noise", "one_stage",
+        "finite", "fitting", "flexible", "free_shape", "heating", "hypothesis", "locate", "name", "noise", "one_stage",
         "periodic", "scatter", "splines", "study", "switching",
     )),
     "effects", "response", "records/history.py", "noise",

@@ -15,7 +15,7 @@ from sma_bayes.records.history import History
 from sma_bayes.studies.gap.cautions import cautions
 from sma_bayes.studies.gap.close import NOISE_ALONE, Gap
 from sma_bayes.studies.gap.fitting import FittedHypothesis, nearest
-from sma_bayes.studies.gap.flexible import FlexibleTerms, TermEvidence, worth_of
+from sma_bayes.studies.gap.flexible import FlexibleTerms, TermWorth, worth_of
 from sma_bayes.studies.gap.heating import heat_parameters
 from sma_bayes.studies.gap.locate import Disagreement
 from sma_bayes.studies.gap.name import (
@@ -251,7 +251,7 @@ def _remainder(beside: EvidenceBeside) -> RemainderBeside | None:
     return RemainderBeside(**dict(_flexible(left)), share=1.0 - beside.carried)
 
 
-def _flexible(found: TermEvidence) -> FlexibleEvidence:
+def _flexible(found: TermWorth) -> FlexibleEvidence:
     return FlexibleEvidence(
         covariate=found.term.covariate, channel=found.term.channel, ln_bayes_factor=found.ln_bayes_factor
     )

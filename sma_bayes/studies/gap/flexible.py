@@ -69,8 +69,23 @@ class Term:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TermEvidence:
+class TermWorth:
     """What a term would bring.
+
+    Attributes
+    ----------
+    term : Term
+    ln_bayes_factor : float
+        For the term, over the model as it is.
+    """
+
+    term: Term
+    ln_bayes_factor: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TermEvidence(TermWorth):
+    """What a term would bring, also to other residuals.
 
     Attributes
     ----------
@@ -83,8 +98,6 @@ class TermEvidence:
         The diagonal of ``A``.
     """
 
-    term: Term
-    ln_bayes_factor: float
     directions: Floats
     information: Floats
 
@@ -112,21 +125,57 @@ def log_bayes_factor(b: Floats, information: Floats) -> Floats:
 
 
 def gains(fitted: FittedHypothesis, terms: Sequence[Term]) -> list[TermEvidence]:
-    """What each term would bring to a fitted model."""
+    """What each term would bring to a fitted model, and to other residuals of it."""
     out = []
     left = fitted.left
     for term in terms:
         whitened = fitted.whiten(term.columns.T).T
         projected = fitted.project_out(whitened)
-        information, axes = np.linalg.eigh(whitened.T @ projected)
-        kept = information > 1e-9 * max(float(information[-1]), 1e-300)
-        information, axes = information[kept], axes[:, kept]
+        information, axes = _independent(whitened.T @ projected)
         if not information.size:
             continue
-        b = (whitened @ axes).T @ left
+        b = axes.T @ (whitened.T @ left)
         value = float(log_bayes_factor(b[:, None], information)[0])
         out.append(TermEvidence(term, value, projected @ axes, information))
     return out
+
+
+def _independent(a: Floats) -> tuple[Floats, Floats]:
+    """Coordinates in which `A` is diagonal: the diagonal and the axes, without what the model absorbs."""
+    information, axes = np.linalg.eigh(a)
+    kept = information > 1e-9 * max(float(information[-1]), 1e-300)
+    return information[kept], axes[:, kept]
+
+
+class WhitenedTerms:
+    """Terms as the noise has them, to be weighed in several models that have that noise.
+
+    What a term brings hangs on products of its columns alone, which are made once; see `gains`, which gives the
+    directions as well.
+
+    Parameters
+    ----------
+    fitted : FittedHypothesis
+        Whose noise it is.
+    terms : sequence of Term
+    """
+
+    def __init__(self, fitted: FittedHypothesis, terms: Sequence[Term]) -> None:
+        self.terms = tuple(terms)
+        self._columns = [fitted.whiten(t.columns.T) for t in terms]  # (k, N)
+        self._products = [c @ c.T for c in self._columns]
+
+    def gains(self, fitted: FittedHypothesis) -> list[TermWorth]:
+        """What each term would bring to a fitted model."""
+        absorbed = np.linalg.solve(fitted.precision, np.eye(len(fitted.precision)))
+        out = []
+        for term, columns, product in zip(self.terms, self._columns, self._products, strict=True):
+            shared = columns @ fitted.jacobian
+            information, axes = _independent(product - shared @ absorbed @ shared.T)
+            if information.size:
+                b = axes.T @ (columns @ fitted.left)
+                out.append(TermWorth(term, float(log_bayes_factor(b[:, None], information)[0])))
+        return out
 
 
 def shape_terms(fitted: FittedHypothesis) -> tuple[list[Term], list[Term]]:
@@ -179,11 +228,11 @@ class FlexibleTerms:
 
     Attributes
     ----------
-    best : TermEvidence or None
+    best : TermWorth or None
         The best of all.
     shape : float
         Log Bayes factor of a curve that is free to have any shape: in every channel by itself, or in all together.
-    beyond : TermEvidence or None
+    beyond : TermWorth or None
         The best on top of that.
     free : float
         Log evidence of the model with all curves free, up to a constant; see `beyond_shape`.
@@ -191,36 +240,35 @@ class FlexibleTerms:
         Whether there is a curve that could have another shape; a heat balance has none.
     """
 
-    best: TermEvidence | None
+    best: TermWorth | None
     shape: float
-    beyond: TermEvidence | None
+    beyond: TermWorth | None
     free: float
     curved: bool = True
 
 
-def offer(fitted: FittedHypothesis, found: Sequence[TermEvidence] = ()) -> FlexibleTerms:
+def offer(fitted: FittedHypothesis, found: Sequence[TermWorth] = ()) -> FlexibleTerms:
     """What flexible terms bring to a fitted model; `found`, if that is known already for it as it is."""
-    terms = [g.term for g in found] or terms_of(fitted)
-    found = found or gains(fitted, terms)
+    terms = WhitenedTerms(fitted, [g.term for g in found] or terms_of(fitted))
+    found = found or terms.gains(fitted)
     fine, coarse = shape_terms(fitted)
     free, evidence = beyond_shape(fitted, fine)
     if not fine:
         return FlexibleTerms(_best(found), 0.0, _best(found), evidence, curved=False)
-    shapes = [*gains(fitted, [*fine, *coarse]), *(g for g in found if g.term.covariate == SHAPE)]
+    bent = WhitenedTerms(fitted, [*fine, *coarse]).gains(fitted)
+    shapes = [*bent, *(g for g in found if g.term.covariate == SHAPE)]
     channels = {t.channel for t in fine}
     apart = sum(worth_of(_best([g for g in shapes if g.term.channel == c])) for c in channels)
     joint = [g for g in shapes if g.term.channel not in channels]
-    others = [t for t in terms if t.covariate != SHAPE]
-    return FlexibleTerms(
-        _best(found), max(apart, worth_of(_best(joint))), _best(gains(free, others)), evidence
-    )
+    others = [g for g in terms.gains(free) if g.term.covariate != SHAPE]
+    return FlexibleTerms(_best(found), max(apart, worth_of(_best(joint))), _best(others), evidence)
 
 
-def _best(found: Sequence[TermEvidence]) -> TermEvidence | None:
+def _best(found: Sequence[TermWorth]) -> TermWorth | None:
     return max(found, key=lambda g: g.ln_bayes_factor, default=None)
 
 
-def worth_of(gain: TermEvidence | None) -> float:
+def worth_of(gain: TermWorth | None) -> float:
     """Log Bayes factor of a term; 0 where there is none, or where it does not pay for itself."""
     return 0.0 if gain is None else max(gain.ln_bayes_factor, 0.0)
 

@@ -22,6 +22,8 @@ from sma_bayes.studies.gap.noise import ChannelBlock
 from sma_bayes.studies.gap.periodic import Periodicity, Spectra
 
 SHUFFLES = 400
+SURE, FEWER = 100.0, 100
+"""Log Bayes factor from which on chance is not to be told to the digit, and the shuffles that are enough then."""
 TAIL = 0.2
 """Share of the shuffled maxima from which the tail beyond them is extrapolated."""
 BINS = 10
@@ -109,9 +111,11 @@ def look(
     signatures : sequence of Signature
     rng : numpy.random.Generator
     shuffles : int
+        At most; a disagreement that is far beyond chance takes `FEWER`.
     """
     found = sorted(gains(fitted, terms_of(fitted)), key=lambda g: -g.ln_bayes_factor)
-    null = shuffled(fitted, rng, shuffles)
+    sure = bool(found) and found[0].ln_bayes_factor >= SURE
+    null = shuffled(fitted, rng, min(shuffles, FEWER) if sure else shuffles)
     # lines and steps, which the others contain, are there to be compared with effects, not to be looked for
     spectra = Spectra(fitted)
     patterns: list[Signature] = [*(g for g in found if g.term.columns.shape[1] > 1), *signatures, spectra]

@@ -26,7 +26,7 @@ from sma_bayes.effects.types import Effect
 from sma_bayes.parameters.distributions import Distribution, LogNormal
 from sma_bayes.studies.gap.finite import STRONG, gained_in_steps
 from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by, fit_hypothesis, stacked
-from sma_bayes.studies.gap.flexible import FlexibleTerms, TermEvidence, offer, worth_of
+from sma_bayes.studies.gap.flexible import FlexibleTerms, TermEvidence, TermWorth, offer, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.one_stage import OneStageShapes, claims_a_stage
 from sma_bayes.studies.gap.scatter import lay_together, members_of
@@ -110,7 +110,7 @@ class EvidenceBeside:
         greater one of with the shape of the curve and beside it, where that is told apart.
     carried : float
         Share that the effect has in what the two explain together.
-    remainder : TermEvidence or None
+    remainder : TermWorth or None
         That term on top of the effect.
     on_top : float
         Log Bayes factor of the best term on top of it, the shape of the curve included; 0 where none pays for itself.
@@ -124,7 +124,7 @@ class EvidenceBeside:
 
     over: float
     carried: float
-    remainder: TermEvidence | None
+    remainder: TermWorth | None
     on_top: float
     shape_apart: bool
     beyond_shape: float = np.inf

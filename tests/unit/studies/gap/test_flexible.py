@@ -11,7 +11,15 @@ from scipy.special import logsumexp
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import histories
 from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise
-from sma_bayes.studies.gap.flexible import SIZES, Term, gains, terms_of
+from sma_bayes.studies.gap.flexible import (
+    SIZES,
+    Term,
+    WhitenedTerms,
+    beyond_shape,
+    gains,
+    shape_terms,
+    terms_of,
+)
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.splines import bspline_basis, grouped, indicators, row_tensor_product
 
@@ -83,6 +91,22 @@ def test_without_a_pattern_none_is_favoured(null) -> None:
         assert np.median(values) < 0.0, gain.term.covariate
         assert np.mean(values > np.log(20.0)) <= 0.05, gain.term.covariate
         assert gain.ln_bayes_factor < np.log(1000.0), gain.term.covariate
+
+
+def test_terms_that_were_whitened_once_bring_the_same_in_every_model(null) -> None:
+    terms = terms_of(null)
+    once = WhitenedTerms(null, terms)
+    fine, _ = shape_terms(null)
+    for model in (null, beyond_shape(null, fine)[0]):
+        one_by_one = gains(model, terms)
+        together = once.gains(model)
+        assert [g.term for g in together] == [g.term for g in one_by_one]
+        np.testing.assert_allclose(
+            [g.ln_bayes_factor for g in together],
+            [g.ln_bayes_factor for g in one_by_one],
+            rtol=1e-6,
+            atol=1e-2,
+        )
 
 
 def test_a_pattern_is_found_where_it_was_planted(null) -> None:
