@@ -35,7 +35,14 @@ def in_two_stages(x, rising):
 
 @pytest.mark.parametrize(
     ("shape", "seed"),
-    [(skewed, 1), (skewed, 2), (skewed_each_way, 3), (sloped, 4), (sloped, 5), (in_two_stages, 6)],
+    [
+        (skewed, 1),
+        pytest.param(skewed, 2, marks=pytest.mark.thorough),
+        pytest.param(skewed_each_way, 3, marks=pytest.mark.thorough),
+        (sloped, 4),
+        pytest.param(sloped, 5, marks=pytest.mark.thorough),
+        pytest.param(in_two_stages, 6, marks=pytest.mark.thorough),
+    ],
 )
 def test_a_curve_of_another_shape_gets_no_name(shape, seed, rig) -> None:
     found = study_campaign(
