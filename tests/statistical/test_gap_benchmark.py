@@ -12,7 +12,8 @@ the rates themselves.
   named, where mechanism and catalogue mean the same by it.
 - One at 100 sigma, by another law than the catalogue's: the same. What no catalogue has is not named then, either.
 - Nothing hidden: nothing is named in 99 %, whatever the noise, the sampling, the calibration; and small p-values are no
-  more frequent than they say.
+  more frequent than they say. Curves are sigmoids here; other shapes are those of
+  `tests/unit/studies/gap/test_shape_nulls.py`.
 - Something hidden that no catalogue has, or that was taken out of it: no name in 90 %, and a wrong name without any
   rival in at most 2 %.
 - Two effects: both named in 85 %; three: all in 70 %. Only where all are run.
