@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import resource
 import statistics
+import sys
 import time
 
 import pytest
+from benchmark import workers
 from benchmark.workers import Ended, TimeUp, Worker, at_most, processor_s
 
 
@@ -29,6 +31,17 @@ def test_a_compiled_loop_without_end_is_ended_and_the_next_call_served() -> None
         assert 0.1 < ended.value.cpu_s < 3.0  # the kernel looks once a second
         assert not worker.alive
         assert worker.call(abs, -2, allowed_s=30.0) == 2
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is one clock of processor time")
+def test_a_process_whose_clocks_disagree_is_not_ended_before_its_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """After minutes of work the kernel's count by ticks is seconds away from the one that is exact."""
+    monkeypatch.setattr(workers, "processor_s", lambda: 0.0)
+    with at_most(100.0, 20.0):
+        soft, _ = resource.getrlimit(resource.RLIMIT_CPU)
+    assert 119.0 < soft - time.clock_gettime(workers.BY_TICKS) < 122.0
 
 
 def test_what_waits_for_ever_is_ended_by_the_clock() -> None:
