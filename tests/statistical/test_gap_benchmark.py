@@ -18,7 +18,8 @@ the rates themselves.
   rival in at most 2 %.
 - Two effects: both named in 85 %; three: all in 70 %. Only where all are run.
 
-The held-out gap costs several times as much as all else and is left out; `tests/unit/studies/gap/test_close.py` is about it.
+The held-out gap costs several times as much as all else and is left out; it has
+`tests/unit/studies/gap/test_close.py`.
 """
 
 from __future__ import annotations
