@@ -21,6 +21,8 @@ SHARP: Final = ("flexinol_isobaric", "nitihf_sparse_isobaric")
 DESCRIBED: Final = (
     "model", "noise", "discrepancy", "converged", "rmse", "lag1", "width", "scatter", "seconds"
 )  # fmt: skip
+LARGEST: Final = 1e6
+"""Score that is written with a power of ten, for want of room."""
 SCORES: Final = ("coverage", "log_score", "width")
 NOT_MEASURED: Final = "not measured"
 GAUSSIAN_PROCESSES: Final = ("gaussian_process", "celerite")
@@ -239,7 +241,8 @@ def _scores(lines: Sequence[Line], scheme: str) -> str:
 def _score_cell(score: Line | None, best: float) -> str:
     if score is None:
         return "–"
-    text = f"{score['log_score']:.2f}"
+    value = score["log_score"]
+    text = f"{value:.2f}" if abs(value) < LARGEST else f"{value:.1e}"
     return f"{f'**{text}**' if score['log_score'] == best else text}, {100 * score['coverage']:.0f} %"
 
 
