@@ -6,19 +6,30 @@ an ``InferenceData``, 1.x an ``xarray.DataTree``.
 
 from __future__ import annotations
 
+import os
 import warnings
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 from sma_bayes.checksum import has_its_checksum
 from sma_bayes.errors import OutputError
 
 
 def arviz() -> Any:
-    """The arviz module, imported without the notice that 0.23 gives of its successor."""
+    """The arviz module, imported without the notice that 0.23 gives of its successor once a day.
+
+    The day of the notice is kept in the user's folder of caches, and where that can't be written (a container whose
+    files are read-only) the import fails; then it is kept in a folder that lasts for the import.
+    """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", category=FutureWarning)
-        import arviz as az
+        try:
+            import arviz as az
+        except OSError:
+            with TemporaryDirectory() as folder, patch.dict(os.environ, XDG_CACHE_HOME=folder):
+                import arviz as az
 
     return az
 

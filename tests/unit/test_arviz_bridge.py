@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -54,3 +57,42 @@ def test_half_a_file_is_refused(tmp_path: Path) -> None:
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(OutputError, match="truncated"):
         open_posterior(path)
+
+
+@pytest.mark.parametrize("cache", ["empty", "read-only"])
+@pytest.mark.parametrize(
+    "imports",
+    [
+        "from sma_bayes.arviz_bridge import arviz; arviz()",
+        "from sma_bayes.studies.fit.figures.marginals import _pair",
+    ],
+    ids=["arviz", "corner"],
+)
+def test_the_first_import_of_a_day_is_silent_and_needs_no_cache(
+    imports: str, cache: str, tmp_path: Path
+) -> None:
+    folder = tmp_path / "cache"
+    if cache == "empty":
+        folder.mkdir()
+    else:
+        folder.touch()  # no folder can be made in a file, by root either
+    draw = """
+import warnings
+warnings.simplefilter("error")
+import matplotlib
+matplotlib.use("agg")
+from types import SimpleNamespace
+from matplotlib.figure import Figure
+import numpy as np
+x = np.random.default_rng(0).normal(size=(2, 500))
+about = SimpleNamespace(prior_driven=False)
+_pair(Figure().add_subplot(), *x, (-3, 3), (-3, 3), about, about)
+"""
+    ran = subprocess.run(
+        [sys.executable, "-c", imports + (draw if "_pair" in imports else "")],
+        env={**os.environ, "XDG_CACHE_HOME": str(folder), "MPLCONFIGDIR": str(tmp_path / "matplotlib")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ran.returncode, ran.stderr) == (0, "")

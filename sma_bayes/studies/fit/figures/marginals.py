@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from sma_bayes.arrays import Floats
+from sma_bayes.arviz_bridge import arviz
 from sma_bayes.parameters.distributions import FAMILIES
 from sma_bayes.report.content import (
     ParameterResult,
@@ -129,6 +130,7 @@ def _pair(
     row: ParameterResult,
     column: ParameterResult,
 ) -> None:
+    arviz()  # corner imports it, too: by its one door first, so that its daily notice is not shown
     import corner
 
     corner.hist2d(
