@@ -8,8 +8,8 @@ import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import many
-from sma_bayes.quantities import CHANNELS, SPECIMEN_QUANTITY
-from sma_bayes.records.ledger import ROWS_SHOWN
+from sma_bayes.quantities import CHANNELS
+from sma_bayes.records.ledger import ROWS_SHOWN, Ledger
 from sma_bayes.records.run import Run
 from sma_bayes.records.types import Finding
 
@@ -45,32 +45,23 @@ def misread_decimals(run: Run) -> tuple[Finding, ...]:
     tuple of Finding
         One for each column, with its first rows and how many there are; nothing is changed.
     """
-    found = []
+    ledger = Ledger(run)
     for name in ("temperature", *CHANNELS):
         if name not in run.columns:
             continue
         index = next((i for zero in _zeros(name) if (i := without_mark(run.columns[name] + zero)).size), None)
         if index is not None:
-            rows = tuple(int(r) for r in run.row[index[:ROWS_SHOWN]])
-            shown = ", ".join(map(str, rows)) + (" ..." if index.size > len(rows) else "")
+            shown = ", ".join(map(str, run.row[index[:ROWS_SHOWN]])) + (
+                " ..." if index.size > ROWS_SHOWN else ""
+            )
             message = (
-                f"{many(index.size, 'reading')} of {SPECIMEN_QUANTITY.get(name, name) if run.specimen else name}, of "
-                f"{run.n}, {'is' if index.size == 1 else 'are'} 100 times or more what the readings beside say, by a "
-                f"power of ten (row{'s' if index.size > 1 else ''} {shown}): decimal marks may have been lost (1.234 "
-                "read as 1234)"
+                f"{many(index.size, 'reading')} of {ledger.quantity(name)}, of {run.n}, "
+                f"{'is' if index.size == 1 else 'are'} 100 times or more what the readings beside say, by a power of "
+                f"ten (row{'s' if index.size > 1 else ''} {shown}): decimal marks may have been lost (1.234 read as "
+                "1234)"
             )
-            found.append(
-                Finding(
-                    "misread-decimals",
-                    message,
-                    run.file,
-                    rows,
-                    index.size,
-                    condition=run.condition.id,
-                    column=name,
-                )
-            )
-    return tuple(found)
+            ledger.note(index, "misread-decimals", message, column=name)
+    return tuple(ledger.findings)
 
 
 def _zeros(name: str) -> tuple[float, ...]:

@@ -67,13 +67,12 @@
     const all = those().flatMap(t => [t.x[0], t.x[t.x.length - 1]]);
     return [Math.min(...all), Math.max(...all)];
   };
-  const fine = () => { // resolution of the place that is asked for, which is the one that is told
-    const [low, high] = state.x || ends();
-    return (high - low) / 1000;
-  };
+  const drawn = () => state.x || ends(); // ends of the axis as it stands
+  const held = x => Math.min(drawn()[1], Math.max(drawn()[0], x));
+  const along = () => (those()[0] || {}).along;
+  const fine = () => (drawn()[1] - drawn()[0]) / 1000; // resolution of the place that is asked for, and told
   const ask = x => {
-    const [low, high] = state.x || ends();
-    state.at = Math.min(high, Math.max(low, Number(x.toFixed(decimals(fine())))));
+    state.at = held(Number(x.toFixed(decimals(fine()))));
     tell();
   };
   const steps = () => Math.max(...those().map(t => t.x.length)) - 1;
@@ -148,8 +147,7 @@
   }
 
   function render() {
-    const curves = shown(), width = Math.max(280, root.clientWidth), all = ends();
-    const [low, high] = state.x || all;
+    const curves = shown(), width = Math.max(280, root.clientWidth), [low, high] = drawn();
     const positive = those().every(t => t.q50.every(v => v === null || v > 0));
     log.disabled = !positive;
     if (!positive) state.log = log.checked = false;
@@ -168,7 +166,7 @@
     chart.setAttribute("width", width);
     chart.setAttribute("height", HEIGHT);
     chart.setAttribute("aria-label",
-      `${state.quantity} against ${(those()[0] || {}).along} of ${curves.length} records; arrow keys move the reading`);
+      `${state.quantity} against ${along()} of ${curves.length} records; arrow keys move the reading`);
     draw(draw(chart, "clipPath", {id: "explorer-clip"}), "rect", {x: PAD.left, y: PAD.top, width: w, height: h});
     const axes = draw(chart, "g", {class: "axes"}), inside = draw(chart, "g", {"clip-path": "url(#explorer-clip)"});
 
@@ -188,14 +186,14 @@
       draw(axes, "text", {x: PAD.left - 6, y: toY(v) + 4, "text-anchor": "end"},
         state.log ? String(Number(v.toPrecision(2))) : plain(v, stepY));
     }
-    draw(axes, "text", {x: PAD.left + w / 2, y: HEIGHT - 6, "text-anchor": "middle"}, (those()[0] || {}).along);
+    draw(axes, "text", {x: PAD.left + w / 2, y: HEIGHT - 6, "text-anchor": "middle"}, along());
     draw(axes, "text", {
       x: 14, y: PAD.top + h / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${PAD.top + h / 2})`,
     }, state.quantity);
 
-    const line = (t, values, keep) => {
+    const line = (t, keep) => {
       let path = "", pen = false;
-      values.forEach((y, i) => {
+      t.q50.forEach((y, i) => {
         const here = y !== null && keep(t.x[i]);
         if (here) path += `${pen ? "L" : "M"}${pair(t.x[i], y)}`;
         pen = here;
@@ -212,18 +210,20 @@
       if (state.predictive && t.pred_q05 && t.pred_q95) band(t, "pred_q05", "pred_q95", 0.12);
       if (t.q05 && t.q95) band(t, "q05", "q95", curves.length > 4 ? 0.17 : 0.28);
     }
-    for (const t of curves)
-      if (state.points && t.points)
-        t.points[0].forEach((x, i) => {
-          const y = t.points[1][i];
-          if (x !== null && y !== null && x >= low && x <= high)
-            draw(inside, "circle", {cx: toX(x).toFixed(1), cy: toY(y).toFixed(1), r: 1.7, fill: colour(t), "fill-opacity": 0.5});
-        });
+    for (const t of curves) {
+      if (!state.points || !t.points) continue;
+      const fill = colour(t);
+      t.points[0].forEach((x, i) => {
+        const y = t.points[1][i];
+        if (x !== null && y !== null && x >= low && x <= high)
+          draw(inside, "circle", {cx: toX(x).toFixed(1), cy: toY(y).toFixed(1), r: 1.7, fill, "fill-opacity": 0.5});
+      });
+    }
     for (const t of curves) {
       const [from, to] = t.inside, looks = {fill: "none", stroke: colour(t), "stroke-width": 1.8};
-      draw(inside, "path", {...looks, "stroke-dasharray": dash(t), d: line(t, t.q50, x => x >= from && x <= to)});
-      draw(inside, "path", {...looks, "stroke-opacity": 0.45, "stroke-width": 1.1, d: line(t, t.q50, x => x <= from)});
-      draw(inside, "path", {...looks, "stroke-opacity": 0.45, "stroke-width": 1.1, d: line(t, t.q50, x => x >= to)});
+      draw(inside, "path", {...looks, "stroke-dasharray": dash(t), d: line(t, x => x >= from && x <= to)});
+      draw(inside, "path", {...looks, "stroke-opacity": 0.45, "stroke-width": 1.1, d: line(t, x => x <= from)});
+      draw(inside, "path", {...looks, "stroke-opacity": 0.45, "stroke-width": 1.1, d: line(t, x => x >= to)});
     }
     chart.cursor = draw(chart, "line", {class: "cursor", y1: PAD.top, y2: PAD.top + h, visibility: "hidden"});
     chart.chosen = draw(chart, "rect", {class: "chosen", y: PAD.top, height: h, visibility: "hidden"});
@@ -242,7 +242,7 @@
     }
     chart.cursor.setAttribute("x1", toX(at));
     chart.cursor.setAttribute("x2", toX(at));
-    place.textContent = `${(those()[0] || {}).along}: ${plain(at, fine())}`;
+    place.textContent = `${along()}: ${plain(at, fine())}`;
     const cell = (tag, text, scope) => {
       const element = make(tag, {className: tag === "td" ? "n" : ""}, text);
       if (scope) element.scope = scope;
@@ -266,10 +266,7 @@
     told.replaceChildren(head, body);
   }
 
-  const position = event => {
-    const [low, high] = state.x || ends();
-    return Math.min(high, Math.max(low, fromX(event.clientX - chart.getBoundingClientRect().left)));
-  };
+  const position = event => held(fromX(event.clientX - chart.getBoundingClientRect().left));
   const zoom = (from, to) => {
     const [low, high] = ends(), [a, b] = [Math.max(low, from), Math.min(high, to)];
     if (b - a < (high - low) / 500) return;
@@ -295,7 +292,7 @@
   };
   chart.ondblclick = () => { state.x = null; render(); };
   chart.onkeydown = event => {
-    const [low, high] = state.x || ends(), at = state.at === null ? (low + high) / 2 : state.at;
+    const [low, high] = drawn(), at = state.at === null ? (low + high) / 2 : state.at;
     const move = (high - low) / (event.shiftKey ? 20 : Math.max(100, steps()));
     if (event.key === "ArrowRight" || event.key === "ArrowLeft") {
       ask(at + (event.key === "ArrowRight" ? move : -move));
