@@ -314,21 +314,25 @@ def _likeliest(
 ) -> tuple[BlockNoise, Floats]:
     """Noise of greatest restricted likelihood for given scales, and the innovations without their scales."""
     follows = ~block.first
-    forms = [np.where(follows, 1.0, 0.0)]
+    series = np.column_stack([smooth, residual])
+    width = np.broadcast_to(scale, residual.shape)[:, None]
+    products = _products(series, follows, width)
+    memories = [np.where(follows, phi, 0.0) for phi in MEMORIES]
     dt = block.dt[follows]
     if dt.size > 2 and np.std(dt) > 0.05 * np.mean(dt):
-        forms.append(np.where(follows, np.maximum(block.dt, 1e-3), 0.0))
-    found = []
-    for i, form in enumerate(forms):
-        for phi in MEMORIES if i == 0 else MEMORIES[MEMORIES > 0.0]:
-            memory = np.where(follows, np.sign(phi) * np.abs(phi) ** form, 0.0)
-            found.append(_restricted(residual, memory, smooth, scale))
-    value = np.array([f[0] for f in found])
+        in_time = [
+            np.where(follows, phi ** np.maximum(block.dt, 1e-3), 0.0) for phi in MEMORIES[MEMORIES > 0.0]
+        ]
+        innovations = [memory_innovations(series.T, m, width[:, 0]) for m in in_time]
+        products = np.concatenate([products, [w @ w.T for w in innovations]])
+        memories += in_time
+    value, sd = _restricted(products, np.array([memory_log_scale(m).sum() for m in memories]), residual.size)
     probability = np.exp(value - value.max())
     probability = np.where(probability < PROBABLE, 0.0, probability)
     probability = probability / probability.sum()
-    others = tuple((float(p), f[1]) for p, f in zip(probability, found, strict=True) if p > 0.0)
-    best = replace(found[int(np.argmax(value))][1], others=others)
+    found = {i: BlockNoise(float(sd[i]), memories[i], scale) for i in np.flatnonzero(probability).tolist()}
+    others = tuple((float(probability[i]), noise) for i, noise in found.items())
+    best = replace(found[int(np.argmax(value))], others=others)
     w, columns = best.whiten(residual), best.whiten(smooth.T).T
     left = w - columns @ np.linalg.lstsq(columns, w, rcond=1e-9)[0]
     return best, np.asarray(left * scale)
@@ -355,17 +359,47 @@ def _squares(residual: Floats, noise: BlockNoise, columns: Floats) -> float:
     return float(w @ w - np.sum((basis.T @ w) ** 2))
 
 
-def _restricted(
-    residual: Floats, memory: Floats, smooth: Floats, scale: Floats | float
-) -> tuple[float, BlockNoise]:
-    """Restricted log likelihood of a memory, up to a constant, with the standard deviation that goes with it."""
-    unit = BlockNoise(1.0, memory, scale)
-    w, columns = unit.whiten(residual), unit.whiten(smooth.T).T
-    gram = columns.T @ columns
-    gram[np.diag_indices_from(gram)] += 1e-9 * np.trace(gram) / len(gram)
-    pull = columns.T @ w
-    free = max(residual.size - len(gram), 1)
-    squares = max(float(w @ w - pull @ np.linalg.solve(gram, pull)), 1e-300)
-    sd = np.sqrt(squares / free)
-    value = -free * np.log(sd) - memory_log_scale(memory).sum() - 0.5 * float(np.linalg.slogdet(gram)[1])
-    return value, BlockNoise(float(sd), memory, scale)
+def _products(series: Floats, follows: NDArray[np.bool_], width: Floats) -> Floats:
+    """Products of the innovations of series (n, k) under each memory of `MEMORIES`, shape (m, k, k).
+
+    An innovation ``x[i] - phi x[i-1]`` is ``(x[i] - x[i-1]) + (1 - phi) x[i-1]``, so three matrices of products serve
+    all memories, without loss of digits where these are near 1.
+
+    Parameters
+    ----------
+    series : ndarray, shape (n, k)
+    follows : ndarray of bool, shape (n,)
+        Samples that remember the one before.
+    width : ndarray, shape (n, 1)
+        Scales of the innovations.
+    """
+    later = np.flatnonzero(follows)
+    first = series[~follows] / width[~follows]
+    before = series[later - 1] / width[later]
+    step = series[later] / width[later] - before
+    crossed = step.T @ before
+    forgotten = (1.0 - MEMORIES)[:, None, None]
+    squares = step.T @ step + forgotten * (crossed + crossed.T) + forgotten**2 * (before.T @ before)
+    return np.asarray(first.T @ first + squares / (1.0 - MEMORIES**2)[:, None, None])
+
+
+def _restricted(products: Floats, log_scale: Floats, n: int) -> tuple[Floats, Floats]:
+    """Restricted log likelihoods of memories, up to a constant, with the standard deviations that go with them.
+
+    Parameters
+    ----------
+    products : ndarray, shape (m, k + 1, k + 1)
+        Of the innovations of the smooth columns and, last, of the residuals.
+    log_scale : ndarray, shape (m,)
+        Sum over samples of the logarithm of the scale of an innovation at unit standard deviation.
+    n : int
+        Samples.
+    """
+    gram, pull = products[:, :-1, :-1].copy(), products[:, :-1, -1:]
+    count = gram.shape[1]
+    diagonal = np.arange(count)
+    gram[:, diagonal, diagonal] += 1e-9 * np.trace(gram, axis1=1, axis2=2)[:, None] / count
+    free = max(n - count, 1)
+    explained = np.sum(pull * np.linalg.solve(gram, pull), axis=(1, 2))
+    sd = np.sqrt(np.maximum(products[:, -1, -1] - explained, 1e-300) / free)
+    return -free * np.log(sd) - log_scale - 0.5 * np.linalg.slogdet(gram)[1], sd

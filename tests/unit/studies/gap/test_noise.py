@@ -82,6 +82,22 @@ def test_it_maximises_the_restricted_likelihood(planted: float, history: History
     assert found.sd == pytest.approx(sd, rel=1e-4)
 
 
+def test_probabilities_of_memories_are_those_of_the_restricted_likelihood(
+    history: History, smooth: Floats
+) -> None:
+    segment, clock = history.inputs["segment"], history.inputs["order"]
+    rng = np.random.default_rng(21)
+    e = 0.2 * np.linalg.cholesky(correlation(0.97, clock, segment)) @ rng.standard_normal(history.n)
+    found = block_noise(e, block_of(history, np.ones(history.n)), smooth)
+    value, sd = np.transpose(
+        [restricted(e, smooth, correlation(n.memory.max(), clock, segment)) for _, n in found.others]
+    )
+    likely = np.exp(value - value.max())
+    assert len(found.others) > 3
+    np.testing.assert_allclose([p for p, _ in found.others], likely / likely.sum(), rtol=1e-3)
+    np.testing.assert_allclose([n.sd for _, n in found.others], sd, rtol=1e-4)
+
+
 def test_memory_in_time_is_told_from_memory_in_samples(history: History, smooth: Floats) -> None:
     segment = history.inputs["segment"]
     rng = np.random.default_rng(3)
