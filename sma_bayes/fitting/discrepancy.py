@@ -294,6 +294,8 @@ class Whitened:
             return _Apart(self, a, inverse, count[:, None] * (self.size * inverse) ** 2 * power)
         if even:
             gram = noise.weighted_gram(self.rows, shape, self.steps) * inverse[:, :, None] ** 2
+        elif not noise.autocorrelated:
+            gram = count[:, None, None] * _weighted_products(self.rows, inverse * inverse)
         else:
             white = noise.decorrelate(self.rows * inverse[:, None, :], shape[:, None, :], self.steps)
             gram = count[:, None, None] * (white @ np.swapaxes(white, 1, 2))
@@ -338,6 +340,15 @@ class Whitened:
         """Weights (W, m) [unit of the channel] drawn given everything else."""
         weights = self._system()
         return np.asarray(self.size * (self._likeliest(weights) + weights.draw(rng)))
+
+
+def _weighted_products(rows: Floats, weight: Floats) -> Floats:
+    """Sums (W, m, m) over samples of weights (W, n) times products of rows (m, n): these are the same for all W."""
+    m = len(rows)
+    i, j = np.triu_indices(m)
+    place = np.empty((m, m), dtype=np.intp)
+    place[i, j] = place[j, i] = np.arange(i.size)
+    return np.asarray((weight @ (rows[i] * rows[j]).T)[:, place])
 
 
 def safe_cholesky(information: Floats) -> tuple[Floats, NDArray[np.bool_]]:
@@ -418,18 +429,28 @@ class _Coupled(_Weights):
         self.root, usable = safe_cholesky(information)
         self.unusable = np.where(usable, 0.0, np.nan)
 
-    def solve(self, right: Floats) -> Floats:
-        return np.asarray((self._inverse @ right[..., None])[..., 0])
-
     @cached_property
-    def _inverse(self) -> Floats:
-        """Of ``1 + H``: one inverse serves all steps of scoring, and LAPACK has none for triangles in batches."""
-        inverse_root = np.linalg.inv(self.root)
-        return np.asarray(np.swapaxes(inverse_root, 1, 2) @ inverse_root)
+    def _columns(self) -> Floats:
+        """The factors as (m, m, W): LAPACK has no triangles in batches, so each step is made for all at once."""
+        return np.ascontiguousarray(np.moveaxis(self.root, 0, -1))
+
+    def solve(self, right: Floats) -> Floats:
+        left, y = self._columns, right.T.copy()
+        for k in range(len(y)):
+            y[k] /= left[k, k]
+            y[k + 1 :] -= left[k + 1 :, k] * y[k]
+        return self._back(y)
+
+    def _back(self, y: Floats) -> Floats:
+        """Solutions (W, m) with the transposed factors for `y` (m, W), which is overwritten."""
+        left = self._columns
+        for k in reversed(range(len(y))):
+            y[k] /= left[k, k]
+            y[:k] -= left[k, :k] * y[k]
+        return np.ascontiguousarray(y.T)
 
     def half_log_determinant(self) -> Floats:
         return np.asarray(np.log(np.einsum("wmm->wm", self.root)).sum(axis=1) + self.unusable)
 
     def draw(self, rng: np.random.Generator) -> Floats:
-        normal = rng.standard_normal(self.root.shape[:2])
-        return np.asarray(np.linalg.solve(np.swapaxes(self.root, 1, 2), normal[..., None])[..., 0])
+        return self._back(rng.standard_normal(self.root.shape[:2]).T.copy())
