@@ -14,6 +14,7 @@ from sma_bayes.assess.checks import Check
 from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.identifiability import contraction
 from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit_records import exact_channels
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import unit_text
 
@@ -33,6 +34,7 @@ SENTENCES = {
     "curve": "the curve misses {what}",
     "check": "{what}",
     "noise": "the noise of a reading is {what}",
+    "exact": "{what} has no noise: it was computed, not measured, and no interval follows from it",
     "tempered": "samples are counted as fewer than they are: no density of the data",
     "prior": "the data hardly tell {what}: its prior does",
     "conflict": "prior and data contradict each other about {what}",
@@ -45,6 +47,7 @@ WORTH_TRYING = {
 """What may describe the data better, by the kind of reason."""
 REMEDIES = {
     "noise": "measure a greater response or with less noise",
+    "exact": "fit the readings as they were measured; of a computed curve least squares tells all",
     "tempered": "leave out `--noise effective_samples`",
     "prior": "measure through the whole transformation, or say in a priors file what is known of it",
     "conflict": "check units and numbers of the priors file, and the units of the measurements",
@@ -158,8 +161,10 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
         What its curves miss.
     """
     r, posterior = fit.records[record], fit.posterior
-    against = contradicted(fit, record)
-    out = [_reason("conflict", "", ", ".join(against))] if against else []
+    exact = exact_channels(posterior, np.median(fit.flat, axis=0), record)
+    out = [_reason("exact", channel, r.quantity(channel)) for channel in exact]
+    if against := contradicted(fit, record):
+        out.append(_reason("conflict", "", ", ".join(against)))
     sd = {c: float(np.median(fit.flat[:, at[0]])) for c, at in posterior.layout[record].noise.items()}
     for m in of_curve:
         if m.share > MISSED and abs(m.largest) > NOTICED * sd[m.channel]:

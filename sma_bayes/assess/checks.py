@@ -88,10 +88,12 @@ def _means(e: Floats, groups: list[Ints]) -> Floats:
 
 
 def _uneven(e: Floats, series: CheckedSeries) -> Floats:
-    """Greatest ratio, as a logarithm, of the mean square in a block to that of all."""
+    """Greatest ratio, as a logarithm, of the mean square in a block to that of all; nought where nothing is left."""
     square = np.square(e)
-    blocks = np.log(np.stack([square[:, b].mean(axis=1) for b in series.blocks]))
-    return np.asarray(np.abs(blocks - np.log(square.mean(axis=1))).max(axis=0))
+    whole = square.mean(axis=1)
+    blocks = np.stack([square[:, b].mean(axis=1) for b in series.blocks])
+    share = np.divide(blocks, whole, out=np.ones_like(blocks), where=whole > 0.0)
+    return np.asarray(np.abs(np.log(np.maximum(share, np.finfo(float).tiny))).max(axis=0))
 
 
 def _growing(e: Floats, series: CheckedSeries) -> Floats:

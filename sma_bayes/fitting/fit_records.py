@@ -33,9 +33,12 @@ ONE_SD = np.array([0.1587, 0.8413])
 """Levels of the quantiles a standard deviation from the median of a normal distribution."""
 UNDETERMINED_EVALUATIONS, UNSEEN_EVALUATIONS = 30_000, 12_000
 """Evaluations after which nothing else is tried, of a posterior whose curve is not determined, or whose curve can't be
-seen or whose records are doubted: little follows from its draws, and to converge may take millions. Where the first
-proposals do it takes some ten thousand, with a discrepancy beside the curve twice that. Of 24 records of noise alone
-none converged with six times as much."""
+seen or is met exactly, or whose records are doubted: little follows from its draws, and to converge may take millions.
+Where the first proposals do it takes some ten thousand, with a discrepancy beside the curve twice that. Of 24 records
+of noise alone none converged with six times as much."""
+EXACT = 1e-8
+"""Standard deviation of the noise over the range of a channel below which readings were computed, not measured: the
+rounding of a converter of 24 bits, the finest of loggers, alone makes 1.7e-8 of its range."""
 UNDETERMINED_BLOCK = 48
 """Steps of a block of other moves, of both."""
 
@@ -100,7 +103,9 @@ def fit_records(
         with account.timed("sample"):
             posterior = posterior_with(name, first, start, best.priors, choice)
             z = noise_start(posterior, start, choice)
-            plan = with_what_is_worth_it(plan or Plan(), posterior, start, doubted=doubted)
+            theta = posterior.space.constrain(z)
+            exact = any(exact_channels(posterior, theta, i) for i in range(len(records)))
+            plan = with_what_is_worth_it(plan or Plan(), posterior, start, doubted=doubted or exact)
             draws = sample(
                 posterior,
                 _starts(z, start),
@@ -114,7 +119,7 @@ def fit_records(
     return Fit(
         posterior,
         start,
-        posterior.space.constrain(z),
+        theta,
         draws,
         choice,
         seed,
@@ -142,6 +147,22 @@ def with_what_is_worth_it(plan: Plan, posterior: Posterior, start: WarmStart, *,
 def seen(start: WarmStart) -> bool:
     """Whether each channel of the least-squares curve can be seen for the noise, in one record at least."""
     return all(any(fit[c].adj_r2 >= SEEN for fit in start.fit) for c in start.fit[0])
+
+
+def exact_channels(posterior: Posterior, theta: Floats, record: int) -> tuple[str, ...]:
+    """Channels of a record that have no noise to speak of: numbers that were computed, not measured (`EXACT`).
+
+    Parameters
+    ----------
+    posterior : Posterior
+    theta : ndarray, shape (D,)
+    record : int
+    """
+    return tuple(
+        channel
+        for channel, at in posterior.layout[record].noise.items()
+        if theta[at[0]] < EXACT * posterior.observed_range(record, channel)[1]
+    )
 
 
 def excluded(posterior: Posterior, start: WarmStart) -> bool:

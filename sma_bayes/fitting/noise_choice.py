@@ -266,15 +266,14 @@ class _Signs:
         if not (np.isfinite(square) and square > 0.0 and n > 3):
             return _Signs()
         root = np.sqrt(n)
-        kurtosis = (
-            float(np.mean((e - e.mean()) ** 4)) / float(np.var(e)) ** 2 - 3.0 if np.var(e) > 0.0 else 0.0
-        )
-        spread = np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(square)))
+        spread = float(np.std(e))
+        kurtosis = float(np.mean(((e - e.mean()) / spread) ** 4)) - 3.0 if spread > 0.0 else 0.0
+        size = np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(square)))
         return _Signs(
             abs(float(lag1(e, steps.first))) * root > SIGN,
             kurtosis > SIGN * float(np.sqrt(24.0 / n)),
-            abs(_correlation(spread, response)) * root > SIGN,
-            declared == 0.0 and _correlation(spread, slope**2) * root > SIGN,
+            abs(_correlation(size, response)) * root > SIGN,
+            declared == 0.0 and _correlation(size, slope**2) * root > SIGN,
         )
 
 

@@ -110,7 +110,7 @@ DOUBTS: Final = (
     "swapped",
 )
 """Kinds of finding that say that a measurement can hardly be what it was declared to be."""
-DEGENERATE: Final = ("swapped",)
+DEGENERATE: Final = ("same-column", "swapped")
 """Those of them after which no curve is one of a specimen. Of the others a right one may come: in other units, with a
 wider uncertainty, or without the few readings that were misread."""
 

@@ -33,6 +33,8 @@ NODE, FUNCTION = "_discrepancy_node", "_discrepancy_function"
 """And those of their dimensions: temperatures between which natural cubic splines run, and numbers of functions."""
 PREDICTIVE_DRAWS = 125
 """Draws of each ensemble for which pointwise likelihood and replicated data are stored."""
+LARGEST = float(np.finfo(np.float32).max)
+"""Greatest number of single precision."""
 LOG_STEP = 2.0**-7
 """To what log densities of samples are rounded; the error of their sum over draws is far below that of the draws."""
 NOISE_STEP = 2.0**-5
@@ -274,19 +276,21 @@ def _rounded(values: Floats, step: float) -> Any:
     >>> _rounded(np.array([1.3, -0.1]), 0.3).tolist()
     [1.25, 0.0]
     """
-    if not step > 0.0:
-        return values.astype(np.float32)
-    power = 2.0 ** np.floor(np.log2(step))
-    return (np.round(values / power) * power + 0.0).astype(np.float32)
+    if step > 0.0:
+        power = 2.0 ** np.floor(np.log2(step))
+        values = np.round(values / power) * power + 0.0
+    return _single(values)
 
 
 def _significant(values: Floats, bits: int) -> Any:
-    """Values to so many binary digits, in single precision, whose far ends stand for what overflows."""
-    largest = float(np.finfo(np.float32).max)
-    mantissa, exponent = np.frexp(np.clip(values, -largest, largest))
-    return np.clip(np.ldexp(np.round(mantissa * 2.0**bits) / 2.0**bits, exponent), -largest, largest).astype(
-        np.float32
-    )
+    """Values to so many binary digits, in single precision."""
+    mantissa, exponent = np.frexp(np.clip(values, -LARGEST, LARGEST))
+    return _single(np.ldexp(np.round(mantissa * 2.0**bits) / 2.0**bits, exponent))
+
+
+def _single(values: Floats) -> Any:
+    """Values in single precision, whose far ends stand for what overflows."""
+    return np.clip(values, -LARGEST, LARGEST).astype(np.float32)
 
 
 def _discrepancy_weights(fit: Fit, record: int) -> dict[str, Variable]:

@@ -95,7 +95,8 @@ def find_mode(density: Density, start: Floats, width: Floats, *, steps: int = 40
         if gain > 0.0:
             z = z + lengths[best] * (root @ slope)
             value = float(trial[best])
-        promised = 0.5 * float(slope @ slope)
+        with np.errstate(over="ignore"):  # of a density that is all but a step there is no end of promises
+            promised = 0.5 * float(slope @ slope)
         changed = float(np.max(np.abs(spread / before - 1.0)))
         left = abs(promised - gain) if changed < SAME else promised
         if changed < ALIKE and left < LEFT:

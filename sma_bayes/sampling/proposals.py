@@ -122,10 +122,11 @@ class StudentMixture:
         return _log_sum(parts)
 
     def _shares(self, x: Floats) -> Floats:
-        """Probability (W, K) that a point comes from each component."""
+        """Probability (W, K) that a point comes from each component; even where it is beyond the reach of all."""
         if len(self.weight) == 1:
             return np.ones((len(x), 1))
         parts = self.log_components(x)
+        parts[~np.isfinite(parts).any(axis=1)] = 0.0
         return np.asarray(np.exp(parts - _log_sum(parts)[:, None]))
 
     def refitted(self, x: Floats, weight: Floats, *, rounds: int, held: float = 0.0) -> StudentMixture:

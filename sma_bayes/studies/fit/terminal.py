@@ -127,6 +127,7 @@ SUBJECTS = {
     "noise": "The noise has swallowed the response in {records}",
     "tempered": "The fit does not describe the data of {records}",
     "prior": "The data do not determine the curve of {records}",
+    "exact": "There is nothing to be unsure of in {records}",
     "conflict": "The priors exclude what the data say of {records}",
 }
 """How a sentence on fits that are not adequate begins, by the kind of their first reason."""

@@ -84,6 +84,16 @@ def test_a_second_step_is_missed_by_the_curve(make_record: Callable[..., Record]
     assert r.temperature.min() <= m.at <= r.temperature.max()
 
 
+def test_numbers_without_noise_were_computed(make_record: Callable[..., Record]) -> None:
+    found = fitted(make_record(n=40, noise=0.0))
+    first = reasons(found, 0, predictive_checks(found), missed(found))[0]
+    assert first.kind == "exact"
+    assert (
+        first.message
+        == f"{first.channel} has no noise: it was computed, not measured, and no interval follows from it"
+    )
+
+
 def test_samples_that_count_as_fewer_are_no_density(make_record: Callable[..., Record]) -> None:
     found = fitted(make_record(n=80), "effective_samples")
     assert ("tempered", "") in kinds(found)

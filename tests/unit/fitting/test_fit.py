@@ -13,6 +13,7 @@ from sma_bayes.fitting.fit_records import (
     UNDETERMINED_BLOCK,
     UNDETERMINED_EVALUATIONS,
     UNSEEN_EVALUATIONS,
+    exact_channels,
     excluded,
     fit_records,
     seen,
@@ -131,6 +132,31 @@ def test_a_curve_that_nobody_can_see_takes_bounded_work(
     assert not seen(start) or excluded(found.posterior, start)
     block = UNDETERMINED_BLOCK * 4 * 64
     assert found.draws.evaluations < UNDETERMINED_EVALUATIONS + 2 * block + UNDETERMINED_EVALUATIONS // 4
+
+
+@pytest.mark.parametrize("n", [40, 400])
+def test_a_curve_that_was_computed_is_told_and_takes_bounded_work(
+    make_record: Callable[..., Record], n: int
+) -> None:
+    """It took 368,000 evaluations and more; the mode is found all the same, to the digits of the numbers."""
+    record = make_record(n=n, noise=0.0)
+    found = fit_records([record], DEFAULT)
+    assert exact_channels(found.posterior, found.start, 0) == record.channels
+    assert all(found.warm_start.fit[0][c].rmse < 1e-12 * np.ptp(y) for c, y in record.observed.items())
+    assert found.draws.evaluations < UNDETERMINED_EVALUATIONS + UNDETERMINED_BLOCK * 4 * 64
+
+
+def test_a_logger_of_24_bits_measures_and_does_not_compute(make_record: Callable[..., Record]) -> None:
+    """Readings whose noise is half a step of the finest converter, read at half its range."""
+    record = make_record(n=80, noise=0.0)
+    rng = np.random.default_rng(4)
+    finest = {c: np.ptp(y) * 2.0**-23 for c, y in record.observed.items()}
+    read = {
+        c: np.round((y + 0.5 * finest[c] * rng.standard_normal(80)) / finest[c]) * finest[c]
+        for c, y in record.observed.items()
+    }
+    found = fit_records([replace(record, observed=read)], DEFAULT)
+    assert exact_channels(found.posterior, found.start, 0) == ()
 
 
 def test_a_response_that_can_be_seen_is_given_all_evaluations(make_record: Callable[..., Record]) -> None:

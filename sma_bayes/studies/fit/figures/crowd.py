@@ -166,7 +166,9 @@ def _in_order(ax: Axes, estimates: Floats, colour: str) -> None:
 def _histogram(ax: Axes, values: Sequence[tuple[str, float | None]], mark: float | None) -> None:
     known = [(branch, v) for branch, v in values if v is not None and math.isfinite(v)]
     if known:
-        edges = np.histogram_bin_edges([v for _, v in known], BINS).tolist()
+        low, high = min(v for _, v in known), max(v for _, v in known)
+        margin = 1e-9 * max(abs(low), abs(high))  # equal to rounding, they would leave no room for bins
+        edges = np.histogram_bin_edges([], BINS, range=(low - margin, high + margin)).tolist()
         parts = [[v for b, v in known if b == branch] for branch in COLOURS]
         ax.hist(parts, edges, stacked=True, color=list(COLOURS.values()))
     if mark is not None:

@@ -177,7 +177,7 @@ def _corner_data(shown: Sequence[ParameterResult], draws: Mapping[str, Floats]) 
 
 
 def _range(draws: Floats) -> tuple[float, float]:
-    """Range that shows nearly all draws, a little wider than their central 99 %."""
+    """Range that shows nearly all draws, a little wider than their central 99 %, and wide enough to be divided."""
     low, high = np.quantile(draws, (0.005, 0.995))
-    margin = 0.12 * (high - low) or 1e-9 * max(abs(high), 1.0)
+    margin = max(0.12 * (high - low), 1e-9 * max(abs(low), abs(high))) or 1e-9
     return float(low - margin), float(high + margin)

@@ -104,7 +104,8 @@ def _autocorrelation(draws: Floats, lags: int = 40) -> Floats:
     n = draws.shape[1]
     spectrum = np.fft.rfft(centred, n=2 * n, axis=1)
     covariance = np.fft.irfft(np.abs(spectrum) ** 2, axis=1)[:, : min(lags + 1, n)]
-    return np.asarray(covariance / covariance[:, :1])
+    variance = covariance[:, :1]  # nought where a chain never moved: it is correlated with itself for ever
+    return np.divide(covariance, variance, out=np.ones_like(covariance), where=variance > 0.0)
 
 
 def _trace_data(
