@@ -143,6 +143,11 @@ def calibrated_parameters(
     return out
 
 
+def interval(draws: Floats) -> dict[str, float]:
+    """Median and equal-tailed 90 % interval of draws, as ``q05``, ``median`` and ``q95``; see `quantiles`."""
+    return dict(zip(("q05", "median", "q95"), quantiles(draws, (0.05, 0.5, 0.95)).tolist(), strict=True))
+
+
 def quantiles(draws: Floats, levels: Sequence[float], axis: int | None = None) -> Floats:
     """Quantiles of draws that may be infinite, as a stiffness is where the displacement stands still.
 

@@ -158,6 +158,11 @@ def unguarded_text(text: str) -> str:
     return text[1:] if text.startswith("'") and text.lstrip("'").startswith(FORMULA) else text
 
 
+def or_nan(value: float | None) -> float:
+    """A number of a document as a table has it: a cell that stays empty where nothing is told."""
+    return np.nan if value is None else value
+
+
 def plain(value: Any) -> Any:
     """Value as JSON knows it; what is not finite becomes null."""
     if isinstance(value, Mapping):

@@ -13,7 +13,7 @@ from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.errors import MeasurementError, OutputError, SmaBayesError, many
-from sma_bayes.fitting.curves import quantiles
+from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Branch
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
@@ -365,15 +365,13 @@ def _stated_sweep(one: _Seen, law: PooledConstants, common: float) -> CardSweep:
 def _interval(draws: Floats) -> Any:
     from sma_bayes.runs.schema import IntervalDocument
 
-    q05, median, q95 = quantiles(draws, (0.05, 0.5, 0.95)).tolist()
-    return IntervalDocument(**plain({"q05": q05, "median": median, "q95": q95}))
+    return IntervalDocument(**plain(interval(draws)))
 
 
 def _stated(name: str, c: Constant, meaning: str = "") -> CardConstant:
     unit, words = UNITS[name]
-    q05, median, q95 = quantiles(c.draws, (0.05, 0.5, 0.95)).tolist()
     return CardConstant(
-        **plain({"q05": q05, "median": median, "q95": q95}),
+        **plain(interval(c.draws)),
         name=name,
         unit=unit,
         meaning=meaning or words,

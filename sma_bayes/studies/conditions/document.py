@@ -15,7 +15,7 @@ from sma_bayes.records.types import Condition, setting_unit
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.design import SETTINGS, Design
 from sma_bayes.studies.conditions.effects import SettingEffect
-from sma_bayes.studies.conditions.features import Feature, interval
+from sma_bayes.studies.conditions.features import Feature, interval_where_defined
 from sma_bayes.studies.conditions.leave_out import HIERARCHICAL, LeftOutChannel
 from sma_bayes.studies.conditions.population import Population
 from sma_bayes.studies.conditions.prediction import Prediction, predicted_features
@@ -132,7 +132,7 @@ def _told(found: Mapping[str, float] | None) -> IntervalDocument | None:
 
 
 def _interval(draws: Floats) -> IntervalDocument:
-    return IntervalDocument(**interval(draws))
+    return IntervalDocument(**interval_where_defined(draws))
 
 
 def _population(population: Population) -> StatedPopulation:

@@ -24,7 +24,7 @@ from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
 from sma_bayes.studies.conditions.design import Confounder, Design, confounders, designs
-from sma_bayes.studies.conditions.features import BOTH, Feature, interval
+from sma_bayes.studies.conditions.features import BOTH, Feature, interval_where_defined
 
 FREEDOM = 4.0
 """Degrees of freedom of the prior of the scatter."""
@@ -151,7 +151,7 @@ def _effects(
             tested=_change(tested[place], first.on_log) if tested is not None and told else None,
             beyond=None if slope is None else _change(slope, first.on_log),
             probability_rises=None if slope is None else float(np.mean(slope > 0.0)),
-            scatter=None if general is None else interval(general.scatter),
+            scatter=None if general is None else interval_where_defined(general.scatter),
             aliased_with=aliased,
             confounders=tuple(c for c in along if c.setting == setting and c.other != first.name),
         ))  # fmt: skip
@@ -160,7 +160,7 @@ def _effects(
 
 def _change(slope: Floats, factor: bool) -> dict[str, float]:
     """Change over the range of the setting; regressors run over 1 from least to greatest."""
-    return interval(np.exp(slope) if factor else slope)
+    return interval_where_defined(np.exp(slope) if factor else slope)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ from scipy.special import expit
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
-from sma_bayes.fitting.curves import quantiles
+from sma_bayes.fitting.curves import interval
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import per
 from sma_bayes.records.types import Branch, Condition
@@ -69,14 +69,13 @@ class Feature:
 
     def quantiles(self) -> dict[str, float]:
         """``q05``, ``median`` and ``q95``."""
-        return interval(self.draws)
+        return interval_where_defined(self.draws)
 
 
-def interval(draws: Floats) -> dict[str, float]:
+def interval_where_defined(draws: Floats) -> dict[str, float]:
     """Median and equal-tailed 90 % interval of the draws that have a value; NaN where none has."""
     found = draws[~np.isnan(draws)]
-    levels = quantiles(found, (0.05, 0.5, 0.95)) if found.size else np.full(3, np.nan)
-    return dict(zip(("q05", "median", "q95"), levels.tolist(), strict=True))
+    return interval(found if found.size else draws[:1])
 
 
 def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:

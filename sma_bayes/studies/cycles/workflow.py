@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError, SmaBayesError
+from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
@@ -20,7 +21,7 @@ from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.store import plain, write_csv
+from sma_bayes.runs.store import or_nan, plain, write_csv
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.cycles.laws import EARNED, FORMS, NONE, PACES
 from sma_bayes.studies.cycles.study import (
@@ -269,11 +270,6 @@ def _curve(s: Strand) -> dict[str, Any]:
     }
 
 
-def _interval(draws: Floats) -> dict[str, Any]:
-    low, middle, high = np.quantile(draws, [0.05, 0.5, 0.95])
-    return {"q05": low, "median": middle, "q95": high}
-
-
 def _law(pooled: Pooled) -> dict[str, Any]:
     p = pooled.posterior
     n0, best = None, NONE
@@ -323,9 +319,9 @@ def _changes(pooled: Pooled) -> list[dict[str, Any]]:
                 "number": number,
                 "unit": "K" if number == "shift" else "1",
                 "probability": float(np.mean(d.moving)),
-                **_interval(d.law[:, last] - d.law[:, 0]),
-                "scatter": _interval(d.scatter),
-                "step": _interval(d.step),
+                **interval(d.law[:, last] - d.law[:, 0]),
+                "scatter": interval(d.scatter),
+                "step": interval(d.step),
             })  # fmt: skip
     return out
 
@@ -413,14 +409,10 @@ def quantity_columns(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """All quantities of all conditions, a row for each cycle."""
     rows = [
         (
-            one["condition"], q["branch"], q["channel"], q["name"], q["unit"], _cell(q["at"]), cycle,
-            cycle in one["measured"], *(_cell(q[k][i]) for k in ("own", "own_sd", "q05", "median", "q95")),
+            one["condition"], q["branch"], q["channel"], q["name"], q["unit"], or_nan(q["at"]), cycle,
+            cycle in one["measured"], *(or_nan(q[k][i]) for k in ("own", "own_sd", "q05", "median", "q95")),
         )
         for one in found for q in one["quantities"] for i, cycle in enumerate(one["cycles"])
     ]  # fmt: skip
     names = (*QUANTITY_KEYS, "cycle", "measured", "own", "own_sd", "q05", "median", "q95")
     return dict(zip(names, zip(*rows, strict=True), strict=True))
-
-
-def _cell(value: float | None) -> float:
-    return float("nan") if value is None else value

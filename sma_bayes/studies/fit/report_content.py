@@ -42,6 +42,7 @@ from sma_bayes.runs.fit_document import (
 )
 from sma_bayes.runs.outputs import StoredRun
 from sma_bayes.runs.schema import Factor
+from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.fit.truth import is_simulated, known_truth, thermometer_offsets
 
 TWIN_SOURCE: Final = "Tables 3 to 8 as printed"
@@ -255,9 +256,7 @@ def _nearest(name: str, p: NearestSummary, names: Mapping[str, str]) -> NearestP
 
 
 def _missed(channel: str, m: DiscrepancySummary) -> Missed:
-    return Missed(
-        channel, m.unit, _number(m.rms), _number(m.largest), m.at, m.share, _number(m.ln_bayes_factor)
-    )
+    return Missed(channel, m.unit, or_nan(m.rms), or_nan(m.largest), m.at, m.share, or_nan(m.ln_bayes_factor))
 
 
 def _check(c: CheckSummary, names: Mapping[str, str]) -> PredictiveCheck:
@@ -265,14 +264,10 @@ def _check(c: CheckSummary, names: Mapping[str, str]) -> PredictiveCheck:
         channel=names.get(c.channel, c.channel),
         statistic=STATISTICS.get(c.statistic, c.statistic),
         meaning=c.meaning,
-        measured=_number(c.measured),
-        replicated=(_number(c.q05), _number(c.q95)),
+        measured=or_nan(c.measured),
+        replicated=(or_nan(c.q05), or_nan(c.q95)),
         p_value=c.p_value,
     )
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value
 
 
 def _printed(records: Iterable[RecordContent]) -> tuple[PrintedComparison, ...]:

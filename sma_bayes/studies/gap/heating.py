@@ -17,6 +17,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.effects import EFFECTS, Effect
 from sma_bayes.effects.needs import of_heating
 from sma_bayes.effects.transformation import curves
+from sma_bayes.fitting.curves import interval
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.records.history import histories
 from sma_bayes.records.types import Campaign
@@ -142,5 +143,4 @@ def heat_parameters(study: GapStudy, draws: Floats, seed: int) -> dict[str, Heat
 
 def heat_parameter(unit: str, meaning: str, draws: Floats) -> HeatParameter:
     """A parameter as documents state it, from its draws (S,)."""
-    q05, median, q95 = np.quantile(draws, [0.05, 0.5, 0.95])
-    return HeatParameter(unit=unit, meaning=meaning, q05=q05, median=median, q95=q95)
+    return HeatParameter(unit=unit, meaning=meaning, **interval(draws))

@@ -10,7 +10,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.transformation import NAMES, Temperature, temperatures_of_draws
-from sma_bayes.fitting.curves import CurveDraws
+from sma_bayes.fitting.curves import CurveDraws, interval
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.records.dmta import DmtaSweep
@@ -127,16 +127,11 @@ def _curve(fit: Fit, channel: str, sweep: DmtaSweep) -> dict[str, Any]:
             fact.name: {
                 "unit": fact.unit,
                 "meaning": fact.in_record(record.quantity).meaning,
-                **_interval(theta[:, i]),
+                **interval(theta[:, i]),
             }
             for i, fact in enumerate(model.parameters(record.units))
         },
     }
-
-
-def _interval(draws: Floats) -> dict[str, float]:
-    q05, median, q95 = np.quantile(draws, LEVELS)
-    return {"q05": float(q05), "median": float(median), "q95": float(q95)}
 
 
 def _of_storage(fit: Fit) -> list[dict[str, Any]]:
@@ -156,12 +151,12 @@ def _temperature(t: Temperature) -> dict[str, Any]:
 def _stated(name: str, meaning: str, channel: str, draws: Floats) -> dict[str, Any]:
     found = draws[np.isfinite(draws)]
     if found.size < 2:
-        interval: dict[str, Any] = dict.fromkeys(("q05", "median", "q95", "mean", "sd"))
+        stated: dict[str, Any] = dict.fromkeys(("q05", "median", "q95", "mean", "sd"))
     else:
-        interval = {**_interval(found), "mean": float(found.mean()), "sd": float(found.std())}
+        stated = {**interval(found), "mean": float(found.mean()), "sd": float(found.std())}
     defined = float(found.size / draws.size)
     return {
-        "name": name, "meaning": meaning, "channel": channel, **interval, "defined": defined,
+        "name": name, "meaning": meaning, "channel": channel, **stated, "defined": defined,
         "identified": defined >= SURE,
     }  # fmt: skip
 
@@ -218,7 +213,7 @@ def _values(curves: _Curves, at: float) -> list[dict[str, Any]]:
         draws = curves.of(channel, np.array([at]))[:, 0]
         logs = np.log(draws) if np.all(draws > 0.0) else None
         out.append({
-            "channel": channel, "at": at, "unit": "1" if channel == TAN else "Pa", **_interval(draws),
+            "channel": channel, "at": at, "unit": "1" if channel == TAN else "Pa", **interval(draws),
             "log_mean": None if logs is None else float(logs.mean()),
             "log_sd": None if logs is None else float(logs.std()),
         })  # fmt: skip

@@ -17,7 +17,7 @@ from sma_bayes.paper.tables import PARAMETER_TABLES, STATISTICS_TABLES, CellStat
 from sma_bayes.paper.twin import FITTED_PARAMETERS
 from sma_bayes.quantities import convert
 from sma_bayes.runs.schema import IntervalDocument
-from sma_bayes.studies.conditions.features import BOTH, interval
+from sma_bayes.studies.conditions.features import BOTH, interval_where_defined
 from sma_bayes.studies.paper.export import printed_entry
 from sma_bayes.studies.paper.schema import RecomputedValue, ReproducedEntry
 from sma_bayes.studies.paper.study import TwinStudy
@@ -110,7 +110,7 @@ def _extreme(cell: PrintedCell, study: TwinStudy) -> Found:
 
 
 def _interval(draws: Floats) -> IntervalDocument:
-    return IntervalDocument(**interval(draws))
+    return IntervalDocument(**interval_where_defined(draws))
 
 
 def _derived(table: PrintedTable, study: TwinStudy) -> Iterator[ReproducedEntry]:

@@ -13,7 +13,7 @@ from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, near_matches
-from sma_bayes.fitting.curves import quantiles
+from sma_bayes.fitting.curves import interval, quantiles
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import convert, unit_text
@@ -598,10 +598,10 @@ def _reach(
     path = pair[0].path
     passing = []
     for p in found.passages:
-        q05, median, q95 = np.quantile(p.draws[np.isfinite(p.draws)], (0.05, 0.5, 0.95))
+        current = interval(p.draws[np.isfinite(p.draws)])
         passing.append({
-            "direction": p.direction, "probability": p.probability, "q05": q05, "median": median, "q95": q95,
-            "beyond_measured": bool(q95 > balances.greatest_current * (1.0 + 1e-9)),
+            "direction": p.direction, "probability": p.probability, **current,
+            "beyond_measured": bool(current["q95"] > balances.greatest_current * (1.0 + 1e-9)),
         })  # fmt: skip
     return {
         "condition": own.condition,

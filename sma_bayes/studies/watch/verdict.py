@@ -13,7 +13,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.errors import many
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
-from sma_bayes.runs.store import plain
+from sma_bayes.runs.store import or_nan, plain
 from sma_bayes.studies.cycles.sweeps import Strand
 from sma_bayes.studies.watch.evidence import Onset, Watched, least_squares_of, onset
 from sma_bayes.studies.watch.naming import Change, NamedCause, causes_of, change_of, interval, named
@@ -274,7 +274,7 @@ def csv_columns(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         (
             "fitted" if j < count else "watched", int(fitted[j]) if j < count else cycles[j - count]["cycle"],
             "" if j < count else cycles[j - count]["file"], n["branch"], n["channel"], n["number"], n["unit"], value,
-            _nan(n["normal_low"][j]), _nan(n["normal_high"][j]),
+            or_nan(n["normal_low"][j]), or_nan(n["normal_high"][j]),
             np.nan if j < count else n["log10_e"][j - count],
         )
         for n in found["numbers"] for j, value in enumerate(n["value"])
@@ -289,7 +289,3 @@ def csv_columns(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         "log10_alarm": [float(np.log10(1.0 / found["alpha"]))] * len(cycles),
     }
     return {"cycles.csv": dict(zip(names, zip(*rows, strict=True), strict=True)), "e_process.csv": process}
-
-
-def _nan(value: float | None) -> float:
-    return np.nan if value is None else value
