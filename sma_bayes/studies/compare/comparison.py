@@ -12,7 +12,7 @@ correlation factors and curves are those of the contender alone.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -206,6 +206,7 @@ def compare_record(
     seed: int = 0,
     only: Sequence[str] = (),
     model: str = DEFAULT_MODEL,
+    progress: Callable[[str], None] | None = None,
 ) -> Comparison:
     """Fit all contenders to a record, predict what was held out, and judge.
 
@@ -222,6 +223,8 @@ def compare_record(
         Names of contenders to compare; all by default.
     model : str
         Name of the response model that was asked for; it takes part in any case.
+    progress : callable, optional
+        Told in a few words which contender is being fitted.
 
     Raises
     ------
@@ -258,7 +261,11 @@ def compare_record(
             }
         folds = folds_of(record)
         task = _Task(record, scatter, priors, memory, folds, bases)
-        fitted = {c.name: task.fit(c, modes[c.name], own) for c, own in zip(running, seeds, strict=True)}
+        fitted: dict[str, FittedContender] = {}
+        for c, own in zip(running, seeds, strict=True):
+            if progress is not None:
+                progress(f"{c.name}, model {len(fitted) + 1} of {len(running)}")
+            fitted[c.name] = task.fit(c, modes[c.name], own)
     first = Comparison(
         record, scatter, choice, memory, folds, fitted, copies, missing, {}, _UNDECIDED, task.grid, 0.0, entrants,
         _rank(record),

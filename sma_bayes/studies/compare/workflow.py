@@ -12,7 +12,7 @@ from sma_bayes.errors import MeasurementError
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.progress import Progress, silent
+from sma_bayes.progress import Progress, lines_about, lines_inside, silent
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
@@ -174,11 +174,13 @@ def check(records: Sequence[Record], options: FitOptions) -> None:
 class _Task:
     record: Record
     options: FitOptions
+    lines: float | None
 
 
 def _compare_task(task: _Task) -> Comparison:
-    o = task.options
-    return compare_record(task.record, o.priors, noise=o.noise, seed=o.seed, model=o.model)
+    r, o = task.record, task.options
+    tell = None if task.lines is None else lines_about(f"{r.key}, {r.channels[0]}", task.lines)
+    return compare_record(r, o.priors, noise=o.noise, seed=o.seed, model=o.model, progress=tell)
 
 
 def _compared(
@@ -191,7 +193,7 @@ def _compared(
     work.tell(0, len(records), "choosing the model" if options.model == AUTO_MODEL else "comparing")
     chosen, choice = with_shared_model([(r,) for r in records], options, work.jobs, work.account)
     comparisons = []
-    tasks = [_Task(r, chosen) for r in records]
+    tasks = [_Task(r, chosen, lines_inside(work.tell)) for r in records]
     for compared in run(_compare_task, tasks, work.jobs, account=work.account, stage="compare"):
         comparisons.append(compared)
         work.tell(len(comparisons), len(records), f"compared {stem_of(compared)}")

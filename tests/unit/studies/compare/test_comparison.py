@@ -138,7 +138,10 @@ def bump(n: int, seed: int) -> Record:
 def test_no_single_draw_carries_a_prediction() -> None:
     """Beyond the samples at hand the mean of Eq. (7) does not exist: the largest of these draws is 1e90 and more."""
     few = bump(12, 0)
-    found = compare_record(few, PRIORS, only=["modified_sigmoid_tied", "polynomial_corrected"])
+    told: list[str] = []
+    names = ["modified_sigmoid_tied", "polynomial_corrected"]
+    found = compare_record(few, PRIORS, only=names, progress=told.append)
+    assert told == [f"{name}, model {i} of {len(told)}" for i, name in enumerate(found.fitted, 1)]
     y = few.observed["stiffness"]
     numbers = record_document(found).models
     for name in found.fitted:
