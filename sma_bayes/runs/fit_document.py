@@ -86,8 +86,10 @@ class ReasonSummary(DocumentPart):
         description="`curve` (it misses more than 2 % of the range and three standard deviations of the noise "
         "somewhere), `check` (p-value of a predictive check below 0.002 or above 0.998), `noise` (its standard "
         "deviation is more than a quarter of the range of the curve), `tempered` (`effective_samples`: no density of "
-        "the data), `prior` (contraction of a midpoint or rate below 0.75; no stiffness is given then) or `conflict` "
-        "(the prior hardly allows what the data say, or what they say by themselves where it wins; comes first)"
+        "the data), `prior` (contraction of a midpoint or rate below 0.75; no stiffness is given then), `conflict` "
+        "(the prior hardly allows what the data say, or what they say by themselves where it wins; comes before "
+        "these) or `exact` (the noise is less than 1e-8 of the range of the channel: the readings were computed; "
+        "comes first)"
     )
     channel: str = Field(description="empty where it concerns all")
     message: str = Field(description="the reason in words")
