@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import emcee
 import numpy as np
 from emcee.state import State
 
 from sma_bayes.arrays import Bools, Floats
 from sma_bayes.sampling.density import Density, Linearisable, Linearised, linearised_at, shape_of
+from sma_bayes.sampling.ensemble_sampler import EnsembleSampler
 from sma_bayes.sampling.laplace import Mode
 from sma_bayes.sampling.moves import differential_evolution
 from sma_bayes.sampling.proposals import (
@@ -257,7 +257,7 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
         return adapted
     start = own.z[rng.choice(len(own.z), size=walkers, replace=False, p=own.weights.normalised)]
     moves = differential_evolution(dimension)
-    sampler = emcee.EnsembleSampler(walkers, dimension, density.log_prob, moves=moves, vectorize=True)
+    sampler = EnsembleSampler(walkers, dimension, density.log_prob, moves)
     stream = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
     state = State(start, random_state=stream.get_state())
     sampler.run_mcmc(state, WALKERS_AND_STEPS[1], skip_initial_state_check=True)

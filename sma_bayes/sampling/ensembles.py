@@ -27,9 +27,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
-import emcee
 import numpy as np
 from emcee.moves import Move
 from emcee.state import State
@@ -49,6 +47,7 @@ from sma_bayes.sampling.bridge import Evidence, bridge_evidence
 from sma_bayes.sampling.checkpoint import Checkpoint, StepBlock
 from sma_bayes.sampling.convergence import PUBLISHED, Convergence, Target, assess
 from sma_bayes.sampling.density import Density, Linearisable
+from sma_bayes.sampling.ensemble_sampler import EnsembleSampler
 from sma_bayes.sampling.laplace import Mode, find_mode, laplace_at
 from sma_bayes.sampling.moves import (
     SAMPLERS,
@@ -611,25 +610,6 @@ class _Run:
         )
 
 
-class _Sampler(emcee.EnsembleSampler):  # type: ignore[misc]
-    """emcee's sampler without a copy of the state of its random numbers in the state of every step.
-
-    Copying it took as long as a move does; it is read once a block instead.
-    """
-
-    _stream = emcee.EnsembleSampler.random_state
-    random_state = property(lambda _: None, _stream.fset)
-
-    def seed_stream(self, seed: np.random.SeedSequence) -> None:
-        """Begin its random numbers anew."""
-        self._random.seed(seed.generate_state(8))
-
-    def stream_state(self) -> tuple[Any, ...]:
-        """State of the random numbers, as `numpy.random.RandomState.get_state` gives it."""
-        state: tuple[Any, ...] = self._stream
-        return state
-
-
 class _Group:
     """One ensemble, run a block at a time; blocks that a checkpoint holds are read instead of run.
 
@@ -664,7 +644,7 @@ class _Group:
             chosen = [(move, share * (1.0 - independence)) for move, share in moves]
             if independence > 0.0:
                 chosen.append((self.move, independence))
-        self.sampler = _Sampler(self.walkers, run.width.size, run.log_prob, moves=chosen, vectorize=True)
+        self.sampler = EnsembleSampler(self.walkers, run.width.size, run.log_prob, chosen)
         self._ready: ImportanceSample | None = None  # proposals of the first block, if they have been made
         self._log_q: Floats | None = None  # log density of the proposal at the starts, if it is known
         start_seed, chain_seed = seed.spawn(2)
