@@ -188,3 +188,22 @@ def test_a_missing_unit_and_an_unknown_column_have_status_2(run: Callable[..., A
     assert outcome.status == 2
     assert "no column of temperature among 'oven'" in outcome.err
     assert not (tmp_path / "out").exists()
+
+
+def test_computed_moduli_are_told_as_such(run: Callable[..., Any], tmp_path: Path) -> None:
+    """Two minutes and more went by before nothing was said of them."""
+    t = np.linspace(0.0, 110.0, 60)
+    share = 1.0 / (1.0 + np.exp(-0.25 * (t - 50.0)))
+    loss = 700.0 + 6000.0 * share * (1.0 - share)
+    rows = [
+        f"{a!r},{b!r},{c!r}"
+        for a, b, c in zip(t.tolist(), (28e3 + 38e3 * share).tolist(), loss.tolist(), strict=True)
+    ]
+    path = tmp_path / "computed.csv"
+    path.write_text(
+        "\n".join(["Temperature,Storage modulus,Loss modulus", "°C,MPa,MPa", *rows]), encoding="utf-8"
+    )
+    told = run("modulus", path, "--frequency", "1 Hz", "--out", tmp_path / "out", "--no-figures", "--jobs", 1)
+    assert told.status == 1
+    assert [c["computed"] for c in found_in(tmp_path / "out")["sweeps"][0]["curves"]] == [True, True]
+    assert "storage modulus: it has no noise: it was computed, not measured" in " ".join(told.out.split())

@@ -49,6 +49,10 @@ class ModulusCurve(DocumentPart):
     n: int = Field(description="samples")
     missed: Number = Field(description="what the median curve misses, root mean square over the range [1]")
     converged: bool = Field(description="whether its draws have converged")
+    computed: bool = Field(
+        description="whether its readings have no noise (less than 1e-8 of their range): they were computed, not "
+        "measured, and no interval follows from them"
+    )
     parameters: dict[str, CurveParameter] = Field(description="parameters by name")
 
 

@@ -12,7 +12,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.assess.transformation import NAMES, Temperature, temperatures_of_draws
 from sma_bayes.fitting.curves import CurveDraws, interval
 from sma_bayes.fitting.fit import Fit
-from sma_bayes.fitting.fit_records import fit_records
+from sma_bayes.fitting.fit_records import exact_channels, fit_records
 from sma_bayes.records.dmta import DmtaSweep
 from sma_bayes.records.types import Record
 from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, RESPONSE_MODELS, STORAGE_LADDER, ResponseModel
@@ -123,6 +123,7 @@ def _curve(fit: Fit, channel: str, sweep: DmtaSweep) -> dict[str, Any]:
         "n": record.n,
         "missed": float(np.sqrt(np.mean((y - median) ** 2)) / np.ptp(y)),
         "converged": fit.converged,
+        "computed": bool(exact_channels(fit.posterior, np.median(theta, axis=0), 0)),
         "parameters": {
             fact.name: {
                 "unit": fact.unit,

@@ -12,6 +12,7 @@ import numpy as np
 
 from sma_bayes import __version__
 from sma_bayes.account import Account
+from sma_bayes.assess.adequacy import SENTENCES
 from sma_bayes.errors import UnknownNameError, near_matches
 from sma_bayes.fitting.posterior import versions
 from sma_bayes.progress import Progress, silent
@@ -343,9 +344,12 @@ def _remarks(campaign: DmtaCampaign, sweeps: Sequence[Mapping[str, Any]], at: Se
             f"{s['id']}: {t:g} degC is beyond the measured temperatures, what is told there is an extrapolation"
             for t in at if not s["temperature_from"] <= t <= s["temperature_to"]
         ]  # fmt: skip
-        out += [
-            f"{s['id']}, {c['channel'].replace('_', ' ')}: not converged" for c in s["curves"] if not c["converged"]
-        ]  # fmt: skip
+        for c in s["curves"]:
+            which = f"{s['id']}, {c['channel'].replace('_', ' ')}"
+            if c["computed"]:
+                out.append(f"{which}: {SENTENCES['exact'].format(what='it')}")
+            elif not c["converged"]:
+                out.append(f"{which}: not converged")
     if any(x["shift"] is not None for x in shifts_of(sweeps)):
         out.append(
             f"an activation energy here is that of an Arrhenius law, R = {GAS_CONSTANT:.4g} J/(mol K), that would give "
