@@ -9,9 +9,7 @@ from __future__ import annotations
 import os
 import warnings
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
-from unittest.mock import patch
 
 from sma_bayes.checksum import has_its_checksum
 from sma_bayes.errors import OutputError
@@ -28,6 +26,9 @@ def arviz() -> Any:
         try:
             import arviz as az
         except OSError:
+            from tempfile import TemporaryDirectory
+            from unittest.mock import patch  # slow to import, and seldom needed
+
             with TemporaryDirectory() as folder, patch.dict(os.environ, XDG_CACHE_HOME=folder):
                 import arviz as az
 
