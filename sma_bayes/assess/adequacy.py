@@ -161,11 +161,12 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
         What its curves miss.
     """
     r, posterior = fit.records[record], fit.posterior
-    exact = exact_channels(posterior, np.median(fit.flat, axis=0), record)
+    median = np.median(fit.flat, axis=0)
+    exact = exact_channels(posterior, median, record)
     out = [_reason("exact", channel, r.quantity(channel)) for channel in exact]
     if against := contradicted(fit, record):
         out.append(_reason("conflict", "", ", ".join(against)))
-    sd = {c: float(np.median(fit.flat[:, at[0]])) for c, at in posterior.layout[record].noise.items()}
+    sd = {c: float(median[at[0]]) for c, at in posterior.layout[record].noise.items()}
     for m in of_curve:
         if m.share > MISSED and abs(m.largest) > NOTICED * sd[m.channel]:
             share = f"up to {m.share:.1%} of" if m.share < MOST_SHOWN else "more than ten times"
