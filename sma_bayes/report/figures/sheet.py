@@ -31,7 +31,7 @@ from sma_bayes.report.explorer import Trace
 from sma_bayes.report.figures.typeface import families
 from sma_bayes.report.notation import power_text, unit_label
 from sma_bayes.runs.outputs import StoredBand, StoredRecord
-from sma_bayes.runs.store import write_csv, write_file
+from sma_bayes.runs.store import or_nan, write_csv, write_file
 
 COLOURS: Final = {"heating": "#c8501e", "cooling": "#1f6fb2"}
 """Vermilion and blue: apart for colour-blind eyes, and in grey."""
@@ -405,7 +405,4 @@ def as_columns(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str
     if not rows:
         return {name: [] for name in header}
     cells = zip(*rows, strict=True)
-    return {
-        name: [math.nan if v is None else v for v in column]
-        for name, column in zip(header, cells, strict=True)
-    }
+    return {name: [or_nan(v) for v in column] for name, column in zip(header, cells, strict=True)}

@@ -23,6 +23,7 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.report.notation import unit_label
+from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.cycles.outputs import StoredCycles
 from sma_bayes.studies.cycles.schema import ConditionCycles, QuantityByCycle
 
@@ -192,8 +193,7 @@ def _label(ax: Axes, name: str, unit: str) -> None:
 def _draw(ax: Axes, one: ConditionCycles, q: QuantityByCycle) -> None:
     cycle, colour = np.array(one.cycles, dtype=float), COLOURS[q.branch]
     low, middle, high, own, sd = (
-        np.array([np.nan if v is None else v for v in values])
-        for values in (q.q05, q.median, q.q95, q.own, q.own_sd)
+        np.array([or_nan(v) for v in values]) for values in (q.q05, q.median, q.q95, q.own, q.own_sd)
     )
     ax.fill_between(cycle, low, high, color=colour, alpha=0.2, lw=0)
     ax.plot(cycle, middle, color=colour, lw=0.9)
@@ -207,7 +207,7 @@ def _draw(ax: Axes, one: ConditionCycles, q: QuantityByCycle) -> None:
 def _keep(data: dict[str, list[Any]], one: ConditionCycles, q: QuantityByCycle) -> None:
     for key in ("branch", "channel", "name", "unit"):
         data[key] += [getattr(q, key)] * len(one.cycles)
-    data["at"] += [np.nan if q.at is None else q.at] * len(one.cycles)
+    data["at"] += [or_nan(q.at)] * len(one.cycles)
     data["cycle"] += list(one.cycles)
     for key in ("own", "own_sd", "q05", "median", "q95"):
-        data[key] += [np.nan if v is None else v for v in getattr(q, key)]
+        data[key] += [or_nan(v) for v in getattr(q, key)]

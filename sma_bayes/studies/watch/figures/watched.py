@@ -21,6 +21,7 @@ from sma_bayes.report.figures.sheet import (
     remark,
     take_power,
 )
+from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.watch.outputs import StoredWatch
 from sma_bayes.studies.watch.reference import WATCHED
 from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
@@ -120,9 +121,7 @@ def _axis(found: WatchDocument) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 
 def _draw(ax: Axes, cycle: np.ndarray[tuple[int], np.dtype[np.float64]], n: WatchedNumber) -> None:
-    low, high = (
-        np.array([np.nan if v is None else v for v in side]) for side in (n.normal_low, n.normal_high)
-    )
+    low, high = (np.array([or_nan(v) for v in side]) for side in (n.normal_low, n.normal_high))
     ax.fill_between(cycle, low, high, color=COLOURS[n.branch], alpha=0.15, lw=0, step="mid")
     ax.plot(cycle, n.value, ls="none", marker="o", ms=2.4, color=COLOURS[n.branch], mfc="white", mew=0.7)
 
@@ -135,4 +134,4 @@ def _keep(
     data["cycle"] += cycle.tolist()
     data["value"] += list(n.value)
     for key in ("normal_low", "normal_high"):
-        data[key] += [np.nan if v is None else v for v in getattr(n, key)]
+        data[key] += [or_nan(v) for v in getattr(n, key)]
