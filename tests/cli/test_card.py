@@ -89,9 +89,8 @@ def test_draws_covariance_and_document_agree(wire: Path, published: Callable[[st
     assert names[1:] == [c["name"] for c in constants]
     stated = np.array([row[1:] for row in matrix], dtype=float)
     covariance = np.cov(draws.T)
-    sd = np.sqrt(
-        np.diag(covariance)
-    )  # the digits of the draws are those of their sizes, not of a correlation near 0
+    # the digits of the draws are those of their sizes, not of a correlation near 0
+    sd = np.sqrt(np.diag(covariance))
     assert np.all(np.abs(stated - covariance) <= 1e-6 * np.outer(sd, sd) + 1e-15)
     page = (wire / "report.html").read_text(encoding="utf-8")
     for stem in ("phase-diagram", "transformation-strain", "card-and-data"):
