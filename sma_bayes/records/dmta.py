@@ -159,8 +159,8 @@ class DmtaSweep:
         Storage modulus [Pa] as the one channel of a specimen.
     loss : Record or None
         Loss modulus [Pa] likewise.
-    loss_from : str
-        ``measured``, ``tan_delta`` where it was made from that and the storage modulus, or empty.
+    loss_from_tan_delta : bool
+        Whether the loss modulus was made from tan delta and the storage modulus.
     damping : Damping or None
         None where tan delta and both moduli are not all declared.
     """
@@ -171,7 +171,7 @@ class DmtaSweep:
     branch: Branch
     storage: Record
     loss: Record | None
-    loss_from: str
+    loss_from_tan_delta: bool
     damping: Damping | None
 
 
@@ -596,7 +596,7 @@ def _sweeps_of(test: _Test, options: DmtaOptions) -> tuple[list[DmtaSweep], list
     left_out: list[str] = []
     for frequency, rows, wide in _by_frequency(test, options):
         name = test.label if frequency is None else f"{test.label}-{frequency:g}Hz"
-        moduli, loss_from, damping = _moduli(test, rows, wide)
+        moduli, from_tan_delta, damping = _moduli(test, rows, wide)
         if not np.isfinite(moduli["storage_modulus"]).any():
             left_out.append(f"{name}: no storage modulus")
             continue
@@ -622,7 +622,7 @@ def _sweeps_of(test: _Test, options: DmtaOptions) -> tuple[list[DmtaSweep], list
             sweeps.append(
                 DmtaSweep(
                     f"{name}-{record.branch.value}", test.label, frequency, record.branch, record, loss,
-                    loss_from if loss is not None else "", damping,
+                    from_tan_delta and loss is not None, damping,
                 )
             )  # fmt: skip
     return sweeps, findings, left_out
@@ -664,8 +664,8 @@ def _stated(text: str) -> float:
     return float(convert(value, unit, "Hz", what="--frequency"))
 
 
-def _moduli(test: _Test, rows: Ints, wide: float | None) -> tuple[dict[str, Floats], str, Damping | None]:
-    """Moduli [Pa] of some rows, where the loss comes from, and what the declared tan delta says beside them."""
+def _moduli(test: _Test, rows: Ints, wide: float | None) -> tuple[dict[str, Floats], bool, Damping | None]:
+    """Moduli [Pa] of some rows, whether the loss comes from tan delta, and what the declared tan delta says."""
     found = {}
     for quantity in ("storage_modulus", "loss_modulus", "tan_delta"):
         values = test.values(quantity, wide)
@@ -673,11 +673,11 @@ def _moduli(test: _Test, rows: Ints, wide: float | None) -> tuple[dict[str, Floa
             found[quantity] = values[rows]
     tan = found.pop("tan_delta", None)
     if "loss_modulus" in found:
-        return found, "measured", _damping(found, tan, test.row[rows])
+        return found, False, _damping(found, tan, test.row[rows])
     if tan is not None:
         found["loss_modulus"] = found["storage_modulus"] * tan
-        return found, "tan_delta", None
-    return found, "", None
+        return found, True, None
+    return found, False, None
 
 
 def _damping(moduli: Mapping[str, Floats], tan: Floats | None, row: Ints) -> Damping | None:

@@ -40,7 +40,7 @@ def measured(number: int, middle: float, rng: np.random.Generator) -> DmtaSweep:
         )
         for kind, y in zip(("", "-loss"), noisy, strict=True)
     )  # fmt: skip
-    return DmtaSweep(f"{number}-heating", str(number), 1.0, Branch.HEATING, storage, loss, "measured", None)
+    return DmtaSweep(f"{number}-heating", str(number), 1.0, Branch.HEATING, storage, loss, False, None)
 
 
 def test_intervals_hold_what_another_mechanism_has() -> None:
@@ -55,20 +55,20 @@ def test_intervals_hold_what_another_mechanism_has() -> None:
         middle = float(rng.uniform(45.0, 60.0))
         task = SweepTask(measured(number, middle, rng), {STORAGE: "auto", LOSS: "auto"}, AT, number)
         found = study_sweep(task).document
-        assert all(c["converged"] for c in found["curves"])
+        assert all(c.converged for c in found.curves)
         storage, loss = moduli(fine, middle)
         rule = tangents(lambda t, m=middle: moduli(np.atleast_2d(t), m)[0], -20.0, 120.0)  # type: ignore[misc]
         truth = {
             "As": rule.lower[0], "Af": rule.upper[0], "loss_peak": fine[np.argmax(loss)],
             "tan_delta_peak": fine[np.argmax(loss / storage)],
         }  # fmt: skip
-        for told in found["temperatures"]:
-            if told["name"] in truth:
-                temperatures.append(told["q05"] <= truth[told["name"]] <= told["q95"])
-        for value in found["values"]:
-            e, f = (float(y[0]) for y in moduli(np.array([value["at"]]), middle))
-            true = {STORAGE: e, LOSS: f, "tan_delta": f / e}[value["channel"]]
-            values.append(value["q05"] <= true <= value["q95"])
+        for told in found.temperatures:
+            if told.name in truth:
+                temperatures.append(told.q05 <= truth[told.name] <= told.q95)
+        for value in found.values:
+            e, f = (float(y[0]) for y in moduli(np.array([value.at]), middle))
+            true = {STORAGE: e, LOSS: f, "tan_delta": f / e}[value.channel]
+            values.append(value.q05 <= true <= value.q95)
     assert len(values) == 90
     assert len(temperatures) == 24
     assert 90 - sum(values) <= 18

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from sma_bayes.runs.schema import (
     DocumentPart,
+    FilesBeside,
     FindingDocument,
     IntervalDocument,
     Items,
@@ -28,6 +29,9 @@ class ModulusOptions(DocumentPart):
     frequency: str = Field(description="stated frequency of files without any; empty where none was")
 
 
+Modulus = Literal["storage_modulus", "loss_modulus"]
+
+
 class CurveParameter(IntervalDocument):
     """A parameter of a curve."""
 
@@ -38,7 +42,7 @@ class CurveParameter(IntervalDocument):
 class ModulusCurve(DocumentPart):
     """The curve of a modulus."""
 
-    channel: Literal["storage_modulus", "loss_modulus"] = Field(description="which modulus")
+    channel: Modulus = Field(description="which modulus")
     source: Literal["measured", "tan_delta"] = Field(
         description="`tan_delta` where the loss modulus is the declared tan delta times the storage modulus"
     )
@@ -158,8 +162,8 @@ class ModulusByFrequency(DocumentPart):
     probability_rises: Number = Field(description="that it rises with frequency [1]")
 
 
-class ModulusDocument(RunAccount):
-    """What `sma-bayes modulus` writes: `modulus.json`."""
+class ModulusFindings(DocumentPart):
+    """What a study of moduli found."""
 
     schema_: Literal["sma-bayes/modulus/1"] = Field(alias="schema", description="name and version")
     source: Items[str] = Field(description="files that were read")
@@ -179,10 +183,10 @@ class ModulusDocument(RunAccount):
         description="tables, frequencies and channels that could not be used, in words"
     )
     findings: Items[FindingDocument] = Field(description="about the measurements")
-    files_sha256: dict[str, str] = Field(
-        default={},
-        description="checksum of each CSV of results beside the document, which every reader compares",
-    )
+
+
+class ModulusDocument(RunAccount, FilesBeside, ModulusFindings):
+    """What `sma-bayes modulus` writes: `modulus.json`."""
 
 
 DOCUMENTS: Final = {"modulus": ModulusDocument}

@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.assess.transformation import NAMES, Temperature, temperatures_of_draws
+from sma_bayes.assess.transformation import NAMES, temperatures_of_draws
 from sma_bayes.fitting.curves import CurveDraws, interval
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import exact_channels, fit_records
 from sma_bayes.records.dmta import DmtaSweep
 from sma_bayes.records.types import Record
 from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, RESPONSE_MODELS, STORAGE_LADDER, ResponseModel
+from sma_bayes.studies.modulus.schema import (
+    CurveParameter,
+    Modulus,
+    ModulusCurve,
+    ModulusSweep,
+    ModulusValue,
+    TransitionTemperature,
+)
 
 CHANNEL: Final = "stiffness"
-STORAGE, LOSS, TAN = "storage_modulus", "loss_modulus", "tan_delta"
-LADDERS: Final = {STORAGE: STORAGE_LADDER, LOSS: LOSS_LADDER}
+STORAGE: Final = "storage_modulus"
+LOSS: Final = "loss_modulus"
+TAN: Final = "tan_delta"
+LADDERS: Final[Mapping[Modulus, tuple[type[ResponseModel], ...]]] = {
+    STORAGE: STORAGE_LADDER,
+    LOSS: LOSS_LADDER,
+}
 POINTS: Final = 161
 """Temperatures of a band."""
 FINE: Final = 801
@@ -43,7 +56,7 @@ class SweepTask:
     """
 
     sweep: DmtaSweep
-    models: Mapping[str, str]
+    models: Mapping[Modulus, str]
     at: tuple[float, ...]
     seed: int
 
@@ -54,35 +67,35 @@ class SweepTask:
 class SweepFound:
     """What was found of a sweep: its part of the document, its bands and its samples as columns."""
 
-    document: dict[str, Any]
-    bands: dict[str, Any]
-    samples: dict[str, Any]
+    document: ModulusSweep
+    bands: dict[str, Floats]
+    samples: dict[str, Floats]
 
 
 def study_sweep(task: SweepTask) -> SweepFound:
     """Fit the moduli of a sweep and tell what follows."""
     sweep = task.sweep
-    fits = {STORAGE: _fitted(sweep.storage, STORAGE, task)}
+    fits: dict[Modulus, Fit] = {STORAGE: _fitted(sweep.storage, STORAGE, task)}
     if sweep.loss is not None:
         fits[LOSS] = _fitted(sweep.loss, LOSS, task)
     low, high = float(sweep.storage.temperature.min()), float(sweep.storage.temperature.max())
     rng = np.random.default_rng(np.random.SeedSequence([task.seed, 9, *sweep.id.encode()]))
     curves = _Curves(fits, rng)
-    document = {
-        "id": sweep.id,
-        "test": sweep.test,
-        "frequency": sweep.frequency,
-        "branch": sweep.branch.value,
-        "temperature_from": low,
-        "temperature_to": high,
-        "curves": [_curve(f, channel, sweep) for channel, f in fits.items()],
-        "temperatures": [*_of_storage(fits[STORAGE]), *_peaks(curves, low, high)],
-        "values": [v for t in task.at for v in _values(curves, t)],
-    }
+    document = ModulusSweep(
+        id=sweep.id,
+        test=sweep.test,
+        frequency=sweep.frequency,
+        branch=sweep.branch.value,
+        temperature_from=low,
+        temperature_to=high,
+        curves=tuple(_curve(f, channel, sweep) for channel, f in fits.items()),
+        temperatures=(*_of_storage(fits[STORAGE]), *_peaks(curves, low, high)),
+        values=tuple(v for t in task.at for v in _values(curves, t)),
+    )
     return SweepFound(document, _bands(curves, np.linspace(low, high, POINTS)), _samples(fits))
 
 
-def _fitted(record: Record, channel: str, task: SweepTask) -> Fit:
+def _fitted(record: Record, channel: Modulus, task: SweepTask) -> Fit:
     name = task.models[channel]
     types: tuple[type[ResponseModel], ...] = (
         LADDERS[channel] if name == AUTO_MODEL else (RESPONSE_MODELS[name],)
@@ -94,7 +107,7 @@ def _fitted(record: Record, channel: str, task: SweepTask) -> Fit:
 class _Curves:
     """Draws of storage modulus, loss modulus and their quotient; those of both moduli are paired at random."""
 
-    def __init__(self, fits: Mapping[str, Fit], rng: np.random.Generator) -> None:
+    def __init__(self, fits: Mapping[Modulus, Fit], rng: np.random.Generator) -> None:
         self.draws: dict[str, CurveDraws] = {c: f.curves() for c, f in fits.items()}
         size = min(len(d.theta) for d in self.draws.values())
         self.order = {c: rng.permutation(len(d.theta))[:size] for c, d in self.draws.items()}
@@ -107,67 +120,77 @@ class _Curves:
         return self.draws[channel].curve(CHANNEL, temperature)[self.order[channel]]
 
 
-def _curve(fit: Fit, channel: str, sweep: DmtaSweep) -> dict[str, Any]:
+def _curve(fit: Fit, channel: Modulus, sweep: DmtaSweep) -> ModulusCurve:
     (record,) = fit.records
     model = fit.posterior.model
     median = np.median(fit.curves().curve(CHANNEL, record.temperature), axis=0)
     y = record.observed[CHANNEL]
     theta = fit.flat
-    return {
-        "channel": channel,
-        "source": sweep.loss_from if channel == LOSS else "measured",
-        "model": model.name,
-        "reason": "" if fit.model_choice is None else fit.model_choice.reason,
-        "noise": fit.posterior.noise.name,
-        "discrepancy": fit.posterior.has_discrepancy,
-        "n": record.n,
-        "missed": float(np.sqrt(np.mean((y - median) ** 2)) / np.ptp(y)),
-        "converged": fit.converged,
-        "computed": bool(exact_channels(fit.posterior, np.median(theta, axis=0), 0)),
-        "parameters": {
-            fact.name: {
-                "unit": fact.unit,
-                "meaning": fact.in_record(record.quantity).meaning,
+    return ModulusCurve(
+        channel=channel,
+        source="tan_delta" if channel == LOSS and sweep.loss_from_tan_delta else "measured",
+        model=model.name,
+        reason="" if fit.model_choice is None else fit.model_choice.reason,
+        noise=fit.posterior.noise.name,
+        discrepancy=fit.posterior.has_discrepancy,
+        n=record.n,
+        missed=float(np.sqrt(np.mean((y - median) ** 2)) / np.ptp(y)),
+        converged=fit.converged,
+        computed=bool(exact_channels(fit.posterior, np.median(theta, axis=0), 0)),
+        parameters={
+            fact.name: CurveParameter(
+                unit=fact.unit,
+                meaning=fact.in_record(record.quantity).meaning,
                 **interval(theta[:, i]),
-            }
+            )
             for i, fact in enumerate(model.parameters(record.units))
         },
-    }
+    )
 
 
-def _of_storage(fit: Fit) -> list[dict[str, Any]]:
+def _of_storage(fit: Fit) -> list[TransitionTemperature]:
     """Start and finish by the tangent rule, and what is halfway between."""
     found = temperatures_of_draws(fit.curves(), CHANNEL)
     low, high = (next(t for t in found if t.name == name) for name in NAMES[fit.records[0].branch])
-    middle = _stated("midpoint", "halfway between start and finish", STORAGE, 0.5 * (low.draws + high.draws))
-    inside = bool(middle["identified"] and low.within_data and high.within_data)
-    return [*map(_temperature, found), {**middle, "identified": inside}]
+    return [
+        *(
+            _transition(t.name, f"{t.meaning}, tangent rule", STORAGE, t.draws, within_data=t.within_data)
+            for t in found
+        ),
+        _transition(
+            "midpoint",
+            "halfway between start and finish",
+            STORAGE,
+            0.5 * (low.draws + high.draws),
+            within_data=low.within_data and high.within_data,
+        ),
+    ]
 
 
-def _temperature(t: Temperature) -> dict[str, Any]:
-    told = _stated(t.name, f"{t.meaning}, tangent rule", STORAGE, t.draws)
-    return {**told, "identified": bool(told["identified"] and t.within_data)}
-
-
-def _stated(name: str, meaning: str, channel: str, draws: Floats) -> dict[str, Any]:
+def _transition(
+    name: str, meaning: str, channel: str, draws: Floats, *, within_data: bool = True
+) -> TransitionTemperature:
     found = draws[np.isfinite(draws)]
-    if found.size < 2:
-        stated: dict[str, Any] = dict.fromkeys(("q05", "median", "q95", "mean", "sd"))
-    else:
-        stated = {**interval(found), "mean": float(found.mean()), "sd": float(found.std())}
     defined = float(found.size / draws.size)
-    return {
-        "name": name, "meaning": meaning, "channel": channel, **stated, "defined": defined,
-        "identified": defined >= SURE,
-    }  # fmt: skip
+    told: dict[str, float | None] = dict.fromkeys(("q05", "median", "q95", "mean", "sd"))
+    if found.size >= 2:
+        told.update(interval(found), mean=float(found.mean()), sd=float(found.std()))
+    return TransitionTemperature(
+        name=name,
+        meaning=meaning,
+        channel=channel,
+        **told,
+        defined=defined,
+        identified=defined >= SURE and within_data,
+    )
 
 
-def _peaks(curves: _Curves, low: float, high: float) -> list[dict[str, Any]]:
+def _peaks(curves: _Curves, low: float, high: float) -> list[TransitionTemperature]:
     if LOSS not in curves.channels:
         return []
     t = np.linspace(low, high, FINE)
     return [
-        _stated(
+        _transition(
             f"{name}_peak",
             f"greatest {channel.replace('_', ' ')} within the sweep",
             channel,
@@ -208,28 +231,29 @@ def peak_of(t: Floats, y: Floats) -> Floats:
     return np.where(inside, t[middle] + off * (t[1] - t[0]), np.nan)
 
 
-def _values(curves: _Curves, at: float) -> list[dict[str, Any]]:
-    out = []
+def _values(curves: _Curves, at: float) -> Iterator[ModulusValue]:
     for channel in curves.channels:
         draws = curves.of(channel, np.array([at]))[:, 0]
         logs = np.log(draws) if np.all(draws > 0.0) else None
-        out.append({
-            "channel": channel, "at": at, "unit": "1" if channel == TAN else "Pa", **interval(draws),
-            "log_mean": None if logs is None else float(logs.mean()),
-            "log_sd": None if logs is None else float(logs.std()),
-        })  # fmt: skip
-    return out
+        yield ModulusValue(
+            channel=channel,
+            at=at,
+            unit="1" if channel == TAN else "Pa",
+            **interval(draws),
+            log_mean=None if logs is None else float(logs.mean()),
+            log_sd=None if logs is None else float(logs.std()),
+        )
 
 
-def _bands(curves: _Curves, t: Floats) -> dict[str, Any]:
-    columns: dict[str, Any] = {"temperature_degC": t}
+def _bands(curves: _Curves, t: Floats) -> dict[str, Floats]:
+    columns = {"temperature_degC": t}
     for channel in curves.channels:
         for level, values in zip(LEVELS, np.quantile(curves.of(channel, t), LEVELS, axis=0), strict=True):
             columns[f"{channel}_q{round(100 * level):02d}"] = values
     return columns
 
 
-def _samples(fits: Mapping[str, Fit]) -> dict[str, Any]:
+def _samples(fits: Mapping[Modulus, Fit]) -> dict[str, Floats]:
     """What was fitted; the moduli have temperatures of their own, and the shorter column ends in NaN."""
     size = max(f.records[0].n for f in fits.values())
     columns = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,9 +23,20 @@ from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, STORAGE_LADDER, ResponseModel
 from sma_bayes.runs.documents import MODULUS
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.store import plain, write_csv, write_json
+from sma_bayes.runs.schema import FindingDocument, IntervalDocument
+from sma_bayes.runs.store import write_csv, write_json
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.identity import all_versions
+from sma_bayes.studies.modulus.schema import (
+    DeclaredDamping,
+    FrequencyShift,
+    Modulus,
+    ModulusByFrequency,
+    ModulusFindings,
+    ModulusOptions,
+    ModulusSweep,
+    ShiftPoint,
+)
 from sma_bayes.studies.modulus.shift import (
     GAS_CONSTANT,
     LEVELS,
@@ -111,19 +123,26 @@ def modulus(
         If `out` can't be used.
     """
     account = account or Account()
-    models = {STORAGE: _model(model, STORAGE_LADDER), LOSS: _model(loss_model, LOSS_LADDER)}
+    models: dict[Modulus, str] = {
+        STORAGE: _model(model, STORAGE_LADDER),
+        LOSS: _model(loss_model, LOSS_LADDER),
+    }
     asked = tuple(asked_temperature(text, "degC", "degC") for text in at)
     said = DmtaOptions(columns or {}, units or {}, frequency, encoding)
     with account.timed("read"):
         campaign = read_dmta([paths] if isinstance(paths, str | Path) else paths, said)
     told = asked or _usual(campaign.sweeps)
-    options = {
-        "model": model, "loss_model": loss_model, "at": list(told), "columns": dict(said.columns),
-        "units": dict(said.units), "frequency": frequency,
-    }  # fmt: skip
+    options = ModulusOptions(
+        model=model,
+        loss_model=loss_model,
+        at=told,
+        columns=dict(said.columns),
+        units=dict(said.units),
+        frequency=frequency,
+    )
     identity = {
         "schema": "sma-bayes/run/1", "kind": MODULUS.verb, "data": campaign.sha256,
-        "records": [s.id for s in campaign.sweeps], "seed": seed, **options, "version": __version__,
+        "records": [s.id for s in campaign.sweeps], "seed": seed, **options.as_json(), "version": __version__,
         "versions": versions(),
     }  # fmt: skip
     work = RunContext(MODULUS, _build_report, jobs, figures_for(figures), progress or silent, account)
@@ -131,25 +150,25 @@ def modulus(
 
     def find(folder: Path | None) -> dict[str, Any]:
         sweeps = _sweeps(tasks, folder, work)
-        document: dict[str, Any] = plain({
-            "schema": MODULUS.schema,
-            "source": list(campaign.source),
-            "seed": seed,
-            "options": options,
-            "temperature_unit": "degC",
-            "modulus_unit": "Pa",
-            "versions": all_versions(),
-            "data_sha256": campaign.sha256,
-            "converged": all(c["converged"] for s in sweeps for c in s["curves"]),
-            "sweeps": sweeps,
-            "damping": _damping(campaign.sweeps),
-            "shifts": shifts_of(sweeps),
-            "by_frequency": _by_frequency(sweeps, told),
-            "remarks": _remarks(campaign, sweeps, told),
-            "left_out": list(campaign.left_out),
-            "findings": [finding_document(f) for f in campaign.findings],
-        })  # fmt: skip
-        return document
+        shifts, damping = shifts_of(sweeps), _damping(campaign.sweeps)
+        return ModulusFindings(
+            schema="sma-bayes/modulus/1",
+            source=campaign.source,
+            seed=seed,
+            options=options,
+            temperature_unit="degC",
+            modulus_unit="Pa",
+            versions=all_versions(),
+            data_sha256=campaign.sha256,
+            converged=all(c.converged for s in sweeps for c in s.curves),
+            sweeps=sweeps,
+            damping=damping,
+            shifts=shifts,
+            by_frequency=_by_frequency(sweeps, told),
+            remarks=_remarks(campaign, sweeps, told, damping, shifts),
+            left_out=campaign.left_out,
+            findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
+        ).as_json()
 
     found = work.execute(out, identity, resume, find)
     if out is not None:
@@ -187,7 +206,7 @@ def _usual(sweeps: Sequence[DmtaSweep]) -> tuple[float, ...]:
 # sweeps
 
 
-def _sweeps(tasks: Sequence[SweepTask], folder: Path | None, work: RunContext) -> list[dict[str, Any]]:
+def _sweeps(tasks: Sequence[SweepTask], folder: Path | None, work: RunContext) -> tuple[ModulusSweep, ...]:
     """The part of each sweep; those that an interrupted run has finished are read."""
     done = (
         {}
@@ -196,27 +215,26 @@ def _sweeps(tasks: Sequence[SweepTask], folder: Path | None, work: RunContext) -
     )
     left = [t for t in tasks if t.sweep.id not in done]
     for found in run(study_sweep, left, work.jobs, account=work.account, stage="fit"):
-        name = found.document["id"]
-        done[name] = plain(found.document)
+        name = found.document.id
+        done[name] = found.document
         if folder is not None:
             with work.account.timed("write"):
                 write_csv(folder / "samples" / f"{name}.csv", found.samples)
                 write_csv(folder / "bands" / f"{name}.csv", found.bands)
-                write_json(folder / PARTS / f"{name}.json", found.document)
+                write_json(folder / PARTS / f"{name}.json", found.document.as_json())
         work.tell(len(done), len(tasks), f"fitted {name}")
-    return [done[t.sweep.id] for t in tasks]
+    return tuple(done[t.sweep.id] for t in tasks)
 
 
-def _read_part(folder: Path, name: str) -> dict[str, Any] | None:
+def _read_part(folder: Path, name: str) -> ModulusSweep | None:
     path = folder / PARTS / f"{name}.json"
     beside = (folder / kind / f"{name}.csv" for kind in ("bands", "samples"))
     if not all(p.is_file() for p in (path, *beside)):
         return None
     try:
-        part: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return ModulusSweep.model_validate(json.loads(path.read_text(encoding="utf-8")))
     except ValueError:  # whoever changed it: the sweep is fitted again
         return None
-    return part
 
 
 def _remove_parts(folder: Path) -> None:
@@ -229,42 +247,56 @@ def _remove_parts(folder: Path) -> None:
 # what sweeps tell together
 
 
-def _interval(values: Sequence[float]) -> dict[str, float]:
-    return {"q05": values[0], "median": values[1], "q95": values[2]}
+def _interval(values: Sequence[float]) -> IntervalDocument:
+    low, median, high = values
+    return IntervalDocument(q05=low, median=median, q95=high)
 
 
-def shifts_of(sweeps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def shifts_of(sweeps: Sequence[ModulusSweep]) -> tuple[FrequencyShift, ...]:
     """Shift with frequency of each temperature of a branch, where at least one sweep states a frequency.
 
     Parameters
     ----------
-    sweeps : sequence of mapping
-        As the document has them.
+    sweeps : sequence of ModulusSweep
     """
     out = []
-    for branch in dict.fromkeys(s["branch"] for s in sweeps):
-        own = [s for s in sweeps if s["branch"] == branch and s["frequency"] is not None]
+    for branch in dict.fromkeys(s.branch for s in sweeps):
         for name in SHIFTED:
             points = [
-                {"sweep": s["id"], "frequency": s["frequency"], "temperature": t["mean"], "sd": t["sd"]}
-                for s in own for t in s["temperatures"] if t["name"] == name and t["identified"]
-            ]  # fmt: skip
-            points.sort(key=lambda p: p["frequency"])
+                ShiftPoint(sweep=s.id, frequency=frequency, temperature=t.mean, sd=t.sd)
+                for frequency, s in _by_rising_frequency(sweeps, branch)
+                for t in s.temperatures
+                if t.name == name and t.identified and t.mean is not None and t.sd is not None
+            ]
             if points:
-                out.append({"branch": branch, "temperature": name, "points": points, **_shift(name, points)})
-    return out
+                out.append(_shift(branch, name, points))
+    return tuple(out)
 
 
-def _shift(name: str, points: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _by_rising_frequency(sweeps: Sequence[ModulusSweep], branch: str) -> list[tuple[float, ModulusSweep]]:
+    """Sweeps of a branch that state a frequency, with it."""
+    own = ((s.frequency, s) for s in sweeps if s.branch == branch and s.frequency is not None)
+    return sorted(own, key=lambda pair: pair[0])
+
+
+def _shift(branch: str, name: str, points: Sequence[ShiftPoint]) -> FrequencyShift:
     frequency, temperature, sd = (
-        np.array([p[key] for p in points]) for key in ("frequency", "temperature", "sd")
+        np.array(values) for values in zip(*((p.frequency, p.temperature, p.sd) for p in points), strict=True)
     )
     title = name.replace("_", " ")
     if np.unique(frequency).size < 2:
-        return {
-            "shift": None, "probability_rises": None, "scatter": None, "activation_energy": None, "least_energy": None,
-            "identified": False, "statement": f"{title}: one frequency, no shift can be told",
-        }  # fmt: skip
+        return FrequencyShift(
+            branch=branch,
+            temperature=name,
+            points=tuple(points),
+            shift=None,
+            probability_rises=None,
+            scatter=None,
+            activation_energy=None,
+            least_energy=None,
+            identified=False,
+            statement=f"{title}: one frequency, no shift can be told",
+        )
     found = arrhenius(frequency, temperature, sd)
     low, middle, high = found.shift
     shift = f"{middle:+.2g} K per decade of frequency ({low:+.2g} to {high:+.2g})"
@@ -280,79 +312,88 @@ def _shift(name: str, points: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         )
         if e50 < 0.0:
             told += ": the temperature falls with frequency, as no thermally activated process does"
-    return {
-        "shift": _interval(found.shift),
-        "probability_rises": found.probability_rises,
-        "scatter": _interval(found.scatter),
-        "activation_energy": None if found.energy is None else _interval(found.energy),
-        "least_energy": found.least,
-        "identified": found.energy is not None,
-        "statement": told.replace("+-", "-"),
-    }
+    return FrequencyShift(
+        branch=branch,
+        temperature=name,
+        points=tuple(points),
+        shift=_interval(found.shift),
+        probability_rises=found.probability_rises,
+        scatter=_interval(found.scatter),
+        activation_energy=None if found.energy is None else _interval(found.energy),
+        least_energy=found.least,
+        identified=found.energy is not None,
+        statement=told.replace("+-", "-"),
+    )
 
 
-def _by_frequency(sweeps: Sequence[Mapping[str, Any]], at: Sequence[float]) -> list[dict[str, Any]]:
+def _by_frequency(sweeps: Sequence[ModulusSweep], at: Sequence[float]) -> tuple[ModulusByFrequency, ...]:
     out = []
-    for branch in dict.fromkeys(s["branch"] for s in sweeps):
-        own = sorted(
-            (s for s in sweeps if s["branch"] == branch and s["frequency"] is not None), key=lambda s: s["frequency"]
-        )  # fmt: skip
-        if len({s["frequency"] for s in own}) < 2:
+    for branch in dict.fromkeys(s.branch for s in sweeps):
+        own = _by_rising_frequency(sweeps, branch)
+        if len({frequency for frequency, _ in own}) < 2:
             continue
         for t in at:
-            values = [next(v for v in s["values"] if v["channel"] == STORAGE and v["at"] == t) for s in own]
-            if any(v["log_mean"] is None for v in values):
+            values = [next(v for v in s.values if v.channel == STORAGE and v.at == t) for _, s in own]
+            if any(v.log_mean is None for v in values):
                 continue
-            x = np.log([s["frequency"] for s in own])
-            y, sd = (np.array([v[key] for v in values]) for key in ("log_mean", "log_sd"))
+            x = np.log([frequency for frequency, _ in own])
+            y, sd = np.array([(v.log_mean, v.log_sd) for v in values], dtype=float).T
             line = fit_line(x, y, sd, SCATTER_OF_MODULUS)
-            factors = [float(np.exp(_DECADE * q)) for q in line.slope_quantiles(LEVELS)]
-            out.append({
-                "branch": branch, "at": t, "sweeps": [s["id"] for s in own], "factor": _interval(factors),
-                "probability_rises": line.probability_above(0.0),
-            })  # fmt: skip
-    return out
+            out.append(
+                ModulusByFrequency(
+                    branch=branch,
+                    at=t,
+                    sweeps=tuple(s.id for _, s in own),
+                    factor=_interval([float(np.exp(_DECADE * q)) for q in line.slope_quantiles(LEVELS)]),
+                    probability_rises=line.probability_above(0.0),
+                )
+            )
+    return tuple(out)
 
 
-def _damping(sweeps: Sequence[DmtaSweep]) -> list[dict[str, Any]]:
+def _damping(sweeps: Sequence[DmtaSweep]) -> tuple[DeclaredDamping, ...]:
     seen = {}
     for s in sweeps:
         if s.damping is not None:
-            d = s.damping
-            seen[s.test, s.frequency] = {
-                "test": s.test, "frequency": s.frequency, "compared": d.compared, "disagree": d.disagree,
-                "greatest": d.greatest, "row": d.row,
-            }  # fmt: skip
-    return list(seen.values())
-
-
-def _remarks(campaign: DmtaCampaign, sweeps: Sequence[Mapping[str, Any]], at: Sequence[float]) -> list[str]:
-    out = []
-    for d in _damping(campaign.sweeps):
-        if d["disagree"]:
-            where = d["test"] if d["frequency"] is None else f"{d['test']} at {d['frequency']:g} Hz"
-            out.append(
-                f"{where}: declared tan delta and E''/E' disagree in {d['disagree']} of {d['compared']} rows, most in "
-                f"row {d['row']}, by {d['greatest']:.1%} of the greatest; the moduli are taken"
+            seen[s.test, s.frequency] = DeclaredDamping(
+                test=s.test, frequency=s.frequency, **asdict(s.damping)
             )
-    if any(s.loss_from == "tan_delta" for s in campaign.sweeps):
+    return tuple(seen.values())
+
+
+def _remarks(
+    campaign: DmtaCampaign,
+    sweeps: Sequence[ModulusSweep],
+    at: Sequence[float],
+    damping: Sequence[DeclaredDamping],
+    shifts: Sequence[FrequencyShift],
+) -> tuple[str, ...]:
+    out = []
+    for d in damping:
+        if d.disagree:
+            where = d.test if d.frequency is None else f"{d.test} at {d.frequency:g} Hz"
+            out.append(
+                f"{where}: declared tan delta and E''/E' disagree in {d.disagree} of {d.compared} rows, most in "
+                f"row {d.row}, by {d.greatest:.1%} of the greatest; the moduli are taken"
+            )
+    if any(s.loss_from_tan_delta for s in campaign.sweeps):
         out.append("no loss modulus is declared: it is tan delta times the storage modulus")
-    if any(s["frequency"] is None for s in sweeps):
+    if any(s.frequency is None for s in sweeps):
         out.append("a frequency is not stated: no shift follows from such sweeps; --frequency states it")
     for s in sweeps:
         out += [
-            f"{s['id']}: {t:g} degC is beyond the measured temperatures, what is told there is an extrapolation"
-            for t in at if not s["temperature_from"] <= t <= s["temperature_to"]
+            f"{s.id}: {t:g} degC is beyond the measured temperatures, what is told there is an extrapolation"
+            for t in at if not s.temperature_from <= t <= s.temperature_to
         ]  # fmt: skip
-        for c in s["curves"]:
-            which = f"{s['id']}, {c['channel'].replace('_', ' ')}"
-            if c["computed"]:
+        for c in s.curves:
+            which = f"{s.id}, {c.channel.replace('_', ' ')}"
+            if c.computed:
                 out.append(f"{which}: {SENTENCES['exact'].format(what='it')}")
-            elif not c["converged"]:
+            elif not c.converged:
                 out.append(f"{which}: not converged")
-    if any(x["shift"] is not None for x in shifts_of(sweeps)):
+    if any(x.shift is not None for x in shifts):
         out.append(
             f"an activation energy here is that of an Arrhenius law, R = {GAS_CONSTANT:.4g} J/(mol K), that would give "
             "the same shift: an apparent number for a martensitic transformation, which is athermal"
         )
-    return out
+    return tuple(out)

@@ -42,7 +42,7 @@ def sweep() -> DmtaSweep:
         Branch.HEATING,
         record("a-1Hz", e),
         record("a-1Hz-loss", loss),
-        "measured",
+        False,
         None,
     )
 
@@ -51,8 +51,8 @@ def test_medians_are_least_squares_and_intervals_as_wide_as_its_errors(sweep: Dm
     """Weak priors and 90 samples: medians within 0.3 standard errors of scipy's, widths within 20 %."""
     task = SweepTask(sweep, {STORAGE: "bounded_logistic", LOSS: "modulus_peak"}, (20.0, 62.0), 0)
     found = study_sweep(task).document
-    assert all(c["converged"] for c in found["curves"])
-    by_channel = {c["channel"]: c for c in found["curves"]}
+    assert all(c.converged for c in found.curves)
+    by_channel = {c.channel: c for c in found.curves}
     assert sweep.loss is not None
     cases = (
         (STORAGE, storage, sweep.storage, [3e10, 3e10, 0.2, 60.0], ("cold", "span", "rate", "midpoint")),
@@ -63,27 +63,26 @@ def test_medians_are_least_squares_and_intervals_as_wide_as_its_errors(sweep: Dm
             curve, T, own.observed["stiffness"], p0=start, x_scale=np.abs(start), method="trf"
         )
         error = np.sqrt(np.diag(covariance))
-        told = by_channel[channel]["parameters"]
+        told = by_channel[channel].parameters
         for value, sd, name in zip(best, error, names, strict=True):
-            assert abs(told[name]["median"] - value) < 0.3 * sd, (channel, name)
-            assert told[name]["q95"] - told[name]["q05"] == pytest.approx(3.29 * sd, rel=0.2), (channel, name)
-    temperatures = {t["name"]: t for t in found["temperatures"]}
-    rate, midpoint = (by_channel[STORAGE]["parameters"][k]["median"] for k in ("rate", "midpoint"))
-    assert temperatures["midpoint"]["median"] == pytest.approx(midpoint, abs=0.05)
-    assert temperatures["As"]["median"] == pytest.approx(midpoint - 2.0 / rate, abs=0.1)
-    assert temperatures["Af"]["median"] == pytest.approx(midpoint + 2.0 / rate, abs=0.1)
+            assert abs(told[name].median - value) < 0.3 * sd, (channel, name)
+            assert told[name].q95 - told[name].q05 == pytest.approx(3.29 * sd, rel=0.2), (channel, name)
+    temperatures = {t.name: t for t in found.temperatures}
+    rate, midpoint = (by_channel[STORAGE].parameters[k].median for k in ("rate", "midpoint"))
+    assert temperatures["midpoint"].median == pytest.approx(midpoint, abs=0.05)
+    assert temperatures["As"].median == pytest.approx(midpoint - 2.0 / rate, abs=0.1)
+    assert temperatures["Af"].median == pytest.approx(midpoint + 2.0 / rate, abs=0.1)
     fine = np.linspace(0.0, 110.0, 200001)
-    wanted = [by_channel[c]["parameters"] for c in (STORAGE, LOSS)]
+    wanted = [by_channel[c].parameters for c in (STORAGE, LOSS)]
     e, loss = (
-        f(fine, *(p[n]["median"] for n in names))
-        for (_, f, _, _, names), p in zip(cases, wanted, strict=True)
+        f(fine, *(p[n].median for n in names)) for (_, f, _, _, names), p in zip(cases, wanted, strict=True)
     )
-    assert temperatures["loss_peak"]["median"] == pytest.approx(fine[np.argmax(loss)], abs=0.1)
-    assert temperatures["tan_delta_peak"]["median"] == pytest.approx(fine[np.argmax(loss / e)], abs=0.1)
-    assert temperatures["tan_delta_peak"]["median"] < temperatures["loss_peak"]["median"]
-    value = next(v for v in found["values"] if v["channel"] == "tan_delta" and v["at"] == 62.0)
+    assert temperatures["loss_peak"].median == pytest.approx(fine[np.argmax(loss)], abs=0.1)
+    assert temperatures["tan_delta_peak"].median == pytest.approx(fine[np.argmax(loss / e)], abs=0.1)
+    assert temperatures["tan_delta_peak"].median < temperatures["loss_peak"].median
+    value = next(v for v in found.values if v.channel == "tan_delta" and v.at == 62.0)
     at = np.argmin(np.abs(fine - 62.0))
-    assert value["median"] == pytest.approx(loss[at] / e[at], rel=0.01)
+    assert value.median == pytest.approx(loss[at] / e[at], rel=0.01)
 
 
 def test_a_peak_at_an_end_is_none() -> None:
