@@ -76,6 +76,17 @@ SPECIMEN_QUANTITY: Final = {"force": "stress", "displacement": "strain", "stiffn
 """What a channel is called where a specimen was tested instead of a spring."""
 
 
+def quantity_of(channel: str, *, specimen: bool) -> str:
+    """Name of the quantity behind a channel.
+
+    Examples
+    --------
+    >>> quantity_of("displacement", specimen=True), quantity_of("displacement", specimen=False)
+    ('strain', 'displacement')
+    """
+    return SPECIMEN_QUANTITY.get(channel, channel) if specimen else channel
+
+
 _NOT_A_UNIT: Final = (
     AttributeError, ValueError, TypeError, AssertionError, KeyError, ArithmeticError, SyntaxError, TokenError
 )  # fmt: skip

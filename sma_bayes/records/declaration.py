@@ -170,6 +170,20 @@ class ConditionTable(StrictTable):
             raise ValueError("one of frequency_mHz, frequency_Hz")
         return self
 
+    @property
+    def declared_units(self) -> dict[str, str]:
+        """Unit of each setting as it is declared here; grams are those of a mass that was hung on the spring."""
+        declared = {
+            ("current", "A"): self.current_A,
+            ("load", "g"): self.load_g,
+            ("load", "N"): self.load_N,
+            ("load", "MPa"): self.stress_MPa,
+            ("frequency", "mHz"): self.frequency_mHz,
+            ("frequency", "Hz"): self.frequency_Hz,
+            ("duty_cycle", "percent"): self.duty_cycle_pct,
+        }
+        return {setting: unit for (setting, unit), value in declared.items() if value is not None}
+
     def condition(self, *, specimen: bool) -> Condition:
         """What was set on the rig, in canonical units.
 

@@ -92,8 +92,10 @@ def run_of_tables(declared: DeclaredCondition, tables: Sequence[RawTable]) -> tu
         declared_units={
             channel: column.calibrated_unit
             for q, column in columns.items()
-            if (channel := CHANNEL_OF.get(q, q)) in CHANNELS
-        },
+            if (channel := CHANNEL_OF.get(q, q)) in (*CHANNELS, "temperature")
+        }
+        | {q: whole.columns[q].calibrated_unit for q in settings}
+        | declared.table.declared_units,
         specimen=specimen,
         temperature_sd=_temperature_sd(columns["temperature"]),
         calibration={

@@ -35,7 +35,7 @@ class Run:
     calibration : mapping of str to Calibration
         Channels whose scale or offset is uncertain.
     declared_units : mapping of str to str
-        Unit of each channel as it was declared, in which people see it.
+        Unit of temperature and of each channel and setting as it was declared, in which people see it.
     """
 
     condition: Condition

@@ -131,7 +131,8 @@ class Record:
     source : str
         Name of the file.
     declared_units : mapping of str to str
-        Unit of each channel as it was declared, in which people see it; empty where that is `units`.
+        Unit of temperature and of each channel and setting as it was declared, in which people see it; a load in g is
+        a mass that was hung on the spring. What is missing is seen in its canonical unit.
     """
 
     condition: Condition

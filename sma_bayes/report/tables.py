@@ -786,20 +786,30 @@ def write_tables(tables: dict[str, Table], folder: Path) -> None:
 
 
 def csv_columns(table: Table) -> dict[str, list[object]]:
-    """Columns of a table as CSV has them: an estimate becomes three, numbers keep their digits."""
+    """Columns of a table as CSV has them: an estimate becomes three, numbers keep their digits.
+
+    A number among estimates, which has no interval, is a median alone.
+    """
     out: dict[str, list[object]] = {}
     for place, column in enumerate(table.columns):
         cells = [row[place] for row in table.rows]
         if any(isinstance(c, Estimate) for c in cells):
             for end in ("q05", "median", "q95"):
                 out[f"{column.key}_{end}{column.csv_unit}"] = [
-                    _csv_value(getattr(c, end) if isinstance(c, Estimate) else None, column) for c in cells
+                    _csv_value(_end(c, end), column) for c in cells
                 ]
         else:
             out[column.key + column.csv_unit] = [
                 _csv_value(c.value if isinstance(c, Number) else c, column) for c in cells
             ]
     return out
+
+
+def _end(cell: Cell, end: str) -> float | None:
+    if isinstance(cell, Number):
+        return cell.value if end == "median" else None
+    found: float | None = getattr(cell, end) if isinstance(cell, Estimate) else None
+    return found
 
 
 def _csv_value(cell: object, column: Column) -> object:

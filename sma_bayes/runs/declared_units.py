@@ -1,17 +1,34 @@
-"""Results of a fit in the units in which the measurements were declared, for people; files for programs stay in SI."""
+"""Results in the units in which the measurements were declared, for people; files for programs stay in SI.
+
+`shown_units` says how each quantity and setting of a run is shown, `shown_as` the same of any unit that has them as
+factors (a slope against temperature, an area), and `in_unit` converts a part of a document. A document keeps the
+declared units of its run (`declared_parts`), from which its report takes them again (`units_of`).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import QuantityError
 from sma_bayes.parameters.roles import Role
-from sma_bayes.quantities import ARBITRARY, CHANNELS, SPECIMEN_QUANTITY, convert
+from sma_bayes.quantities import (
+    ARBITRARY,
+    CHANNELS,
+    QUANTITIES,
+    SPECIMEN_QUANTITY,
+    TEMPERATURE,
+    convert,
+    unit_text,
+)
+from sma_bayes.records.types import SETTING_UNITS, Record, setting_unit
+from sma_bayes.response.modified_sigmoid import channel_unit
 from sma_bayes.runs.fit_document import (
     FitFindings,
     HeldSummary,
@@ -20,7 +37,7 @@ from sma_bayes.runs.fit_document import (
     QuantitySummary,
     RecordSummary,
 )
-from sma_bayes.runs.schema import DocumentPart, Factor
+from sma_bayes.runs.schema import DeclaredUnits, DocumentPart, Factor
 
 IN_UNIT_OF_CHANNEL: Final = frozenset(
     {Role.SPAN, Role.OFFSET, Role.LEVEL, Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE, Role.EFFECT}
@@ -28,6 +45,12 @@ IN_UNIT_OF_CHANNEL: Final = frozenset(
 """Roles of parameters that have the unit of their channel, alone or over that of temperature."""
 SCALED: Final = frozenset({"mean", "sd", "median", "low", "high", "scale"})
 """Numbers of priors that are in the unit of the parameter."""
+WEIGHT: Final = {"g": "gf", "kg": "kgf"}
+"""Units of force of the weights of masses, in which loads are declared."""
+SHORT: Final = {"kelvin": "K", "fahrenheit": "degF", "degree_Fahrenheit": "degF"}
+"""How units of temperature are written."""
+INTERVAL: Final = ("q05", "median", "q95")
+"""Numbers of an interval."""
 
 P = TypeVar("P", bound=DocumentPart)
 
@@ -42,11 +65,22 @@ class ShownUnit:
         Unit of the stored numbers, and that of the declaration.
     factor : float
         Shown units in a stored one [1].
+    zero : float
+        What a stored 0 is shown as: other than 0 only of temperatures that are no differences.
     """
 
     stored: str
     shown: str
     factor: float
+    zero: float = 0.0
+
+    def value(self, stored: float | None) -> float | None:
+        """A number as it is shown."""
+        return None if stored is None else stored * self.factor + self.zero
+
+    def values(self, stored: Floats) -> Floats:
+        """Numbers as they are shown."""
+        return stored * self.factor + self.zero
 
     def of(self, unit: str) -> str:
         """Unit of a quantity that has the channel's as its first factor: of a slope, or of an area.
@@ -77,33 +111,38 @@ def shown_unit(stored: str, declared: str) -> ShownUnit | None:
     Examples
     --------
     >>> shown_unit("m", "mm"), shown_unit("m", "m")
-    (ShownUnit(stored='m', shown='mm', factor=1000.0), None)
+    (ShownUnit(stored='m', shown='mm', factor=1000.0, zero=0.0), None)
+    >>> shown_unit("degC", "degF")
+    ShownUnit(stored='degC', shown='degF', factor=1.8, zero=32.0)
+    >>> round(shown_unit("N", "g").value(0.980665), 9)
+    100.0
     """
     if declared == stored or not declared or ARBITRARY in (stored, declared):
         return None
+    to = WEIGHT.get(declared, declared) if stored == "N" else declared
     try:
-        zero, one = (float(v) for v in convert(np.array([0.0, 1.0]), stored, declared))
+        zero, one = (float(v) for v in convert(np.array([0.0, 1.0]), stored, to))
     except QuantityError:
         return None
-    if zero != 0.0 or one <= 0.0 or not math.isfinite(one):
+    factor = float(f"{one - zero:.12g}")
+    if (zero != 0.0 and stored != TEMPERATURE.unit) or factor <= 0.0 or not math.isfinite(factor):
         return None
-    return ShownUnit(stored, declared, float(f"{one:.15g}"))
+    if stored == TEMPERATURE.unit and (factor, zero) == (1.0, 0.0):
+        return None
+    return ShownUnit(stored, SHORT.get(declared, declared), factor, float(f"{zero:.12g}"))
 
 
-def shown_units(records: Iterable[RecordSummary]) -> Shown:
-    """How each quantity of a run is shown: as first declared, so that records share their axes and columns.
+def shown_units(records: Iterable[RecordSummary | Record]) -> Shown:
+    """How each quantity and setting of a run is shown: as first declared, so that records share axes and columns.
 
     A stiffness that was not measured is in the unit of force over that of displacement, a modulus in that of stress.
     """
     declared: dict[str, str] = {}
     stored: dict[str, str] = {}
-    for r in records:
-        measures: dict[str, Measure | HeldSummary] = {**r.held, **r.quantities}
-        for channel, part in measures.items():
-            name = _name(r, channel)
-            stored.setdefault(name, part.unit)
-            if part.declared_unit is not None:
-                declared.setdefault(name, part.declared_unit)
+    for name, unit, as_declared in _declared(records):
+        stored.setdefault(name, unit)
+        if as_declared is not None:
+            declared.setdefault(name, as_declared)
     of = {**stored, **declared}
     over, _, below = declared.get("stiffness", "").partition("/")
     derived = {
@@ -117,6 +156,105 @@ def shown_units(records: Iterable[RecordSummary]) -> Shown:
         for name, unit in {**usual, **stored}.items()
     }
     return {name: shown for name, shown in found.items() if shown is not None}
+
+
+def _declared(records: Iterable[RecordSummary | Record]) -> Iterator[tuple[str, str, str | None]]:
+    """Name, stored and declared unit of each quantity and setting of each record."""
+    for r in records:
+        settings: Mapping[str, str]
+        if isinstance(r, Record):
+            for channel in (*r.channels, *r.held):
+                yield r.quantity(channel), channel_unit(r.units, channel), r.declared_units.get(channel)
+            temperature, settings, specimen = r.units["temperature"], r.declared_units, r.specimen
+            declared = r.declared_units.get("temperature")
+        else:
+            measures: dict[str, Measure | HeldSummary] = {**r.held, **r.quantities}
+            for channel, part in measures.items():
+                yield _name(r, channel), part.unit, part.declared_unit
+            temperature, declared = r.temperature.unit, r.temperature.declared_unit
+            settings, specimen = r.settings_declared_units, _of_specimen(r)
+        yield TEMPERATURE.name, temperature, declared
+        for setting in SETTING_UNITS:
+            if setting in settings:
+                yield setting, setting_unit(setting, specimen=specimen), settings[setting]
+
+
+def declared_parts(records: Sequence[RecordSummary | Record]) -> dict[str, Any]:
+    """The keys of `DeclaredUnits`, which a document keeps for its report.
+
+    Parameters
+    ----------
+    records : sequence of RecordSummary or Record
+        Of the fit, or of the measurements.
+    """
+    units = shown_units(records)
+    found: dict[str, dict[str, None]] = {}
+    for name, unit, as_declared in _declared(records):
+        found.setdefault(name, {})[unit_text(SHORT.get(as_declared or unit, as_declared or unit)) or "1"] = (
+            None
+        )
+    return {
+        "declared_units": {name: u.shown for name, u in units.items()},
+        "declared_differently": tuple(
+            f"{name.replace('_', ' ')} is declared in {' and '.join(declared)}: shown in {next(iter(declared))}, "
+            "which is the first"
+            for name, declared in found.items()
+            if len(declared) > 1
+        ),
+    }
+
+
+def units_of(found: DeclaredUnits, *, specimen: bool) -> Shown:
+    """How each quantity and setting of a document is shown.
+
+    Parameters
+    ----------
+    found : DeclaredUnits
+    specimen : bool
+        Whether loads are stresses.
+    """
+    stored = {q.name: q.unit for q in QUANTITIES.values()}
+    stored |= {s: setting_unit(s, specimen=specimen) for s in SETTING_UNITS}
+    shown = {n: shown_unit(stored[n], u) for n, u in found.declared_units.items() if n in stored}
+    return {name: u for name, u in shown.items() if u is not None}
+
+
+_TEMPERATURE = re.compile(rf"(/ ?)?\b{TEMPERATURE.unit}\b")
+
+
+def shown_as(unit: str, units: Shown, quantity: str = "", *, difference: bool = False) -> ShownUnit:
+    """How numbers are shown whose unit is made of that of a quantity and of that of temperature, or has neither.
+
+    Parameters
+    ----------
+    unit : str
+        Unit in which they are stored.
+    units : mapping of str to ShownUnit
+        See `shown_units`.
+    quantity : str
+        Quantity or setting whose unit is the first factor; none for pure numbers, such as ratios.
+    difference : bool
+        Whether a temperature is the difference of two.
+
+    Examples
+    --------
+    >>> units = {"force": ShownUnit("N", "mN", 1e3), "temperature": ShownUnit("degC", "degF", 1.8, 32.0)}
+    >>> shown_as("N/degC", units, "force").shown, shown_as("degC", units).value(100.0)
+    ('mN/degF', 212.0)
+    >>> shown_as("degC", units, "force", difference=True).value(100.0)
+    180.0
+    """
+    text, factor = unit, 1.0
+    u, degrees = units.get(quantity), units.get(TEMPERATURE.name)
+    if degrees is not None and unit == degrees.stored:
+        return ShownUnit(unit, degrees.shown, degrees.factor, 0.0 if difference else degrees.zero)
+    if u is not None and quantity != TEMPERATURE.name and u.begins(unit):
+        text, factor = u.of(unit), u.factor
+    if degrees is not None:
+        for found in _TEMPERATURE.finditer(text):
+            factor *= 1.0 / degrees.factor if found[1] else degrees.factor
+        text = _TEMPERATURE.sub(lambda m: (m[1] or "") + degrees.shown, text)
+    return ShownUnit(unit, text, factor)
 
 
 def declared_units(records: Sequence[RecordSummary]) -> list[str]:
@@ -173,8 +311,11 @@ def _name(r: RecordSummary, channel: str) -> str:
     """What a channel is called, be it measured, derived or held."""
     if channel in r.quantities:
         return r.quantities[channel].name
-    specimen = {m.name for m in r.quantities.values()} & set(SPECIMEN_QUANTITY.values())
-    return SPECIMEN_QUANTITY.get(channel, channel) if specimen else channel
+    return SPECIMEN_QUANTITY.get(channel, channel) if _of_specimen(r) else channel
+
+
+def _of_specimen(r: RecordSummary) -> bool:
+    return bool({m.name for m in r.quantities.values()} & set(SPECIMEN_QUANTITY.values()))
 
 
 def _of_channel(r: RecordSummary, channel: str, units: Shown) -> ShownUnit | None:
@@ -191,7 +332,7 @@ def _record(r: RecordSummary, units: Shown) -> RecordSummary:
 
     def scaled(parts: Mapping[str, P], *names: str) -> dict[str, P]:
         return {
-            c: _scaled(p, by_channel[c], *names) if c in by_channel else p for c, p in parts.items()
+            c: in_unit(p, by_channel[c], *names) if c in by_channel else p for c, p in parts.items()
         }  # fmt: skip
 
     def agreement(found: Mapping[str, Mapping[str, Factor]]) -> dict[str, dict[str, Factor]]:
@@ -218,7 +359,7 @@ def _record(r: RecordSummary, units: Shown) -> RecordSummary:
             "calibration": scaled(r.calibration, "offset", "offset_sd"),
             "discrepancy": scaled(r.discrepancy, "rms", "largest"),
             "nearest": {
-                n: _scaled(p, by_channel[p.channel], "q05", "median", "q95")
+                n: in_unit(p, by_channel[p.channel], "q05", "median", "q95")
                 if p.channel in by_channel and p.unit == by_channel[p.channel].stored
                 else p
                 for n, p in r.nearest.items()
@@ -238,7 +379,7 @@ def _parameter(p: ParameterSummary, u: ShownUnit | None) -> ParameterSummary:
     prior = {
         n: v * u.factor if n in SCALED and isinstance(v, float) else v for n, v in p.prior.items()
     }  # fmt: skip
-    own = _scaled(p, u, "warm_start", "warm_start_sd", "mean", "sd", "q05", "median", "q95")
+    own = in_unit(p, u, "warm_start", "warm_start_sd", "mean", "sd", "q05", "median", "q95")
     return own.model_copy(update={"prior": prior})
 
 
@@ -249,11 +390,20 @@ def _quantity(q: QuantitySummary, r: RecordSummary | None, units: Shown) -> Quan
     of_channel = q.name == "loop_area" or q.unit == u.stored
     if u.stored == "1" and q.name != "loop_area":
         of_channel = False
-    return _scaled(q, u, "q05", "median", "q95") if of_channel else q
+    return in_unit(q, u, "q05", "median", "q95") if of_channel else q
 
 
-def _scaled(part: P, u: ShownUnit, *names: str) -> P:
-    update: dict[str, object] = {n: _product(getattr(part, n), u.factor) for n in names}
+def in_unit(part: P, u: ShownUnit, *names: str) -> P:
+    """A part of a document as it is shown, and its `unit` with it where it has one.
+
+    Parameters
+    ----------
+    part : DocumentPart
+    u : ShownUnit
+    *names : str
+        Its numbers in that unit; those of an interval if there are none.
+    """
+    update: dict[str, object] = {n: u.value(getattr(part, n)) for n in names or INTERVAL}
     unit = getattr(part, "unit", None)
     if unit:
         update["unit"] = u.of(unit)
@@ -261,7 +411,7 @@ def _scaled(part: P, u: ShownUnit, *names: str) -> P:
 
 
 def _times(f: Factor, factor: float) -> Factor:
-    return f.model_copy(update={n: _product(getattr(f, n), factor) for n in ("q05", "median", "q95")})
+    return f.model_copy(update={n: _product(getattr(f, n), factor) for n in INTERVAL})
 
 
 def _product(value: float | None, factor: float) -> float | None:

@@ -56,6 +56,7 @@ class TemperatureSummary(DocumentPart):
         default=None,
         description="standard deviation of the error of a reading [unit]",
     )
+    declared_unit: str | None = Field(default=None, description="unit in which temperatures were declared")
 
 
 class HeldSummary(DocumentPart):
@@ -382,6 +383,10 @@ class RecordSummary(DocumentPart):
     settings: dict[str, Number] = Field(
         default_factory=dict,
         description="what was set: `current` [A], `load` [N, of a specimen Pa], `frequency` [Hz], `duty_cycle` [1]",
+    )
+    settings_declared_units: dict[str, str] = Field(
+        default_factory=dict,
+        description="by setting: unit in which it was declared, and in which people see it; a load in g is a mass",
     )
     n: int = Field(description="samples")
     rows_averaged: int = Field(default=1, description="source rows that a sample stands for, at most")

@@ -155,6 +155,20 @@ class FilesBeside(DocumentPart):
     )
 
 
+class DeclaredUnits(DocumentPart):
+    """In which units people see the numbers of a document."""
+
+    declared_units: dict[str, str] = Field(
+        default_factory=dict,
+        description="by quantity or setting: the unit in which the measurements declare it, and in which terminal, "
+        "page, tables and figures show it; what is missing is shown as it stands here. A load in g is a mass",
+    )
+    declared_differently: Items[str] = Field(
+        default=(),
+        description="sentences: what conditions declare in several units, and which of them is shown",
+    )
+
+
 class FindingDocument(DocumentPart):
     """What was found about the measurements."""
 

@@ -11,7 +11,10 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.fitting.curves import quantiles
+from sma_bayes.parameters.roles import Role
+from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.records.types import Condition, setting_unit
+from sma_bayes.runs.declared_units import IN_UNIT_OF_CHANNEL
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.design import SETTINGS, Design
 from sma_bayes.studies.conditions.effects import SettingEffect
@@ -138,6 +141,9 @@ def _interval(draws: Floats) -> IntervalDocument:
 def _population(population: Population) -> StatedPopulation:
     density, sampling = population.density, population.sampling
     prior = np.exp(density.draw_prior(np.random.default_rng(0), 4000))
+    first = population.records[0]
+    facts = first.posterior.model.parameters(first.units)
+    logarithms = population.coordinates.signs != 0.0
     return StatedPopulation(
         conditions=population.design.ids,
         branch=population.records[0].branch.value,
@@ -154,6 +160,8 @@ def _population(population: Population) -> StatedPopulation:
         coordinates=tuple(
             StatedCoordinate(
                 name=label,
+                unit="1" if logarithms[i] else facts[i].unit,
+                channel="" if logarithms[i] else _channel_of_unit(facts[i]),
                 level=_interval(population.coefficients[:, 0, i]),
                 changes={
                     v: _interval(population.coefficients[:, k, i])
@@ -166,7 +174,13 @@ def _population(population: Population) -> StatedPopulation:
         ),
         parameters={
             r.condition.id: {
-                name: PooledParameter(own=_interval(r.curve_theta[:, i]), pooled=_interval(pooled[:, i]))
+                name: PooledParameter(
+                    unit=facts[i].unit,
+                    channel=_channel_of_unit(facts[i]),
+                    difference=facts[i].role is not Role.MIDPOINT,
+                    own=_interval(r.curve_theta[:, i]),
+                    pooled=_interval(pooled[:, i]),
+                )
                 for i, name in enumerate(r.names)
             }
             for r, pooled in zip(
@@ -174,6 +188,10 @@ def _population(population: Population) -> StatedPopulation:
             )
         },
     )
+
+
+def _channel_of_unit(fact: ParameterSpec) -> str:
+    return fact.channel if fact.role in IN_UNIT_OF_CHANNEL else ""
 
 
 def _predicted_from(population: Population) -> dict[str, Any]:

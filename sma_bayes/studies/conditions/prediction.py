@@ -176,7 +176,7 @@ def predicted_features(prediction: Prediction) -> tuple[Feature, ...]:
         return tuple(out)
     curve = np.abs(prediction.curve("stiffness", np.linspace(low, high, GRID)))
     what, unit = reference.quantities["stiffness"], reference.units["stiffness"]
-    where = f"from {low:.4g} to {high:.4g}, where every condition was measured"
+    where = "over the temperatures at which every condition was measured"
     least, greatest = curve.min(axis=1), curve.max(axis=1)
     out += [
         Feature(name, condition, branch, "stiffness", its_unit, draws, f"{words} {what} {where}", True)

@@ -7,6 +7,7 @@ from typing import Final, Literal
 from pydantic import Field
 
 from sma_bayes.runs.schema import (
+    DeclaredUnits,
     DocumentPart,
     FilesBeside,
     IntervalDocument,
@@ -133,7 +134,11 @@ class StatedCorrection(DocumentPart):
 class StatedCoordinate(DocumentPart):
     """A coordinate in which settings act on straight lines."""
 
-    name: str = Field(description="which it is, with its unit")
+    name: str = Field(description="which it is")
+    unit: str = Field(default="", description="its unit; 1 of a logarithm")
+    channel: str = Field(
+        default="", description="channel whose unit is a factor of that; empty where none is"
+    )
     level: IntervalDocument = Field(description="at the least value of each setting")
     changes: dict[str, IntervalDocument] = Field(description="over the range of each setting, by its name")
     scatter: IntervalDocument = Field(description="standard deviation between conditions")
@@ -143,6 +148,13 @@ class StatedCoordinate(DocumentPart):
 class PooledParameter(DocumentPart):
     """A parameter of the curve of a condition, in the unit of the fit."""
 
+    unit: str = Field(default="", description="its unit")
+    channel: str = Field(
+        default="", description="channel whose unit is a factor of that; empty where none is"
+    )
+    difference: bool = Field(
+        default=True, description="of a temperature: whether it is the difference of two"
+    )
     own: IntervalDocument = Field(description="by the condition itself")
     pooled: IntervalDocument = Field(description="with what the others say about it")
 
@@ -244,7 +256,7 @@ class LeftOutCurve(SettingsOfCondition):
         return 1.0 if self.on_log else self.span
 
 
-class ConditionsFindings(DocumentPart):
+class ConditionsFindings(DeclaredUnits):
     """What a study of conditions found."""
 
     schema_: Literal["sma-bayes/conditions/1"] = Field(alias="schema", description="name and version")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
-from sma_bayes.quantities import SPECIMEN_QUANTITY
+from sma_bayes.quantities import quantity_of
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
@@ -60,11 +60,6 @@ def conditions_tables(stored: StoredConditions) -> dict[str, Table]:
 def named(feature: str) -> str:
     """Name of a feature or setting, for people."""
     return NAMES.get(feature, feature)
-
-
-def quantity(channel: str, specimen: bool) -> str:
-    """Name of the quantity behind a channel."""
-    return SPECIMEN_QUANTITY.get(channel, channel) if specimen else channel
 
 
 def setting_name(setting: str, specimen: bool) -> str:
@@ -190,7 +185,7 @@ def feature_table(stored: StoredConditions) -> Table:
         value = Number(f.median, f.unit) if f.measured or f.median is None else estimate(f, f.unit)
         edge = f.at_edge is not None and f.at_edge > EDGE
         rows.append(
-            (f.condition, f.branch, named(f.name), quantity(f.channel, specimen), value,
+            (f.condition, f.branch, named(f.name), quantity_of(f.channel, specimen=specimen), value,
              unit_label(f.unit) or "1", "at an end of the sweep" if edge else "")
         )  # fmt: skip
     return Table(
@@ -250,7 +245,7 @@ def _effect_rows(found: ConditionsDocument) -> Iterator[tuple[Cell, ...]]:
         yield (
             f"group {groups.index(e.conditions) + 1}", setting_name(e.setting, specimen),
             *(setting_text(e.setting, end, e.setting_unit) for end in (e.from_, e.to)),
-            named(e.feature), e.branch, quantity(e.channel, specimen),
+            named(e.feature), e.branch, quantity_of(e.channel, specimen=specimen),
             "×" if e.kind == "factor" else "difference",
             estimate(e.tested, e.unit), estimate(e.beyond, e.unit), unit_label(e.unit) or "1",
             Number(e.probability_rises, "1", 0.01), estimate(e.scatter, e.unit),
@@ -263,7 +258,7 @@ def scatter_table(stored: StoredConditions) -> Table:
     rows = [
         (
             ", ".join(p.conditions), p.branch, c.name,
-            estimate(c.scatter_prior, "1"), estimate(c.scatter, "1"),
+            estimate(c.scatter_prior, c.unit), estimate(c.scatter, c.unit), unit_label(c.unit) or "1",
             "; ".join(f"{setting_name(n, stored.found.specimen)} {_brief(v)}" for n, v in c.changes.items()),
         )
         for p in stored.found.populations
@@ -280,6 +275,7 @@ def scatter_table(stored: StoredConditions) -> Table:
             Column("coordinate", "coordinate"),
             Column("scatter before", "scatter_prior", OF_ROW),
             Column("scatter", "scatter", OF_ROW),
+            Column("unit", "unit"),
             Column("change with", "change"),
         ),
         tuple(rows),
@@ -298,7 +294,7 @@ def prediction_table(stored: StoredConditions) -> Table:
     rows = [
         (
             p.condition, p.branch, named(f.name),
-            quantity(f.channel, specimen), estimate(f, f.unit),
+            quantity_of(f.channel, specimen=specimen), estimate(f, f.unit),
             unit_label(f.unit) or "1", _warning(p, specimen), f.meaning,
         )
         for p in stored.found.predictions
@@ -378,7 +374,14 @@ def _share(share: float) -> Cell:
 def pooled_table(stored: StoredConditions) -> Table:
     """A and B of each condition by itself, and with what the others say about it."""
     rows = [
-        (condition, p.branch, name, estimate(v.own, "1"), estimate(v.pooled, "1"))
+        (
+            condition,
+            p.branch,
+            name,
+            estimate(v.own, v.unit),
+            estimate(v.pooled, v.unit),
+            unit_label(v.unit) or "1",
+        )
         for p in stored.found.populations
         for condition, parameters in p.parameters.items()
         for name, v in parameters.items()
@@ -386,14 +389,14 @@ def pooled_table(stored: StoredConditions) -> Table:
     return Table(
         "pooled",
         "Parameters, alone and partially pooled",
-        "In the units of the fit's own table of parameters. Where a condition tells its parameters well, pooling "
-        "changes nothing.",
+        "Where a condition tells its parameters well, pooling changes nothing.",
         (
             Column("condition", "condition"),
             Column("branch", "branch"),
             Column("parameter", "parameter"),
             Column("alone", "alone", OF_ROW),
             Column("partially pooled", "pooled", OF_ROW),
+            Column("unit", "unit"),
         ),
         tuple(rows),
         grouped=2,

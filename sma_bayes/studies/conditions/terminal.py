@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from sma_bayes.quantities import quantity_of
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.schema import (
@@ -14,10 +15,10 @@ from sma_bayes.studies.conditions.schema import (
     StatedEffect,
     StatedScore,
 )
+from sma_bayes.studies.conditions.shown import in_declared_units
 from sma_bayes.studies.conditions.tables import (
     named,
     preferred_way,
-    quantity,
     setting_name,
     setting_text,
     share_text,
@@ -31,13 +32,15 @@ HEADLINES: Final = (
 
 
 def conditions_text(stated: Mapping[str, Any]) -> str:
-    """What `conditions.json` says, in a few lines for a terminal."""
-    found = ConditionsDocument.model_validate(stated)
+    """What `conditions.json` says, in a few lines for a terminal, in declared units."""
+    found = in_declared_units(ConditionsDocument.model_validate(stated))
     lines, specimen = [f"{found.campaign}, seed {found.seed}"], found.specimen
     if found.model_choice is not None:
         lines.append(f"model {found.model_choice.reason}{_again(found.refitted)}")
     for group in found.groups:
-        ranges = [_range_text(n, min(v.values), max(v.values), v.unit) for n, v in group.varied.items()]
+        ranges = [
+            _range_text(n, min(v.values), max(v.values), v.unit, specimen) for n, v in group.varied.items()
+        ]
         lines.append(f"{', '.join(group.conditions)}: {', '.join(ranges) or 'nothing varied'}")
     told = [e for e in found.effects if e.beyond and e.feature in HEADLINES]
     sure = [e for e in told if _sure(e)]
@@ -60,7 +63,7 @@ def conditions_text(stated: Mapping[str, Any]) -> str:
     advised = preferred_way(found)
     lines += [advised] if advised else []
     lines += [f"caution: {c}" for c in found.cautions]
-    lines += [f"remark: {r}" for r in found.remarks]
+    lines += [f"remark: {r}" for r in (*found.declared_differently, *found.remarks)]
     if not found.converged:
         lines.append("NOT CONVERGED: the numbers must not be relied on.")
     return "\n".join(lines)
@@ -80,20 +83,20 @@ def _effect_text(e: StatedEffect, b: IntervalDocument, specimen: bool) -> str:
     unit = "" if e.kind == "factor" else f" {unit_label(e.unit)}"
     along = ", ".join(named(c.name) for c in e.confounded_with if c.strong)
     branch = "" if e.branch == "both" else f", {e.branch}"
-    reach = _range_text(e.setting, e.from_, e.to, e.setting_unit)
+    reach = _range_text(e.setting, e.from_, e.to, e.setting_unit, specimen)
     what = f"{_feature_text(e.feature, e.channel, specimen)}{branch}"
     return f"  {reach}: {what} {sign}{interval_text(b.median, b.q05, b.q95)}{unit}" + (
         f"; or {along}" if along else ""
     )
 
 
-def _range_text(setting: str, low: float, high: float, unit: str) -> str:
-    name = setting_name(setting, unit == "Pa")
-    return f"{name} {setting_text(setting, low, unit)} to {setting_text(setting, high, unit)}"
+def _range_text(setting: str, low: float, high: float, unit: str, specimen: bool) -> str:
+    ends = f"{setting_text(setting, low, unit)} to {setting_text(setting, high, unit)}"
+    return f"{setting_name(setting, specimen)} {ends}"
 
 
 def _feature_text(name: str, channel: str, specimen: bool) -> str:
-    of = f" of {quantity(channel, specimen)}" if channel and channel not in name else ""
+    of = f" of {quantity_of(channel, specimen=specimen)}" if channel and channel not in name else ""
     return f"{named(name)}{of}"
 
 

@@ -18,6 +18,7 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Condition
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import AUTO_MODEL
+from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.runs.documents import CONDITIONS
 from sma_bayes.runs.jobs import run as run_tasks
 from sma_bayes.runs.outputs import StoredRun, read_run
@@ -197,6 +198,7 @@ def _studied(question: _Question, folder: Path | None, work: RunContext) -> dict
         versions=all_versions(),
         data_sha256=q.run.summary.data_sha256,
         specimen=specimen,
+        **declared_parts(q.run.summary.records),
         **study_parts(found, specimen=specimen),
     ).as_json()
 

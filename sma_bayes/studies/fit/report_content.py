@@ -137,13 +137,13 @@ def _record(r: RecordSummary, scale: Mapping[str, float], units: Shown) -> Recor
 
 
 def _setting(setting: str, value: float, names: Mapping[str, str], units: Shown) -> Number:
-    """A setting; the stress of a specimen in the unit of the measured one, or in MPa, as it is declared."""
+    """A setting as it is declared; else the stress of a specimen in the unit of the measured one, or in MPa."""
     specimen = bool(set(names.values()) & set(SPECIMEN_QUANTITY.values()))
     unit = setting_unit(setting, specimen=specimen)
-    if not (setting == "load" and specimen):
-        return Number(value, unit)
-    shown = units.get(SPECIMEN_QUANTITY["force"]) or ShownUnit(unit, "MPa", 1e-6)
-    return Number(value * shown.factor, shown.shown)
+    shown = units.get(setting)
+    if shown is None and setting == "load" and specimen:
+        shown = units.get(SPECIMEN_QUANTITY["force"]) or ShownUnit(unit, "MPa", 1e-6)
+    return Number(value, unit) if shown is None else Number(shown.value(value), shown.shown)
 
 
 def _channel(channel: str, quantity: Measure, r: RecordSummary, units: Shown) -> Channel:

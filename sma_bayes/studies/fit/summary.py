@@ -61,6 +61,7 @@ def record_summary(
         Of each channel with the measured and with replicated data; see `correlation_factors`.
     """
     r = fit.records[record]
+    settings = {k: v for k, v in asdict(r.condition).items() if k != "id" and v is not None}
     start = fit.warm_start
     sweeps, of_curve = left_out_sweeps(fit, record), missed(fit, record)
     checks = [*predictive_checks(fit, record), *sweep_checks(sweeps)]
@@ -72,7 +73,8 @@ def record_summary(
         condition=r.condition.id,
         branch=r.branch.value,
         key=r.key,
-        settings={k: v for k, v in asdict(r.condition).items() if k != "id" and v is not None},
+        settings=settings,
+        settings_declared_units={k: r.declared_units[k] for k in settings if k in r.declared_units},
         n=r.n,
         rows_averaged=r.rows_averaged,
         segments=int(np.unique(r.inputs["segment"]).size),
@@ -88,6 +90,7 @@ def record_summary(
             lowest=float(r.temperature.min()),
             highest=float(r.temperature.max()),
             sd=r.temperature_sd,
+            declared_unit=r.declared_units.get("temperature"),
         ),
         held={
             c: HeldSummary(

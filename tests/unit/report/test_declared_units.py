@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.report.tables import csv_columns, report_tables
-from sma_bayes.runs.declared_units import ShownUnit, declared_units, shown_unit, shown_units
+from sma_bayes.runs.declared_units import ShownUnit, declared_units, shown_as, shown_unit, shown_units
 from sma_bayes.runs.outputs import read_columns, read_run
 from sma_bayes.studies.fit.report import branch_data
 from sma_bayes.studies.fit.report_content import report_content
@@ -107,10 +107,32 @@ def test_the_page_and_its_figures_are_in_the_declared_units_and_the_summary_in_i
 
 
 def test_units_that_are_no_factor_apart_stay_as_they_are() -> None:
-    assert shown_unit("degC", "kelvin") is None
+    assert shown_unit("degC", "celsius") is None
     assert shown_unit("arbitrary", "mm") is None
     assert shown_unit("N", "mm") is None
     assert shown_unit("1", "percent") == ShownUnit("1", "percent", 100.0)
+
+
+def test_temperatures_have_a_zero_of_their_own_and_differences_have_none() -> None:
+    units = {
+        n: u
+        for n, of in (("temperature", "kelvin"), ("force", "mN"))
+        if (u := shown_unit({"temperature": "degC", "force": "N"}[n], of))
+    }
+    assert shown_as("degC", units) == ShownUnit("degC", "K", 1.0, 273.15)
+    assert shown_as("degC", units, difference=True) == ShownUnit("degC", "K", 1.0)
+    assert shown_as("N/degC", units, "force") == ShownUnit("N/degC", "mN/K", 1e3)
+    assert shown_as("N 1/degC", units, "force") == ShownUnit("N 1/degC", "mN 1/K", 1e3)
+    assert shown_as("1", units, "force") == ShownUnit("1", "1", 1.0)
+
+
+@pytest.mark.parametrize("unit", ["N/degC", "1/degC", "N degC", "degC", "N 1/degC"])
+def test_units_are_converted_as_pint_does(unit: str) -> None:
+    pint = pytest.importorskip("pint").UnitRegistry()
+    units = {"force": ShownUnit("N", "mN", 1e3), "temperature": ShownUnit("degC", "degF", 1.8, 32.0)}
+    u = shown_as(unit, units, "force", difference=True)
+    stored, shown = (text.replace("deg", "delta_deg") for text in (unit, u.shown))
+    assert u.value(3.0) == pytest.approx(pint.Quantity(3.0, stored).to(shown).magnitude, rel=1e-12)
 
 
 def test_ask_names_only_units_of_what_was_measured(declared: Path) -> None:

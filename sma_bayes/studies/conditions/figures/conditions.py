@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from sma_bayes.arrays import Floats
+from sma_bayes.quantities import quantity_of
 from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
@@ -43,7 +44,7 @@ from sma_bayes.studies.conditions.schema import (
     StatedFeature,
     StatedGroup,
 )
-from sma_bayes.studies.conditions.tables import named, quantity, setting_name, setting_text
+from sma_bayes.studies.conditions.tables import named, setting_name, setting_text
 
 BOTH: Final = "#555555"
 BY_HAND: Final = {CURVES: ("#20643c", "--"), PARAMETERS: ("#6a3d9a", ":")}
@@ -227,7 +228,7 @@ def effects_figure(stored: StoredConditions, number: int, setting: str) -> Drawi
 
 
 def _label(e: StatedEffect, specimen: bool) -> str:
-    of = f" ({quantity(e.channel, specimen)})" if e.channel and e.channel != "stiffness" else ""
+    of = f" ({quantity_of(e.channel, specimen=specimen)})" if e.channel and e.channel != "stiffness" else ""
     return f"{named(e.feature)}{of}"
 
 
@@ -273,7 +274,7 @@ def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
     ways: list[str] = []
     for h in held:
         ax = axes[channels.index(h.channel), branches.index(h.branch)]
-        columns, samples = stored.columns(h.file), stored.samples(h.file)
+        columns, samples = stored.columns(h.file, h.channel), stored.samples(h.file, h.channel)
         ways += [w for w in h.ways if w in BY_HAND]
         _band(ax, columns, "hierarchical", COLOURS[h.branch])
         t = _temperature(columns)
@@ -327,10 +328,10 @@ def predicted_figure(stored: StoredConditions, condition: str) -> Drawing:
     data: dict[str, Any] = {}
     for p, channel, of in curves:
         ax = axes[channels.index(channel), branches.index(p.branch)]
-        columns = stored.columns(of.band)
+        columns = stored.columns(of.band, channel)
         seen = []
         for other in p.from_:
-            own = stored.columns(f"curves/{other}-{p.branch}-{channel}.csv")
+            own = stored.columns(f"curves/{other}-{p.branch}-{channel}.csv", channel)
             ax.plot(_temperature(own), own["own_q50"], color=FAINT, lw=0.8)
             seen.append(own["own_q50"])
         shown = {f"hierarchical_{q}": columns[q] for q in ("q05", "q50", "q95")}

@@ -1,0 +1,156 @@
+"""A study of conditions in the units in which the measurements were declared, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeVar
+
+import numpy as np
+
+from sma_bayes.arrays import Floats
+from sma_bayes.quantities import TEMPERATURE, quantity_of
+from sma_bayes.runs.declared_units import Shown, ShownUnit, in_unit, shown_as, units_of
+from sma_bayes.runs.schema import IntervalDocument
+from sma_bayes.studies.conditions.schema import (
+    ConditionsDocument,
+    LeftOutCurve,
+    PooledParameter,
+    PredictedCondition,
+    PredictedFeature,
+    StatedEffect,
+    StatedFeature,
+    StatedGroup,
+    StatedPopulation,
+)
+
+F = TypeVar("F", StatedFeature, PredictedFeature)
+
+
+def in_declared_units(found: ConditionsDocument) -> ConditionsDocument:
+    """What a study found, with numbers and units as people see them.
+
+    Words that are stored stay as they are, and so do settings of single conditions and levels of coordinates, which
+    nobody is shown.
+    """
+    units = units_of(found, specimen=found.specimen)
+    if not units:
+        return found
+    specimen = found.specimen
+    return found.model_copy(
+        update={
+            "groups": tuple(_group(g, units) for g in found.groups),
+            "features": tuple(_feature(f, units, specimen) for f in found.features),
+            "effects": tuple(_effect(e, units, specimen) for e in found.effects),
+            "populations": tuple(_population(p, units, specimen) for p in found.populations),
+            "predictions": tuple(_prediction(p, units, specimen) for p in found.predictions),
+            "held_out": tuple(_held_out(h, units) for h in found.held_out),
+        }
+    )
+
+
+def columns_in_declared_units(
+    columns: Mapping[str, Floats], units: Shown, of: ShownUnit
+) -> dict[str, Floats]:
+    """Columns of a series: its temperature, under the name of its unit, and all others in the unit of a channel.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+    units : mapping of str to ShownUnit
+    of : ShownUnit
+        How the channel is shown.
+    """
+    shown: dict[str, Floats] = {}
+    for name, values in columns.items():
+        start, _, unit = name.partition("_")
+        if start == TEMPERATURE.name:
+            u = shown_as(unit, units)
+            shown[f"{start}_{u.shown}"] = u.values(values)
+        else:
+            shown[name] = values if name in ("row", "extrapolated") else of.values(values)
+    return shown
+
+
+def _group(g: StatedGroup, units: Shown) -> StatedGroup:
+    varied = {}
+    for setting, v in g.varied.items():
+        u = shown_as(v.unit, units, setting)
+        values = tuple(u.values(np.array(v.values)).tolist())
+        varied[setting] = v.model_copy(update={"unit": u.shown, "values": values})
+    return g.model_copy(update={"varied": varied})
+
+
+def _feature(f: F, units: Shown, specimen: bool) -> F:
+    name = (
+        "" if f.unit == "1" else quantity_of(f.channel, specimen=specimen)
+    )  # without a unit: shares and ratios
+    return in_unit(f, shown_as(f.unit, units, name, difference=f.name == "hysteresis_width"))
+
+
+def _effect(e: StatedEffect, units: Shown, specimen: bool) -> StatedEffect:
+    setting = shown_as(e.setting_unit, units, e.setting)
+    name = "" if e.unit == "1" else quantity_of(e.channel, specimen=specimen)
+    u = shown_as(e.unit, units, name, difference=True)
+    return e.model_copy(
+        update={
+            "setting_unit": setting.shown,
+            "from_": setting.value(e.from_),
+            "to": setting.value(e.to),
+            "unit": u.shown,
+            **{n: None if v is None else in_unit(v, u) for n, v in _changes(e).items()},
+        }
+    )
+
+
+def _changes(e: StatedEffect) -> dict[str, IntervalDocument | None]:
+    return {"tested": e.tested, "beyond": e.beyond, "scatter": e.scatter}
+
+
+def _population(p: StatedPopulation, units: Shown, specimen: bool) -> StatedPopulation:
+    coordinates = []
+    for c in p.coordinates:
+        u = shown_as(c.unit, units, quantity_of(c.channel, specimen=specimen), difference=True)
+        coordinates.append(
+            c.model_copy(
+                update={
+                    "unit": u.shown,
+                    "changes": {n: in_unit(v, u) for n, v in c.changes.items()},
+                    "scatter": in_unit(c.scatter, u),
+                    "scatter_prior": in_unit(c.scatter_prior, u),
+                }
+            )
+        )
+    parameters = {
+        condition: {n: _pooled(v, units, specimen) for n, v in of.items()}
+        for condition, of in p.parameters.items()
+    }
+    return p.model_copy(update={"coordinates": tuple(coordinates), "parameters": parameters})
+
+
+def _pooled(v: PooledParameter, units: Shown, specimen: bool) -> PooledParameter:
+    u = shown_as(v.unit, units, quantity_of(v.channel, specimen=specimen), difference=v.difference)
+    return v.model_copy(update={"unit": u.shown, "own": in_unit(v.own, u), "pooled": in_unit(v.pooled, u)})
+
+
+def _prediction(p: PredictedCondition, units: Shown, specimen: bool) -> PredictedCondition:
+    u = shown_as(p.temperature.unit, units)
+    channels = {
+        c: of.model_copy(update={"unit": shown_as(of.unit, units, of.quantity).shown})
+        for c, of in p.channels.items()
+    }
+    return p.model_copy(
+        update={
+            "temperature": in_unit(p.temperature, u, "covered_from", "covered_to"),
+            "features": tuple(_feature(f, units, specimen) for f in p.features),
+            "channels": channels,
+        }
+    )
+
+
+def _held_out(h: LeftOutCurve, units: Shown) -> LeftOutCurve:
+    u = shown_as(h.unit, units, h.quantity)
+    ways = h.ways if h.on_log else {n: in_unit(s, u, "width", "error") for n, s in h.ways.items()}
+    shown = in_unit(h, u, "span")
+    return shown.model_copy(
+        update={"ways": ways, "temperature_unit": shown_as(h.temperature_unit, units).shown}
+    )

@@ -1,0 +1,173 @@
+"""A bench that declares g, mm, mN and °F: people read these units, programs canonical ones."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pint
+import pytest
+
+CAMPAIGN = """\
+[campaign]
+name = "bench"
+[columns]
+time = { name = "time_s", unit = "s" }
+temperature = { name = "temperature_F", unit = "degF" }
+force = { name = "force_mN", unit = "mN" }
+displacement = { name = "displacement_mm", unit = "mm" }
+"""
+LOADS = (100, 150, 200)
+UREG = pint.UnitRegistry()
+
+
+def write_bench(folder: Path, loads: tuple[int, ...] = LOADS, cycles: int = 1, n: int = 40) -> Path:
+    """A campaign folder of a spring that is heated and cooled under weights."""
+    folder.mkdir()
+    text = CAMPAIGN
+    for i, load in enumerate(loads):
+        rng = np.random.default_rng(i)
+        up = np.linspace(30.0, 75.0, n)
+        t = np.tile(np.concatenate([up, up[::-1]]), cycles)
+        hot = np.tile(np.repeat([0.0, 4.0], n), cycles)
+        share = 1.0 / (1.0 + np.exp(-0.35 * (t - 47.0 - 0.04 * load + hot)))
+        force = 500.0 + 2500.0 * share + 20.0 * rng.standard_normal(t.size)
+        stroke = 1.0 + 20.0 * share + 0.1 * rng.standard_normal(t.size)
+        samples = zip(32.0 + 1.8 * t, force, stroke, strict=True)
+        rows = [",".join(f"{v:.6g}" for v in (j, *sample)) for j, sample in enumerate(samples)]
+        lines = ["time_s,temperature_F,force_mN,displacement_mm", *rows]
+        (folder / f"{load}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        text += f'[[condition]]\nid = "w{load}"\nfile = "{load}.csv"\nload_g = {load}\n'
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The measurements."""
+    return write_bench(tmp_path_factory.mktemp("declared") / "bench")
+
+
+@pytest.fixture(scope="module")
+def fitted(bench: Path) -> Path:
+    """A finished fit of them."""
+    from sma_bayes import fit_campaign, read_campaign
+
+    out = bench.parent / "fit"
+    fit_campaign(read_campaign(bench), out, noise="independent", jobs=1, figures="none")
+    return out
+
+
+def table(folder: Path, name: str) -> list[dict[str, str]]:
+    """Rows of one of the tables."""
+    with (folder / "tables" / f"{name}.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def in_unit(value: float, unit: str, to: str, *, difference: bool = False) -> float:
+    """A number in another unit, by pint."""
+    if difference:
+        unit, to = (re.sub(r"\bdeg", "delta_deg", text) for text in (unit, to))
+    return float(UREG.Quantity(value, unit).to(to).magnitude)
+
+
+def text_of(page: Path) -> str:
+    """Words of a page."""
+    whole = re.sub(r"(?s)<(style|script).*?</\1>", "", page.read_text(encoding="utf-8"))
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", whole))
+
+
+def assert_declared(text: str) -> None:
+    """No canonical unit stands in what people read."""
+    assert "°C" not in text
+    assert not re.search(r"[\d\]] (N|m|Pa|N/m)\b", text)
+
+
+@pytest.fixture(scope="module")
+def conditions(fitted: Path) -> tuple[Path, dict[str, Any]]:
+    """A study of the conditions."""
+    from sma_bayes import study_conditions
+
+    out = fitted.parent / "conditions"
+    return out, study_conditions(fitted, out, at=["load_g=125"], leave_out=["w150"], jobs=1)
+
+
+def test_conditions_are_told_in_declared_units(conditions: tuple[Path, dict[str, Any]]) -> None:
+    from sma_bayes.studies.conditions.terminal import conditions_text
+
+    out, found = conditions
+    assert found["groups"][0]["varied"]["load"]["unit"] == "N"
+    assert found["declared_units"] == {
+        "force": "mN", "displacement": "mm", "stiffness": "mN/mm", "temperature": "degF", "load": "g"
+    }  # fmt: skip
+    text = conditions_text(found)
+    assert "load 100 g to 200 g" in text
+    assert_declared(text)
+    assert_declared(text_of(out / "report.html"))
+    shown = {(r["condition"], r["branch"], r["feature"], r["channel"]): r for r in table(out, "features")}
+    compared = 0
+    for f in found["features"]:
+        units = {"degC": ("degF", "°F"), "N/m": ("mN/mm", "mN/mm")}.get(f["unit"])
+        names = {"peak_temperature": "peak temperature", "least_stiffness": "least stiffness",
+                 "hysteresis_width": "hysteresis width", "midpoint": "midpoint"}  # fmt: skip
+        if units is None or f["name"] not in names:
+            continue
+        row = shown[f["condition"], f["branch"], names[f["name"]], f["channel"]]
+        assert row["unit"] == units[1]
+        told = float(row["value_median [unit]"])
+        difference = f["name"] == "hysteresis_width"
+        assert told == pytest.approx(
+            in_unit(f["median"], f["unit"], units[0], difference=difference), rel=1e-8
+        )
+        compared += 1
+    assert compared == 3 * (4 + 3 + 1 + 2)  # midpoints, stiffness of both branches and the loop, peak, widths
+    assert {r["from"] for r in table(out, "effects")} == {"100 g"}
+
+
+def test_conditions_are_drawn_in_declared_units(conditions: tuple[Path, dict[str, Any]]) -> None:
+    out, found = conditions
+    with (out / "held_out" / "w150-heating-displacement.csv").open(encoding="utf-8") as file:
+        stored = list(csv.DictReader(file))
+    with (out / "figures" / "held-out-w150.csv").open(encoding="utf-8") as file:
+        drawn = list(csv.DictReader(file))
+    for before, after in zip(stored, drawn, strict=False):
+        told = float(after["heating displacement own_median"])
+        assert told == pytest.approx(in_unit(float(before["own_median"]), "m", "mm"), rel=1e-8)
+        warm = float(after["heating displacement temperature_degF"])
+        assert warm == pytest.approx(in_unit(float(before["temperature_degC"]), "degC", "degF"), rel=1e-8)
+    wanted = {"feature": "midpoint", "branch": "heating", "channel": "force"}
+    (midpoint,) = (e for e in found["effects"] if wanted.items() <= e.items())
+    with (out / "figures" / "effects-load.csv").open(encoding="utf-8") as file:
+        (row,) = (r for r in csv.DictReader(file) if wanted.items() <= r.items())
+    change = in_unit(midpoint["tested"]["median"], "degC", "degF", difference=True)
+    assert (row["unit"], float(row["tested_median"])) == ("degF", pytest.approx(change, rel=1e-8))
+
+
+def test_the_report_of_a_fit_names_the_load_as_it_was_hung(fitted: Path) -> None:
+    from sma_bayes.runs.outputs import read_run
+    from sma_bayes.studies.fit.report_content import report_content
+
+    summary = json.loads((fitted / "summary.json").read_text(encoding="utf-8"))["records"][0]
+    assert summary["settings"]["load"] == pytest.approx(0.980665)
+    assert summary["settings_declared_units"] == {"load": "g"}
+    assert summary["temperature"]["unit"] == "degC"
+    assert summary["temperature"]["declared_unit"] == "degF"
+    load = report_content(read_run(fitted)).records[0].settings["load"]
+    assert (load.value, load.unit) == (pytest.approx(100.0), "g")
+
+
+def test_the_first_of_several_units_is_shown_and_told(bench: Path) -> None:
+    from sma_bayes import read_campaign
+    from sma_bayes.runs.declared_units import declared_parts
+
+    text = (bench / "campaign.toml").read_text(encoding="utf-8")
+    other = bench / "mixed.toml"
+    other.write_text(text.replace("load_g = 150", "load_N = 1.5"), encoding="utf-8")
+    told = declared_parts(read_campaign(other).records)
+    other.unlink()
+    assert told["declared_units"]["load"] == "g"
+    assert told["declared_differently"] == ("load is declared in g and N: shown in g, which is the first",)
