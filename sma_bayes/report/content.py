@@ -5,22 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
+from typing import Final, Protocol
 
 from sma_bayes.arrays import Floats
-from sma_bayes.assess.adequacy import Missed
 from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.notation import compact
 from sma_bayes.response import DEFAULT_MODEL
-from sma_bayes.runs.fit_document import NoiseSummary, ReasonSummary, RecordSummary, SampledParameter
-from sma_bayes.runs.schema import FindingDocument
+from sma_bayes.runs.fit_document import (
+    FitFindings,
+    ParameterSummary,
+    QuantitySummary,
+    ReasonSummary,
+    RecordSummary,
+)
+from sma_bayes.runs.schema import AverageR, CorrelationAverage, FindingDocument
 
 LEVEL: Final = "90 %"
 INTERVAL: Final = f"equal-tailed {LEVEL} credible interval"
-CHECK_TAIL: Final = 0.01
-"""A predictive check counts as failed where its p-value is below this, or above one less this."""
 PAPER_CORRELATION: Final = CLAIMED
 """Average correlation factor that the paper states (its abstract and conclusions)."""
 SHAPES: Final = {
@@ -49,6 +52,17 @@ class Number:
     resolution: float | None = None
 
 
+class WithInterval(Protocol):
+    """Part of a document with median and 90 % interval."""
+
+    @property
+    def q05(self) -> float | None: ...
+    @property
+    def median(self) -> float | None: ...
+    @property
+    def q95(self) -> float | None: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """Median and equal-tailed 90 % interval of a posterior quantity [unit]."""
@@ -57,6 +71,12 @@ class Estimate:
     q05: float | None
     q95: float | None
     unit: str = "1"
+
+    @classmethod
+    def of(cls, found: WithInterval, unit: str = "1", factor: float = 1.0) -> Estimate:
+        """Of a part of a document, whose numbers times `factor` are in `unit`."""
+        median, low, high = (None if q is None else factor * q for q in (found.median, found.q05, found.q95))
+        return cls(median, low, high, unit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,152 +107,40 @@ class Channel:
     scale: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterResult(SampledParameter):
-    """Prior and posterior of a parameter; numbers in `unit` where nothing else is said.
-
-    Attributes
-    ----------
-    name, meaning, unit : str
-    channel : str
-        Channel that it belongs to, empty for none.
-    of_noise : bool
-        True for the parameters of the noise.
-    warm_start, warm_start_sd, mean, sd : float or None
-    estimate : Estimate
-    rhat, ess_bulk, ess_tail : float or None
-        [1].
-    contraction : float or None
-        One less the ratio of posterior to prior variance [1].
-    identified, fixed, at_bound : bool
-    family : str
-    numbers : mapping of str to float
-        Of the prior.
-    source : str
-        Why this prior.
-    """
+class ParameterResult(ParameterSummary):
+    """What the document holds of a parameter, under its name."""
 
     name: str
-    meaning: str
-    unit: str
-    channel: str
-    of_noise: bool
-    warm_start: float | None
-    warm_start_sd: float | None
-    mean: float | None
-    sd: float | None
-    estimate: Estimate
-    rhat: float | None
-    ess_bulk: float | None
-    ess_tail: float | None
-    contraction: float | None
-    identified: bool
-    fixed: bool
-    at_bound: bool
-    family: str
-    numbers: Mapping[str, float]
-    source: str
+    at_bound: bool = False
     scale: float = 1.0
+    """One of the unit of what is stored, in `unit` [1]."""
 
     @property
-    def prior(self) -> str:
+    def estimate(self) -> Estimate:
+        """Median and interval."""
+        return Estimate.of(self, self.unit)
+
+    @property
+    def family(self) -> str:
+        """Family of the prior."""
+        return str(self.prior.get("family", ""))
+
+    @property
+    def source(self) -> str:
+        """Why this prior."""
+        return str(self.prior.get("source", ""))
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Numbers of the prior."""
+        return {name: value for name, value in self.prior.items() if isinstance(value, float)}
+
+    @property
+    def prior_text(self) -> str:
         """The prior in words, numbers in the parameter's unit: ``lognormal, median 0.72, sigma 1``."""
         parts = ["negative" for name, value in self.numbers.items() if name == "sign" and value < 0]
         parts += [f"{name} {compact(value)}" for name, value in self.numbers.items() if name != "sign"]
         return ", ".join((self.family.replace("_", " "), *parts))
-
-
-@dataclass(frozen=True, slots=True)
-class QuantityRow:
-    """A quantity of a branch or of a loop.
-
-    Attributes
-    ----------
-    name, condition, branch, channel, meaning : str
-        `branch` is empty where both make it.
-    estimate : Estimate
-    """
-
-    name: str
-    condition: str
-    branch: str
-    channel: str
-    meaning: str
-    estimate: Estimate
-
-
-@dataclass(frozen=True, slots=True)
-class TransformationTemperature:
-    """Start or finish of the transformation by the tangent rule.
-
-    Attributes
-    ----------
-    name, meaning, channel : str
-        As, Af, Ms or Mf; in words; channel whose curve was used.
-    estimate : Estimate
-    within_data : bool
-        False where the measurements do not support both tangents, so that the value is extrapolated.
-    outstanding : float or None
-        Share of the transformation that the sweep leaves out at that end [1].
-    samples : int
-        Measurements between start and finish.
-    defined : float
-        Share of the draws for which the rule gives a value [1].
-    """
-
-    name: str
-    meaning: str
-    channel: str
-    estimate: Estimate
-    within_data: bool
-    outstanding: float | None
-    samples: int
-    defined: float
-
-
-@dataclass(frozen=True, slots=True)
-class NearestParameter:
-    """A parameter of the published curve that is nearest to a curve.
-
-    Attributes
-    ----------
-    name, channel : str
-    estimate : Estimate
-    defined : float
-        Share of the draws that have one [1].
-    """
-
-    name: str
-    channel: str
-    estimate: Estimate
-    defined: float
-
-
-@dataclass(frozen=True, slots=True)
-class PredictiveCheck:
-    """A statistic of the residuals, measured and replicated [1].
-
-    Attributes
-    ----------
-    channel, statistic, meaning : str
-    measured : float
-    replicated : tuple of float
-        5 % and 95 % quantile for replicated data.
-    p_value : float
-        Share of replications that exceed the measurement.
-    """
-
-    channel: str
-    statistic: str
-    meaning: str
-    measured: float
-    replicated: tuple[float, float]
-    p_value: float
-
-    @property
-    def failed(self) -> bool:
-        """Whether chance hardly ever gives this."""
-        return not CHECK_TAIL <= self.p_value <= 1.0 - CHECK_TAIL
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,13 +153,8 @@ class RecordContent:
         What the run stored of it, numbers in the units in which people see them.
     key, condition, branch : str
     converged, adequate : bool
-    reasons : tuple of ReasonSummary
-        Why it is not adequate; empty where it is.
-    model, model_reason : str
-        Name of the response model; why it was taken, empty where it was asked for.
-    nearest : tuple of NearestParameter
-    missed : tuple of Missed
-        What the curves miss, by channel; empty where nothing stands beside them.
+    model : str
+        Name of the response model.
     settings : mapping of str to Number
     temperature_unit : str
     temperature_range : tuple of float
@@ -262,14 +165,6 @@ class RecordContent:
     held, calibration : tuple of str
         One sentence each.
     parameters : tuple of ParameterResult
-    free_directions : tuple of tuple of str and float
-        Combinations that the data leave to the prior, with their contraction [1].
-    path_kind, path_message : str
-    quantities : tuple of QuantityRow
-    transformation : tuple of TransformationTemperature
-        The lower temperature first; empty where neither displacement nor force was measured.
-    checks : tuple of PredictiveCheck
-    noise : NoiseSummary
     """
 
     document: RecordSummary
@@ -278,11 +173,7 @@ class RecordContent:
     branch: str
     converged: bool
     adequate: bool
-    reasons: tuple[ReasonSummary, ...]
     model: str
-    model_reason: str
-    nearest: tuple[NearestParameter, ...]
-    missed: tuple[Missed, ...]
     settings: Mapping[str, Number]
     temperature_unit: str
     temperature_range: tuple[float, float]
@@ -291,13 +182,6 @@ class RecordContent:
     held: tuple[str, ...]
     calibration: tuple[str, ...]
     parameters: tuple[ParameterResult, ...]
-    free_directions: tuple[tuple[str, float], ...]
-    path_kind: str
-    path_message: str
-    quantities: tuple[QuantityRow, ...]
-    transformation: tuple[TransformationTemperature, ...]
-    checks: tuple[PredictiveCheck, ...]
-    noise: NoiseSummary
 
     @property
     def model_parameters(self) -> tuple[ParameterResult, ...]:
@@ -307,14 +191,14 @@ class RecordContent:
     @property
     def other_than_published(self) -> bool:
         """Whether the curve is another than the published one, be it by its model or by what stands beside it."""
-        return self.model != DEFAULT_MODEL or bool(self.missed)
+        return self.model != DEFAULT_MODEL or bool(self.document.discrepancy)
 
     @property
     def stiffness_withheld(self) -> tuple[ReasonSummary, ...]:
         """Why no stiffness is given of this record: its curves are led by their priors; empty where it is given."""
         if self.channel("stiffness") is None:
             return ()
-        return tuple(reason for reason in self.reasons if reason.kind == "prior")
+        return tuple(reason for reason in self.document.why if reason.kind == "prior")
 
     @property
     def worst_rhat(self) -> ParameterResult | None:
@@ -331,6 +215,11 @@ class RecordContent:
     def channel(self, channel: str) -> Channel | None:
         """The channel of that name, if this record has it."""
         return next((c for c in self.channels if c.channel == channel), None)
+
+    def name_of(self, channel: str) -> str:
+        """What a channel is called here: strain for the displacement of a specimen."""
+        found = self.channel(channel)
+        return channel if found is None else found.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -409,56 +298,37 @@ class AverageFactor:
 
     Attributes
     ----------
-    channel, name, unit : str
-        Of the channel.
-    branch : str
-        ``heating``, ``cooling`` or ``both``.
+    document : CorrelationAverage
     data : str
         ``measured`` or ``replicated``; or what was predicted, ``in sample`` or ``held out``.
     rule : str
         One of `RULES`.
-    factors : mapping of str to Estimate
-        Those of r, r2, adj_r2 and rmse for which the rule makes sense.
-    above : float or None
-        Posterior probability that the average of r exceeds `PAPER_CORRELATION`.
-    undefined : float
-        Share of the draws in which the average of r is not defined [1].
-    records, left_out : tuple of str
-        Keys of those averaged, and of those that did not converge.
-    draws : int
     """
 
-    channel: str
-    name: str
-    unit: str
-    branch: str
+    document: CorrelationAverage
     data: str
     rule: str
-    factors: Mapping[str, Estimate]
-    above: float | None
-    undefined: float
-    records: tuple[str, ...]
-    left_out: tuple[str, ...]
-    draws: int
 
+    @property
+    def branch(self) -> str:
+        """``heating``, ``cooling`` or ``both``."""
+        return self.document.branch or "both"
 
-@dataclass(frozen=True, slots=True)
-class Provenance:
-    """Where the numbers come from.
+    @property
+    def factors(self) -> dict[str, Estimate]:
+        """Those of r, r2, adj_r2 and rmse for which the rule makes sense."""
+        d = self.document
+        units = {"r": "1", "r2": "1", "adj_r2": "1", "rmse": d.unit}
+        return {
+            name: Estimate.of(by[self.rule], unit)
+            for name, unit in units.items()
+            if (by := getattr(d, name)) is not None and self.rule in by
+        }
 
-    Attributes
-    ----------
-    seed : int
-    options, versions : mapping of str to str
-    data_sha256, priors, command : str
-    """
-
-    seed: int
-    options: Mapping[str, str]
-    versions: Mapping[str, str]
-    data_sha256: str
-    priors: str
-    command: str
+    @property
+    def r(self) -> AverageR:
+        """The average of r."""
+        return (self.document.r or {})[self.rule]
 
 
 @dataclass(frozen=True)
@@ -469,12 +339,17 @@ class Content:
     ----------
     campaign, source : str
     records : tuple of RecordContent
-    loops : tuple of QuantityRow
+    loops : tuple of QuantitySummary
     findings : tuple of FindingDocument
     printed : tuple of PrintedComparison
         Empty but for the twin of the paper.
     averages : tuple of AverageFactor
-    provenance : Provenance
+    document : FitFindings
+        What the run stored, numbers in the units in which people see them.
+    priors : str
+        Priors in force, as a file states them.
+    command : str
+        The command that gives the same run again.
     truth : tuple of KnownTruth
         Empty but for simulated measurements.
     offsets : mapping of str to float
@@ -484,11 +359,13 @@ class Content:
     campaign: str
     source: str
     records: tuple[RecordContent, ...]
-    loops: tuple[QuantityRow, ...]
+    loops: tuple[QuantitySummary, ...]
     findings: tuple[FindingDocument, ...]
     printed: tuple[PrintedComparison, ...]
     averages: tuple[AverageFactor, ...]
-    provenance: Provenance
+    document: FitFindings
+    priors: str
+    command: str
     truth: tuple[KnownTruth, ...] = ()
     offsets: Mapping[str, float] = field(default_factory=dict)
 
@@ -560,7 +437,7 @@ class Content:
             offsets={},
         )
 
-    def loops_of(self, condition: str) -> tuple[QuantityRow, ...]:
+    def loops_of(self, condition: str) -> tuple[QuantitySummary, ...]:
         """Loop quantities of a condition, where all of its branches converged."""
         if not all(r.converged for r in self.branches(condition)):
             return ()

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from sma_bayes.assess.adequacy import Missed
 from sma_bayes.assess.checks import CHECKED
 from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_text, tex_unit, wrapped
 from sma_bayes.records.severity import severity
@@ -19,13 +18,9 @@ from sma_bayes.report.content import (
     Channel,
     Content,
     Estimate,
-    NearestParameter,
     Number,
     ParameterResult,
-    PredictiveCheck,
-    QuantityRow,
     RecordContent,
-    TransformationTemperature,
 )
 from sma_bayes.report.notation import (
     MISSING,
@@ -35,6 +30,13 @@ from sma_bayes.report.notation import (
     unit_label,
     write,
     write_interval,
+)
+from sma_bayes.runs.fit_document import (
+    CheckSummary,
+    DiscrepancySummary,
+    NearestSummary,
+    QuantitySummary,
+    TransformationSummary,
 )
 from sma_bayes.runs.store import write_csv, write_text
 
@@ -51,6 +53,18 @@ NEAREST: Final = (
 
 WIDE: Final = {"finding": "0.38", "why": "0.5", "prior": "0.17", "meaning": "0.2", "remedy": "0.3"}
 """Columns whose words may be broken in LaTeX, with their share of the line."""
+
+STATISTICS: Final = {
+    "greatest": "largest residual",
+    "lag1": "correlation of neighbours",
+    "block_means": "mean residual by temperature",
+    "sweep_means": "mean residual by sweep",
+    "left_out_sweeps": "sweeps left out",
+    "sd_by_temperature": "spread by temperature",
+    "sd_by_response": "spread by response",
+    "pit": "shape of the noise",
+}
+"""Names of the statistics of predictive checks, for people."""
 
 SYMBOLS: Final = ("parameter", "rhat_of", "ess_of")
 """Columns of names of parameters."""
@@ -216,7 +230,7 @@ def _parameter_cells(p: ParameterResult) -> tuple[Cell, ...]:
         Number(p.contraction, "1", 0.01),
         "fixed" if p.fixed else p.identified,
         p.at_bound,
-        "fixed" if p.fixed else p.prior,
+        "fixed" if p.fixed else p.prior_text,
         p.source,
     )
 
@@ -324,8 +338,8 @@ def average_table(averages: Sequence[AverageFactor]) -> Table:
             *AVERAGE_COLUMNS,
         ),
         tuple(
-            (a.name, a.data, a.branch, a.rule, *average_cells(a))
-            for a in sorted(averages, key=lambda a: a.name)
+            (a.document.quantity, a.data, a.branch, a.rule, *average_cells(a))
+            for a in sorted(averages, key=lambda a: a.document.quantity)
         ),
         grouped=2,
     )
@@ -333,10 +347,10 @@ def average_table(averages: Sequence[AverageFactor]) -> Table:
 
 def average_cells(a: AverageFactor) -> tuple[Cell, ...]:
     """Averages of all factors, as a row of `AVERAGE_COLUMNS`."""
-    f, count = a.factors, len(a.records)
+    f, d, count = a.factors, a.document, len(a.document.records)
     return (
-        f"{count} of {count + len(a.left_out)}", f.get("r"), probability_text(a.above, a.draws), f.get("r2"),
-        f.get("adj_r2"), unit_label(a.unit) or "1", f.get("rmse"), Number(a.undefined, "1", 0.01),
+        f"{count} of {count + len(d.left_out)}", f.get("r"), probability_text(a.r.above, d.draws), f.get("r2"),
+        f.get("adj_r2"), unit_label(d.unit) or "1", f.get("rmse"), Number(a.r.undefined, "1", 0.01),
     )  # fmt: skip
 
 
@@ -358,13 +372,18 @@ def probability_text(share: float | None, draws: int) -> str:
 
 def quantity_table(content: Content) -> Table:
     """Loop and stiffness quantities."""
-    converged = {
-        (c, b): r.converged for c in content.conditions for r in content.branches(c) for b in (r.branch,)
-    }
-    whole = {c: all(r.converged for r in content.branches(c)) for c in content.conditions}
-    quantities = [*content.loops, *(q for r in content.records for q in r.quantities)]
-    order = {c: i for i, c in enumerate(content.conditions)}
-    quantities.sort(key=lambda q: order.get(q.condition, len(order)))
+    rows: list[tuple[Cell, ...]] = []
+    for condition in content.conditions:
+        records = content.branches(condition)
+        whole = all(r.converged for r in records)
+        rows += [
+            (condition, "both", whole, *_quantity_cells(records[0], q))
+            for q in content.loops
+            if q.condition == condition
+        ]
+        rows += [
+            (*_head(r), *_quantity_cells(r, q)) for r in records for q in r.document.quantities_of_branch
+        ]
     return Table(
         "loops",
         "Loop and stiffness quantities",
@@ -377,20 +396,13 @@ def quantity_table(content: Content) -> Table:
             Column("value", "value", OF_ROW),
             Column("meaning", "meaning", brief=False),
         ),
-        tuple(
-            (
-                q.condition,
-                q.branch or "both",
-                converged.get((q.condition, q.branch), whole.get(q.condition, False)),
-                *_quantity_cells(q),
-            )
-            for q in quantities
-        ),
+        tuple(rows),
     )
 
 
-def _quantity_cells(q: QuantityRow) -> tuple[Cell, ...]:
-    return q.name, q.channel, unit_label(q.estimate.unit) or "1", q.estimate, q.meaning
+def _quantity_cells(r: RecordContent, q: QuantitySummary) -> tuple[Cell, ...]:
+    name = q.name.replace("_", " ").replace("stiffness", r.name_of("stiffness"))
+    return name, r.name_of(q.channel), unit_label(q.unit) or "1", Estimate.of(q, q.unit), q.meaning
 
 
 def transformation_table(records: Sequence[RecordContent]) -> Table:
@@ -413,17 +425,21 @@ def transformation_table(records: Sequence[RecordContent]) -> Table:
             Column("draws with a value", "defined", "1", brief=False),
             Column("supported by data", "within_data"),
         ),
-        tuple((*_head(r), *_transformation_cells(t)) for r in records for t in r.transformation),
+        tuple(
+            (*_head(r), *_transformation_cells(r, name, t))
+            for r in records
+            for name, t in r.document.transformation.items()
+        ),
     )
 
 
-def _transformation_cells(t: TransformationTemperature) -> tuple[Cell, ...]:
+def _transformation_cells(r: RecordContent, name: str, t: TransformationSummary) -> tuple[Cell, ...]:
     return (
-        t.name,
+        name,
         t.meaning,
-        t.channel,
-        unit_label(t.estimate.unit) or "1",
-        t.estimate,
+        r.name_of(t.channel),
+        unit_label(t.unit) or "1",
+        Estimate.of(t, t.unit),
         Number(t.outstanding, "1", 0.01),
         t.samples,
         Number(t.defined, "1", 0.01),
@@ -503,7 +519,7 @@ def adequacy_table(records: Sequence[RecordContent]) -> Table:
             Column("why not", "why"),
         ),
         tuple(
-            (*_head(r), r.model, r.adequate, "; ".join(reason.message for reason in r.reasons) or None)
+            (*_head(r), r.model, r.adequate, "; ".join(reason.message for reason in r.document.why) or None)
             for r in records
         ),
     )
@@ -527,14 +543,18 @@ def missed_table(records: Sequence[RecordContent]) -> Table:
             Column("share of range [%]", "share_percent", "1"),
             Column("ln Bayes factor", "ln_bayes_factor", "1"),
         ),
-        tuple((*_head(r), *_missed_cells(r, m)) for r in records for m in r.missed),
+        tuple(
+            (*_head(r), *_missed_cells(r, channel, m))
+            for r in records
+            for channel, m in r.document.discrepancy.items()
+        ),
     )
 
 
-def _missed_cells(r: RecordContent, m: Missed) -> tuple[Cell, ...]:
-    fine = 0.1 * m.rms
+def _missed_cells(r: RecordContent, channel: str, m: DiscrepancySummary) -> tuple[Cell, ...]:
+    fine = None if m.rms is None else 0.1 * m.rms
     return (
-        _name(r, m.channel),
+        r.name_of(channel),
         unit_label(m.unit) or "1",
         Number(m.rms, m.unit, fine),
         Number(m.largest, m.unit, fine),
@@ -560,19 +580,22 @@ def nearest_table(records: Sequence[RecordContent]) -> Table:
             Column("draws with a value", "defined", "1", brief=False),
         ),
         tuple(
-            (*_head(r), *_nearest_cells(r, p)) for r in records if r.other_than_published for p in r.nearest
+            (*_head(r), *_nearest_cells(r, name, p))
+            for r in records
+            if r.other_than_published
+            for name, p in r.document.nearest.items()
         ),
         grouped=3,
     )
 
 
-def _nearest_cells(r: RecordContent, p: NearestParameter) -> tuple[Cell, ...]:
+def _nearest_cells(r: RecordContent, name: str, p: NearestSummary) -> tuple[Cell, ...]:
     low, high = r.temperature_range
     return (
-        p.channel,
-        p.name,
-        unit_label(p.estimate.unit) or "1",
-        p.estimate,
+        r.name_of(p.channel),
+        name,
+        unit_label(p.unit) or "1",
+        Estimate.of(p, p.unit),
         f"{write([low]).plain[0]} to {write([high]).plain[0]} {unit_label(r.temperature_unit)}",
         Number(p.defined, "1", 0.01),
     )
@@ -580,9 +603,11 @@ def _nearest_cells(r: RecordContent, p: NearestParameter) -> tuple[Cell, ...]:
 
 def noise_table(records: Sequence[RecordContent]) -> Table:
     """The noise model of every record and why."""
-    lag1 = [{_name(r, c): v for c, v in r.noise.lag1.items() if v is not None} for r in records]
+    lag1 = [{r.name_of(c): v for c, v in r.document.noise.lag1.items() if v is not None} for r in records]
     names = tuple(dict.fromkeys(name for found in lag1 for name in found))
-    rivals = tuple(dict.fromkeys(n for r in records for n, v in r.noise.ln_evidence.items() if v is not None))
+    rivals = tuple(
+        dict.fromkeys(n for r in records for n, v in r.document.noise.ln_evidence.items() if v is not None)
+    )
     return Table(
         "noise",
         "Noise models",
@@ -598,19 +623,14 @@ def noise_table(records: Sequence[RecordContent]) -> Table:
         tuple(
             (
                 *_head(r),
-                r.noise.title or r.noise.name,
-                r.noise.chosen_by,
+                r.document.noise.title or r.document.noise.name,
+                r.document.noise.chosen_by,
                 *(Number(found.get(name), "1", 0.1) for name in names),
-                *(Number(r.noise.ln_evidence.get(name), "1", 1.0) for name in rivals),
+                *(Number(r.document.noise.ln_evidence.get(name), "1", 1.0) for name in rivals),
             )
             for r, found in zip(records, lag1, strict=True)
         ),
     )
-
-
-def _name(r: RecordContent, channel: str) -> str:
-    found = r.channel(channel)
-    return channel if found is None else found.name
 
 
 def check_table(records: Sequence[RecordContent]) -> Table:
@@ -634,20 +654,19 @@ def check_table(records: Sequence[RecordContent]) -> Table:
             Column("failed", "failed"),
             Column("what it would show", "meaning", brief=False),
         ),
-        tuple((*_head(r), *_check_cells(c)) for r in records for c in r.checks),
+        tuple((*_head(r), *_check_cells(r, c)) for r in records for c in r.document.checks),
         grouped=3,
     )
 
 
-def _check_cells(c: PredictiveCheck) -> tuple[Cell, ...]:
-    low, high = c.replicated
-    width = (high - low) / 3.0
+def _check_cells(r: RecordContent, c: CheckSummary) -> tuple[Cell, ...]:
+    width = None if c.q05 is None or c.q95 is None else (c.q95 - c.q05) / 3.0
     return (
-        c.channel,
-        c.statistic,
+        r.name_of(c.channel),
+        STATISTICS.get(c.statistic, c.statistic),
         Number(c.measured, "1", width),
-        Number(low, "1", width),
-        Number(high, "1", width),
+        Number(c.q05, "1", width),
+        Number(c.q95, "1", width),
         Number(c.p_value, "1", 0.05),
         c.failed,
         c.meaning,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -27,6 +27,8 @@ NOISE: Final = "noise"
 """Role of the parameters of the noise."""
 TARGET: Final = Target()
 """What convergence asks for."""
+CHECK_TAIL: Final = 0.01
+"""A predictive check counts as failed where its p-value is below this, or above one less this."""
 
 
 Q05 = Annotated[NumberOrNull, Field(description="5 % quantile [unit]")]
@@ -118,38 +120,7 @@ class DiscrepancySummary(DocumentPart):
     ln_bayes_factor: NumberOrNull = Field(description="what it gains in ln evidence at the warm start [1]")
 
 
-class SampledParameter:
-    """What follows for a parameter from its diagnostics, for whatever holds them."""
-
-    __slots__ = ()
-    if TYPE_CHECKING:
-        fixed: Any
-        identified: Any
-        rhat: Any
-        ess_bulk: Any
-        ess_tail: Any
-
-    @property
-    def prior_driven(self) -> bool:
-        """Whether the parameter was sampled and the data moved it little."""
-        return not self.fixed and not self.identified
-
-    @property
-    def ess(self) -> float | None:
-        """The lesser effective sample size of bulk and tail [1]."""
-        return None if self.ess_bulk is None or self.ess_tail is None else min(self.ess_bulk, self.ess_tail)
-
-    @property
-    def short_of_target(self) -> bool:
-        """Whether R-hat or an effective sample size misses what convergence asks for."""
-        if self.fixed:
-            return False
-        if self.rhat is None or self.ess is None:
-            return True
-        return self.rhat > TARGET.rhat or self.ess < TARGET.ess
-
-
-class ParameterSummary(SampledParameter, DocumentPart):
+class ParameterSummary(DocumentPart):
     """Prior and posterior of a parameter."""
 
     unit: Unit
@@ -187,6 +158,25 @@ class ParameterSummary(SampledParameter, DocumentPart):
     def of_noise(self) -> bool:
         """Whether it is one of the noise."""
         return self.role == NOISE
+
+    @property
+    def prior_driven(self) -> bool:
+        """Whether the parameter was sampled and the data moved it little."""
+        return not self.fixed and not self.identified
+
+    @property
+    def ess(self) -> float | None:
+        """The lesser effective sample size of bulk and tail [1]."""
+        return None if self.ess_bulk is None or self.ess_tail is None else min(self.ess_bulk, self.ess_tail)
+
+    @property
+    def short_of_target(self) -> bool:
+        """Whether R-hat or an effective sample size misses what convergence asks for."""
+        if self.fixed:
+            return False
+        if self.rhat is None or self.ess is None:
+            return True
+        return self.rhat > TARGET.rhat or self.ess < TARGET.ess
 
 
 class GoodnessSummary(DocumentPart):
@@ -264,6 +254,11 @@ class CheckSummary(DocumentPart):
     q95: Q95
     p_value: Number = Field(description="share of the replications that exceed the measurement [1]")
     meaning: str = Field(default="", description="what it would show")
+
+    @property
+    def failed(self) -> bool:
+        """Whether chance hardly ever gives this."""
+        return not CHECK_TAIL <= self.p_value <= 1.0 - CHECK_TAIL
 
 
 class SweepSummary(DocumentPart):

@@ -35,7 +35,7 @@ def test_its_fits_are_adequate_and_in_declared_units(demo: tuple[Path, str]) -> 
     assert summary["adequate"]
     content = report_content(read_run(demo[0]))
     assert {c.unit for r in content.records for c in r.channels} == {"N", "mm", "N/mm"}
-    assert content.provenance.command == "sma-bayes demo --out NEW --seed 0 --noise auto"
+    assert content.command == "sma-bayes demo --out NEW --seed 0 --noise auto"
 
 
 def test_its_measurements_can_be_fitted_by_anybody(demo: tuple[Path, str]) -> None:

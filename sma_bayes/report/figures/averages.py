@@ -76,10 +76,12 @@ def row_names(ax: Axes, names: Sequence[str], *, labelled: bool) -> None:
 def average_columns(averages: Sequence[AverageFactor]) -> Mapping[str, Any]:
     """Average factors as columns of a file."""
     rows = [
-        (a.channel, a.unit, a.branch, a.data, a.rule, len(a.records), e.q05, e.median, e.q95, a.above)
+        (
+            a.document.channel, a.document.unit, a.branch, a.data, a.rule, len(a.document.records),
+            a.r.q05, a.r.median, a.r.q95, a.r.above,
+        )
         for a in averages
-        for e in (a.factors["r"],)
-    ]
+    ]  # fmt: skip
     header = (
         "channel",
         "unit",

@@ -84,7 +84,7 @@ def model_average_table(stored: StoredComparison) -> Table:
             Column("rule", "rule"),
             *AVERAGE_COLUMNS,
         ),
-        tuple((a.name, short(name), a.data, a.rule, *average_cells(a)) for name, a in found),
+        tuple((a.document.quantity, short(name), a.data, a.rule, *average_cells(a)) for name, a in found),
         grouped=2,
     )
 

@@ -11,9 +11,8 @@ from sma_bayes.report.content import INTERVAL, Content, Estimate, RecordContent
 from sma_bayes.report.tables import Cell, Column, Table
 from sma_bayes.studies.fit.findings import finding_groups
 
-LEAST, GREATEST = "least", "greatest"
-"""How the names of least and greatest stiffness, or modulus, begin."""
-HYSTERESIS: Final = "hysteresis width"
+ENDS_OF_STIFFNESS: Final = ("least_stiffness", "greatest_stiffness")
+"""Names of the quantities of a branch that are told first."""
 TRIVIAL: Final = ("straight_path", "constant_load", "constant_displacement")
 """Paths whose slope tells of the rig and not of the alloy."""
 
@@ -36,7 +35,7 @@ def _answer_table(part: Content, number: int) -> Table:
         Column(f"least {channel.name}", "least_stiffness", channel.unit),
         Column(f"greatest {channel.name}", "greatest_stiffness", channel.unit),
     )  # fmt: skip
-    transformed = any(r.transformation for r in part.records)
+    transformed = any(r.document.transformation for r in part.records)
     temperatures = () if not transformed else (
         Column("start", "start", temperature),
         Column("finish", "finish", temperature),
@@ -66,14 +65,15 @@ def _answer_table(part: Content, number: int) -> Table:
 def _answer_row(
     part: Content, r: RecordContent, stiffness: bool, transformed: bool, *, first: bool
 ) -> tuple[Cell, ...]:
-    found = {q.name.partition(" ")[0]: q.estimate for q in r.quantities}
+    found = {q.name: Estimate.of(q, q.unit) for q in r.document.quantities_of_branch}
     given = r.converged and not r.stiffness_withheld
-    width = next((q.estimate for q in part.loops_of(r.condition) if q.name == HYSTERESIS), None)
+    widths = (q for q in part.loops_of(r.condition) if q.name == "hysteresis_width")
+    width = next((Estimate.of(q, q.unit) for q in widths), None)
     low, high = _ends(r)
     return (
         r.condition,
         r.branch,
-        *((found.get(LEAST) if given else None, found.get(GREATEST) if given else None) if stiffness else ()),
+        *((found.get(name) if given else None for name in ENDS_OF_STIFFNESS) if stiffness else ()),
         *((low, high) if transformed else ()),
         width if first else None,
         belief(r),
@@ -82,11 +82,12 @@ def _answer_row(
 
 def _ends(r: RecordContent) -> tuple[Estimate | None, Estimate | None]:
     """Temperatures of start and finish, in the order in which the branch meets them."""
-    if not r.converged or not r.transformation:
-        return None, None
-    by_name = {t.name: t.estimate for t in r.transformation}
-    names = ("As", "Af") if r.branch == "heating" else ("Ms", "Mf")
-    return by_name.get(names[0]), by_name.get(names[1])
+    found = r.document.transformation if r.converged else {}
+    low, high = (
+        Estimate.of(found[name], found[name].unit) if name in found else None
+        for name in (("As", "Af") if r.branch == "heating" else ("Ms", "Mf"))
+    )
+    return low, high
 
 
 def belief(r: RecordContent) -> str:
@@ -94,10 +95,10 @@ def belief(r: RecordContent) -> str:
     if not r.converged:
         return "no: not converged"
     if not r.adequate:
-        return f"with care: {r.reasons[0].message}" if r.reasons else "with care"
-    if r.path_kind in TRIVIAL:
+        return f"with care: {r.document.why[0].message}" if r.document.why else "with care"
+    if r.document.path.kind in TRIVIAL:
         return "yes, but the slope is that of the rig"
-    beyond = [t.name for t in r.transformation if not t.within_data]
+    beyond = [name for name, t in r.document.transformation.items() if not t.within_data]
     return f"yes; {' and '.join(beyond)} extrapolated" if beyond else "yes"
 
 
@@ -114,14 +115,16 @@ def next_steps(content: Content) -> tuple[str, ...]:
 def _next_steps(content: Content) -> Iterator[str]:
     if content.unconverged:
         yield f"Don't use {_names(content.unconverged)}: not converged. Section 3.1 says which parameter"
-    model = str(content.provenance.options.get("model"))
+    model = content.document.options.model
     kinds: dict[str, list[RecordContent]] = {}
     for r in content.inadequate:
-        if r.reasons:
-            kinds.setdefault(r.reasons[0].kind, []).append(r)
+        if r.document.why:
+            kinds.setdefault(r.document.why[0].kind, []).append(r)
     for kind, records in kinds.items():
-        yield f"{_names(records)}: {records[0].reasons[0].message}; {remedy(kind, model)}"
-    extrapolated = [r for r in content.converged if any(not t.within_data for t in r.transformation)]
+        yield f"{_names(records)}: {records[0].document.why[0].message}; {remedy(kind, model)}"
+    extrapolated = [
+        r for r in content.converged if any(not t.within_data for t in r.document.transformation.values())
+    ]
     if extrapolated:
         yield (
             f"{_names(extrapolated)}: start or finish of the transformation is extrapolated; measure on to where the "
@@ -134,13 +137,14 @@ def _next_steps(content: Content) -> Iterator[str]:
         if group.severity == "serious":
             where = f" ({', '.join(group.conditions[:3])})" if group.conditions else ""
             yield f"Check the measurements{where}: {group.message}"
-    told = [r for r in content.converged if r.path_kind not in TRIVIAL and not r.stiffness_withheld]
+    told = [r for r in content.converged if r.document.path.kind not in TRIVIAL and not r.stiffness_withheld]
     some = next((r for r in told if r.channel("stiffness") is not None), None)
     if some is not None:
         channel = some.channel("stiffness")
         assert channel is not None
         name = "modulus" if channel.name == SPECIMEN_QUANTITY["stiffness"] else "stiffness"
-        value = next((q.estimate.median for q in some.quantities if q.name.startswith(GREATEST)), None)
+        greatest = (q.median for q in some.document.quantities_of_branch if q.name == "greatest_stiffness")
+        value = next(greatest, None)
         if value is not None:
             yield f'Which temperature gives a {name}? `sma-bayes ask DIR --{name} "{value:.3g} {channel.unit}"`'
     if len(content.conditions) > 1:
@@ -151,9 +155,9 @@ def _by_message(content: Content) -> list[tuple[str, list[RecordContent]]]:
     """Records whose slope is that of the rig, by what is said of it."""
     found: dict[str, list[RecordContent]] = {}
     for r in content.converged:
-        if r.path_kind in TRIVIAL:
-            found.setdefault(r.path_kind, []).append(r)
-    return [(records[0].path_message, records) for records in found.values()]
+        if r.document.path.kind in TRIVIAL:
+            found.setdefault(r.document.path.kind, []).append(r)
+    return [(records[0].document.path.message, records) for records in found.values()]
 
 
 def _names(records: list[RecordContent] | tuple[RecordContent, ...], most: int = 3) -> str:

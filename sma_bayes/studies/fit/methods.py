@@ -58,7 +58,7 @@ def methods_text(content: Content) -> str:
 def bibliography(content: Content) -> str:
     """BibTeX entries of what `methods_text` cites, and of this package."""
     text = methods_text(content)
-    version = content.provenance.versions.get("sma-bayes", "")
+    version = content.document.versions.get("sma-bayes", "")
     own = f"""@software{{smabayes,
   author = {{{{The sma\\_bayes developers}}}},
   title = {{sma\\_bayes: Bayesian stiffness of shape memory alloy springs}},
@@ -69,7 +69,7 @@ def bibliography(content: Content) -> str:
 
 
 def _sentences(content: Content) -> Iterator[str]:
-    records, p = content.records, content.provenance
+    records, p = content.records, content.document
     observed = dict.fromkeys(c.name for r in records for c in r.channels if c.observed)
     samples = count_text(sum(r.document.n for r in records))
     yield (
@@ -78,11 +78,11 @@ def _sentences(content: Content) -> Iterator[str]:
     )
     yield (
         "Parameters of each record were inferred by Bayesian inference"
-        if p.options.get("pool", "none") == "none"
+        if p.options.pool == "none"
         else "Parameters, common to all conditions of a branch, were inferred by Bayesian inference"
-    ) + f" under the priors “{p.options.get('priors', '')}” and {_noises(records)}."
-    if any(r.missed for r in records):
-        count = sum(bool(r.missed) for r in records)
+    ) + f" under the priors “{p.options.priors}” and {_noises(records)}."
+    if any(r.document.discrepancy for r in records):
+        count = sum(bool(r.document.discrepancy) for r in records)
         yield (
             f"In {many(count, 'record')} a smooth discrepancy, kept off the tangents of the curve, "
             "stands beside the curve, where the evidence was for it."
@@ -101,7 +101,7 @@ def _sentences(content: Content) -> Iterator[str]:
             f"The {stiffness} is the slope of force over displacement along the actuation path, from their joint "
             "posterior."
         )
-    if any(r.transformation for r in records):
+    if any(r.document.transformation for r in records):
         yield (
             "Transformation temperatures were read off each posterior curve by the tangent rule of ASTM E3097 "
             "[@astme3097]."
@@ -122,8 +122,8 @@ def _models(records: Sequence[RecordContent]) -> str:
 
 
 def _noises(records: Sequence[RecordContent]) -> str:
-    titles = list(dict.fromkeys((r.noise.title or r.noise.name) for r in records))
-    chosen = {r.noise.chosen_by for r in records}
+    titles = list(dict.fromkeys((r.document.noise.title or r.document.noise.name) for r in records))
+    chosen = {r.document.noise.chosen_by for r in records}
     how = f", chosen by {chosen.pop()}" if len(chosen) == 1 and chosen != {""} else ""
     return f"{'a noise model' if len(titles) == 1 else 'noise models'} ({'; '.join(titles)}{how})"
 

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from sma_bayes.quantities import ARBITRARY
 from sma_bayes.report.content import (
-    CHECK_TAIL,
     INTERVAL,
     LEVEL,
     PAPER_CORRELATION,
@@ -25,6 +24,7 @@ from sma_bayes.report.html import Picture, embedded, estimate_text, rendered
 from sma_bayes.report.notation import MISSING, write
 from sma_bayes.report.tables import Cell, Column, Table, cell_text, report_tables
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
+from sma_bayes.runs.fit_document import CHECK_TAIL
 from sma_bayes.runs.store import write_text
 from sma_bayes.studies.fit.answer import answer_tables, next_steps
 from sma_bayes.studies.fit.findings import finding_groups
@@ -198,12 +198,7 @@ def _overview(records: tuple[RecordContent, ...], names: list[str], title: str) 
                 cells.append(f"{write([p.mean]).plain[0]}, fixed")
             else:
                 mark = "" if p.identified else " (not identified)"
-                text = (
-                    estimate_text(p.estimate)
-                    if not same[n]
-                    else estimate_text(Estimate(p.estimate.median, p.estimate.q05, p.estimate.q95))
-                )
-                cells.append(text + mark)
+                cells.append(estimate_text(Estimate.of(p) if same[n] else p.estimate) + mark)
         rows.append((r.condition, r.branch, *cells))
     note = f"Median and {INTERVAL}; “(not identified)” marks what the data leave to the prior."
     return Table("parameters", title, note, columns, tuple(rows))
@@ -233,13 +228,15 @@ def noise_groups(content: Content) -> tuple[NoiseGroup, ...]:
     """Records by noise model and by who chose it."""
     groups: dict[tuple[str, str], list[RecordContent]] = {}
     for r in content.records:
-        groups.setdefault((r.noise.title or r.noise.name, r.noise.chosen_by), []).append(r)
+        groups.setdefault(
+            (r.document.noise.title or r.document.noise.name, r.document.noise.chosen_by), []
+        ).append(r)
     return tuple(
         NoiseGroup(
             title,
             by,
             tuple(records),
-            _ends([v for r in records for v in r.noise.lag1.values() if v is not None]),
+            _ends([v for r in records for v in r.document.noise.lag1.values() if v is not None]),
             _ends([lead for r in records if (lead := _lead(r)) is not None]),
         )
         for (title, by), records in groups.items()
@@ -248,8 +245,8 @@ def noise_groups(content: Content) -> tuple[NoiseGroup, ...]:
 
 def _lead(record: RecordContent) -> float | None:
     """Ln evidence of the noise model less that of the best other one; None where none was compared."""
-    found = {n: v for n, v in record.noise.ln_evidence.items() if v is not None}
-    own = found.pop(record.noise.name, None)
+    found = {n: v for n, v in record.document.noise.ln_evidence.items() if v is not None}
+    own = found.pop(record.document.noise.name, None)
     return None if own is None or not found else own - max(found.values())
 
 

@@ -214,9 +214,11 @@ def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask
     tasks: list[FigureTask] = [_CampaignTask(folder, content, everything)]
     if everything or (not content.paged and len(content.conditions) <= FEW):
         tasks += [_ConditionTask(folder, c, content.branches(c)) for c in content.conditions]
-    missed = [r for r in content.records if r.missed]
+    missed = [r for r in content.records if r.document.discrepancy]
     if not everything:
-        worst = sorted(missed, key=lambda r: max(m.share for m in r.missed), reverse=True)
+        worst = sorted(
+            missed, key=lambda r: max(m.share for m in r.document.discrepancy.values()), reverse=True
+        )
         missed = [] if content.paged else worst[:FEW]
     tasks += [_DiscrepancyTask(folder, r, summaries[r.key], stored.summary.seed) for r in missed]
     checked = [r for r in summaries.values() if r.self_check is not None and r.self_check.quantities]

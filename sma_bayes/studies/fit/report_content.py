@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Final, Protocol
+from typing import Final
 
-from sma_bayes.assess.adequacy import Missed
 from sma_bayes.paper.twin import printed_values
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY
 from sma_bayes.records.types import setting_unit
@@ -14,58 +13,27 @@ from sma_bayes.report.content import (
     Channel,
     Content,
     Estimate,
-    NearestParameter,
     Number,
     ParameterResult,
-    PredictiveCheck,
     PrintedComparison,
-    Provenance,
-    QuantityRow,
     RecordContent,
-    TransformationTemperature,
 )
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.declared_units import Shown, ShownUnit, in_shown_units, of_parameters, shown_units
 from sma_bayes.runs.fit_document import (
     CalibrationSummary,
-    CheckSummary,
-    DiscrepancySummary,
     FitFindings,
     HeldSummary,
     Measure,
-    NearestSummary,
-    ParameterSummary,
-    QuantitySummary,
     RecordSummary,
-    TransformationSummary,
 )
 from sma_bayes.runs.outputs import StoredRun
 from sma_bayes.runs.schema import Factor
-from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.fit.truth import is_simulated, known_truth, thermometer_offsets
 
 TWIN_SOURCE: Final = "Tables 3 to 8 as printed"
 """How the source of the paper's twin campaign begins."""
-STATISTICS: Final = {
-    "greatest": "largest residual",
-    "lag1": "correlation of neighbours",
-    "block_means": "mean residual by temperature",
-    "sweep_means": "mean residual by sweep",
-    "left_out_sweeps": "sweeps left out",
-    "sd_by_temperature": "spread by temperature",
-    "sd_by_response": "spread by response",
-    "pit": "shape of the noise",
-}
-"""Names of the statistics of predictive checks, for people."""
-QUANTITY_NAMES: Final = {
-    "hysteresis_width": "hysteresis width",
-    "loop_area": "loop area",
-    "least_stiffness": "least {stiffness}",
-    "greatest_stiffness": "greatest {stiffness}",
-    "stiffness_ratio": "{stiffness} ratio",
-}
-"""Names of quantities of branches and loops, for people; a specimen's stiffness is its modulus."""
 
 
 def report_content(run: StoredRun) -> Content:
@@ -81,16 +49,17 @@ def report_content(run: StoredRun) -> Content:
         _record(shown, of_parameters(stored, units), units)
         for shown, stored in zip(summary.records, run.summary.records, strict=True)
     )
-    names = {r.condition: {c.channel: c.name for c in r.channels} for r in records}
     return Content(
         campaign=summary.campaign,
         source=summary.source,
         records=records,
-        loops=tuple(_quantity(q, names.get(q.condition, {})) for q in summary.loops),
+        loops=summary.loops,
         findings=summary.findings,
         printed=_printed(records) if is_twin(summary) else (),
         averages=tuple(f for e in summary.correlation_average for f in average_factors(e, e.data or "")),
-        provenance=_provenance(run),
+        document=summary,
+        priors=run.priors,
+        command=_command(summary),
         truth=known_truth(run, records),
         offsets=thermometer_offsets(run),
     )
@@ -113,11 +82,7 @@ def _record(r: RecordSummary, scale: Mapping[str, float], units: Shown) -> Recor
         branch=r.branch,
         converged=r.converged,
         adequate=r.adequate,
-        reasons=r.why,
         model=r.model,
-        model_reason=r.model_choice.reason if r.model_choice else "",
-        nearest=tuple(_nearest(name, p, names) for name, p in r.nearest.items()),
-        missed=tuple(_missed(c, m) for c, m in r.discrepancy.items()),
         settings={k: _setting(k, v, names, units) for k, v in r.settings.items()},
         temperature_unit=temperature.unit,
         temperature_range=(temperature.lowest, temperature.highest),
@@ -125,14 +90,10 @@ def _record(r: RecordSummary, scale: Mapping[str, float], units: Shown) -> Recor
         channels=tuple(_channel(c, q, r, units) for c, q in r.quantities.items()),
         held=tuple(_held(c, h, names) for c, h in r.held.items()),
         calibration=tuple(_calibration(k, measured[c]) for c, k in r.calibration.items() if c in measured),
-        parameters=tuple(_parameter(n, p, r, names, scale.get(n, 1.0)) for n, p in r.parameters.items()),
-        free_directions=tuple((d.text, d.contraction or 0.0) for d in r.free_directions),
-        path_kind=r.path.kind,
-        path_message=r.path.message,
-        quantities=tuple(_quantity(q, names) for q in r.quantities_of_branch),
-        transformation=tuple(_transformation(name, t, names) for name, t in r.transformation.items()),
-        checks=tuple(_check(c, names) for c in r.checks),
-        noise=r.noise,
+        parameters=tuple(
+            ParameterResult(**dict(p), name=n, at_bound=n in r.at_bound, scale=scale.get(n, 1.0))
+            for n, p in r.parameters.items()
+        ),
     )
 
 
@@ -149,7 +110,7 @@ def _setting(setting: str, value: float, names: Mapping[str, str], units: Shown)
 def _channel(channel: str, quantity: Measure, r: RecordSummary, units: Shown) -> Channel:
     def agreement(found: Mapping[str, Mapping[str, Factor]]) -> dict[str, Estimate]:
         units = {"r": "1", "r2": "1", "adj_r2": "1", "rmse": quantity.unit}
-        return {n: _estimate(f, units[n]) for n, f in found.get(channel, {}).items() if n in units}
+        return {n: Estimate.of(f, units[n]) for n, f in found.get(channel, {}).items() if n in units}
 
     name = quantity.name
     goodness = r.fit.get(channel)
@@ -164,19 +125,6 @@ def _channel(channel: str, quantity: Measure, r: RecordSummary, units: Shown) ->
         replicated=agreement(r.correlation_replicated),
         scale=units[name].factor if name in units and units[name].shown == quantity.unit else 1.0,
     )
-
-
-class _Interval(Protocol):
-    @property
-    def q05(self) -> float | None: ...
-    @property
-    def median(self) -> float | None: ...
-    @property
-    def q95(self) -> float | None: ...
-
-
-def _estimate(values: _Interval, unit: str) -> Estimate:
-    return Estimate(values.median, values.q05, values.q95, unit)
 
 
 def _held(channel: str, held: HeldSummary, names: Mapping[str, str]) -> str:
@@ -195,81 +143,6 @@ def _calibration(c: CalibrationSummary, quantity: Measure) -> str:
     )
 
 
-def _parameter(
-    name: str, p: ParameterSummary, r: RecordSummary, names: Mapping[str, str], scale: float
-) -> ParameterResult:
-    prior = dict(p.prior)
-    family, source = str(prior.pop("family", "")), str(prior.pop("source", ""))
-    return ParameterResult(
-        name=name,
-        meaning=p.meaning,
-        unit=p.unit,
-        channel=p.channel,
-        of_noise=p.of_noise,
-        warm_start=p.warm_start,
-        warm_start_sd=p.warm_start_sd,
-        mean=p.mean,
-        sd=p.sd,
-        estimate=_estimate(p, p.unit),
-        rhat=p.rhat,
-        ess_bulk=p.ess_bulk,
-        ess_tail=p.ess_tail,
-        contraction=p.contraction,
-        identified=p.identified,
-        fixed=p.fixed,
-        at_bound=name in r.at_bound,
-        family=family,
-        numbers={n: v for n, v in prior.items() if isinstance(v, float)},
-        source=source,
-        scale=scale,
-    )
-
-
-def _quantity(q: QuantitySummary, names: Mapping[str, str]) -> QuantityRow:
-    return QuantityRow(
-        name=_quantity_name(q.name, names),
-        condition=q.condition,
-        branch=q.branch,
-        channel=names.get(q.channel, q.channel),
-        meaning=q.meaning,
-        estimate=_estimate(q, q.unit),
-    )
-
-
-def _transformation(
-    name: str, t: TransformationSummary, names: Mapping[str, str]
-) -> TransformationTemperature:
-    return TransformationTemperature(
-        name=name,
-        meaning=t.meaning,
-        channel=names.get(t.channel, t.channel),
-        estimate=_estimate(t, t.unit),
-        within_data=t.within_data,
-        outstanding=t.outstanding,
-        samples=t.samples,
-        defined=t.defined,
-    )
-
-
-def _nearest(name: str, p: NearestSummary, names: Mapping[str, str]) -> NearestParameter:
-    return NearestParameter(name, names.get(p.channel, p.channel), _estimate(p, p.unit), p.defined)
-
-
-def _missed(channel: str, m: DiscrepancySummary) -> Missed:
-    return Missed(channel, m.unit, or_nan(m.rms), or_nan(m.largest), m.at, m.share, or_nan(m.ln_bayes_factor))
-
-
-def _check(c: CheckSummary, names: Mapping[str, str]) -> PredictiveCheck:
-    return PredictiveCheck(
-        channel=names.get(c.channel, c.channel),
-        statistic=STATISTICS.get(c.statistic, c.statistic),
-        meaning=c.meaning,
-        measured=or_nan(c.measured),
-        replicated=(or_nan(c.q05), or_nan(c.q95)),
-        p_value=c.p_value,
-    )
-
-
 def _printed(records: Iterable[RecordContent]) -> tuple[PrintedComparison, ...]:
     cells = printed_values()
     return tuple(
@@ -278,18 +151,6 @@ def _printed(records: Iterable[RecordContent]) -> tuple[PrintedComparison, ...]:
         for p in r.model_parameters
         for cell in [cells[r.key].get(p.name)]
         if cell is not None and p.mean is not None and p.sd is not None
-    )
-
-
-def _provenance(run: StoredRun) -> Provenance:
-    s = run.summary
-    return Provenance(
-        seed=s.seed,
-        options={k: str(v) for k, v in s.options.as_json().items()},
-        versions=s.versions,
-        data_sha256=s.data_sha256 or "",
-        priors=run.priors,
-        command=_command(s),
     )
 
 
@@ -313,8 +174,3 @@ def _command(summary: FitFindings) -> str:
 
 def _quoted(path: str) -> str:
     return f'"{path}"' if " " in path else path
-
-
-def _quantity_name(name: str, names: Mapping[str, str]) -> str:
-    shown = QUANTITY_NAMES.get(name, name.replace("_", " "))
-    return shown.format(stiffness=names.get("stiffness", "stiffness"))

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -14,11 +15,12 @@ import pytest
 
 from sma_bayes import fit_campaign
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
-from sma_bayes.report.content import Content
+from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.figures.sheet import STYLE, save
 from sma_bayes.report.tables import report_tables
 from sma_bayes.runs.fit_document import ReasonSummary
 from sma_bayes.runs.outputs import StoredRun, read_run
+from sma_bayes.runs.schema import ModelChoiceDocument
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.fit.figures.discrepancy import discrepancy_figure
 from sma_bayes.studies.fit.page import render
@@ -51,6 +53,11 @@ def steps(run: StoredRun) -> Content:
     return report_content(run)
 
 
+def told(r: RecordContent, **changes: Any) -> RecordContent:
+    """A record whose document says something else."""
+    return replace(r, document=r.document.model_copy(update=changes))
+
+
 def text_of(content: Content) -> str:
     return " ".join(render(content, report_tables(content), {}).split())
 
@@ -60,16 +67,16 @@ def test_reasons_stand_near_the_top(steps: Content) -> None:
     assert "0 of 2</b> records adequate" in page
     section = page[page.index('id="adequacy"') : page.index('id="noise"')]
     for r in steps.records:
-        assert r.reasons[0].message in section
-        assert "displacement by up to" in r.reasons[0].message
+        assert r.document.why[0].message in section
+        assert "displacement by up to" in r.document.why[0].message
     assert "What the curves miss" in section
     answer = page[page.index('id="answer"') : page.index('id="conclusions"')]
-    assert all(r.reasons[0].message in answer for r in steps.records)
+    assert all(r.document.why[0].message in answer for r in steps.records)
 
 
 def test_an_adequate_record_is_said_to_be(steps: Content) -> None:
     good = replace(
-        steps, records=tuple(replace(r, adequate=True, reasons=(), missed=()) for r in steps.records)
+        steps, records=tuple(replace(told(r, why=(), discrepancy={}), adequate=True) for r in steps.records)
     )
     page = text_of(good)
     assert "All records are adequate." in page
@@ -90,8 +97,11 @@ def test_nearest_parameters_state_norm_and_range(steps: Content) -> None:
 
 
 def test_a_model_that_was_chosen_is_told_with_its_reason(steps: Content) -> None:
-    told = replace(steps.records[0], model="two_stage", model_reason="two_stage: ln evidence 40 more")
-    page = text_of(replace(steps, records=(told, *steps.records[1:])))
+    choice = ModelChoiceDocument(
+        name="two_stage", reason="two_stage: ln evidence 40 more", ln_evidence={}, held_out={}
+    )
+    chosen = replace(told(steps.records[0], model_choice=choice), model="two_stage")
+    page = text_of(replace(steps, records=(chosen, *steps.records[1:])))
     assert page.count("two_stage: ln evidence 40 more") == 2, "in the diagnostics and with the record"
 
 
@@ -101,7 +111,7 @@ def test_stiffness_that_is_withheld_is_told(steps: Content) -> None:
         channel="force",
         message="the data hardly tell where and how fast force changes: its prior does",
     )
-    led = replace(steps.records[0], quantities=(), reasons=(why,))
+    led = told(steps.records[0], quantities_of_branch=(), why=(why,))
     assert led.stiffness_withheld == (why,)
     page = text_of(replace(steps, records=(led, *steps.records[1:])))
     part = page[page.index('id="loops"') : page.index('id="transformation"')]
@@ -126,7 +136,7 @@ def test_the_figure_shows_what_is_missed(run: StoredRun, steps: Content, tmp_pat
         model, total = (
             np.array([float(row[f"{name} {unit}"]) for row in curve]) for name in ("model_q50", "total_q50")
         )
-        (missed,) = content.missed
+        (missed,) = content.document.discrepancy.values()
         assert np.abs(middle).max() == pytest.approx(abs(missed.largest), rel=0.02)
         np.testing.assert_allclose(model + middle, total, atol=0.1 * np.abs(middle).max())
 

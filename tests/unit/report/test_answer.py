@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
-from sma_bayes.report.content import Content
-from sma_bayes.runs.fit_document import ReasonSummary
+from sma_bayes.report.content import Content, Estimate, RecordContent
+from sma_bayes.runs.fit_document import PathSummary, ReasonSummary
 from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.studies.fit.answer import answer_tables, belief, next_steps
 from sma_bayes.studies.fit.findings import finding_groups, severity
+
+
+def told(r: RecordContent, **changes: Any) -> RecordContent:
+    """A record whose document says something else."""
+    return replace(r, document=r.document.model_copy(update=changes))
 
 
 def finding(kind: str, condition: str, dropped: int = 0) -> FindingDocument:
@@ -25,10 +31,13 @@ def test_the_table_has_a_row_a_record_with_the_numbers_of_the_run(content: Conte
     for row, r in zip(table.rows, content.records, strict=True):
         cells = dict(zip(keys, row, strict=True))
         assert (cells["condition"], cells["branch"]) == (r.condition, r.branch)
-        estimates = {q.name: q.estimate for q in r.quantities}
-        assert cells["least_stiffness"] == estimates["least stiffness"]
-        assert cells["greatest_stiffness"] == estimates["greatest stiffness"]
-        ends = {t.name: t.estimate for t in r.transformation}
+        estimates = {q.name: Estimate.of(q, q.unit) for q in r.document.quantities_of_branch}
+        assert cells["least_stiffness"] == estimates["least_stiffness"]
+        assert cells["greatest_stiffness"] == estimates["greatest_stiffness"]
+        ends = {n: Estimate.of(t, t.unit) for n, t in r.document.transformation.items()}
+        widths = [Estimate.of(q, q.unit) for q in content.loops if q.name == "hysteresis_width"]
+        assert len(widths) == 2
+        assert cells["hysteresis"] == (widths[0] if r is content.records[0] else None)
         names = ("As", "Af") if r.branch == "heating" else ("Ms", "Mf")
         assert (cells["start"], cells["finish"]) == tuple(ends[n] for n in names)
 
@@ -46,7 +55,7 @@ def test_an_inadequate_record_is_named_with_its_reason_and_a_remedy(content: Con
     reason = ReasonSummary(
         kind="curve", channel="force", message="the curve misses 9 % of the range of force"
     )
-    bad = replace(content, records=(replace(first, adequate=False, reasons=(reason,)), *others))
+    bad = replace(content, records=(replace(told(first, why=(reason,)), adequate=False), *others))
     assert belief(bad.records[0]) == f"with care: {reason.message}"
     (step,) = (s for s in next_steps(bad) if reason.message in s)
     assert step.startswith(first.key)
@@ -55,7 +64,7 @@ def test_an_inadequate_record_is_named_with_its_reason_and_a_remedy(content: Con
 
 def test_a_slope_that_is_the_rigs_is_said_to_be_and_no_temperature_is_looked_for(content: Content) -> None:
     straight = tuple(
-        replace(r, adequate=True, path_kind="straight_path", path_message="a bias spring")
+        replace(told(r, path=PathSummary(kind="straight_path", message="a bias spring")), adequate=True)
         for r in content.records
     )
     flat = replace(content, records=straight)

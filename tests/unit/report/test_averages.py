@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sma_bayes.report.content import PAPER_CORRELATION, AverageFactor, Content, Estimate
+from sma_bayes.report.content import PAPER_CORRELATION, Content, Estimate
 from sma_bayes.report.figures.averages import NEAREST, Mark, correlation_axis
 from sma_bayes.report.figures.sheet import empty_sheet
 from sma_bayes.report.tables import average_table, cell_text, probability_text
+from sma_bayes.runs.schema import AverageR, Factor
 from sma_bayes.studies.fit.figures.averages import average_figure
 
 UNDEFINED = Estimate(None, None, None)
@@ -41,13 +42,17 @@ def test_a_perfect_r_is_drawn_at_the_end_and_an_undefined_one_not_at_all() -> No
 
 def test_left_out_records_are_counted(content: Content) -> None:
     first = content.averages[0]
-    table = average_table([replace(first, left_out=("x", "y"))])
-    assert table.rows[0][4] == f"{len(first.records)} of {len(first.records) + 2}"
+    table = average_table(
+        [replace(first, document=first.document.model_copy(update={"left_out": ("x", "y")}))]
+    )
+    assert table.rows[0][4] == f"{len(first.document.records)} of {len(first.document.records) + 2}"
 
 
 def test_an_average_that_is_not_defined_is_a_dash(content: Content) -> None:
-    factors = {"r": UNDEFINED, "r2": UNDEFINED}
-    nothing: AverageFactor = replace(content.averages[0], factors=factors, undefined=1.0, above=0.0)
+    first = content.averages[0]
+    none = {"q05": None, "median": None, "q95": None, "undefined": 1.0}
+    without = {"r": {first.rule: AverageR(**none, above=0.0)}, "r2": {first.rule: Factor(**none)}}
+    nothing = replace(first, document=first.document.model_copy(update=without))
     row = average_table([nothing]).rows[0]
     assert cell_text(row[5]) == cell_text(None)
     assert row[6] == "< 0.001"

@@ -34,7 +34,7 @@ def test_everything_is_there(built: tuple[Path, list[tuple[int, int, str]]], con
         "parameters", "diagnostics", "printed",
         *(f"{kind}-100g-10mHz-{branch}" for kind in ("corner", "trace", "predictive", "residuals")
           for branch in ("heating", "cooling")),
-        *(f"discrepancy-{r.key}" for r in content.records if r.missed),
+        *(f"discrepancy-{r.key}" for r in content.records if r.document.discrepancy),
     }  # fmt: skip
     assert len(list((folder / "figures").iterdir())) == 3 * len(stems)
     tables, tex = ({p.stem for p in (folder / "tables").glob(f"*.{kind}")} for kind in ("csv", "tex"))
@@ -50,7 +50,7 @@ def test_unasked_only_the_figures_of_the_report_are_drawn(run_copy: Path, conten
         "loop-100g-10mHz",
         "overview-stiffness",
         "printed",
-        *(f"discrepancy-{r.key}" for r in content.records if r.missed),
+        *(f"discrepancy-{r.key}" for r in content.records if r.document.discrepancy),
     }
     text = (run_copy / "report.html").read_text(encoding="utf-8")
     assert all(f'id="figure-{stem}"' in text for stem in stems)

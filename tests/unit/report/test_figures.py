@@ -158,12 +158,12 @@ def test_the_loop_marks_transformation_temperatures(content: Content, branch_of:
     (condition,) = content.conditions
     records = content.branches(condition)
     branches = [branch_of(r) for r in records]
-    short = replace(
-        records[0], transformation=tuple(replace(t, within_data=False) for t in records[0].transformation)
-    )
+    first = records[0].document
+    extrapolated = {n: t.model_copy(update={"within_data": False}) for n, t in first.transformation.items()}
+    short = replace(records[0], document=first.model_copy(update={"transformation": extrapolated}))
     figure = loop_figure(condition, [replace(branches[0], content=short), *branches[1:]])
     labels = {text.get_text(): text.get_position()[0] for ax in figure.figure.axes for text in ax.texts}
-    told = {t.name: t.estimate.median for r in records for t in r.transformation}
+    told = {n: t.median for r in records for n, t in r.document.transformation.items()}
     assert set(told) == {"As", "Af", "Mf", "Ms"}
     assert {n.strip("()"): x for n, x in labels.items() if n.strip("()") in told} == told
     assert {"(As)", "(Af)", "Ms", "Mf"} <= set(labels)
@@ -269,7 +269,9 @@ def test_extrapolation_is_marked(content: Content, branch_of: Gather) -> None:
 
 def test_prior_driven_parameters_are_marked_in_the_corner(content: Content, branch_of: Gather) -> None:
     record = content.records[0]
-    parameters = tuple(replace(p, identified=p.name != "A1", contraction=0.2) for p in record.parameters)
+    parameters = tuple(
+        p.model_copy(update={"identified": p.name != "A1", "contraction": 0.2}) for p in record.parameters
+    )
     with mpl.rc_context(STYLE):
         drawing = corner_figure(branch_of(replace(record, parameters=parameters)))
     assert "Tinted: A1" in drawing.caption

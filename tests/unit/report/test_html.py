@@ -6,13 +6,15 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
+from typing import Any
 
 import pytest
 
-from sma_bayes.report.content import Content
+from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.html import Picture, anchor, select
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.tables import Column, Table, report_tables
+from sma_bayes.runs.fit_document import DirectionSummary
 from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.studies.fit.page import noise_groups, parameter_overview, render, without_empty
 
@@ -51,6 +53,11 @@ class Reader(HTMLParser):
         return self.source[self.source.index(f'id="{start}"') : self.source.index(f'id="{end}"')]
 
 
+def told(r: RecordContent, **changes: Any) -> RecordContent:
+    """A record whose document says something else."""
+    return replace(r, document=r.document.model_copy(update=changes))
+
+
 def page_of(content: Content) -> Reader:
     stems = ["diagnostics", "correlation", "parameters", "printed", "overview-force"]
     stems += [f"loop-{c}" for c in content.conditions]
@@ -72,7 +79,9 @@ def unconverged(content: Content, *branches: str) -> Content:
     records = []
     for r in content.records:
         bad = r.branch in branches
-        parameters = tuple(replace(p, rhat=1.3) if bad and p.name == "A1" else p for p in r.parameters)
+        parameters = tuple(
+            p.model_copy(update={"rhat": 1.3}) if bad and p.name == "A1" else p for p in r.parameters
+        )
         records.append(replace(r, converged=not bad, parameters=parameters))
     averages = tuple(a for a in content.averages if a.branch not in (*branches, "both"))
     return replace(content, records=tuple(records), averages=averages)
@@ -115,7 +124,7 @@ def test_the_answer_comes_first_with_whether_to_believe_it_and_provenance_last(
     answer = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page.section("answer", "next")))
     assert "may it be believed?" in answer
     for r in content.records:
-        least = next(q.estimate for q in r.quantities if q.name == "least stiffness")
+        least = next(q for q in r.document.quantities_of_branch if q.name == "least_stiffness")
         assert interval_text(least.median, least.q05, least.q95) in answer.replace("\u00a0", " ")
 
 
@@ -126,15 +135,15 @@ def test_the_interval_is_named_with_kind_and_level(page: Reader) -> None:
 def test_the_noise_model_is_said_aloud_with_its_reason(page: Reader, content: Content) -> None:
     noise = page.section("noise", "measurements")
     for record in content.records:
-        assert record.noise.title in noise
-        assert record.noise.reason.split(":")[0] in noise
+        assert record.document.noise.title in noise
+        assert record.document.noise.reason.split(":")[0] in noise
     assert "ln evidence of this model less that of the best other one" in re.sub(r"\s+", " ", noise)
 
 
 def test_provenance_is_complete(page: Reader, content: Content) -> None:
-    p = content.provenance
+    p = content.document
     assert p.data_sha256 in page.text
-    assert p.command in page.text
+    assert content.command in page.text
     assert f"numpy {p.versions['numpy']}" in page.text
     assert "seed" in page.text
     assert "[[both.A1]]" in page.text  # the priors in force
@@ -191,10 +200,11 @@ def test_what_users_write_stays_text(content: Content) -> None:
 def test_prior_driven_and_bound_parameters_are_listed(content: Content) -> None:
     record = content.records[0]
     parameters = tuple(
-        replace(p, identified=p.name != "B1", contraction=0.31, at_bound=p.name == "A2")
+        p.model_copy(update={"identified": p.name != "B1", "contraction": 0.31, "at_bound": p.name == "A2"})
         for p in record.parameters
     )
-    changed = replace(record, parameters=parameters, free_directions=(("0.71 ln A1 + 0.71 ln B1", 0.02),))
+    free = DirectionSummary(text="0.71 ln A1 + 0.71 ln B1", contraction=0.02)
+    changed = replace(told(record, free_directions=(free,)), parameters=parameters)
     reader = page_of(replace(content, records=(changed, *content.records[1:])))
     identified = re.sub(r"<[^>]+>|\s+", " ", reader.section("identified", "checks"))
     assert "B1 (contraction 0.31)" in identified
@@ -204,9 +214,11 @@ def test_prior_driven_and_bound_parameters_are_listed(content: Content) -> None:
 
 def test_checks_that_fail_are_shown_with_the_number_that_chance_gives(content: Content) -> None:
     record = content.records[0]
-    checks = (replace(record.checks[0], p_value=0.0), *(replace(c, p_value=0.5) for c in record.checks[1:]))
-    rest = tuple(replace(r, checks=()) for r in content.records[1:])
-    reader = page_of(replace(content, records=(replace(record, checks=checks), *rest)))
+    checks = tuple(
+        c.model_copy(update={"p_value": 0.5 if i else 0.0}) for i, c in enumerate(record.document.checks)
+    )
+    rest = tuple(told(r, checks=()) for r in content.records[1:])
+    reader = page_of(replace(content, records=(told(record, checks=checks), *rest)))
     assert f"1 of {len(checks)} predictive checks failed" in reader.text
     assert "1 lies outside the central 98 %" in reader.text
 
@@ -218,7 +230,10 @@ def test_a_campaign_without_twin_has_no_printed_values(content: Content) -> None
 
 def test_the_overview_marks_what_is_not_identified(content: Content) -> None:
     record = content.records[0]
-    parameters = tuple(replace(p, identified=p.name != "A1", fixed=p.name == "A4") for p in record.parameters)
+    parameters = tuple(
+        p.model_copy(update={"identified": p.name != "A1", "fixed": p.name == "A4"})
+        for p in record.parameters
+    )
     table = parameter_overview(replace(content, records=(replace(record, parameters=parameters),)))[0]
     assert [c.header for c in table.columns][2:4] == ["A1 [cm]", "A2 [1/arbitrary unit]"]
     cells = table.rows[0]
@@ -229,15 +244,15 @@ def test_the_overview_marks_what_is_not_identified(content: Content) -> None:
 
 def test_noise_models_are_grouped(content: Content) -> None:
     a, b = content.records
-    chosen = replace(
+    chosen = told(
         b,
-        noise=b.noise.model_copy(
+        noise=b.document.noise.model_copy(
             update={"title": "AR(1)", "chosen_by": "the user", "lag1": {}, "ln_evidence": {}}
         ),
     )
     mixed = replace(content, records=(a, chosen))
     groups = noise_groups(mixed)
-    assert [(g.title, len(g.records)) for g in groups] == [(a.noise.title, 1), ("AR(1)", 1)]
+    assert [(g.title, len(g.records)) for g in groups] == [(a.document.noise.title, 1), ("AR(1)", 1)]
     assert groups[1].lag1 is groups[1].margin is None
 
 

@@ -43,7 +43,7 @@ def test_each_record_has_a_page_and_every_link_leads_somewhere(
     run_copy: Path, content: Content, figures: str, drawn: int
 ) -> None:
     build_report(run_copy, figures=figures, jobs=1)
-    missed = {r.key: bool(r.missed) for r in content.records} if figures == "all" else {}
+    missed = {r.key: bool(r.document.discrepancy) for r in content.records} if figures == "all" else {}
     assert len(list((run_copy / "figures").glob("*.png"))) == drawn + sum(missed.values())
     pages = [run_copy / "report.html", *(run_copy / "records").iterdir()]
     assert len(pages) == 1 + 1 + 2
@@ -70,7 +70,9 @@ def test_the_page_of_a_campaign_does_not_grow_with_its_records(content: Content)
 
 def test_worst_records_are_shown_first(content: Content) -> None:
     long = many(content, 60)
-    bad = replace(long.records[77], parameters=(replace(long.records[77].parameters[0], rhat=1.7),))
+    bad = replace(
+        long.records[77], parameters=(long.records[77].parameters[0].model_copy(update={"rhat": 1.7}),)
+    )
     long = replace(long, records=(*long.records[:77], bad, *long.records[78:]))
     page = render(long, report_tables(long), {})
     head = page[page.index('<h3 id="convergence">') : page.index('<h3 id="noise">')]

@@ -61,7 +61,11 @@ def test_heads_have_symbols_and_units_and_records_that_failed_are_left_out(conte
 
 def test_a_model_of_many_parameters_is_parted_and_what_is_not_identified_marked(content: Content) -> None:
     def richer(r: RecordContent) -> RecordContent:
-        more = [replace(p, name=f"{p.name}b", identified=False) for p in r.parameters if p.channel == "force"]
+        more = [
+            p.model_copy(update={"name": f"{p.name}b", "identified": False})
+            for p in r.parameters
+            if p.channel == "force"
+        ]
         return replace(r, parameters=(*r.parameters, *more))
 
     text = publication_tex(replace(content, records=tuple(richer(r) for r in content.records)))

@@ -11,9 +11,11 @@ from typing import Any
 import pytest
 
 from sma_bayes.paper.twin import truth
-from sma_bayes.report.content import Content, Number, ParameterResult
+from sma_bayes.report.content import Content, Estimate, Number
+from sma_bayes.report.tables import report_tables
 from sma_bayes.runs.fit_document import read_fit
 from sma_bayes.runs.outputs import read_run
+from sma_bayes.studies.fit.answer import answer_tables
 from sma_bayes.studies.fit.report_content import is_twin, report_content
 
 Edit = Callable[[Path, Callable[[dict[str, Any]], None]], Path]
@@ -29,8 +31,8 @@ def test_every_number_keeps_its_value_and_unit(content: Content, finished: Path)
             "force": "N", "displacement": "cm", "stiffness": "N/cm"
         }  # fmt: skip
         assert [c.name for c in record.channels if not c.observed] == ["stiffness"]
-    assert content.provenance.seed == summary["seed"]
-    assert content.provenance.data_sha256 == summary["data_sha256"]
+    assert content.document.seed == summary["seed"]
+    assert content.document.data_sha256 == summary["data_sha256"]
 
 
 def test_noise_parameters_are_told_from_those_of_the_response(content: Content) -> None:
@@ -62,8 +64,12 @@ def test_a_specimen_is_called_what_it_is(run_copy: Path, edit_summary: Edit) -> 
     assert [c.symbol for c in record.channels] == ["σ", "ε", "E"]
     assert record.settings["load"].unit == "MPa"  # as stress_MPa declares it
     assert record.held == ("stress held at 1.5 × 10⁸ Pa (sd 1 × 10⁵ Pa)",)
-    assert {q.channel for q in found.loops} == {"stress", "strain", "modulus"}
-    assert "modulus ratio" in {q.name for q in record.quantities}
+    table = report_tables(found)["loops"]
+    keys = [c.key for c in table.columns]
+    assert {row[keys.index("channel")] for row in table.rows} == {"stress", "strain", "modulus"}
+    assert {"hysteresis width", "modulus ratio"} < {row[keys.index("quantity")] for row in table.rows}
+    assert [c.name for c in answer_tables(found)[0].columns[2:4]] == ["least modulus", "greatest modulus"]
+    assert all(isinstance(cell, Estimate) for row in answer_tables(found)[0].rows for cell in row[2:4])
 
 
 def test_what_may_be_missing_is_not_missed(run_copy: Path, edit_summary: Edit) -> None:
@@ -87,7 +93,7 @@ def test_what_may_be_missing_is_not_missed(run_copy: Path, edit_summary: Edit) -
     found = report_content(read_run(edit_summary(run_copy, change)))
     assert found.loops == ()
     assert found.averages == ()
-    assert found.records[0].checks == ()
+    assert found.records[0].document.checks == ()
 
 
 def test_a_record_that_did_not_converge_supports_no_conclusion(run_copy: Path, edit_summary: Edit) -> None:
@@ -106,7 +112,7 @@ def test_a_record_that_did_not_converge_supports_no_conclusion(run_copy: Path, e
 
 
 def test_averages_are_told_for_every_rule_and_branch(content: Content) -> None:
-    force = [a for a in content.averages if (a.channel, a.data) == ("force", "measured")]
+    force = [a for a in content.averages if (a.document.channel, a.data) == ("force", "measured")]
     assert {(a.branch, a.rule) for a in force} == {
         (branch, rule) for branch in ("heating", "cooling", "both") for rule in ("plain", "fisher", "pooled")
     }
@@ -117,7 +123,7 @@ def test_averages_are_told_for_every_rule_and_branch(content: Content) -> None:
     measured = [c.measured["r"].median for r in content.records for c in r.channels if c.channel == "force"]
     assert [heating, cooling] == measured
     assert both == pytest.approx((heating + cooling) / 2, abs=1e-5)
-    assert all(a.above == 1.0 for a in force)
+    assert all(a.r.above == 1.0 for a in force)
 
 
 def test_the_twin_is_set_against_the_printed_values(content: Content, finished: Path) -> None:
@@ -142,25 +148,25 @@ def test_other_campaigns_are_not(run_copy: Path, edit_summary: Edit) -> None:
 
 def test_the_command_gives_the_same_run_again(run_copy: Path, edit_summary: Edit) -> None:
     assert (
-        report_content(read_run(run_copy)).provenance.command
-        == "sma-bayes demo --paper --out NEW --seed 0 --noise auto"
+        report_content(read_run(run_copy)).command == "sma-bayes demo --paper --out NEW --seed 0 --noise auto"
     )
     options = {"noise": "ar1", "pool": "campaign", "extrapolate": 5.0}
     other = edit_summary(run_copy, lambda s: s.update(source="my rig", seed=7, options=options))
-    assert report_content(read_run(other)).provenance.command == (
+    assert report_content(read_run(other)).command == (
         'sma-bayes fit "my rig" --out NEW --seed 7 --noise ar1 --extrapolate 5.0 --pool campaign --priors priors.toml'
     )
     apart = edit_summary(other, lambda s: s.update(data_dir="raw data"))
-    assert report_content(read_run(apart)).provenance.command.startswith(
+    assert report_content(read_run(apart)).command.startswith(
         'sma-bayes fit "my rig" --out NEW --data "raw data" --seed 7'
     )
 
 
 def test_a_prior_is_put_into_words(content: Content) -> None:
     p = content.records[0].parameters[0]
-    lognormal = replace(p, family="lognormal", numbers={"median": 0.5, "sigma": 1.0, "sign": -1.0})
-    assert lognormal.prior == "lognormal, negative, median 0.5, sigma 1"
-    assert replace(p, family="half_normal", numbers={"sd": 2e-5}).prior == "half normal, sd 2 × 10⁻⁵"
+    lognormal = {"family": "lognormal", "median": 0.5, "sigma": 1.0, "sign": -1.0, "source": "made up"}
+    half_normal = {"family": "half_normal", "sd": 2e-5}
+    assert p.model_copy(update={"prior": lognormal}).prior_text == "lognormal, negative, median 0.5, sigma 1"
+    assert p.model_copy(update={"prior": half_normal}).prior_text == "half normal, sd 2 × 10⁻⁵"
 
 
 @pytest.mark.parametrize(
@@ -177,7 +183,7 @@ def test_a_prior_is_put_into_words(content: Content) -> None:
 def test_verdicts_on_a_parameter(
     content: Content, changes: dict[str, Any], driven: bool, short: bool
 ) -> None:
-    p: ParameterResult = replace(content.records[0].parameters[0], **changes)
+    p = content.records[0].parameters[0].model_copy(update=changes)
     assert (p.prior_driven, p.short_of_target) == (driven, short)
 
 

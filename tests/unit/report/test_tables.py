@@ -70,7 +70,7 @@ def test_parameters_keep_all_digits(written: Path, content: Content) -> None:
         assert float(row["mean [unit]"]) == pytest.approx(p.mean, rel=1e-8)
         assert float(row["q95 [unit]"]) == pytest.approx(p.estimate.q95, rel=1e-8)
         assert float(row["rhat [1]"]) == pytest.approx(p.rhat, rel=1e-8)
-        assert (row["identified"], row["prior"]) == ("true" if p.identified else "false", p.prior)
+        assert (row["identified"], row["prior"]) == ("true" if p.identified else "false", p.prior_text)
     assert {row["unit"] for row in rows} == {"cm", "N", "arbitrary unit", "1/arbitrary unit"}
 
 

@@ -18,7 +18,7 @@ def model_average_figure(stored: StoredComparison) -> Drawing:
     stored : StoredComparison
     """
     found = [(name, a) for name, a in model_averages(stored) if a.rule == "plain"]
-    channels = list(dict.fromkeys((a.name, a.unit) for _, a in found))
+    channels = list(dict.fromkeys((a.document.quantity, a.document.unit) for _, a in found))
     models = drawn_order(dict.fromkeys(name for name, _ in found))
     left = label_width(short(n) for n in models)
     figure = empty_sheet(left + max(2.7 * len(channels), 4.5) + 0.15, 1.15 + 0.26 * len(models))
@@ -32,7 +32,7 @@ def model_average_figure(stored: StoredComparison) -> Drawing:
                 a.data == "in sample",
             )
             for name, a in found
-            if (a.name, a.unit) == channel
+            if (a.document.quantity, a.document.unit) == channel
         ]
         correlation_axis(ax, marks)
         row_names(ax, [short(n) for n in models], labelled=ax is axes[0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from sma_bayes.report.content import PAPER_CORRELATION, Content
+from sma_bayes.report.content import PAPER_CORRELATION, AverageFactor, Content
 from sma_bayes.report.figures.averages import Mark, average_columns, correlation_axis, row_names, tell_apart
 from sma_bayes.report.figures.sheet import (
     COLOURS,
@@ -21,6 +21,10 @@ BOTH: Final = {**COLOURS, "both": INK}
 """Colours of the branches and of both together."""
 
 
+def _shown_channel(a: AverageFactor) -> tuple[str, str, str]:
+    return a.document.channel, a.document.quantity, a.document.unit
+
+
 def average_figure(content: Content) -> Drawing:
     """Average correlation factor of each channel by branch and rule, with its interval.
 
@@ -28,7 +32,7 @@ def average_figure(content: Content) -> Drawing:
     ----------
     content : Content
     """
-    channels = list(dict.fromkeys((a.channel, a.name, a.unit) for a in content.averages))
+    channels = list(dict.fromkeys(map(_shown_channel, content.averages)))
     labels = list(dict.fromkeys((a.branch, a.rule) for a in content.averages))
     names = [f"{branch}, {rule}" for branch, rule in labels]
     left = label_width(names)
@@ -42,7 +46,7 @@ def average_figure(content: Content) -> Drawing:
                 BOTH[a.branch] if a.data == "measured" else FAINT,
             )
             for a in content.averages
-            if (a.channel, a.name, a.unit) == (channel, name, unit)
+            if _shown_channel(a) == (channel, name, unit)
         ]
         correlation_axis(ax, marks)
         row_names(ax, names, labelled=ax is axes[0])

@@ -70,7 +70,7 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
                 _about_median(lower, branch, channel.channel)
         _frame(upper, channel, branches)
         for branch in branches:
-            _transformation(upper, branch, channel.name)
+            _transformation(upper, branch, channel.channel)
         upper.set_xticklabels([])
         lower.set_xlim(upper.get_xlim())
         lower.set_xlabel(temperature_label(branches[0].content))
@@ -96,7 +96,7 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
             + (
                 " Bars at the edge: median and 90 % credible interval of the transformation temperatures by the "
                 "tangent rule, in brackets where extrapolated."
-                if any(b.content.transformation for b in branches if b.content.converged)
+                if any(b.content.document.transformation for b in branches if b.content.converged)
                 else ""
             )
             + (
@@ -205,7 +205,7 @@ def branch_on_axes(ax: Axes, branch: BranchData, channel: str, *, small: bool = 
             ax.axvline(edge, color=colour, lw=0.6, ls=(0, (1, 2)), zorder=1)
 
 
-def _transformation(ax: Axes, branch: BranchData, name: str) -> None:
+def _transformation(ax: Axes, branch: BranchData, channel: str) -> None:
     """Mark start and finish of the transformation at the edge of the panel: heating below, cooling above."""
     if not branch.content.converged:
         return
@@ -216,22 +216,22 @@ def _transformation(ax: Axes, branch: BranchData, name: str) -> None:
     low, high = ax.get_xlim()
     edge = ax.get_xaxis_transform()
     shown = [
-        (t, t.estimate)
-        for t in branch.content.transformation
-        if t.channel == name and t.estimate.median is not None and low <= t.estimate.median <= high
+        (stage, t)
+        for stage, t in branch.content.document.transformation.items()
+        if t.channel == channel and t.median is not None and low <= t.median <= high
     ]
-    medians = [e.median for _, e in shown if e.median is not None]
+    medians = [t.median for _, t in shown if t.median is not None]
     crowded = len(medians) > 1 and max(medians) - min(medians) < CROWDED * (high - low)
-    for t, e in shown:
-        if e.median is None or e.q05 is None or e.q95 is None:
+    for stage, t in shown:
+        if t.median is None or t.q05 is None or t.q95 is None:
             continue
-        side = "center" if not crowded else "right" if e.median == min(medians) else "left"
-        ax.plot([e.q05, e.q95], [place, place], color=colour, lw=2.5, alpha=0.45, transform=edge, zorder=4,
+        side = "center" if not crowded else "right" if t.median == min(medians) else "left"
+        ax.plot([t.q05, t.q95], [place, place], color=colour, lw=2.5, alpha=0.45, transform=edge, zorder=4,
                 solid_capstyle="butt")  # fmt: skip
-        ax.plot([e.median], [place], color=colour, marker="|", ms=6, mew=1.1, transform=edge, zorder=4.1)
-        label = t.name if t.within_data else f"({t.name})"
+        ax.plot([t.median], [place], color=colour, marker="|", ms=6, mew=1.1, transform=edge, zorder=4.1)
+        label = stage if t.within_data else f"({stage})"
         ax.text(
-            e.median,
+            t.median,
             text,
             label,
             color=colour,
@@ -387,11 +387,11 @@ def loop_data(branches: Sequence[BranchData]) -> dict[str, Any]:
                 for t, q in zip(band.temperature, quantiles, strict=True)
             ]
             rows += [
-                (f"{t.name} {end}", *head, "", "", getattr(t.estimate, end), math.nan, *blank)
-                for t in b.content.transformation
-                if t.channel == channel.name and b.content.converged
+                (f"{stage} {end}", *head, "", "", getattr(t, end), math.nan, *blank)
+                for stage, t in b.content.document.transformation.items()
+                if t.channel == channel.channel and b.content.converged
                 for end in ("q05", "median", "q95")
-                if getattr(t.estimate, end) is not None
+                if getattr(t, end) is not None
             ]
     unit = branches[0].content.temperature_unit
     header = ("what", "branch", "channel", "unit", "row", "cycle", f"temperature [{unit}]", "measured [unit]")

@@ -244,8 +244,8 @@ def residual_figure(branch: BranchData, residuals: Mapping[str, Floats]) -> Draw
         stem=f"residuals-{content.key}",
         caption=(
             f"Residuals of {content.key} from the median curve, divided by their scale and with the memory of the "
-            f"noise model ({content.noise.title}) taken out: if curve and noise are right they are independent "
-            "with unit variance. Grey: ±2 sd."
+            f"noise model ({content.document.noise.title}) taken out: if curve and noise are right they are "
+            "independent with unit variance. Grey: ±2 sd."
         ),
         alt=f"standardised residuals of {content.key} against temperature and in order of measurement",
         figure=figure,
