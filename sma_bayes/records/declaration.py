@@ -7,6 +7,7 @@ import unicodedata
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
+from glob import glob
 from pathlib import Path
 from typing import Annotated, Any, Final, get_type_hints
 
@@ -552,9 +553,7 @@ def _data_files(table: ConditionTable, folder: Path, declared_in: Path, where: s
     found: dict[str, Path] = {}
     for name in table.files:
         path = folder / name
-        matching = (
-            [] if path.is_file() else sorted(p for p in folder.glob(name) if p.is_file()) if name else []
-        )
+        matching = [] if path.is_file() else _matching(name, folder)
         if not path.is_file() and not matching:
             raise CampaignError(
                 f"there is no file {str(path)!r}",
@@ -563,8 +562,14 @@ def _data_files(table: ConditionTable, folder: Path, declared_in: Path, where: s
                 expected="a data file" + (" in the data folder" if folder != declared_in.parent else ""),
                 remedy=_similar(path),
             )
-        found |= {p.relative_to(folder).as_posix(): p for p in matching} if matching else {name: path}
+        found |= {Path(m).as_posix(): folder / m for m in matching} if matching else {name: path}
     return found
+
+
+def _matching(pattern: str, folder: Path) -> list[str]:
+    """Files that match a pattern, sorted; the pattern counts from the folder unless it is absolute."""
+    found = glob(pattern, root_dir=folder, recursive=True, include_hidden=True)
+    return sorted({name for name in found if (folder / name).is_file()}, key=Path)
 
 
 def _place(table: str, own: Mapping[str, object], where: str) -> str:

@@ -93,6 +93,8 @@ CAMPAIGNS = {
     "no TOML": (("[columns]", "[columns"), ["campaign.toml, row 3", "expected: TOML"]),
     "a single bracket": (("[[condition]]", "[condition]"), ["key 'condition'", "[[name]]"]),
     "a missing data file": (('"a.csv"', '"b.csv"'), ["there is no file", "b.csv", "did you mean 'a.csv'?"]),
+    "a whole path to nothing": (('"a.csv"', '"/no/such/place/b.csv"'), ["there is no file '/no/such/place/b.csv'"]),
+    "two stars in the middle of a name": (('"a.csv"', '"b**c.csv"'), ["there is no file", "b**c.csv"]),
     "equal ids": (
         ("[[condition]]", '[[condition]]\nid = "a"\nfile = "a.csv"\n[[condition]]'),
         ["two conditions have the id 'a'", "rename one of them"],

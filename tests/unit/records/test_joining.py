@@ -59,12 +59,14 @@ def kinds(campaign: Campaign) -> dict[str, str]:
     return {f.kind: f.message for f in campaign.findings}
 
 
-@pytest.mark.parametrize("file", ['["up.csv", "down.csv"]', '"*.csv"', '["up.*", "down.*"]'])
+@pytest.mark.parametrize(
+    "file", ['["up.csv", "down.csv"]', '"*.csv"', '["up.*", "down.*"]', '"{here}/*.csv"']
+)
 def test_heating_and_cooling_in_files_of_their_own(tmp_path: Path, whole: Campaign, file: str) -> None:
     write(tmp_path / "up.csv", rows(COLUMNS, slice(0, 120)))
     again = rows(COLUMNS, slice(120, None)) | {"time_s": S[:120]}  # the clock begins again
     write(tmp_path / "down.csv", again)
-    found = declared(tmp_path, file)
+    found = declared(tmp_path, file.replace("{here}", tmp_path.as_posix()))
     assert sorted(r.branch.value for r in found.records) == ["cooling", "heating"]
     assert "one after the other" in kinds(found)["joined"]
     assert "goes on where the one before ended" in kinds(found)["joined"]
