@@ -16,6 +16,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from sma_bayes.arrays import Floats
+from sma_bayes.assess.bands import band_channels
 from sma_bayes.errors import QuantityError
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import (
@@ -37,7 +38,7 @@ from sma_bayes.runs.fit_document import (
     QuantitySummary,
     RecordSummary,
 )
-from sma_bayes.runs.schema import DeclaredUnits, DocumentPart, Factor
+from sma_bayes.runs.schema import CorrelationAverage, DeclaredUnits, DocumentPart, Factor
 
 IN_UNIT_OF_CHANNEL: Final = frozenset(
     {Role.SPAN, Role.OFFSET, Role.LEVEL, Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE, Role.EFFECT}
@@ -163,7 +164,7 @@ def _declared(records: Iterable[RecordSummary | Record]) -> Iterator[tuple[str, 
     for r in records:
         settings: Mapping[str, str]
         if isinstance(r, Record):
-            for channel in (*r.channels, *r.held):
+            for channel in (*band_channels(r), *r.held):
                 yield r.quantity(channel), channel_unit(r.units, channel), r.declared_units.get(channel)
             temperature, settings, specimen = r.units["temperature"], r.declared_units, r.specimen
             declared = r.declared_units.get("temperature")
@@ -204,7 +205,7 @@ def declared_parts(records: Sequence[RecordSummary | Record]) -> dict[str, Any]:
     }
 
 
-def units_of(found: DeclaredUnits, *, specimen: bool) -> Shown:
+def units_of(found: DeclaredUnits, *, specimen: bool = False) -> Shown:
     """How each quantity and setting of a document is shown.
 
     Parameters
@@ -219,7 +220,7 @@ def units_of(found: DeclaredUnits, *, specimen: bool) -> Shown:
     return {name: u for name, u in shown.items() if u is not None}
 
 
-_TEMPERATURE = re.compile(rf"(/ ?)?\b{TEMPERATURE.unit}\b")
+_TEMPERATURE = re.compile(rf"(/ ?)?\b(?:{TEMPERATURE.unit}|K)\b")
 
 
 def shown_as(unit: str, units: Shown, quantity: str = "", *, difference: bool = False) -> ShownUnit:
@@ -234,7 +235,7 @@ def shown_as(unit: str, units: Shown, quantity: str = "", *, difference: bool = 
     quantity : str
         Quantity or setting whose unit is the first factor; none for pure numbers, such as ratios.
     difference : bool
-        Whether a temperature is the difference of two.
+        Whether a temperature is the difference of two; what is stored in kelvins always is.
 
     Examples
     --------
@@ -246,7 +247,8 @@ def shown_as(unit: str, units: Shown, quantity: str = "", *, difference: bool = 
     """
     text, factor = unit, 1.0
     u, degrees = units.get(quantity), units.get(TEMPERATURE.name)
-    if degrees is not None and unit == degrees.stored:
+    if degrees is not None and unit in (degrees.stored, "K"):
+        difference = difference or unit == "K"
         return ShownUnit(unit, degrees.shown, degrees.factor, 0.0 if difference else degrees.zero)
     if u is not None and quantity != TEMPERATURE.name and u.begins(unit):
         text, factor = u.of(unit), u.factor
@@ -255,6 +257,43 @@ def shown_as(unit: str, units: Shown, quantity: str = "", *, difference: bool = 
             factor *= 1.0 / degrees.factor if found[1] else degrees.factor
         text = _TEMPERATURE.sub(lambda m: (m[1] or "") + degrees.shown, text)
     return ShownUnit(unit, text, factor)
+
+
+def shown_columns(
+    columns: Mapping[str, Floats], units: Shown, quantity: str, kept: Iterable[str] = ()
+) -> dict[str, Floats]:
+    """Columns of a series of a quantity as they are shown.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        ``temperature_degC``, which is renamed, and numbers in the unit of the quantity.
+    units : mapping of str to ShownUnit
+        See `shown_units`.
+    quantity : str
+    kept : iterable of str
+        Columns in none of these units.
+    """
+    u, degrees = units.get(quantity), units.get(TEMPERATURE.name)
+    temperature = f"{TEMPERATURE.name}_{TEMPERATURE.unit}"
+    shown: dict[str, Floats] = {}
+    for name, values in columns.items():
+        if name == temperature and degrees is not None:
+            shown[f"{TEMPERATURE.name}_{degrees.shown}"] = degrees.values(values)
+        elif u is None or name == temperature or name in kept:
+            shown[name] = values
+        else:
+            shown[name] = u.values(values)
+    return shown
+
+
+def shown_average(a: CorrelationAverage, units: Shown) -> CorrelationAverage:
+    """Averages of correlation factors as they are shown."""
+    u = units.get(a.quantity)
+    if u is None or u.stored != a.unit:
+        return a
+    rmse = None if a.rmse is None else {rule: in_unit(f, u) for rule, f in a.rmse.items()}
+    return a.model_copy(update={"unit": u.shown, "rmse": rmse})
 
 
 def declared_units(records: Sequence[RecordSummary]) -> list[str]:
@@ -271,18 +310,11 @@ def in_shown_units(summary: FitFindings, units: Shown) -> FitFindings:
     if not units:
         return summary
     names = {r.condition: r for r in summary.records}
-    averages = []
-    for a in summary.correlation_average:
-        u = units.get(a.quantity)
-        if u is not None and u.stored == a.unit:
-            rmse = None if a.rmse is None else {rule: _times(f, u.factor) for rule, f in a.rmse.items()}
-            a = a.model_copy(update={"unit": u.shown, "rmse": rmse})
-        averages.append(a)
     return summary.model_copy(
         update={
             "records": tuple(_record(r, units) for r in summary.records),
             "loops": tuple(_quantity(q, names.get(q.condition), units) for q in summary.loops),
-            "correlation_average": tuple(averages),
+            "correlation_average": tuple(shown_average(a, units) for a in summary.correlation_average),
         }
     )
 
@@ -338,7 +370,7 @@ def _record(r: RecordSummary, units: Shown) -> RecordSummary:
     def agreement(found: Mapping[str, Mapping[str, Factor]]) -> dict[str, dict[str, Factor]]:
         return {
             c: {
-                n: _times(f, by_channel[c].factor) if n == "rmse" and c in by_channel else f
+                n: in_unit(f, by_channel[c]) if n == "rmse" and c in by_channel else f
                 for n, f in factors.items()
             }
             for c, factors in found.items()
@@ -408,10 +440,6 @@ def in_unit(part: P, u: ShownUnit, *names: str) -> P:
     if unit:
         update["unit"] = u.of(unit)
     return part.model_copy(update=update)
-
-
-def _times(f: Factor, factor: float) -> Factor:
-    return f.model_copy(update={n: _product(getattr(f, n), factor) for n in INTERVAL})
 
 
 def _product(value: float | None, factor: float) -> float | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,12 @@ def table(folder: Path, name: str) -> list[dict[str, str]]:
     """Rows of one of the tables."""
     with (folder / "tables" / f"{name}.csv").open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
+
+
+def first_row(path: Path) -> dict[str, str]:
+    """First row of a series."""
+    with path.open(encoding="utf-8") as file:
+        return next(iter(csv.DictReader(file)))
 
 
 def in_unit(value: float, unit: str, to: str, *, difference: bool = False) -> float:
@@ -171,3 +178,94 @@ def test_the_first_of_several_units_is_shown_and_told(bench: Path) -> None:
     other.unlink()
     assert told["declared_units"]["load"] == "g"
     assert told["declared_differently"] == ("load is declared in g and N: shown in g, which is the first",)
+
+
+def test_a_comparison_is_told_in_declared_units(bench: Path) -> None:
+    from sma_bayes import compare, read_campaign
+
+    out = bench.parent / "compared"
+    whole = read_campaign(bench)
+    found = compare(replace(whole, records=whole.records[:1]), out, noise="independent", jobs=1)
+    stored = {(r["quantity"], name): (r, m) for r in found["records"] for name, m in r["models"].items()}
+    assert {r["unit"] for r, _ in stored.values()} == {"N", "m"}
+    assert_declared(text_of(out / "report.html"))
+    compared = 0
+    for row in table(out, "models"):
+        of = {"force": ("N", "mN"), "displacement": ("m", "mm")}[row["channel"]]
+        name = row["model"].replace(", ", "_").replace(" ", "_").replace("A2_=_B2", "tied")
+        _, model = stored[row["channel"], name]
+        assert row["unit"] == of[1]
+        if model["rmse_held_out"] is not None:
+            told = float(row["rmse_held_out [unit]"])
+            assert told == pytest.approx(in_unit(model["rmse_held_out"], *of), rel=1e-8)
+            compared += 1
+    assert compared > 4
+    before = first_row(out / "curves" / "w100-heating-force.csv")
+    drawn = first_row(out / "figures" / "curves-w100-heating-force.csv")
+    warm, value = float(before["temperature_degC"]), float(before["logistic_refitted_q50"])
+    assert float(drawn["temperature_degF"]) == pytest.approx(in_unit(warm, "degC", "degF"), rel=1e-8)
+    assert float(drawn["logistic_refitted_q50"]) == pytest.approx(in_unit(value, "N", "mN"), rel=1e-8)
+    (force,) = (g for g in found["overall"] if g["quantity"] == "force")
+    average = force["models"]["logistic_refitted"]["correlation_average"]["held_out"][-1]
+    wanted = {
+        "channel": "force",
+        "model": "logistic, refitted",
+        "data": "held out",
+        "rule": "plain",
+        "unit": "mN",
+    }
+    (row,) = (r for r in table(out, "correlation_average") if wanted.items() <= r.items())
+    told = in_unit(average["rmse"]["plain"]["median"], "N", "mN")
+    assert float(row["rmse_median [unit]"]) == pytest.approx(told, rel=1e-8)
+
+
+def test_cycles_are_told_in_declared_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from sma_bayes import cycles, read_campaign
+    from sma_bayes.studies.cycles.terminal import show_cycles
+
+    out = tmp_path / "out"
+    campaign = read_campaign(write_bench(tmp_path / "bench", (150,), cycles=5))
+    found = cycles(campaign, out, at=["126 degF", "180 degF"], ahead=2, jobs=1)
+    capsys.readouterr()
+    show_cycles(found, out)
+    for text in (capsys.readouterr().out, text_of(out / "report.html")):
+        assert "180 is beyond the temperatures of w150-heating, 86 to 167 °F" in text
+        assert_declared(text)
+        assert " degC" not in text
+        assert " K " not in text
+    assert found["temperature_unit"] == "degC"
+    (one,) = found["conditions"]
+    rows = {
+        tuple(r[k] for k in ("branch", "channel", "quantity", "at [°F]")): r
+        for r in table(out, "quantities")
+        if r["cycle"] == "1"
+    }
+    units = {"N": "mN", "m": "mm", "N/m": "mN/mm", "degC": "degF", "K": "degF", "1": "1"}
+    compared = set()
+    for q in one["quantities"]:
+        at = "" if q["at"] is None else f"{in_unit(q['at'], 'degC', 'degF'):.9g}"
+        row, unit = rows[q["branch"], q["channel"], q["name"], at], units[q["unit"]]
+        assert row["unit"] == unit.replace("deg", "°")
+        if q["median"][0] is not None:
+            stored = q["unit"].replace("K", "degC")
+            value = in_unit(q["median"][0], stored, unit, difference=q["name"] == "shift")
+            assert float(row["pooled_median [unit]"]) == pytest.approx(value, rel=1e-8, abs=1e-12)
+            compared.add(q["name"])
+    assert compared >= {
+        "offset",
+        "stroke",
+        "shift",
+        "width",
+        "As",
+        "Mf",
+        "force",
+        "displacement",
+        "stiffness",
+    }
+    before, drawn = (
+        first_row(out / "curves" / "w150-heating-force.csv"),
+        first_row(out / "figures" / "curves.csv"),
+    )
+    assert float(drawn["q50"]) == pytest.approx(in_unit(float(before["q50"]), "N", "mN"), rel=1e-8)
+    warm = in_unit(float(before["temperature_degC"]), "degC", "degF")
+    assert float(drawn["temperature"]) == pytest.approx(warm, rel=1e-8)

@@ -10,6 +10,7 @@ from pydantic import Field
 from sma_bayes.runs.schema import (
     CorrelationAverage,
     CorrelationFactors,
+    DeclaredUnits,
     DocumentPart,
     FilesBeside,
     FindingDocument,
@@ -251,7 +252,7 @@ class ComparisonOptions(DocumentPart):
     priors: str = Field(description="title of the priors")
 
 
-class ComparisonFindings(DocumentPart):
+class ComparisonFindings(DeclaredUnits):
     """What a comparison found."""
 
     schema_: Literal["sma-bayes/comparison/1"] = Field(alias="schema", description="name and version")

@@ -246,6 +246,6 @@ def _model_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
                 r.condition, r.branch, r.quantity, short(name),
                 Number(m.elpd, "1", 0.5), Number(m.elpd_se, "1", 0.5), Number(m.p_eff, "1", 0.5),
                 Number(m.ln_evidence, "1", 0.5), Number(m.weight, "1", 0.05),
-                Number(m.elpd_held_out, "1", 0.5), Number(m.rmse_held_out, r.unit), r.unit,
+                Number(m.elpd_held_out, "1", 0.5), Number(m.rmse_held_out, r.unit), unit_label(r.unit) or "1",
                 Number(m.r_held_out, "1", 1e-4), Number(m.pareto_k_max, "1", 0.05), remark,
             )  # fmt: skip

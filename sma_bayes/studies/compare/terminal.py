@@ -22,6 +22,7 @@ def comparison_text(found: Mapping[str, Any]) -> str:
     for group in document.overall:
         together = f"{group.quantity}, {many(len(group.records), 'record')} together"
         lines.append(f"{together}: {group.verdict.upper()}. {group.why}")
+    lines += [f"remark: {text}" for text in document.declared_differently]
     if not document.converged:
         names = ", ".join(r.key for r in document.records if not r.converged)
         lines.append(f"NOT CONVERGED: {names}. The report says which models.")

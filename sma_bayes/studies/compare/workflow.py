@@ -17,6 +17,7 @@ from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS
+from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.runs.documents import COMPARISON
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.schema import FindingDocument, ModelChoiceDocument
@@ -213,6 +214,7 @@ def _compared(
         versions=all_versions(),
         data_sha256=campaign.sha256,
         converged=all(c.converged for c in comparisons),
+        **declared_parts(campaign.records),
         overall=overall(comparisons),
         records=tuple(record_document(c) for c in comparisons),
         findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from sma_bayes.arrays import Floats
 from sma_bayes.quantities import quantity_of
-from sma_bayes.runs.declared_units import Shown, ShownUnit, units_of
+from sma_bayes.runs.declared_units import Shown, shown_columns, units_of
 from sma_bayes.runs.documents import CONDITIONS
 from sma_bayes.runs.outputs import read_columns
 from sma_bayes.runs.schema import read_document
 from sma_bayes.studies.conditions.schema import ConditionsDocument
-from sma_bayes.studies.conditions.shown import columns_in_declared_units, in_declared_units
+from sma_bayes.studies.conditions.shown import in_declared_units
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,8 +47,8 @@ class StoredConditions:
             If it can't be read.
         """
         columns = read_columns(self.folder / file, CONDITIONS.anew(self.folder))
-        u = self.units.get(quantity_of(channel, specimen=self.found.specimen))
-        return columns_in_declared_units(columns, self.units, u or ShownUnit("", "", 1.0))
+        quantity = quantity_of(channel, specimen=self.found.specimen)
+        return shown_columns(columns, self.units, quantity, kept=("row", "extrapolated"))
 
     def samples(self, file: str, channel: str) -> dict[str, Floats]:
         """Measured samples beside the series of a condition that was left out; empty where there are none."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
 
-from sma_bayes.arrays import Floats
-from sma_bayes.quantities import TEMPERATURE, quantity_of
-from sma_bayes.runs.declared_units import Shown, ShownUnit, in_unit, shown_as, units_of
+from sma_bayes.quantities import quantity_of
+from sma_bayes.runs.declared_units import Shown, in_unit, shown_as, units_of
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
@@ -46,29 +44,6 @@ def in_declared_units(found: ConditionsDocument) -> ConditionsDocument:
             "held_out": tuple(_held_out(h, units) for h in found.held_out),
         }
     )
-
-
-def columns_in_declared_units(
-    columns: Mapping[str, Floats], units: Shown, of: ShownUnit
-) -> dict[str, Floats]:
-    """Columns of a series: its temperature, under the name of its unit, and all others in the unit of a channel.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-    units : mapping of str to ShownUnit
-    of : ShownUnit
-        How the channel is shown.
-    """
-    shown: dict[str, Floats] = {}
-    for name, values in columns.items():
-        start, _, unit = name.partition("_")
-        if start == TEMPERATURE.name:
-            u = shown_as(unit, units)
-            shown[f"{start}_{u.shown}"] = u.values(values)
-        else:
-            shown[name] = values if name in ("row", "extrapolated") else of.values(values)
-    return shown
 
 
 def _group(g: StatedGroup, units: Shown) -> StatedGroup:

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sma_bayes.arrays import Floats
+from sma_bayes.quantities import quantity_of
+from sma_bayes.runs.declared_units import shown_columns, units_of
 from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.outputs import read_columns
 from sma_bayes.runs.schema import read_document
 from sma_bayes.studies.cycles.schema import CyclesDocument
+from sma_bayes.studies.cycles.shown import in_declared_units
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,14 +24,14 @@ class StoredCycles:
     ----------
     folder : Path
     found : CyclesDocument
-        What ``cycles.json`` holds.
+        What ``cycles.json`` holds, in declared units.
     """
 
     folder: Path
     found: CyclesDocument
 
     def curves(self, condition: str, branch: str, channel: str) -> Mapping[str, Floats]:
-        """Columns of the curves of a channel, cycle by cycle.
+        """Columns of the curves of a channel, cycle by cycle, in declared units.
 
         Raises
         ------
@@ -36,7 +39,10 @@ class StoredCycles:
             If they can't be read.
         """
         path = self.folder / "curves" / f"{condition}-{branch}-{channel}.csv"
-        return read_columns(path, CYCLES.anew(self.folder))
+        columns = read_columns(path, CYCLES.anew(self.folder))
+        specimen = self.found.specimen
+        quantity = quantity_of(channel, specimen=specimen)
+        return shown_columns(columns, units_of(self.found, specimen=specimen), quantity, kept=("cycle",))
 
 
 def read_cycles(folder: Path) -> StoredCycles:
@@ -47,4 +53,4 @@ def read_cycles(folder: Path) -> StoredCycles:
     OutputError
         If it is not finished, of another version, or can't be read.
     """
-    return StoredCycles(folder, read_document(CYCLES, CyclesDocument, folder))
+    return StoredCycles(folder, in_declared_units(read_document(CYCLES, CyclesDocument, folder)))

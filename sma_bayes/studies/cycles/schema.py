@@ -7,6 +7,7 @@ from typing import Final, Literal
 from pydantic import Field
 
 from sma_bayes.runs.schema import (
+    DeclaredUnits,
     DocumentPart,
     FindingDocument,
     IntervalDocument,
@@ -141,7 +142,7 @@ class ConditionCycles(DocumentPart):
     remarks: Items[str] = Field(description="what can't be told, and why")
 
 
-class CyclesDocument(RunAccount):
+class CyclesDocument(RunAccount, DeclaredUnits):
     """What `sma-bayes cycles` writes: `cycles.json`."""
 
     schema_: Literal["sma-bayes/cycles/1"] = Field(alias="schema", description="name and version")

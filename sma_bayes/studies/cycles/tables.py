@@ -85,10 +85,9 @@ def _changes(conditions: tuple[ConditionCycles, ...]) -> Table:
         for c in conditions for n in c.changes
     )  # fmt: skip
     note = (
-        "Change by the law from the first to the last measured cycle: of offset and stroke over the "
-        "span of the common curve "
-        "(stroke and width: logarithms), of the shift in kelvins. Acted on: probability that the law moves the number. "
-        "Scatter: standard deviation from sweep to sweep. Step: that of a walk from cycle to cycle."
+        "Change by the law from the first to the last measured cycle: of offset and stroke over the span of the common "
+        "curve (stroke and width: logarithms), of the shift as a temperature. Acted on: probability that the law moves "
+        "the number. Scatter: standard deviation from sweep to sweep. Step: that of a walk from cycle to cycle."
     )
     return Table("changes", "What training changes", note, columns, rows, 3)
 

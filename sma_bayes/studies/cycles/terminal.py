@@ -9,10 +9,10 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from sma_bayes.quantities import unit_text
-from sma_bayes.report.notation import interval_text
+from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.screen import SHOWN, screen, show_end
 from sma_bayes.studies.cycles.schema import ConditionCycles, CyclesDocument, QuantityByCycle
+from sma_bayes.studies.cycles.shown import in_declared_units
 
 COLUMNS: Final = 6
 """Quantities side by side, at most; the report has all of them."""
@@ -20,13 +20,15 @@ COLUMNS: Final = 6
 
 def show_cycles(told: Mapping[str, Any], out: Path) -> None:
     """Tell what was found of each condition, and what to doubt."""
-    found = CyclesDocument.model_validate(told)
+    found = in_declared_units(CyclesDocument.model_validate(told))
     console = screen()
     console.print(f"{found.campaign}, seed {found.seed}", soft_wrap=True)
     for one in found.conditions[:SHOWN]:
         _show_condition(console, one, found.temperature_unit)
     if len(found.conditions) > SHOWN:
         console.print(f"and {len(found.conditions) - SHOWN} more conditions")
+    for text in found.declared_differently:
+        console.print(f"remark: {text}", soft_wrap=True)
     for text in found.left_out:
         console.print(f"left out {text}", soft_wrap=True)
     if not found.converged:
@@ -71,8 +73,8 @@ def _show_branch(
     table = Table(title=f"{one.condition}, {branch}: median (90 %), pooled over cycles", title_justify="left")
     table.add_column("cycle", justify="right")
     for q in shown:
-        at = f" at {q.at:g} {unit_text(temperature_unit)}" if q.at is not None else ""
-        table.add_column(f"{q.name}{at} [{unit_text(q.unit) or '1'}]", justify="right")
+        at = f" at {q.at:g} {unit_label(temperature_unit)}" if q.at is not None else ""
+        table.add_column(f"{q.name}{at} [{unit_label(q.unit) or '1'}]", justify="right")
     rows = list(range(len(one.cycles)))
     for i in rows if len(rows) <= SHOWN else [*rows[: SHOWN // 2], *rows[-SHOWN // 2 :]]:
         later = "" if one.cycles[i] in one.measured else " forecast"

@@ -15,10 +15,12 @@ from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError, SmaBayesError
 from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
+from sma_bayes.quantities import unit_text
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.runs.declared_units import declared_parts, shown_as, shown_units
 from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.store import or_nan, plain, write_csv
@@ -144,6 +146,7 @@ def cycles(
             "options": stated,
             "temperature_unit": unit,
             "specimen": campaign.records[0].specimen,
+            **declared_parts(campaign.records),
             "versions": all_versions(),
             "data_sha256": campaign.sha256,
             "converged": all(c["converged"] for one in found for c in one["curves"]),
@@ -368,13 +371,16 @@ def _remarks(strands: Sequence[Strand], at: Sequence[float]) -> list[str]:
         held = ", ".join(sorted({c for s in strands for c in s.record.held}))
         why = f"{held} is held constant" if held else "force and displacement were not both measured"
         out.append(f"no stiffness along the path: {why}")
+    units = shown_units(s.record for s in strands)
     for t in at:
         for s in strands:
             low, high = s.ends
             if not low <= t <= high:
+                u = shown_as(s.record.units["temperature"], units)
+                asked, coldest, hottest = (f"{u.value(v):g}" for v in (t, low, high))
                 out.append(
-                    f"{t:g} is beyond the temperatures of {s.record.key}, {low:g} to {high:g} "
-                    f"{s.record.units['temperature']}: what is told there is an extrapolation"
+                    f"{asked} is beyond the temperatures of {s.record.key}, {coldest} to {hottest} "
+                    f"{unit_text(u.shown)}: what is told there is an extrapolation"
                 )
     single = [s for s in strands if s.cycle.size < len(measured_cycles(strands))]
     out += [

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from sma_bayes.report.figures.sheet import (
     COLOURS,
@@ -43,7 +44,7 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
     one, unit = stored.found.conditions[number - 1], stored.found.temperature_unit
     channels = list(dict.fromkeys(c.channel for c in one.curves))
     branches = list(dict.fromkeys(c.branch for c in one.curves))
-    figure = empty_sheet(0.9 + 3.0 * len(branches), 1.15 + 2.3 * len(channels))
+    figure = empty_sheet(0.9 + 3.0 * len(branches), 1.0 + 2.45 * len(channels))
     axes = panels(
         figure,
         len(channels),
@@ -53,7 +54,7 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
         bottom=0.5,
         top=0.75,
         gap_x=0.75,
-        gap_y=0.5,
+        gap_y=0.65,
     )
     data: dict[str, list[Any]] = {
         k: [] for k in ("branch", "channel", "cycle", "temperature", "q05", "q50", "q95")
@@ -125,15 +126,15 @@ def values_figure(stored: StoredCycles, number: int) -> Drawing:
         Condition, from 1.
     """
     one, unit = stored.found.conditions[number - 1], stored.found.temperature_unit
-    rest = [q for q in one.quantities if q.name not in NUMBERS]
+    rest = [q for q in one.quantities if q.name not in NUMBERS and any(v is not None for v in q.median)]
     keys = list(dict.fromkeys((q.name, q.at) for q in rest))
     groups = [[q for q in rest if (q.name, q.at) == key] for key in keys]
     rows = [groups[i : i + 4] for i in range(0, len(groups), 4)]
+    untold = sum(q.name not in NUMBERS for q in one.quantities) > len(rest)
     caption = (
         f"Transformation temperatures of {one.condition}, and channels and stiffness at the temperatures that were "
-        "asked: points are sweeps by themselves with their 90 % intervals, lines and bands pooled over "
-        "cycles; the shaded part is "
-        "forecast."
+        "asked: points are sweeps by themselves with their 90 % intervals, lines and bands pooled over cycles; the "
+        "shaded part is forecast." + (" What can't be told in any cycle is left out." if untold else "")
     )
     return _against_cycle(
         one, rows, numbered("values", number), f"{one.condition}: values by cycle", caption, unit
@@ -173,6 +174,7 @@ def _against_cycle(
             named = first.channel if first.at is None and first.name in NUMBERS else ""
             ax.set_title(f"{named} {first.name}{at}".strip(), fontsize=7.5)
             ax.set_xlabel("cycle")
+            ax.xaxis.set_major_locator(MaxNLocator(6, integer=True))
             ax.axvspan(one.measured[-1] + 0.5, one.cycles[-1] + 0.5, color=FORECAST, lw=0, zorder=-2)
             ax.set_xlim(one.cycles[0] - 0.5, one.cycles[-1] + 0.5)
             _label(ax, "", first.unit)

@@ -1,0 +1,95 @@
+"""A comparison in the units in which the measurements were declared, for people."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from sma_bayes.runs.declared_units import (
+    Shown,
+    ShownUnit,
+    in_unit,
+    shown_as,
+    shown_average,
+    shown_columns,
+    units_of,
+)
+from sma_bayes.runs.schema import CorrelationFactors
+from sma_bayes.studies.compare.outputs import StoredComparison
+from sma_bayes.studies.compare.schema import (
+    ComparedModel,
+    ComparedRecord,
+    ModelFactors,
+    Overall,
+    OverallModel,
+)
+
+DENSITIES = ("_ln_density", "_loo", "_k")
+"""Ends of the names of columns that are no values of the channel."""
+
+
+def in_declared_units(stored: StoredComparison) -> StoredComparison:
+    """What was found, with numbers, units and series as people see them; parameters, which nobody is shown, stay."""
+    units = units_of(stored.found)
+    if not units:
+        return stored
+    found = stored.found.model_copy(
+        update={
+            "records": tuple(_record(r, units) for r in stored.found.records),
+            "overall": tuple(_overall(g, units) for g in stored.found.overall),
+        }
+    )
+    quantities = {r.key: r.quantity for r in found.records}
+    samples = {
+        key: shown_columns(
+            columns, units, quantities[key], ["row", "fold", *(n for n in columns if n.endswith(DENSITIES))]
+        )
+        for key, columns in stored.samples.items()
+    }
+    curves = {key: shown_columns(columns, units, quantities[key]) for key, columns in stored.curves.items()}
+    return replace(stored, found=found, samples=samples, curves=curves)
+
+
+def _record(r: ComparedRecord, units: Shown) -> ComparedRecord:
+    u = shown_as(r.unit, units, r.quantity)
+    return r.model_copy(
+        update={
+            "unit": u.shown,
+            "temperature_unit": shown_as(r.temperature_unit, units).shown,
+            "models": {name: _model(m, u) for name, m in r.models.items()},
+        }
+    )
+
+
+def _model(m: ComparedModel, u: ShownUnit) -> ComparedModel:
+    factors = None if m.correlation is None else _model_factors(m.correlation, u)
+    return in_unit(m, u, "rmse_held_out").model_copy(update={"correlation": factors})
+
+
+def _model_factors(c: ModelFactors, u: ShownUnit) -> ModelFactors:
+    return c.model_copy(
+        update={
+            "in_sample": _factors(c.in_sample, u),
+            "held_out": _factors(c.held_out, u),
+            "by_fold": tuple(_factors(f, u) for f in c.by_fold),
+        }
+    )
+
+
+def _factors(c: CorrelationFactors, u: ShownUnit) -> CorrelationFactors:
+    return c.model_copy(update={"rmse": in_unit(c.rmse, u)})
+
+
+def _overall(g: Overall, units: Shown) -> Overall:
+    models = {name: _overall_model(m, units) for name, m in g.models.items()}
+    return g.model_copy(update={"unit": shown_as(g.unit, units, g.quantity).shown, "models": models})
+
+
+def _overall_model(m: OverallModel, units: Shown) -> OverallModel:
+    averages = m.correlation_average
+    shown = averages.model_copy(
+        update={
+            "in_sample": tuple(shown_average(a, units) for a in averages.in_sample),
+            "held_out": tuple(shown_average(a, units) for a in averages.held_out),
+        }
+    )
+    return m.model_copy(update={"correlation_average": shown})
