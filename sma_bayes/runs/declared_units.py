@@ -259,6 +259,35 @@ def shown_as(unit: str, units: Shown, quantity: str = "", *, difference: bool = 
     return ShownUnit(unit, text, factor)
 
 
+_NAMES: Final = re.compile(r"[A-Za-z_]\w*")
+
+
+def shown_product(unit: str, units: Shown) -> ShownUnit:
+    """How numbers are shown whose unit is any product of units of force, displacement, stress and temperature.
+
+    Temperatures are differences.
+
+    Examples
+    --------
+    >>> units = {"force": ShownUnit("N", "mN", 1e3), "temperature": ShownUnit("degC", "degF", 1.8, 32.0)}
+    >>> shown_product("K/N", units)
+    ShownUnit(stored='K/N', shown='degF/mN', factor=0.0018, zero=0.0)
+    """
+    known = [units[n] for n in ("force", "displacement", "stress") if n in units]
+    names = {u.stored: u.shown for u in known if u.stored != "1"}
+    if TEMPERATURE.name in units:
+        names |= dict.fromkeys(("K", TEMPERATURE.unit), units[TEMPERATURE.name].shown)
+    text = _NAMES.sub(lambda m: names.get(m[0], m[0]), unit)
+    if text == unit:
+        return ShownUnit(unit, unit, 1.0)
+    stored, shown = (re.sub(r"\bdeg(?=[CF]\b)", "delta_deg", of) for of in (unit, text))
+    try:
+        factor = float(f"{float(convert(1.0, stored, shown)):.12g}")
+    except QuantityError:
+        return ShownUnit(unit, unit, 1.0)
+    return ShownUnit(unit, text, factor)
+
+
 def shown_columns(
     columns: Mapping[str, Floats], units: Shown, quantity: str, kept: Iterable[str] = ()
 ) -> dict[str, Floats]:

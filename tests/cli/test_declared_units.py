@@ -269,3 +269,59 @@ def test_cycles_are_told_in_declared_units(tmp_path: Path, capsys: pytest.Captur
     assert float(drawn["q50"]) == pytest.approx(in_unit(float(before["q50"]), "N", "mN"), rel=1e-8)
     warm = in_unit(float(before["temperature_degC"]), "degC", "degF")
     assert float(drawn["temperature"]) == pytest.approx(warm, rel=1e-8)
+
+
+def test_a_gap_is_told_in_declared_units(
+    bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from sma_bayes import read_campaign, study_gap
+    from sma_bayes.studies.gap.terminal import show_gap
+
+    out = tmp_path / "out"
+    found = study_gap(read_campaign(bench), out, pool="campaign", jobs=1)
+    (effect,) = found["effects"]
+    parameter = effect["parameters"]["c"]
+    assert (effect["id"], parameter["unit"]) == ("stress_shift", "K/N")
+    capsys.readouterr()
+    show_gap(found, out)
+    told = capsys.readouterr().out
+    size = in_unit(parameter["median"], "delta_degC/N", "delta_degF/mN")
+    assert f"c {size:.4g} (" in told
+    assert "°F/mN" in told
+    of_study = text_of(out / "report.html").partition("findings about the measurements")[0]
+    for text in (told, of_study):
+        assert_declared(text)
+    places = zip(found["disagreement"], table(out, "disagreement"), strict=True)
+    for d, row in ((d, r) for d, r in places if d["covariate"] == "temperature"):
+        assert row["unit"] == "°F"
+        for end in ("from", "to"):
+            assert float(row[f"{end} [unit]"]) == pytest.approx(in_unit(d[end], "degC", "degF"), rel=1e-8)
+    for row in table(out, "gap"):
+        channel = found["gap"]["channels"][row["channel"]]
+        of = (channel["unit"], row["unit"])
+        assert of in {("N", "mN"), ("m", "mm")}
+        for name in ("before", "after", "noise"):
+            assert float(row[f"{name} [unit]"]) == pytest.approx(in_unit(channel[name], *of), rel=1e-8)
+    noise = {(n["condition"], n["channel"]): n["sd"] for n in found["noise"]}
+    for row in table(out, "noise"):
+        stored = {"mN": "N", "mm": "m"}[row["unit"]]
+        sd = in_unit(noise[row["condition"], row["channel"]], stored, row["unit"])
+        assert float(row["sd [unit]"]) == pytest.approx(sd, rel=1e-8)
+    with (out / "series.csv").open(encoding="utf-8") as file:
+        series = {(r["condition"], r["channel"], r["branch"], r["row"]): r for r in csv.DictReader(file)}
+    with (out / "figures" / "disagreement.csv").open(encoding="utf-8") as file:
+        drawn = list(csv.DictReader(file))
+    for r in drawn[::17]:
+        stored_row, unit = (
+            series[r["condition"], r["channel"], r["branch"], r["row"]],
+            {"mN": "N", "mm": "m"}[r["unit"]],
+        )
+        warm = in_unit(float(stored_row["temperature"]), "degC", "degF")
+        assert float(r["temperature [degF]"]) == pytest.approx(warm, rel=1e-8)
+        for name in ("measured", "before", "after"):
+            value = in_unit(float(stored_row[name]), unit, r["unit"])
+            assert float(r[f"{name} [unit]"]) == pytest.approx(value, rel=1e-7)
+    with (out / "figures" / "effect-stress_shift.csv").open(encoding="utf-8") as file:
+        added = np.array([float(r["median"]) for r in csv.DictReader(file) if r["channel"] == "force"])
+    largest = min(float(r["stress_shift_median"]) for r in series.values() if r["channel"] == "force")
+    assert added.min() == pytest.approx(in_unit(largest, "N", "mN"), rel=1e-7)

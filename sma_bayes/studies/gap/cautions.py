@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sma_bayes.quantities import unit_text
+from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.gap.flexible import SHAPE
 from sma_bayes.studies.gap.schema import AddedEffect, GapOfModel, StatedGap, StatedRemaining
 from sma_bayes.studies.gap.words import channel_text, p_text, remainder_text
@@ -71,7 +71,7 @@ def _about_suspects(found: GapOfModel) -> list[str]:
     for condition in dict.fromkeys(s.condition for s in found.suspects):
         own = [s for s in found.suspects if s.condition == condition]
         told = ", ".join(
-            f"{s.quantity} {s.value:.3g} {unit_text(s.unit)}".rstrip() + f" (others {s.others:.3g})"
+            f"{s.quantity} {s.value:.3g} {unit_label(s.unit)}".rstrip() + f" (others {s.others:.3g})"
             for s in own[:3]
         )
         out.append(

@@ -12,6 +12,7 @@ from sma_bayes.effects import Effect
 from sma_bayes.effects.needs import untestable
 from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.records.history import History
+from sma_bayes.runs.declared_units import Shown
 from sma_bayes.studies.gap.cautions import cautions
 from sma_bayes.studies.gap.close import NOISE_ALONE, Gap
 from sma_bayes.studies.gap.fitting import FittedHypothesis, nearest
@@ -55,6 +56,7 @@ from sma_bayes.studies.gap.schema import (
     StatedSweeps,
     StudiedCondition,
 )
+from sma_bayes.studies.gap.shown import part_in_declared_units
 from sma_bayes.studies.gap.study import (
     APART,
     CARRIED,
@@ -131,11 +133,12 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
     )
 
 
-def heat_balance(outcome: GapOutcome) -> HeatingFindings:
-    """What was found of the heat balance, with its parameters."""
+def heat_balance(outcome: GapOutcome, units: Shown) -> HeatingFindings:
+    """What was found of the heat balance, with its parameters; cautions are told in declared units."""
     found = gap_of_model(outcome)
     parameters = heat_parameters(outcome.study, outcome.flat, outcome.seed)
-    return HeatingFindings(**dict(found), parameters=parameters, cautions=tuple(cautions(found)))
+    told = cautions(part_in_declared_units(found, units))
+    return HeatingFindings(**dict(found), parameters=parameters, cautions=tuple(told))
 
 
 def _gap(gap: Gap, fitted: FittedHypothesis) -> StatedGap:

@@ -15,12 +15,13 @@ from sma_bayes.studies.gap.figures.missing import effect_figure, effect_paramete
 from sma_bayes.studies.gap.outcome import HEATING
 from sma_bayes.studies.gap.outputs import StoredStudy, read_study
 from sma_bayes.studies.gap.page import write_gap_report
+from sma_bayes.studies.gap.shown import study_in_declared_units
 from sma_bayes.studies.gap.tables import gap_tables
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a gap study; see `sma_bayes.report.choice.ReportBuilder`."""
-    study = read_study(folder)
+    study = study_in_declared_units(read_study(folder))
     assemble(study, wanted, _drawings(study), gap_tables, write_gap_report)
 
 

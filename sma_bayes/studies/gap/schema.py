@@ -7,6 +7,7 @@ from typing import Final, Literal
 from pydantic import Field
 
 from sma_bayes.runs.schema import (
+    DeclaredUnits,
     DocumentPart,
     FilesBeside,
     FindingDocument,
@@ -453,7 +454,7 @@ class Versioned(DocumentPart):
     schema_: Literal["sma-bayes/gap/1"] = Field(alias="schema", description="name and version")
 
 
-class GapFindings(GapOfModel, Versioned):
+class GapFindings(GapOfModel, Versioned, DeclaredUnits):
     """What a gap study found: of the response (force, displacement, stiffness given temperature) at the top."""
 
     heating: HeatingFindings | None = Field(

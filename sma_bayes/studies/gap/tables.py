@@ -287,7 +287,7 @@ def noise_table(study: StoredStudy) -> Table:
                 n.condition,
                 channel_text(study.part.channels, n.channel),
                 unit_label(study.part.channels[n.channel].unit) or "1",
-                Number(n.sd, "1", n.sd / 10.0),
+                Number(n.sd, study.part.channels[n.channel].unit, n.sd / 10.0),
                 Number(n.lag1, "1", 0.1),
             )
             for n in study.part.noise

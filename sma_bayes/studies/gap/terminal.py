@@ -9,7 +9,7 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from sma_bayes.quantities import unit_text
+from sma_bayes.report.notation import unit_label
 from sma_bayes.report.screen import screen, show_end
 from sma_bayes.studies.gap.schema import (
     AddedEffect,
@@ -21,6 +21,7 @@ from sma_bayes.studies.gap.schema import (
     HeatParameter,
     JudgedCandidate,
 )
+from sma_bayes.studies.gap.shown import in_declared_units
 from sma_bayes.studies.gap.words import (
     channel_text,
     closed_text,
@@ -40,13 +41,13 @@ VERDICTS: Final = {
 
 def show_gap(stated: dict[str, Any], out: Path) -> None:
     """Tell what `gap.json` says."""
-    console, found = screen(), GapDocument.model_validate(stated)
+    console, found = screen(), in_declared_units(GapDocument.model_validate(stated))
     reason = "" if found.model_choice is None else found.model_choice.reason
     _show_part(console, found, found.campaign, reason)
     if found.heating is not None:
         _show_part(console, found.heating, f"{found.campaign}, heating (temperature from current)")
         console.print(f"heat balance: {_numbers(found.heating.parameters)}", soft_wrap=True)
-    for text in found.remarks:
+    for text in (*found.declared_differently, *found.remarks):
         console.print(f"note: {text}", soft_wrap=True)
     if not found.converged:
         console.print(
@@ -75,7 +76,7 @@ def _show_part(console: Console, found: GapFindings | HeatingFindings, title: st
         console.print(
             f"  {d.condition} {d.branch}: {channel_text(found.channels, d.channel)} "
             f"{d.side} the model, {covariate_text(found.channels, d.covariate)} "
-            f"{d.from_:.4g} to {d.to:.4g} {unit_text(d.unit)} ({abs(d.size_sigma):.1f} sigma)",
+            f"{d.from_:.4g} to {d.to:.4g} {unit_label(d.unit)} ({abs(d.size_sigma):.1f} sigma)",
             soft_wrap=True,
         )
     for e in found.added:
@@ -106,7 +107,7 @@ def _effect_text(e: AddedEffect, *, partial: bool) -> str:
 def _numbers(parameters: Mapping[str, EffectParameter] | Mapping[str, HeatParameter]) -> str:
     """Parameters with their medians and 90 % intervals."""
     return ", ".join(
-        f"{name} {p.median:.4g} ({p.q05:.4g} to {p.q95:.4g}) {unit_text(p.unit)}".rstrip()
+        f"{name} {p.median:.4g} ({p.q05:.4g} to {p.q95:.4g}) {unit_label(p.unit)}".rstrip()
         for name, p in parameters.items()
     )
 

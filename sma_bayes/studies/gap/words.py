@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from sma_bayes.quantities import unit_text
+from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.gap.schema import GapOfModel, NamedChannel, StatedPeriodicity
 
 Channels = Mapping[str, NamedChannel]
@@ -90,7 +90,7 @@ def closed_text(found: GapOfModel) -> str:
     way = f"{100.0 * gap.way_to_noise:.0f} % of the way" if gap.before > 1.0 else "no more than noise"
     parts = [f"rms {gap.before:.3g} σ before, {gap.after:.3g} after, noise 1: {way}"]
     for channel, c in gap.channels.items():
-        unit = f" {unit_text(c.unit)}".rstrip()
+        unit = f" {unit_label(c.unit)}".rstrip()
         parts.append(
             f"{channel_text(found.channels, channel)} {c.before:.3g}{unit} before, {c.after:.3g} after, "
             f"noise {c.noise:.3g}"
@@ -111,7 +111,7 @@ def periodic_text(channels: Channels, line: StatedPeriodicity) -> str:
     str
         ``2A: force repeats at 0.37 Hz, out of step with the temperature, amplitude 0.042 N``
     """
-    unit = unit_text(channels[line.channel].unit)
+    unit = unit_label(channels[line.channel].unit)
     return (
         f"{line.condition}: {channel_text(channels, line.channel)} repeats at {line.frequency:.4g} "
         f"{line.unit}, out of step with the temperature, amplitude {line.amplitude:.3g} {unit}".rstrip()

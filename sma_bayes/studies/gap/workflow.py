@@ -18,6 +18,7 @@ from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign
 from sma_bayes.report.choice import REPORT, Drawn, ReportOptions, figures_for
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
+from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import GAP
 from sma_bayes.runs.schema import FindingDocument, ModelChoiceDocument
 from sma_bayes.runs.store import write_text
@@ -26,6 +27,7 @@ from sma_bayes.studies.gap.check import Comparable, comparable, smoothing_remark
 from sma_bayes.studies.gap.document import gap_of_model, heat_balance
 from sma_bayes.studies.gap.outcome import STAGES, gap_outcome
 from sma_bayes.studies.gap.schema import GapFindings
+from sma_bayes.studies.gap.shown import part_in_declared_units
 from sma_bayes.studies.gap.store import write_study
 from sma_bayes.studies.identity import all_versions, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_call, groups_of, prior_set
@@ -127,12 +129,12 @@ def _studied(
             checkpoint=folder and folder / "checkpoints" / "gap.h5",
         )
     response = gap_of_model(outcome)
-    heated = outcome.heating
+    heated, units = outcome.heating, shown_units(campaign.records)
     smoothed = smoothing_remarks(heated.study.baseline.hypothesis.histories) if heated else []
     found = GapFindings(
         schema="sma-bayes/gap/1",
         **dict(response),
-        heating=None if heated is None else heat_balance(heated),
+        heating=None if heated is None else heat_balance(heated, units),
         campaign=campaign.name,
         source=campaign.source,
         seed=options.seed,
@@ -142,7 +144,8 @@ def _studied(
         priors=options.priors.title,
         versions=all_versions(),
         data_sha256=campaign.sha256,
-        cautions=tuple(cautions(response)),
+        **declared_parts(campaign.records),
+        cautions=tuple(cautions(part_in_declared_units(response, units))),
         remarks=(*can.remarks, *smoothed),
         findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
     )

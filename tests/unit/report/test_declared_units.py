@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,14 @@ import numpy as np
 import pytest
 
 from sma_bayes.report.tables import csv_columns, report_tables
-from sma_bayes.runs.declared_units import ShownUnit, declared_units, shown_as, shown_unit, shown_units
+from sma_bayes.runs.declared_units import (
+    ShownUnit,
+    declared_units,
+    shown_as,
+    shown_product,
+    shown_unit,
+    shown_units,
+)
 from sma_bayes.runs.outputs import read_columns, read_run
 from sma_bayes.studies.fit.report import branch_data
 from sma_bayes.studies.fit.report_content import report_content
@@ -133,6 +141,17 @@ def test_units_are_converted_as_pint_does(unit: str) -> None:
     u = shown_as(unit, units, "force", difference=True)
     stored, shown = (text.replace("deg", "delta_deg") for text in (unit, u.shown))
     assert u.value(3.0) == pytest.approx(pint.Quantity(3.0, stored).to(shown).magnitude, rel=1e-12)
+
+
+@pytest.mark.parametrize("unit", ["K/N", "N/K", "K/(s A^2)", "m/s", "1/N", "J/kg", "N/m", "K/s"])
+def test_products_are_converted_as_pint_does(unit: str) -> None:
+    pint = pytest.importorskip("pint").UnitRegistry()
+    units = {"force": ShownUnit("N", "mN", 1e3), "displacement": ShownUnit("m", "mm", 1e3),
+             "temperature": ShownUnit("degC", "degF", 1.8, 32.0)}  # fmt: skip
+    u = shown_product(unit, units)
+    assert not {"N", "m", "K"} & set(re.findall(r"\w+", u.shown))
+    shown = pint.Quantity(3.0, unit).to(u.shown.replace("degF", "delta_degF")).magnitude
+    assert u.value(3.0) == pytest.approx(shown, rel=1e-11)
 
 
 def test_ask_names_only_units_of_what_was_measured(declared: Path) -> None:

@@ -1,0 +1,167 @@
+"""A gap study in the units in which the measurements were declared, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from sma_bayes.arrays import Floats
+from sma_bayes.quantities import SPECIMEN_QUANTITY
+from sma_bayes.runs.declared_units import Shown, ShownUnit, in_unit, shown_as, shown_product, units_of
+from sma_bayes.studies.gap.outputs import Samples, StoredStudy
+from sma_bayes.studies.gap.schema import (
+    AddedEffect,
+    EffectParameter,
+    GapDocument,
+    GapOfModel,
+    HeatParameter,
+    StatedChannelGap,
+    StatedDisagreement,
+    StatedNoise,
+    StatedPeriodicity,
+    StatedSuspect,
+)
+
+G = TypeVar("G", bound=GapOfModel)
+
+PREDICTED = ("measured", "before", "after")
+"""Columns of the series in the unit of the channel; what effects add are differences of such values."""
+
+
+def units_of_study(found: GapDocument) -> Shown:
+    """How each quantity and setting is shown."""
+    names = {c.name for c in found.channels.values()}
+    return units_of(found, specimen=bool(names & set(SPECIMEN_QUANTITY.values())))
+
+
+def in_declared_units(found: GapDocument) -> GapDocument:
+    """What was found, with numbers and units as people see them.
+
+    Numbers of single sweeps and settings of conditions, which nobody is shown, stay as they are.
+    """
+    units = units_of_study(found)
+    if not units:
+        return found
+    heating = found.heating
+    if heating is not None:
+        heating = part_in_declared_units(heating, units)
+        parameters = {n: _heat_parameter(p, units) for n, p in heating.parameters.items()}
+        heating = heating.model_copy(update={"parameters": parameters})
+    return part_in_declared_units(found, units).model_copy(update={"heating": heating})
+
+
+def part_in_declared_units(found: G, units: Shown) -> G:
+    """The same of one model."""
+
+    def of(channel: str, *, difference: bool = False) -> ShownUnit:
+        facts = found.channels[channel]
+        return shown_as(facts.unit, units, facts.name, difference=difference)
+
+    def place(d: StatedDisagreement) -> StatedDisagreement:
+        facts = found.channels.get(d.covariate)
+        u = shown_as(d.unit, units, d.covariate if facts is None else facts.name)
+        residual = of(d.channel, difference=True).value(d.mean_residual)
+        return d.model_copy(
+            update={
+                "from_": u.value(d.from_),
+                "to": u.value(d.to),
+                "unit": u.shown,
+                "mean_residual": residual,
+            }
+        )
+
+    def line(p: StatedPeriodicity) -> StatedPeriodicity:
+        return p.model_copy(update={"amplitude": of(p.channel, difference=True).value(p.amplitude)})
+
+    def noise(n: StatedNoise) -> StatedNoise:
+        return in_unit(n, of(n.channel, difference=True), "sd", "scatter")
+
+    def channel_gap(channel: str, c: StatedChannelGap) -> StatedChannelGap:
+        return in_unit(c, of(channel, difference=True), "before", "after", "noise")
+
+    def suspect(s: StatedSuspect) -> StatedSuspect:
+        return in_unit(s, shown_product(s.unit, units), "value", "others")
+
+    channels = {c: n.model_copy(update={"unit": of(c).shown}) for c, n in found.channels.items()}
+    shown: dict[str, Any] = {
+        "disagreement": tuple(map(place, found.disagreement)),
+        "within_chance": tuple(map(place, found.within_chance)),
+        "periodic": tuple(map(line, found.periodic)),
+        "effects": tuple(_effect(e, units) for e in found.effects),
+        "partial": tuple(_effect(e, units) for e in found.partial),
+        "gap": found.gap.model_copy(
+            update={"channels": {c: channel_gap(c, g) for c, g in found.gap.channels.items()}}
+        ),
+        "suspects": tuple(map(suspect, found.suspects)),
+        "channels": channels,
+        "units": {n: shown_as(u, units, n).shown for n, u in found.units.items()}
+        | {c: n.unit for c, n in channels.items() if c in found.units},
+        "noise": tuple(map(noise, found.noise)),
+    }  # fmt: skip
+    return found.model_copy(update=shown)
+
+
+def _effect(e: AddedEffect, units: Shown) -> AddedEffect:
+    return e.model_copy(update={"parameters": {n: _parameter(p, units) for n, p in e.parameters.items()}})
+
+
+def _parameter(p: EffectParameter, units: Shown) -> EffectParameter:
+    u = shown_product(p.unit, units)
+    ends = {n: float(v) * u.factor for n, v in p.prior.items() if n in ("q05", "median", "q95")}
+    return in_unit(p, u).model_copy(update={"prior": p.prior | ends})
+
+
+def _heat_parameter(p: HeatParameter, units: Shown) -> HeatParameter:
+    return in_unit(p, shown_as(p.unit, units) if p.unit == "degC" else shown_product(p.unit, units))
+
+
+def study_in_declared_units(study: StoredStudy) -> StoredStudy:
+    """A study with its series and draws as people see them."""
+    units = units_of_study(study.found)
+    if not units:
+        return study
+    found = in_declared_units(study.found)
+    shown = _part(study, found, found, units)
+    if study.heating is None or found.heating is None:
+        return shown
+    return replace(shown, heating=_part(study.heating, found, found.heating, units))
+
+
+def _part(study: StoredStudy, found: GapDocument, part: GapOfModel, units: Shown) -> StoredStudy:
+    factor = {
+        f"{e.id}.{n}": shown_product(p.unit, units).factor
+        for e in study.effects
+        for n, p in e.parameters.items()
+    }
+
+    def draws(of: Mapping[str, Floats]) -> dict[str, Floats]:
+        return {name: factor.get(name, 1.0) * values for name, values in of.items()}
+
+    return replace(
+        study,
+        found=found,
+        part=part,
+        samples=_samples(study, units),
+        draws=draws(study.draws),
+        prior=draws(study.prior),
+    )
+
+
+def _samples(study: StoredStudy, units: Shown) -> Samples:
+    """Inputs in the units of the axes, and what was measured and predicted in those of the channels."""
+    stored = study.part.units
+    numbers = dict(study.samples.numbers)
+    for name in numbers:
+        if (name in stored and name not in study.part.channels) or name == "temperature":
+            numbers[name] = shown_as(stored.get(name, "1"), units, name).values(numbers[name])
+    added = [f"{e.id}_{q}" for e in study.effects for q in ("q05", "median", "q95")]
+    for channel, facts in study.part.channels.items():
+        own = study.samples.words["channel"] == channel
+        for difference, names in ((False, PREDICTED), (True, added)):
+            u = shown_as(facts.unit, units, facts.name, difference=difference)
+            for name in (n for n in names if n in numbers):
+                numbers[name] = np.where(own, u.values(numbers[name]), numbers[name])
+    return Samples(study.samples.words, numbers)
