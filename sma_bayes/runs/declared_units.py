@@ -360,12 +360,13 @@ def _of_parameter(name: str, p: ParameterSummary, r: RecordSummary, units: Shown
         return None
     if u.stored != "1":
         return u if u.begins(p.unit) else None
-    return (
-        u
-        if p.role in IN_UNIT_OF_CHANNEL
-        or name in (f"{p.channel}_sd", f"{p.channel}_step", f"{p.channel}_discrepancy")
-        else None
-    )
+    return u if in_unit_of_channel(name, p.channel, p.role) else None
+
+
+def in_unit_of_channel(name: str, channel: str, role: str | None) -> bool:
+    """Whether a parameter has the unit of its channel, alone or over that of temperature, also where that is 1."""
+    sizes = (f"{channel}_sd", f"{channel}_step", f"{channel}_discrepancy")
+    return bool(channel) and (role in IN_UNIT_OF_CHANNEL or name in sizes)
 
 
 def _name(r: RecordSummary, channel: str) -> str:

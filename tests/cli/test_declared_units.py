@@ -325,3 +325,39 @@ def test_a_gap_is_told_in_declared_units(
         added = np.array([float(r["median"]) for r in csv.DictReader(file) if r["channel"] == "force"])
     largest = min(float(r["stress_shift_median"]) for r in series.values() if r["channel"] == "force")
     assert added.min() == pytest.approx(in_unit(largest, "N", "mN"), rel=1e-7)
+
+
+def test_sensitivity_is_told_in_declared_units(
+    fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from sma_bayes import sensitivity
+    from sma_bayes.studies.sensitivity.terminal import show_sensitivity
+
+    out = tmp_path / "out"
+    found = sensitivity(fitted, out, at="125.6 degF", jobs=1)
+    capsys.readouterr()
+    show_sensitivity(found, out)
+    told = capsys.readouterr().out
+    assert "stiffness at 125.6 °F" in told
+    for text in (told, text_of(out / "report.html")):
+        assert_declared(text)
+    rows = table(out, "sensitivity")
+    units = {"N": "mN", "m": "mm", "N/m": "mN/mm", "degC": "degF", "1/degC": "1/degF", "1": "1"}
+    stored = [(r, q) for r in found["records"] for q in r["quantities"]]
+    assert len(rows) == len(stored)
+    for row, (_, q) in zip(rows, stored, strict=True):
+        assert row["unit"] == units[q["unit"]].replace("deg", "°")
+        assert row["number"] == q["name"].replace("52 °C", "125.6 °F")
+        point = q["name"] in ("A3", "B3", "As", "Af", "Ms", "Mf")
+        value = in_unit(q["median"], q["unit"], units[q["unit"]], difference=not point)
+        assert float(row["posterior_median [unit]"]) == pytest.approx(value, rel=1e-8)
+    assert {q["unit"] for _, q in stored} == set(units) - {"1"}
+    decided = [q for _, q in stored if q["reading"] is not None]
+    for row, q in zip(table(out, "readings"), decided, strict=True):
+        warm = in_unit(q["reading"]["temperature"], "degC", "degF")
+        assert float(row["temperature [unit]"]) == pytest.approx(warm, rel=1e-8)
+    assert "°F" in found["conclusion"]
+    drawn = first_row(out / "figures" / "readings-w100-heating.csv")
+    read = first_row(out / "readings" / "w100-heating.csv")
+    warm = in_unit(float(read["temperature_degC"]), "degC", "degF")
+    assert float(drawn["temperature"]) == pytest.approx(warm, rel=1e-8)

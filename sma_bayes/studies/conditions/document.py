@@ -14,7 +14,7 @@ from sma_bayes.fitting.curves import quantiles
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.records.types import Condition, setting_unit
-from sma_bayes.runs.declared_units import IN_UNIT_OF_CHANNEL
+from sma_bayes.runs.declared_units import in_unit_of_channel
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.design import SETTINGS, Design
 from sma_bayes.studies.conditions.effects import SettingEffect
@@ -191,7 +191,7 @@ def _population(population: Population) -> StatedPopulation:
 
 
 def _channel_of_unit(fact: ParameterSpec) -> str:
-    return fact.channel if fact.role in IN_UNIT_OF_CHANNEL else ""
+    return fact.channel if in_unit_of_channel(fact.name, fact.channel, fact.role) else ""
 
 
 def _predicted_from(population: Population) -> dict[str, Any]:

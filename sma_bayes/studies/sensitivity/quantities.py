@@ -13,7 +13,9 @@ from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
 from sma_bayes.fitting.curves import calibrated_parameters
 from sma_bayes.fitting.posterior import Posterior, Weights
+from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import unit_text
+from sma_bayes.runs.declared_units import in_unit_of_channel
 
 Kind = Literal["parameter", "noise", "curve", "transformation"]
 """Parameters of the curve, those of the noise, values of curves, start and finish of the transformation."""
@@ -37,6 +39,10 @@ class QuantityDraws:
         [unit]; not finite where it is not defined.
     temperature : float or None
         Of a value of a curve [unit of temperature].
+    quantity : str
+        Quantity whose unit is a factor of `unit`; empty where none is.
+    difference : bool
+        Of a temperature: whether it is the difference of two.
     """
 
     name: str
@@ -46,6 +52,8 @@ class QuantityDraws:
     meaning: str
     draws: Floats
     temperature: float | None = None
+    quantity: str = ""
+    difference: bool = True
 
     @property
     def tamed(self) -> Floats:
@@ -72,7 +80,7 @@ def quantities_of(draws: RecordDraws, at: Sequence[float], *, stiffness: bool) -
     channel = transformation_channel(draws.record)
     if channel is not None:
         found += [
-            QuantityDraws(t.name, "transformation", channel, t.unit, t.meaning, t.draws)
+            QuantityDraws(t.name, "transformation", channel, t.unit, t.meaning, t.draws, difference=False)
             for t in temperatures_of_draws(draws.curves, channel)
         ]
     return tuple(found)
@@ -86,18 +94,32 @@ def stated_temperatures(draws: RecordDraws) -> tuple[float, ...]:
 
 def _parameters(draws: RecordDraws) -> list[QuantityDraws]:
     posterior = draws.posterior
-    channels = {f.name: f.channel for f in posterior.model.facts}
+    facts = {f.name: f for f in posterior.model.facts}
     noise = {int(i): c for c, at in posterior.layout[0].noise.items() for i in at}
     noise |= {i: c for c, i in posterior.layout[0].size.items()}
     curve = set(posterior.layout[0].model.tolist())
-    return [
-        QuantityDraws(
-            p.name, "parameter" if i in curve else "noise", channels.get(p.name, noise.get(i, "")), p.unit, p.meaning,
-            np.asarray(draws.theta[:, i]),
+    found = []
+    for i, p in enumerate(posterior.space.parameters):
+        if p.fixed is not None:
+            continue
+        fact = facts.get(p.name)
+        channel = noise.get(i, "") if fact is None else fact.channel
+        role = None if fact is None else fact.role
+        found.append(
+            QuantityDraws(
+                p.name,
+                "parameter" if i in curve else "noise",
+                channel,
+                p.unit,
+                p.meaning,
+                np.asarray(draws.theta[:, i]),
+                quantity=draws.quantities.get(channel, "")
+                if in_unit_of_channel(p.name, channel, role)
+                else "",
+                difference=role is not Role.MIDPOINT,
+            )
         )
-        for i, p in enumerate(posterior.space.parameters)
-        if p.fixed is None
-    ]  # fmt: skip
+    return found
 
 
 def _extremes(draws: RecordDraws, stiffness: bool) -> list[QuantityDraws]:
@@ -107,7 +129,13 @@ def _extremes(draws: RecordDraws, stiffness: bool) -> list[QuantityDraws]:
     name = draws.quantities["stiffness"]
     return [
         QuantityDraws(
-            f"{word} {name}", "curve", "stiffness", draws.units["stiffness"], f"{word} {name} {where}", values
+            f"{word} {name}",
+            "curve",
+            "stiffness",
+            draws.units["stiffness"],
+            f"{word} {name} {where}",
+            values,
+            quantity=name,
         )
         for word, values in (("least", curve.min(axis=1)), ("greatest", curve.max(axis=1)))
     ]
@@ -123,7 +151,7 @@ def _values(draws: RecordDraws, at: Sequence[float], stiffness: bool) -> list[Qu
         out += [
             QuantityDraws(
                 f"{name} at {t:g} {degrees}", "curve", channel, unit, f"{name} of the curve at {t:g} {degrees}",
-                values[:, i], t,
+                values[:, i], t, name,
             )
             for i, t in enumerate(at)
         ]  # fmt: skip

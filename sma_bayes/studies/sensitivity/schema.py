@@ -6,7 +6,15 @@ from typing import Final, Literal
 
 from pydantic import Field
 
-from sma_bayes.runs.schema import DocumentPart, IntervalDocument, Items, Number, NumberOrNull, RunAccount
+from sma_bayes.runs.schema import (
+    DeclaredUnits,
+    DocumentPart,
+    IntervalDocument,
+    Items,
+    Number,
+    NumberOrNull,
+    RunAccount,
+)
 
 CONFLICT: Final = "prior-data conflict"
 STRONG_PRIOR: Final = "strong prior / weak likelihood"
@@ -64,6 +72,12 @@ class QuantitySensitivity(IntervalDocument):
     unit: str = Field(description="unit of its numbers")
     meaning: str = Field(description="in words")
     temperature: NumberOrNull = Field(description="of a value at a temperature; else null")
+    quantity: str = Field(
+        default="", description="quantity whose unit is a factor of `unit`; empty where none is"
+    )
+    difference: bool = Field(
+        default=True, description="of a temperature: whether it is the difference of two"
+    )
     defined: Number = Field(
         description="share of the draws in which it is finite; below 0.5 nothing is told of what moves it [1]"
     )
@@ -142,7 +156,7 @@ class Thresholds(DocumentPart):
     pareto_k: Number = Field(description="Pareto k above which weights are not relied on [1]")
 
 
-class SensitivityFindings(DocumentPart):
+class SensitivityFindings(DeclaredUnits):
     """What the numbers of a fit rest on."""
 
     schema_: Literal["sma-bayes/sensitivity/1"] = Field(alias="schema", description="name and version")

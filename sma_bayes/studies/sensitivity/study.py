@@ -159,6 +159,8 @@ def _quantities(
                 channel=q.channel,
                 unit=q.unit,
                 meaning=q.meaning,
+                quantity=q.quantity,
+                difference=q.difference,
                 diagnosis=diagnosis,
                 leading_prior=None if diagnosis == NONE else _leading(draws, q.draws, densities),
                 reading=readings[i] if np.isfinite(per_sd[i]) else None,

@@ -7,8 +7,7 @@ from typing import Any
 
 from rich.table import Table
 
-from sma_bayes.quantities import unit_text
-from sma_bayes.report.notation import interval_text
+from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.screen import SHOWN, screen, show_end
 from sma_bayes.studies.sensitivity.schema import (
     NONE,
@@ -16,12 +15,13 @@ from sma_bayes.studies.sensitivity.schema import (
     RecordSensitivity,
     SensitivityFindings,
 )
+from sma_bayes.studies.sensitivity.shown import in_declared_units
 from sma_bayes.studies.sensitivity.words import reported, worst_sweep
 
 
 def show_sensitivity(found: dict[str, Any], out: Path | None) -> None:
     """Tell what `sensitivity.json` says."""
-    document = SensitivityFindings.model_validate(found)
+    document = in_declared_units(SensitivityFindings.model_validate(found))
     console = screen()
     console.print(
         f"{document.campaign}: what moves each number. Sensitive from {document.thresholds.sensitivity:g}; changes in "
@@ -36,6 +36,8 @@ def show_sensitivity(found: dict[str, Any], out: Path | None) -> None:
     console.print()
     if not document.converged:
         console.print("NOT CONVERGED: these numbers must not be relied on", soft_wrap=True)
+    for text in document.declared_differently:
+        console.print(f"remark: {text}", soft_wrap=True)
     console.print(document.conclusion, soft_wrap=True)
     if out is not None:
         show_end(console, found, out)
@@ -61,7 +63,7 @@ def _table(record: RecordSensitivity) -> Table:
 
 
 def _cells(q: QuantitySensitivity, swept: bool, doubled: bool) -> list[str]:
-    unit = unit_text(q.unit)
+    unit = unit_label(q.unit)
     diagnosis: str = "-" if q.diagnosis == NONE else q.diagnosis
     if q.leading_prior is not None:
         diagnosis += f" ({q.leading_prior.parameter})"
@@ -69,7 +71,7 @@ def _cells(q: QuantitySensitivity, swept: bool, doubled: bool) -> list[str]:
     width = None if q.bootstrap is None else q.bootstrap.width
     return [
         q.name,
-        f"{interval_text(q.median, q.q05, q.q95)} {'' if unit == '1' else unit}".rstrip(),
+        f"{interval_text(q.median, q.q05, q.q95)} {unit}".rstrip(),
         _number(q.prior),
         _number(q.likelihood),
         diagnosis,

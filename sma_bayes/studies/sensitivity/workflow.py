@@ -11,6 +11,7 @@ from sma_bayes.account import Account
 from sma_bayes.errors import OutputError, QuantityError
 from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import SENSITIVITY
 from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.jobs import run as run_tasks
@@ -24,6 +25,7 @@ from sma_bayes.studies.identity import all_versions, fit_identity
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.sensitivity.quantities import stated_temperatures
 from sma_bayes.studies.sensitivity.schema import RecordSensitivity, SensitivityFindings, Thresholds
+from sma_bayes.studies.sensitivity.shown import record_shown
 from sma_bayes.studies.sensitivity.study import RecordTask, studied
 from sma_bayes.studies.sensitivity.words import conclusion
 
@@ -158,6 +160,7 @@ def find(
             RecordTask(draws, asked if at else stated_temperatures(draws), bool(r.quantities_of_branch), seed)
         )
     found: list[RecordSensitivity] = []
+    units = shown_units(summary.records)
     work.tell(0, len(tasks), "studying")
     for one in run_tasks(studied, tasks, work.jobs, account=work.account, stage="sensitivity"):
         found.append(one.found)
@@ -175,5 +178,6 @@ def find(
         converged=all(r.converged for r in found),
         thresholds=Thresholds(sensitivity=THRESHOLD, pareto_k=RELIABLE),
         records=tuple(found),
-        conclusion=conclusion(found),
+        **declared_parts(summary.records),
+        conclusion=conclusion([record_shown(r, units) for r in found]),
     ).as_json()

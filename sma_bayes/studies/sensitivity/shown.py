@@ -1,0 +1,52 @@
+"""A study of sensitivity in the units in which the measurements were declared, for people."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from sma_bayes.quantities import unit_text
+from sma_bayes.runs.declared_units import Shown, in_unit, shown_as, units_of
+from sma_bayes.studies.sensitivity.schema import QuantitySensitivity, RecordSensitivity, SensitivityFindings
+
+S = TypeVar("S", bound=SensitivityFindings)
+
+
+def in_declared_units(found: S) -> S:
+    """What a study found, with numbers and units as people see them; sensitivities and changes have none."""
+    units = units_of(found)
+    if not units:
+        return found
+    return found.model_copy(update={"records": tuple(record_shown(r, units) for r in found.records)})
+
+
+def record_shown(r: RecordSensitivity, units: Shown) -> RecordSensitivity:
+    """The same of one record."""
+    return r.model_copy(
+        update={
+            "temperature_unit": shown_as(r.temperature_unit, units).shown,
+            "quantities": tuple(_quantity(q, r.temperature_unit, units) for q in r.quantities),
+        }
+    )
+
+
+def name_shown(q: QuantitySensitivity, temperature_unit: str, units: Shown) -> str:
+    """Name of a number; the temperature that is part of it is shown as the others are."""
+    if q.temperature is None:
+        return q.name
+    u = shown_as(temperature_unit, units)
+    return f"{q.quantity} at {u.value(q.temperature):g} {unit_text(u.shown)}"
+
+
+def _quantity(q: QuantitySensitivity, temperature_unit: str, units: Shown) -> QuantitySensitivity:
+    u = shown_as(q.unit, units, q.quantity, difference=q.difference)
+    spread = shown_as(q.unit, units, q.quantity, difference=True)
+    degrees = shown_as(temperature_unit, units)
+    return in_unit(q, u, "q05", "median", "q95", "mean").model_copy(
+        update={
+            "sd": spread.value(q.sd),
+            "name": name_shown(q, temperature_unit, units),
+            "temperature": degrees.value(q.temperature),
+            "bootstrap": None if q.bootstrap is None else in_unit(q.bootstrap, u),
+            "reading": None if q.reading is None else in_unit(q.reading, degrees, "temperature"),
+        }
+    )
