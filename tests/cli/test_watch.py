@@ -20,6 +20,8 @@ import numpy as np
 import pytest
 
 import sma_bayes
+from sma_bayes.studies.watch.schema import WatchDocument
+from sma_bayes.studies.watch.shown import in_declared_units
 
 Published = Callable[[str], Any]
 Run = Callable[..., Any]
@@ -113,6 +115,52 @@ def test_limits_that_are_far_are_not_reached(out: Path) -> None:
         assert r["fitted"] == pytest.approx(0.018, rel=0.02)
         assert r["probability"] < 0.1
     assert limits[2]["target"] == pytest.approx(0.025)
+
+
+def test_people_are_told_in_declared_units(out: Path) -> None:
+    """A millimetre stays one, in table, sentence and figure; the document is in metres."""
+    found = found_in(out)
+    assert found["declared_units"] == {"displacement": "mm"}
+    (cause, *_) = found["change"]["causes"]
+    (amount,) = cause["amounts"]
+    assert (amount["name"], amount["unit"]) == ("offset", "m")
+    assert f"{1000.0 * amount['median']:.2g}"[:3] in found["statement"]
+    assert " mm" in found["statement"]
+    with (out / "tables" / "causes.csv").open(encoding="utf-8") as file:
+        row = next(iter(csv.DictReader(file)))
+    assert (row["unit"], float(row["value_median [unit]"])) == (
+        "mm",
+        pytest.approx(1000.0 * amount["median"]),
+    )
+    stored = {(n["branch"], n["number"]): n for n in found["numbers"]}
+    factors = {"offset": 1000.0, "stroke": 1000.0, "noise": 1000.0, "shift": 1.0, "width": 1.0}
+    with (out / "tables" / "numbers.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        n, factor = stored[row["branch"], row["number"]], factors[row["number"]]
+        assert row["unit"] == ("mm" if factor > 1.0 else n["unit"])
+        for name, value in (("last", n["value"]), ("low", n["normal_low"]), ("high", n["normal_high"])):
+            assert float(row[f"{name} [unit]"]) == pytest.approx(factor * value[-1], rel=1e-8)
+    with (out / "figures" / "numbers.csv").open(encoding="utf-8") as file:
+        assert {r["unit"] for r in csv.DictReader(file)} == {"mm", "K", "1"}
+    with (out / "tables" / "limits.csv").open(encoding="utf-8") as file:
+        limits = list(csv.DictReader(file))
+    assert {r["unit"] for r in limits} == {"mm"}
+    for row, r in zip(limits, found["limits"], strict=True):
+        assert float(row["target [unit]"]) == pytest.approx(1000.0 * r["target"], rel=1e-8)
+
+
+def test_shifts_and_temperatures_are_told_in_declared_units(out: Path) -> None:
+    found = WatchDocument.model_validate(found_in(out))
+    units = {"displacement": "mm", "temperature": "degF"}
+    shown = in_declared_units(found.model_copy(update={"declared_units": units}))
+    for before, after in zip(found.numbers, shown.numbers, strict=True):
+        if before.number == "shift":
+            assert after.unit == "degF"
+            assert after.value == pytest.approx([1.8 * v for v in before.value])
+    warm = [(a.at, b.at) for a, b in zip(found.limits, shown.limits, strict=True) if a.at is not None]
+    assert warm
+    assert all(at == 60.0 and told == pytest.approx(140.0) for at, told in warm)
 
 
 def test_one_call_and_many_give_the_same_numbers(place: Path, out: Path) -> None:

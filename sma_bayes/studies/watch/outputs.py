@@ -8,6 +8,7 @@ from pathlib import Path
 from sma_bayes.runs.documents import WATCH
 from sma_bayes.runs.schema import read_document
 from sma_bayes.studies.watch.schema import WatchDocument
+from sma_bayes.studies.watch.shown import in_declared_units
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,7 +19,7 @@ class StoredWatch:
     ----------
     folder : Path
     found : WatchDocument
-        What ``watch.json`` holds.
+        What ``watch.json`` holds, in declared units.
     """
 
     folder: Path
@@ -33,4 +34,4 @@ def read_watch(folder: Path) -> StoredWatch:
     OutputError
         If it is of another version, was changed, or can't be read.
     """
-    return StoredWatch(folder, read_document(WATCH, WatchDocument, folder))
+    return StoredWatch(folder, in_declared_units(read_document(WATCH, WatchDocument, folder)))

@@ -6,7 +6,15 @@ from typing import Final, Literal
 
 from pydantic import Field
 
-from sma_bayes.runs.schema import DocumentPart, IntervalDocument, Items, Number, NumberOrNull, RunAccount
+from sma_bayes.runs.schema import (
+    DeclaredUnits,
+    DocumentPart,
+    IntervalDocument,
+    Items,
+    Number,
+    NumberOrNull,
+    RunAccount,
+)
 from sma_bayes.studies.watch.state import ReadFile, WatchState
 
 
@@ -110,7 +118,7 @@ class WatchedCycle(DocumentPart):
     )
 
 
-class WatchDocument(RunAccount):
+class WatchDocument(RunAccount, DeclaredUnits):
     """What `sma-bayes watch` writes: `watch.json`."""
 
     schema_: Literal["sma-bayes/watch/1"] = Field(alias="schema", description="name and version")

@@ -10,9 +10,10 @@ from rich.console import Console
 from rich.table import Table
 
 from sma_bayes.errors import many
-from sma_bayes.quantities import unit_text
+from sma_bayes.report.notation import unit_label
 from sma_bayes.report.screen import SHOWN, screen, show_end
 from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
+from sma_bayes.studies.watch.shown import in_declared_units
 
 LAST: Final = 5
 """Cycles that are shown number by number."""
@@ -25,7 +26,7 @@ def show_line(text: str) -> None:
 
 def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
     """Tell what the watched cycles say."""
-    found = WatchDocument.model_validate(told)
+    found = in_declared_units(WatchDocument.model_validate(told))
     console = screen()
     console.print(
         f"{found.campaign}, {found.condition}: {many(len(found.fitted), 'cycle')} fitted, {len(found.cycles)} watched; "
@@ -36,7 +37,7 @@ def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
         _show_numbers(console, found)
     for text in found.partial[-SHOWN:]:
         console.print(f"not whole, not counted: {text}", soft_wrap=True)
-    for text in found.remarks[-SHOWN:]:
+    for text in (*found.declared_differently, *found.remarks[-SHOWN:]):
         console.print(f"remark: {text}", soft_wrap=True)
     for limit in found.limits:
         console.print(limit.statement, soft_wrap=True)
@@ -59,7 +60,7 @@ def _show_numbers(console: Console, found: WatchDocument) -> None:
         low, high = n.normal_low[-1], n.normal_high[-1]
         normal = "not known yet" if low is None or high is None else f"{low:.4g} to {high:.4g}"
         cells = [_cell(n, i - len(last)) for i in range(len(last))]
-        name = f"{n.branch} {n.channel} {n.number} [{unit_text(n.unit) or '1'}]"
+        name = f"{n.branch} {n.channel} {n.number} [{unit_label(n.unit) or '1'}]"
         table.add_row(name, normal, *cells, f"{n.log10_e[-1]:.2f}" + (" ALARM" if n.alarm else ""))
     console.print(table)
 

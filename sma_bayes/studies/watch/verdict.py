@@ -11,14 +11,16 @@ from scipy.stats import t as t_distribution
 
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import many
-from sma_bayes.quantities import unit_text
-from sma_bayes.report.notation import interval_text
+from sma_bayes.report.notation import interval_text, unit_label
+from sma_bayes.runs.declared_units import Shown
 from sma_bayes.runs.store import or_nan, plain
 from sma_bayes.studies.cycles.sweeps import Strand
 from sma_bayes.studies.watch.evidence import Onset, Watched, least_squares_of, onset
 from sma_bayes.studies.watch.naming import Change, NamedCause, causes_of, change_of, interval, named
 from sma_bayes.studies.watch.reference import WATCHED, MeasuredNumbers, Reference
 from sma_bayes.studies.watch.remaining import Remaining
+from sma_bayes.studies.watch.schema import AmountDocument
+from sma_bayes.studies.watch.shown import amount_shown
 from sma_bayes.studies.watch.state import WatchState
 
 NORMAL: Final = 0.975
@@ -42,7 +44,11 @@ class WatchVerdict:
 
 
 def judged(
-    reference: Reference, later: Sequence[Sequence[MeasuredNumbers]], state: WatchState, alpha: float
+    reference: Reference,
+    later: Sequence[Sequence[MeasuredNumbers]],
+    state: WatchState,
+    alpha: float,
+    units: Shown,
 ) -> WatchVerdict:
     """Judge all cycles that count.
 
@@ -54,6 +60,8 @@ def judged(
     state : WatchState
         With the evidence after each.
     alpha : float
+    units : mapping of str to ShownUnit
+        In which sentences tell how much has changed.
     """
     watched = reference.watched(later)
     series = len(reference.keys)
@@ -65,7 +73,7 @@ def judged(
     began = None if at is None else _began(watched, evidence, needed + np.log(series))
     numbers = _numbers(reference, watched, evidence, began, needed + np.log(series))
     greatest = float(total.max(initial=0.0))
-    change = _no_change() if began is None else _change(reference, began)
+    change = _no_change() if began is None else _change(reference, began, units)
     alarm = None
     if at is not None and began is not None:
         alarm = {
@@ -173,7 +181,7 @@ def _no_change() -> dict[str, Any]:
     return {"verdict": "none", "causes": [], "statement": "no change that needs a name"}
 
 
-def _change(reference: Reference, began: _Began) -> dict[str, Any]:
+def _change(reference: Reference, began: _Began, units: Shown) -> dict[str, Any]:
     change = change_of(began.watched, began.onset)
     found = [] if change is None else named(change, causes_of(reference.strands))
     if change is None or not found:
@@ -183,8 +191,8 @@ def _change(reference: Reference, began: _Began) -> dict[str, Any]:
             "statement": "unnamed: none of the causes that are known, nor two together, accounts for the change",
         }
     causes = [_cause(n, change) for n in found]
-    best = causes[0]
-    told = f"{best['title']} ({_amounts(best)}), {best['share']:.0%} of the change"
+    best, specimen = causes[0], reference.strands[0].record.specimen
+    told = f"{best['title']} ({_amounts(best, units, specimen)}), {best['share']:.0%} of the change"
     if len(causes) > 1:
         others = "; ".join(c["title"] for c in causes[1:])
         told += f"; these cycles can't tell it from: {others}"
@@ -209,10 +217,11 @@ def _cause(n: NamedCause, change: Change) -> dict[str, Any]:
     }
 
 
-def _amounts(cause: Mapping[str, Any]) -> str:
+def _amounts(cause: Mapping[str, Any], units: Shown, specimen: bool) -> str:
+    amounts = (amount_shown(AmountDocument.model_validate(a), units, specimen) for a in cause["amounts"])
     return ", ".join(
-        f"{a['name'].replace('_', ' ')} {interval_text(a['median'], a['q05'], a['q95'])} {unit_text(a['unit'])}".strip()
-        for a in cause["amounts"]
+        f"{a.name.replace('_', ' ')} {interval_text(a.median, a.q05, a.q95)} {unit_label(a.unit)}".strip()
+        for a in amounts
     )
 
 

@@ -16,7 +16,9 @@ from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError, SmaBayesError, many
 from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import FILES, WATCH, files_beside
+from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.outputs import StoredRun, read_run
 from sma_bayes.runs.store import plain, write_csv
@@ -291,7 +293,7 @@ class Watch:
 
     def _found(self) -> WatchVerdict:
         later = self.later()
-        verdict = judged(self.reference, later, self.state, self.alpha)
+        verdict = judged(self.reference, later, self.state, self.alpha, shown_units(self._own()))
         begins = verdict.begins
         remaining = remaining_cycles(self.reference, later, self.limits, begins, self.seed)
         summary = self.run.summary
@@ -307,6 +309,7 @@ class Watch:
             "alpha": self.alpha,
             "temperature_unit": _temperature_unit(self.run, self.condition),
             "specimen": self.reference.strands[0].record.specimen,
+            **declared_parts(self._own()),
             "versions": all_versions(),
             "converged": converged,
             **verdict.document,
@@ -317,6 +320,10 @@ class Watch:
             "exit_status": 0 if converged and verdict.document["alarm"] is None else 1,
         })  # fmt: skip
         return WatchVerdict(document, begins)
+
+    def _own(self) -> list[RecordSummary]:
+        """Fitted records of the condition."""
+        return [r for r in self.run.summary.records if r.condition == self.condition]
 
     def _partial(self) -> list[str]:
         """Of the latest content of each file."""
