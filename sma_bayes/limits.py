@@ -37,7 +37,9 @@ UNIT_EXPONENT: Final = Limit(99, "an exponent in a unit; only a name or a bracke
 ID_CHARACTERS: Final = Limit(80, "characters of the id of a condition")
 ID_BYTES: Final = Limit(120, "bytes of that id in UTF-8, because it names files")
 MAGNITUDE: Final = Limit(
-    1e50, "the magnitude of a measured value in its canonical unit, and of a number of a prior"
+    1e50,
+    "the magnitude of a measured value in its canonical unit, of a declared standard deviation, and of a number of a "
+    "prior",
 )
 SETTING: Final = Limit(1e9, "a setting of the rig (current, load, frequency) in the unit of its key")
 DEGREES: Final = Limit(

@@ -181,8 +181,16 @@ def implausible(run: Run) -> tuple[Finding, ...]:
 
 
 def doubted_conditions(findings: Iterable[Finding]) -> frozenset[str]:
-    """Ids of conditions whose columns hold something else than a specimen's response to temperature."""
-    return frozenset(f.condition for f in findings if f.kind in DEGENERATE)
+    """Ids of conditions from which little can follow.
+
+    Their columns hold something else than a specimen's response to temperature, or the declared error of the
+    temperature leaves little of it.
+    """
+    return frozenset(
+        f.condition
+        for f in findings
+        if f.kind in DEGENERATE or (f.kind == "large-sd" and f.column == "temperature")
+    )
 
 
 def split_with_doubts(

@@ -62,6 +62,9 @@ CAMPAIGNS = {
     "a file name of 3,000 characters": (('"a.csv"', f'"{"a" * 3000}.csv"'), "File name too long"),
     "a null character": (('"a.csv"', '"a\\u0000.csv"'), "null character"),
     "an id of 60 emoji": (('id = "a"', f'id = "{"😀" * 60}"'), "at most 120 bytes"),
+    "an error of 1e300 degrees": (('unit = "degC"', 'unit = "degC", sd = 1e300'), "standard deviations up to 1e+50"),
+    "an offset_sd of 1e308": (('unit = "degC"', 'unit = "degC", offset_sd = 1e308'), "standard deviations up to 1e+50"),
+    "a scale_sd of 1e308": (('unit = "degC"', 'unit = "degC", scale_sd = 1e308'), "standard deviations up to 1e+50"),
     "a scale that overflows": (('unit = "N"', 'unit = "N", scale = 1e308'), "a magnitude up to 1e+50"),
 }  # fmt: skip
 

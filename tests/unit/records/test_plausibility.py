@@ -297,6 +297,14 @@ def test_little_is_tried_of_a_condition_whose_columns_are_swapped(tmp_path: Path
     assert {(t.records[0].condition.id, t.doubted) for t in tasks} == {("a", False), ("b", True)}
 
 
+def test_little_is_tried_where_the_declared_error_leaves_nothing_of_the_curve(tmp_path: Path) -> None:
+    """It took minutes to sample. Of a scale of a channel that is hardly known the fit is as quick as ever."""
+    columns = {"temperature": '{ name = "T", unit = "degC", sd = 20.0 }'}
+    assert doubted_conditions(warnings_of(campaign(tmp_path, measured(), **columns))) == {"a"}
+    columns = {"force": '{ name = "F", unit = "V", scale = 1.0, scale_sd = 2.5, to = "N" }'}
+    assert doubted_conditions(warnings_of(campaign(tmp_path, measured(), **columns))) == set()
+
+
 @pytest.mark.parametrize("sd", [0.5, 2.0])
 def test_an_error_of_the_thermometer_that_leaves_the_change_is_believed(tmp_path: Path, sd: float) -> None:
     columns = {"temperature": f'{{ name = "T", unit = "degC", sd = {sd} }}'}
