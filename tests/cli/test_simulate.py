@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +13,7 @@ from typing import Any
 import pytest
 
 import sma_bayes
+from sma_bayes.runs.documents import sealed
 
 PROFILE = "time_s,current_A\n0,1.1\n20,0.7\n60,0\n90,0\n"
 
@@ -52,6 +56,43 @@ def test_people_get_a_table_a_current_and_a_closing_sentence(
     assert "stiffness [N/mm]" in outcome.out
     assert outcome.out.rstrip().splitlines()[-1].startswith(("Temperatures stay within", "Part of it"))
     assert run(*call, "--quiet").out == ""
+
+
+def test_temperatures_are_told_as_they_were_declared(
+    run: Callable[..., Any], heated_fit: Path, profile: Path, tmp_path: Path
+) -> None:
+    """Of a fit whose thermometer was declared in degF all that people read is in °F; the document is in °C."""
+    fahrenheit = tmp_path / "fit"
+    shutil.copytree(heated_fit, fahrenheit)
+    path = fahrenheit / "summary.json"
+    summary = json.loads(path.read_text(encoding="utf-8"))
+    for record in summary["records"]:
+        record["temperature"]["declared_unit"] = "degF"
+    path.write_text(json.dumps(sealed(summary)), encoding="utf-8")
+    out = tmp_path / "out"
+    call = ("--current", profile, "--condition", "1.2A", "--start", "hot", "--draws", "60", "--out", out)
+    outcome = run("simulate", fahrenheit, *call)
+    assert outcome.status == 0, outcome.err
+    document = json.loads((out / "simulate.json").read_text(encoding="utf-8"))
+    (one,) = document["runs"]
+    assert one["units"]["temperature"] == one["hottest"]["unit"] == "degC"
+    assert document["declared_units"]["temperature"] == "degF"
+    assert "hottest [°F]" in outcome.out
+    gain = document["balance"]["parameters"]["gain"]
+    assert gain["unit"] == "K/(s A^2)"
+    with (out / "tables" / "balance.csv").open(encoding="utf-8") as file:
+        shown = {r["parameter"]: r for r in csv.DictReader(file)}
+    assert shown["gain"]["unit"].startswith("°F/(s")
+    assert float(shown["gain"]["value_median [unit]"]) == pytest.approx(1.8 * gain["median"], rel=1e-8)
+    with (out / "tables" / "end.csv").open(encoding="utf-8") as file:
+        ends = {r["quantity"]: r for r in csv.DictReader(file)}
+    for name, of in (("hottest temperature", one["hottest"]), ("temperature", one["end"]["temperature"])):
+        assert ends[name]["unit"] == "°F"
+        assert float(ends[name]["value_median [unit]"]) == pytest.approx(32.0 + 1.8 * of["median"], rel=1e-8)
+    page = re.sub(r"(?s)<(style|script).*?</\1>", "", (out / "report.html").read_text(encoding="utf-8"))
+    for text in (outcome.out, page):
+        assert "°F" in text
+        assert "°C" not in text
 
 
 def test_a_folder_is_resumed_guarded_and_its_report_is_built_again(

@@ -7,7 +7,15 @@ from typing import Final, Literal
 from pydantic import Field
 
 from sma_bayes.quantities import convert
-from sma_bayes.runs.schema import DocumentPart, IntervalDocument, Items, Number, NumberOrNull, RunAccount
+from sma_bayes.runs.schema import (
+    DeclaredUnits,
+    DocumentPart,
+    IntervalDocument,
+    Items,
+    Number,
+    NumberOrNull,
+    RunAccount,
+)
 
 
 class BalanceParameter(IntervalDocument):
@@ -110,6 +118,15 @@ class SimulatedRun(DocumentPart):
         """What is at the end, by channel, in the declared units."""
         return {c: v.shown_in(self.declared_units.get(c, v.unit)) for c, v in self.end.items()}
 
+    @property
+    def temperature_unit(self) -> str:
+        """Unit in which people see temperatures."""
+        return self.declared_units.get("temperature", self.units["temperature"])
+
+    def shown_temperature(self, stored: float) -> float:
+        """A temperature in that unit."""
+        return float(convert(stored, self.units["temperature"], self.temperature_unit))
+
 
 class CurrentPassage(IntervalDocument):
     """Steady currents at which draws pass the value [A]."""
@@ -173,7 +190,7 @@ class StatedProfile(DocumentPart):
     sha256: str = Field(description="SHA-256 of its values")
 
 
-class SimulationFindings(DocumentPart):
+class SimulationFindings(DeclaredUnits):
     """What a simulation found."""
 
     schema_: Literal["sma-bayes/simulation/1"] = Field(alias="schema", description="name and version")

@@ -7,7 +7,7 @@ from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import Column, Table
 from sma_bayes.studies.simulate.outputs import StoredSimulation
 from sma_bayes.studies.simulate.schema import SimulationDocument
-from sma_bayes.studies.simulate.terminal import start_text
+from sma_bayes.studies.simulate.terminal import shown_parameters, start_text
 
 
 def simulation_tables(stored: StoredSimulation) -> dict[str, Table]:
@@ -30,7 +30,7 @@ def _balance(found: SimulationDocument) -> Table:
         ),
         tuple(
             (name, Estimate(p.median, p.q05, p.q95, p.unit), unit_label(p.unit), p.meaning)
-            for name, p in found.balance.parameters.items()
+            for name, p in shown_parameters(found).items()
         ),
     )
 
@@ -50,7 +50,7 @@ def _ends(found: SimulationDocument) -> Table:
                 )
             )
             if c == "temperature":
-                h = r.hottest
+                h = r.hottest.shown_in(r.temperature_unit)
                 rows.append(
                     (
                         r.condition,

@@ -9,10 +9,11 @@ from typing import Any, Final
 from rich.table import Table
 
 from sma_bayes.errors import many
-from sma_bayes.quantities import unit_text
-from sma_bayes.report.notation import interval_text
+from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.screen import screen, show_end
+from sma_bayes.runs.declared_units import in_unit, shown_as, shown_product, units_of
 from sma_bayes.studies.simulate.schema import (
+    BalanceParameter,
     ReachDocument,
     ReachOfCondition,
     SimulatedRun,
@@ -46,12 +47,21 @@ def show_simulation(found: dict[str, Any], out: Path | None) -> None:
 def balance_text(document: SimulationFindings) -> str:
     """What heats and cools, in a sentence."""
     told = []
-    for name, p in document.balance.parameters.items():
+    for name, p in shown_parameters(document).items():
         if name.partition("[")[0] in ("gain", "time_constant"):
             value = interval_text(p.median, p.q05, p.q95)
-            told.append(f"{name.replace('_', ' ')} {value} {unit_text(p.unit)}")
+            told.append(f"{name.replace('_', ' ')} {value} {unit_label(p.unit)}")
     effects = ", ".join(document.balance.effects)
     return f"heat balance with {'; '.join(told)}" + (f"; with {effects.replace('_', ' ')}" if effects else "")
+
+
+def shown_parameters(document: SimulationFindings) -> dict[str, BalanceParameter]:
+    """Parameters of the heat balance as people see them."""
+    units = units_of(document)
+    return {
+        name: in_unit(p, shown_as(p.unit, units) if p.unit == "degC" else shown_product(p.unit, units))
+        for name, p in document.balance.parameters.items()
+    }
 
 
 def _ends(document: SimulationFindings) -> Table:
@@ -63,14 +73,15 @@ def _ends(document: SimulationFindings) -> Table:
     )
     table.add_column("condition")
     table.add_column("start")
-    table.add_column("hottest [°C]", justify="right")
+    degrees = {r.temperature_unit for r in document.runs}
+    table.add_column(f"hottest [{' or '.join(map(unit_label, sorted(degrees)))}]", justify="right")
     columns = {(c, unit): name for r in document.runs for c, (name, unit) in _named(r).items()}
     for (_, unit), name in columns.items():
-        table.add_column(f"{name} [{unit_text(unit) or '1'}]", justify="right")
+        table.add_column(f"{name} [{unit_label(unit) or '1'}]", justify="right")
     for r in document.runs:
         end = r.shown
         cells = [value_text(end[c]) if c in end and end[c].unit == unit else "-" for c, unit in columns]
-        table.add_row(r.condition, start_text(r), value_text(r.hottest), *cells)
+        table.add_row(r.condition, start_text(r), value_text(r.hottest.shown_in(r.temperature_unit)), *cells)
     return table
 
 
@@ -80,7 +91,11 @@ def _named(run: SimulatedRun) -> Mapping[str, tuple[str, str]]:
 
 def start_text(run: SimulatedRun) -> str:
     """Where a simulation begins."""
-    return run.start if run.start_temperature is None else f"{run.start} at {run.start_temperature:g} °C"
+    if run.start_temperature is None:
+        return run.start
+    return (
+        f"{run.start} at {run.shown_temperature(run.start_temperature):g} {unit_label(run.temperature_unit)}"
+    )
 
 
 def value_text(v: ValueAtEnd) -> str:

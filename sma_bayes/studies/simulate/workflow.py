@@ -20,7 +20,7 @@ from sma_bayes.quantities import convert, unit_text
 from sma_bayes.records.declaration import CHANNEL_OF
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
-from sma_bayes.runs.declared_units import shown_units
+from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import SIMULATION
 from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.outputs import StoredRun, read_run
@@ -345,6 +345,7 @@ def _simulated(q: _Question, folder: Path | None, work: RunContext) -> dict[str,
         "data_sha256": q.run.summary.data_sha256,
         "converged": all(r.converged for r in records),
         "adequate": all(r.adequate for r in records),
+        **declared_parts(records),
         "balance": _stated_balance(q, balances),
         "profile": _stated_profile(q, balances),
         "runs": runs,
@@ -438,10 +439,12 @@ def _said_of(runs: Sequence[Mapping[str, Any]]) -> list[str]:
 def _said_of_one(r: Mapping[str, Any]) -> list[str]:
     out = []
     if r["extrapolated_from"] is not None:
-        low, high = r["measured"]
+        unit = r["declared_units"]["temperature"]
+        low, high = convert(np.array(r["measured"]), r["units"]["temperature"], unit)
         out.append(
             f"from {r['extrapolated_from']:.3g} s on beyond the temperatures that were measured, {low:.3g} to "
-            f"{high:.3g} °C, in up to {r['extrapolated']:.0%} of the draws; curves are extrapolated there."
+            f"{high:.3g} {unit_text(unit)}, in up to {r['extrapolated']:.0%} of the draws; curves are extrapolated "
+            "there."
         )
     if r["other_rule"] is not None:
         other = r["other_rule"]

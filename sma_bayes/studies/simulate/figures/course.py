@@ -57,7 +57,7 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
         _limit(ax, [(stored.bands[r.file], r) for r in runs], channel)
         symbol = QUANTITIES[first.names[channel]].symbol
         ax.set_ylabel(f"{symbol} [{in_units_of(take_power(ax.yaxis), unit)}]")
-    low, high = first.measured
+    low, high = map(first.shown_temperature, first.measured)
     seen = [edge for edge in (low, high) if axes[1].get_ylim()[0] < edge < axes[1].get_ylim()[1]]
     for edge in seen:
         axes[1].axhline(edge, color=FAINT, linewidth=0.7, linestyle=":")
