@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping
@@ -555,8 +556,9 @@ def _data_files(table: ConditionTable, folder: Path, declared_in: Path, where: s
     found: dict[str, Path] = {}
     for name in table.files:
         path = folder / name
-        matching = [] if path.is_file() else _matching(name, folder)
-        if not path.is_file() and not matching:
+        there = _is_file(path)
+        matching = [] if there else _matching(name, folder)
+        if not there and not matching:
             raise CampaignError(
                 f"there is no file {str(path)!r}",
                 file=declared_in,
@@ -566,6 +568,16 @@ def _data_files(table: ConditionTable, folder: Path, declared_in: Path, where: s
             )
         found |= {Path(m).as_posix(): folder / m for m in matching} if matching else {name: path}
     return found
+
+
+def _is_file(path: Path) -> bool:
+    """Whether a file is there; none is where its name is longer than the system takes."""
+    try:
+        return path.is_file()
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            return False
+        raise
 
 
 def _matching(pattern: str, folder: Path) -> list[str]:
