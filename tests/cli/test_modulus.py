@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -93,6 +94,27 @@ def test_temperatures_and_shift_are_those_of_the_alloy(out: Path) -> None:
     (by_frequency,) = found["by_frequency"]
     assert by_frequency["factor"]["q05"] < 1.0 < by_frequency["factor"]["q95"]
     assert any("apparent number" in r for r in found["remarks"])
+
+
+def test_moduli_that_are_declared_in_megapascals_stay_so(out: Path) -> None:
+    found = found_in(out)
+    assert found["modulus_unit"] == "Pa"
+    assert found["declared_units"] == {"modulus": "MPa"}
+    stored = {(s["frequency"], v["channel"]): v for s in found["sweeps"] for v in s["values"]}
+    with (out / "tables" / "values.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        v = stored[float(row["frequency"].removesuffix(" Hz")), row["quantity"].replace(" ", "_")]
+        factor = 1e-6 if v["unit"] == "Pa" else 1.0
+        assert row["unit"] == ("MPa" if v["unit"] == "Pa" else "1")
+        assert float(row["value_median [unit]"]) == pytest.approx(factor * v["median"], rel=1e-8)
+    with (out / "tables" / "parameters.csv").open(encoding="utf-8") as file:
+        units = {r["unit"] for r in csv.DictReader(file)}
+    assert "MPa" in units
+    assert not any(re.search(r"\bG?Pa\b", unit) for unit in units)
+    with (out / "figures" / "moduli.csv").open(encoding="utf-8") as file:
+        drawn = [float(r["q50"]) for r in csv.DictReader(file) if r["channel"] == "storage_modulus"]
+    assert 27e3 < min(drawn) < max(drawn) < 67e3
 
 
 def test_resuming_and_reporting_change_nothing(run: Callable[..., Any], export: Path, out: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Final
 
 from sma_bayes.quantities import quantity_of
 from sma_bayes.report.content import Estimate, Number
-from sma_bayes.report.notation import compact, unit_label
+from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.outputs import StoredConditions
@@ -284,8 +284,7 @@ def scatter_table(stored: StoredConditions) -> Table:
 
 
 def _brief(found: IntervalDocument) -> str:
-    low, median, high = found.quantiles
-    return f"{compact(median)} [{compact(low)}, {compact(high)}]"
+    return interval_text(found.median, found.q05, found.q95)
 
 
 def prediction_table(stored: StoredConditions) -> Table:

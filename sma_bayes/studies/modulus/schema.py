@@ -7,6 +7,7 @@ from typing import Final, Literal
 from pydantic import Field
 
 from sma_bayes.runs.schema import (
+    DeclaredUnits,
     DocumentPart,
     FilesBeside,
     FindingDocument,
@@ -162,7 +163,7 @@ class ModulusByFrequency(DocumentPart):
     probability_rises: Number = Field(description="that it rises with frequency [1]")
 
 
-class ModulusFindings(DocumentPart):
+class ModulusFindings(DeclaredUnits):
     """What a study of moduli found."""
 
     schema_: Literal["sma-bayes/modulus/1"] = Field(alias="schema", description="name and version")

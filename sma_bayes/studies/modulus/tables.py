@@ -6,6 +6,7 @@ from sma_bayes.quantities import convert
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.runs.declared_units import shown_as, shown_unit, units_of
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.modulus.outputs import StoredModulus
 from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep
@@ -26,7 +27,10 @@ def modulus_tables(stored: StoredModulus) -> dict[str, Table]:
 
 
 def modulus_unit(found: ModulusDocument) -> str:
-    """Unit in which people see moduli: GPa where they are as large, else MPa."""
+    """Unit in which people see moduli: as they are declared; of those in Pa GPa where they are as large, else MPa."""
+    declared = units_of(found).get("modulus")
+    if declared is not None:
+        return declared.shown
     largest = max((v.median or 0.0 for s in found.sweeps for v in s.values if v.unit == "Pa"), default=0.0)
     return SHOWN_UNIT if largest >= LARGE else "MPa"
 
@@ -148,12 +152,15 @@ def _parameters(found: ModulusDocument) -> Table:
         *SWEEP, Column("curve", "curve"), Column("parameter", "parameter"), Column("meaning", "meaning", brief=False),
         Column("unit", "unit"), Column("value", "value", OF_ROW),
     )  # fmt: skip
+    unit = shown_unit("Pa", modulus_unit(found))
+    units = {} if unit is None else {"modulus": unit}
     rows = tuple(
         (
-            *_head(s), c.channel.replace("_", " "), name, p.meaning, unit_label(p.unit) or "1",
-            _interval(p, p.unit),
+            *_head(s), c.channel.replace("_", " "), name, p.meaning, unit_label(u.shown) or "1",
+            _interval(p, u.shown, u.factor),
         )
         for s in found.sweeps for c in s.curves for name, p in c.parameters.items()
+        for u in [shown_as(p.unit, units, "modulus")]
     )  # fmt: skip
     return Table("parameters", "Parameters of the curves", "Median and 90 % interval.", columns, rows, 4)
 

@@ -29,7 +29,7 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
             "frequency",
             soft_wrap=True,
         )
-    for text in (*found.remarks, *(f"left out {t}" for t in found.left_out)):
+    for text in (*found.declared_differently, *found.remarks, *(f"left out {t}" for t in found.left_out)):
         console.print(text, soft_wrap=True)
     if not found.converged:
         console.print("NOT CONVERGED: the numbers must not be relied on.")

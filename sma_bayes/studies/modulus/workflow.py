@@ -21,6 +21,7 @@ from sma_bayes.records.dmta import DmtaCampaign, DmtaOptions, DmtaSweep, read_dm
 from sma_bayes.records.severity import finding_document
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, STORAGE_LADDER, ResponseModel
+from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.runs.documents import MODULUS
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.schema import FindingDocument, IntervalDocument
@@ -158,6 +159,7 @@ def modulus(
             options=options,
             temperature_unit="degC",
             modulus_unit="Pa",
+            **declared_parts([s.storage for s in campaign.sweeps]),
             versions=all_versions(),
             data_sha256=campaign.sha256,
             converged=all(c.converged for s in sweeps for c in s.curves),

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from sma_bayes.arrays import Floats
 from sma_bayes.quantities import quantity_of
@@ -55,6 +55,8 @@ SHOWN: Final = (
 )  # fmt: skip
 """Features whose effects are drawn, in this order."""
 PRIOR_LED: Final = " The scatter between conditions, and with it the width, is led by its prior."
+NARROW: Final = 5.0
+"""Ratio of the ends of a logarithmic axis up to which its ticks are as on a linear one."""
 FAR: Final = 3.0
 """How far beyond the measured values a band is drawn [their range]; what is wider is cut off."""
 
@@ -407,11 +409,18 @@ def _finish(
 
 
 def _logarithmic(ax: Axes, axis: Axis) -> None:
-    """Logarithmic axis with plain numbers; over more than two decades only powers of ten have one."""
+    """Logarithmic axis with plain numbers; over more than two decades only powers of ten have one.
+
+    Over less than a factor of `NARROW` round numbers have one, as on a linear axis.
+    """
     (ax.set_xscale if axis is ax.xaxis else ax.set_yscale)("log")
     low, high = axis.get_view_interval()
     few = high / low > 100.0
-    axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=12))
+    if high / low < NARROW:
+        axis.set_major_locator(few_ticks(5))
+        axis.set_minor_locator(NullLocator())
+    else:
+        axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=12))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
