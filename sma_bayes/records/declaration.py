@@ -668,7 +668,7 @@ def _refuse_equal_ids(conditions: tuple[DeclaredCondition, ...], path: Path) -> 
     seen: dict[str, str] = {}
     for condition in conditions:
         name = condition.table.id
-        form = unicodedata.normalize("NFC", name).casefold()
+        form = _as_seen(name)
         other = seen.get(form)
         if other is not None:
             only = "by case" if other.casefold() == name.casefold() else "by how Unicode writes it"
@@ -681,6 +681,12 @@ def _refuse_equal_ids(conditions: tuple[DeclaredCondition, ...], path: Path) -> 
                 remedy="rename one of them",
             )
         seen[form] = name
+
+
+def _as_seen(name: str) -> str:
+    """A name in the one form that all its ways of being written share, without characters that nobody sees."""
+    plain = unicodedata.normalize("NFKC", name)
+    return "".join(c for c in plain if unicodedata.category(c) != "Cf").casefold()
 
 
 def _similar(path: Path) -> str:

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import MeasurementError
+from sma_bayes.errors import MeasurementError, many
 from sma_bayes.limits import MAGNITUDE
 from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, convert, unit_text
 from sma_bayes.records.decimals import misread_decimals
@@ -102,6 +102,7 @@ TOGETHER: Final = 0.6
 DOUBTS: Final = (
     "copied-readings",
     "implausible",
+    "kelvin",
     "large-sd",
     "misread-decimals",
     "named-otherwise",
@@ -139,7 +140,7 @@ def require_possible(run: Run) -> None:
             )
         if values.size and np.isnan(values).all():
             raise MeasurementError(
-                f"condition {run.condition.id!r}: {quantity} has no value in {values.size} rows",
+                f"condition {run.condition.id!r}: {quantity} has no value in {many(values.size, 'row')}",
                 file=run.file,
                 column=quantity,
                 expected="at least one value that is not missing",
@@ -152,7 +153,8 @@ def require_possible(run: Run) -> None:
             cold = np.flatnonzero(run.columns[name] < ABSOLUTE_ZERO)
         if cold.size:
             raise MeasurementError(
-                f"{name} is {run.columns[name][cold[0]]:.6g} °C in {cold.size} rows, below absolute zero",
+                f"{name} is {run.columns[name][cold[0]]:.6g} °C in {many(cold.size, 'row')}, below absolute "
+                "zero",
                 file=run.file,
                 row=int(run.row[cold[0]]),
                 column=name,

@@ -15,7 +15,7 @@ SEVERITIES: Final[tuple[Severity, ...]] = ("serious", "look", "note")
 _SERIOUS: Final = frozenset({
     "branch-contradicted", "clipped", "load-not-constant", "narrow-sweep", "no-branch", "no-transformation",
     "not-constant", "one-branch", "time-restart", "time-reversal", "truncated",
-    "copied-readings", "implausible", "large-sd", "misread-decimals", "named-otherwise",
+    "copied-readings", "implausible", "kelvin", "large-sd", "misread-decimals", "named-otherwise",
     "same-column", "same-file", "swapped",
 })  # fmt: skip
 _NOTES: Final = frozenset({

@@ -24,6 +24,7 @@ import sma_bayes
 from sma_bayes import fit_campaign
 from sma_bayes.limits import LIMITS
 from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.records.plausibility import RANGES
 
 Run = Callable[..., object]
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,7 +60,7 @@ CAMPAIGNS = {
     "an integer of 5,000 digits": (('id = "a"', f'id = "a"\nload_g = {"9" * 5000}'), "is not valid TOML"),
     "an integer of 400 digits": (('id = "a"', f'id = "a"\nload_g = {"9" * 400}'), "a whole number of 1329 bits"),
     "a file name of 5,000 characters": (('"a.csv"', f'"{"a" * 5000}.csv"'), "a text of 5004 characters"),
-    "a file name of 3,000 characters": (('"a.csv"', f'"{"a" * 3000}.csv"'), "File name too long"),
+    "a file name of 3,000 characters": (('"a.csv"', f'"{"a" * 3000}.csv"'), "there is no file"),
     "a null character": (('"a.csv"', '"a\\u0000.csv"'), "null character"),
     "an id of 60 emoji": (('id = "a"', f'id = "{"😀" * 60}"'), "at most 120 bytes"),
     "an error of 1e300 degrees": (('unit = "degC"', 'unit = "degC", sd = 1e300'), "standard deviations up to 1e+50"),
@@ -436,10 +437,21 @@ def test_a_call_of_the_newest_verbs(
 # --- the table ----------------------------------------------------------------------------------------
 
 
-def test_every_limit_is_documented() -> None:
+def rows_of(section: str) -> list[str]:
+    """Rows of the table in a section of the page of limits, without its head."""
     page = (ROOT / "docs" / "reference" / "limits.md").read_text(encoding="utf-8")
-    rows = [line for line in page.splitlines() if line.startswith("| ") and not line.startswith("| limit")]
-    assert rows == [f"| {limit.of} | {limit.value:,.15g} |" for limit in LIMITS]
+    (text,) = [part for part in page.split("\n## ") if part.startswith(section)]
+    return [line for line in text.splitlines() if line.startswith("|")][2:]
+
+
+def test_every_limit_is_documented() -> None:
+    assert rows_of("# Limits") == [f"| {limit.of} | {limit.value:,.15g} |" for limit in LIMITS]
+
+
+def test_every_range_that_is_believed_is_documented_with_its_source() -> None:
+    assert rows_of("What is believed without a word") == [
+        f"| {name} | {r.low:g} | {r.high:g} | {r.unit} | {r.source} |" for name, r in RANGES.items()
+    ]
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ import pytest
 
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.records.campaign import read_campaign
+from sma_bayes.records.severity import severity
 from sma_bayes.records.types import Campaign
 
 T = np.r_[np.linspace(25.0, 90.0, 120), np.linspace(90.0, 25.0, 120)]
@@ -203,6 +204,7 @@ def test_a_measured_force_that_changes_in_steps_is_told_too(tmp_path: Path) -> N
 def test_kelvin_row_numbers_and_near_names_are_told(tmp_path: Path) -> None:
     write(tmp_path / "k.csv", COLUMNS | {"temperature_C": T + 273.15})
     assert 'unit = "kelvin"' in kinds(read_campaign(tmp_path / "k.csv"))["kelvin"]
+    assert severity("kelvin") == "serious"  # all temperatures of transformation are 273 too high
     write(tmp_path / "r.csv", {"temperature_C": np.arange(1.0, 121.0), "force_N": F[:120]})
     assert "counts the rows" in kinds(read_campaign(tmp_path / "r.csv"))["row-numbers"]
     write(tmp_path / "n.csv", {"temperature_C": T, "force_N": F, "displacment_mm": X})

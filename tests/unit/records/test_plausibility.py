@@ -319,8 +319,12 @@ def test_parts_of_one_file_are_two_conditions(tmp_path: Path) -> None:
     assert warnings_of(campaign(tmp_path, measured(), text)) == []
 
 
-def test_ids_that_look_alike_are_refused(tmp_path: Path) -> None:
-    text = '[[condition]]\nid = "Ko\u0308rper"\nfile = "a.csv"\n[[condition]]\nid = "K\u00f6rper"\nfile = "a.csv"\n'
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [("Ko\u0308rper", "K\u00f6rper"), ("2A", "\uff12A"), ("2A", "2A\u200b"), ("2A", "2\u00adA")],
+)
+def test_ids_that_look_alike_are_refused(tmp_path: Path, one: str, other: str) -> None:
+    text = f'[[condition]]\nid = "{one}"\nfile = "a.csv"\n[[condition]]\nid = "{other}"\nfile = "a.csv"\n'
     with pytest.raises(SmaBayesError, match="by how Unicode writes it"):
         read_campaign(campaign(tmp_path, measured(), text))
 
