@@ -118,7 +118,7 @@ def temperature_scores(fit: Fit, case: Case) -> dict[str, Any]:
     true = true_temperatures(case, channel)
     out = {}
     for found, value in zip(sma_bayes.transformation_temperatures(fit), true, strict=True):
-        low, median, high = found.interval
+        low, median, high = found.interval.values()
         out[found.name] = _interval_score(low, median, high, value)
     return out
 
@@ -144,12 +144,12 @@ def nearest_scores(fit: Fit, case: Case) -> dict[str, Any]:
         for number, value in enumerate(true.values(), start=1):
             name = f"{LETTER[channel]}{number}"
             if name in intervals:
-                out[name] = _interval_score(*intervals[name], value)
+                out[name] = _interval_score(*intervals[name].values(), value)
     return out
 
 
-def nearest_intervals(fit: Fit) -> dict[str, tuple[float, float, float]]:
-    """5, 50 and 95 % quantiles of the parameters of the nearest published curve, by name."""
+def nearest_intervals(fit: Fit) -> dict[str, dict[str, float]]:
+    """``q05``, ``median`` and ``q95`` of the parameters of the nearest published curve, by name."""
     return {n.name: n.interval for n in nearest_parameters(fit)}
 
 

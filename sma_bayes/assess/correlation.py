@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
+from sma_bayes.fitting.curves import INTERVAL, interval
 from sma_bayes.fitting.fit import Fit
 
 FACTORS: Final = ("r", "r2", "adj_r2", "rmse")
 """Names of the factors, in the order in which they are told."""
 FLAT: Final = 1e-12
 """A series whose standard deviation is below this share of its mean does not vary beyond rounding."""
-LEVELS: Final = {"q05": 0.05, "median": 0.50, "q95": 0.95}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,8 +188,8 @@ def quantiles(values: Floats) -> dict[str, float | None]:
         ``q05``, ``median``, ``q95``, None where no draw defines them; ``undefined`` [1].
     """
     defined = values[np.isfinite(values)]
-    found = np.quantile(defined, list(LEVELS.values())).tolist() if defined.size else [None] * len(LEVELS)
-    return {**dict(zip(LEVELS, found, strict=True)), "undefined": 1.0 - defined.size / values.size}
+    found = interval(defined) if defined.size else dict.fromkeys(INTERVAL)
+    return {**found, "undefined": 1.0 - defined.size / values.size}
 
 
 def factors(found: Agreement) -> dict[str, dict[str, float | None]]:

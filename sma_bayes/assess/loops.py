@@ -9,7 +9,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.adequacy import led_by_prior
 from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
-from sma_bayes.fitting.curves import quantiles
+from sma_bayes.fitting.curves import interval
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import unit_text
@@ -119,6 +119,5 @@ def _interval(
     branch: str | None = None,
 ) -> QuantityInterval:
     r = fit.records[record]
-    q05, median, q95 = (float(v) for v in quantiles(draws, (0.05, 0.5, 0.95)))
     shown = r.branch.value if branch is None else branch
-    return QuantityInterval(name, r.condition.id, shown, channel, unit, q05, median, q95, meaning)
+    return QuantityInterval(name, r.condition.id, shown, channel, unit, **interval(draws), meaning=meaning)

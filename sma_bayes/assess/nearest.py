@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 from scipy.special import expit
 
 from sma_bayes.arrays import Floats
-from sma_bayes.fitting.curves import CurveDraws, quantiles
+from sma_bayes.fitting.curves import INTERVAL, CurveDraws, interval_where_defined
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
@@ -58,13 +58,9 @@ class NearestPublished:
         return float(np.mean(np.isfinite(self.draws)))
 
     @property
-    def interval(self) -> tuple[float, float, float]:
-        """Quantiles at 5 %, 50 % and 95 %; NaN where too few draws have one."""
-        found = self.draws[np.isfinite(self.draws)]
-        if self.defined < SURE:
-            return (float("nan"),) * 3
-        q05, median, q95 = quantiles(found, (0.05, 0.5, 0.95)).tolist()
-        return q05, median, q95
+    def interval(self) -> dict[str, float]:
+        """``q05``, ``median`` and ``q95``; NaN where too few draws have one."""
+        return interval_where_defined(self.draws) if self.defined >= SURE else dict.fromkeys(INTERVAL, np.nan)
 
 
 def nearest_parameters(fit: Fit, record: int = 0) -> tuple[NearestPublished, ...]:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.arrays import Floats
-from sma_bayes.fitting.curves import CurveDraws, quantiles
+from sma_bayes.fitting.curves import CurveDraws, interval_where_defined
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.records.types import Branch, Record
 
@@ -123,13 +123,9 @@ class Temperature:
         return float(np.mean(np.isfinite(self.draws)))
 
     @property
-    def interval(self) -> tuple[float, float, float]:
-        """Quantiles at 5 %, 50 % and 95 % of the draws that have one; NaN where none has."""
-        found = self.draws[np.isfinite(self.draws)]
-        if not found.size:
-            return (float("nan"),) * 3
-        q05, median, q95 = quantiles(found, (0.05, 0.5, 0.95)).tolist()
-        return q05, median, q95
+    def interval(self) -> dict[str, float]:
+        """``q05``, ``median`` and ``q95`` of the draws that have one; NaN where none has."""
+        return interval_where_defined(self.draws)
 
 
 def transformation_channel(record: Record) -> str | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 
@@ -143,9 +145,24 @@ def calibrated_parameters(
     return out
 
 
+INTERVAL: Final = {"q05": 0.05, "median": 0.5, "q95": 0.95}
+"""Levels of the median and the equal-tailed 90 % interval, by the keys that documents have for them."""
+
+
+def as_interval(values: Iterable[float]) -> dict[str, float]:
+    """Quantiles at the levels of `INTERVAL`, by its keys."""
+    return dict(zip(INTERVAL, map(float, values), strict=True))
+
+
 def interval(draws: Floats) -> dict[str, float]:
     """Median and equal-tailed 90 % interval of draws, as ``q05``, ``median`` and ``q95``; see `quantiles`."""
-    return dict(zip(("q05", "median", "q95"), quantiles(draws, (0.05, 0.5, 0.95)).tolist(), strict=True))
+    return as_interval(quantiles(draws, tuple(INTERVAL.values())))
+
+
+def interval_where_defined(draws: Floats) -> dict[str, float]:
+    """Median and equal-tailed 90 % interval of the draws that have a value; NaN where none has."""
+    found = draws[~np.isnan(draws)]
+    return interval(found) if found.size else dict.fromkeys(INTERVAL, math.nan)
 
 
 def quantiles(draws: Floats, levels: Sequence[float], axis: int | None = None) -> Floats:

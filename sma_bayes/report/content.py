@@ -78,6 +78,11 @@ class Estimate:
         median, low, high = (None if q is None else factor * q for q in (found.median, found.q05, found.q95))
         return cls(median, low, high, unit)
 
+    @classmethod
+    def where_told(cls, found: WithInterval | None, unit: str = "1", factor: float = 1.0) -> Estimate | None:
+        """The same; None of a part that the document does not have."""
+        return None if found is None else cls.of(found, unit, factor)
+
 
 @dataclass(frozen=True, slots=True)
 class Channel:

@@ -532,6 +532,31 @@ class FitSummary(RunAccount, FitFindings):
     """What a fit found and what it took: `summary.json`."""
 
 
+def refuse_shared_parameters(shared: bool, folder: str | Path, use: str) -> None:
+    """Refuse a fit in which conditions share their parameters (``--pool campaign``).
+
+    Parameters
+    ----------
+    shared : bool
+        Whether they do.
+    folder : str or Path
+    use : str
+        What parameters of their own are needed for: ``which a sweep can move``.
+
+    Raises
+    ------
+    OutputError
+        If they do.
+    """
+    if shared:
+        raise OutputError(
+            "holds a fit in which all conditions share A and B",
+            file=folder,
+            expected=f"parameters of their own for each condition, {use}",
+            remedy="fit again without --pool campaign",
+        )
+
+
 def read_fit(folder: Path) -> FitSummary:
     """What a finished fit found.
 

@@ -20,7 +20,7 @@ from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
 from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.runs.documents import FINISH
-from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary
+from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRecord, posterior_of, posterior_path, read_run
 
 
@@ -38,13 +38,8 @@ def stored_draws(folder: str | Path) -> tuple[RecordDraws, ...]:
         If it holds no finished fit, or one in which conditions share their parameters.
     """
     run = read_run(Path(folder))
-    if run.summary.options.pool != "none":
-        raise OutputError(
-            "holds a fit in which all conditions share A and B",
-            file=folder,
-            expected="parameters of their own for each condition, from which their differences are learnt",
-            remedy="fit again without --pool campaign",
-        )
+    pooled = run.summary.options.pool != "none"
+    refuse_shared_parameters(pooled, run.folder, "from which their differences are learnt")
     return tuple(draws_of(run.folder, r, run.summary.seed) for r in run.summary.records)
 
 

@@ -68,8 +68,8 @@ def test_stated_probabilities_come_true(make_record: Callable[..., Record]) -> N
 
         start, finish = transformation_temperatures(fit)
         half = 2.0 / truth["A2"]
-        kept["start"] += start.interval[0] < truth["A3"] - half < start.interval[2]
-        kept["finish"] += finish.interval[0] < truth["A3"] + half < finish.interval[2]
+        kept["start"] += start.interval["q05"] < truth["A3"] - half < start.interval["q95"]
+        kept["finish"] += finish.interval["q05"] < truth["A3"] + half < finish.interval["q95"]
         for name in ("passage", "start", "finish"):
             stated[name] += 1
     assert plain >= 0.85 * SPRINGS

@@ -361,6 +361,18 @@ def remark(ax: Axes, text: str, colour: str) -> None:
     )  # fmt: skip
 
 
+def with_margin(low: float, high: float, share: float = 0.0) -> tuple[float, float]:
+    """Ends of an axis: a share of the range beyond the data, and room where these are equal to rounding."""
+    margin = max(share * (high - low), 1e-9 * max(abs(low), abs(high))) or 1e-9
+    return low - margin, high + margin
+
+
+def branch_legend(figure: Figure, branches: Iterable[str]) -> None:
+    """Legend in the upper right corner: the colour of each branch."""
+    handles = [dot_handle(COLOURS[b], b) for b in dict.fromkeys(branches)]
+    figure.legend(handles=handles, loc="upper right", ncols=len(handles), bbox_to_anchor=(1.0, 1.0))
+
+
 def dot_handle(colour: str, label: str, *, hollow: bool = False) -> Line2D:
     """Entry of a legend for points."""
     face = "white" if hollow else colour

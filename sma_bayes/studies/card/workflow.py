@@ -12,13 +12,13 @@ import numpy as np
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.errors import MeasurementError, OutputError, SmaBayesError, many
+from sma_bayes.errors import MeasurementError, SmaBayesError, many
 from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Branch
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.runs.documents import CARD
-from sma_bayes.runs.fit_document import RecordSummary
+from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRun, read_run
 from sma_bayes.runs.store import plain, write_csv, write_json, write_text
 from sma_bayes.runs.stored_draws import draws_of
@@ -144,13 +144,8 @@ def card(
     work = RunContext(CARD, _build_report, None, drawn, progress or silent, account or Account())
     with work.account.timed("read"):
         run = read_run(Path(folder))
-    if any(r.shares_parameters_with for r in run.summary.records):
-        raise OutputError(
-            "holds a fit in which all conditions share A and B",
-            file=run.folder,
-            expected="parameters of their own for each condition, whose differences tell what stress does",
-            remedy="fit again without --pool campaign",
-        )
+    shared = any(r.shares_parameters_with for r in run.summary.records)
+    refuse_shared_parameters(shared, run.folder, "whose differences tell what stress does")
     identity = fit_identity(CARD.verb, run.summary, asked.told())
     return work.execute(out, identity, resume, lambda place: _handed_on(run, asked, place, work))
 

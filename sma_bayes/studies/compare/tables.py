@@ -9,7 +9,6 @@ from sma_bayes.report.averages import average_factors
 from sma_bayes.report.content import INTERVAL, PAPER_CORRELATION, AverageFactor, Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import AVERAGE_COLUMNS, OF_ROW, Cell, Column, Table, average_cells
-from sma_bayes.runs.schema import Factor
 from sma_bayes.studies.compare.outputs import StoredComparison
 from sma_bayes.studies.compare.schema import ComparedRecord, StatedDifference
 
@@ -125,15 +124,11 @@ def _correlation_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
                 continue
             folds, (inside, out) = len(c.by_fold), (c.in_sample, c.held_out)
             yield (
-                r.condition, r.branch, r.quantity, short(name), _estimate(inside.r), _estimate(out.r),
-                _estimate(inside.r2), _estimate(out.r2), unit_label(r.unit) or "1", _estimate(inside.rmse, r.unit),
-                _estimate(out.rmse, r.unit), f"{c.folds_worse_than_their_mean} of {folds}",
-                f"{c.folds_without_r} of {folds}",
+                r.condition, r.branch, r.quantity, short(name), Estimate.of(inside.r), Estimate.of(out.r),
+                Estimate.of(inside.r2), Estimate.of(out.r2), unit_label(r.unit) or "1",
+                Estimate.of(inside.rmse, r.unit), Estimate.of(out.rmse, r.unit),
+                f"{c.folds_worse_than_their_mean} of {folds}", f"{c.folds_without_r} of {folds}",
             )  # fmt: skip
-
-
-def _estimate(factor: Factor, unit: str = "1") -> Estimate:
-    return Estimate(factor.median, factor.q05, factor.q95, unit)
 
 
 def verdict_table(stored: StoredComparison) -> Table:

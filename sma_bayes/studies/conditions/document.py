@@ -10,7 +10,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.fitting.curves import quantiles
+from sma_bayes.fitting.curves import interval_where_defined, quantiles
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.records.types import Condition, setting_unit
@@ -18,7 +18,7 @@ from sma_bayes.runs.declared_units import in_unit_of_channel
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.design import SETTINGS, Design
 from sma_bayes.studies.conditions.effects import SettingEffect
-from sma_bayes.studies.conditions.features import Feature, interval_where_defined
+from sma_bayes.studies.conditions.features import Feature
 from sma_bayes.studies.conditions.leave_out import HIERARCHICAL, LeftOutChannel
 from sma_bayes.studies.conditions.population import Population
 from sma_bayes.studies.conditions.prediction import Prediction, predicted_features

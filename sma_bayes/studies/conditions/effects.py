@@ -23,8 +23,9 @@ import numpy as np
 from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
+from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.studies.conditions.design import Confounder, Design, confounders, designs
-from sma_bayes.studies.conditions.features import BOTH, Feature, interval_where_defined
+from sma_bayes.studies.conditions.features import BOTH, Feature
 
 FREEDOM = 4.0
 """Degrees of freedom of the prior of the scatter."""

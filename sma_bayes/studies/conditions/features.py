@@ -15,7 +15,7 @@ from scipy.special import expit
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
-from sma_bayes.fitting.curves import interval
+from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import per
 from sma_bayes.records.types import Branch, Condition
@@ -70,12 +70,6 @@ class Feature:
     def quantiles(self) -> dict[str, float]:
         """``q05``, ``median`` and ``q95``."""
         return interval_where_defined(self.draws)
-
-
-def interval_where_defined(draws: Floats) -> dict[str, float]:
-    """Median and equal-tailed 90 % interval of the draws that have a value; NaN where none has."""
-    found = draws[~np.isnan(draws)]
-    return interval(found if found.size else draws[:1])
 
 
 def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:

@@ -67,11 +67,6 @@ def setting_name(setting: str, specimen: bool) -> str:
     return "stress" if setting == "load" and specimen else named(setting)
 
 
-def estimate(found: IntervalDocument | None, unit: str) -> Estimate | None:
-    """Median and interval, where there are any."""
-    return None if found is None else Estimate(found.median, found.q05, found.q95, unit)
-
-
 def setting_text(name: str, value: float, unit: str) -> str:
     """A setting with its unit: ``150 MPa`` rather than ``1.5e8 Pa``."""
     if unit == "Pa":
@@ -153,9 +148,9 @@ def extremes_table(stored: StoredConditions) -> Table:
             condition,
             *(Number(f[n].median, f[n].unit) for n in ("least_temperature", "peak_temperature")),
             unit_label(f["peak_temperature"].unit),
-            *(estimate(f[n], f[n].unit) for n in ("least_stiffness", "greatest_stiffness")),
+            *(Estimate.where_told(f[n], f[n].unit) for n in ("least_stiffness", "greatest_stiffness")),
             unit_label(f["least_stiffness"].unit),
-            estimate(f["stiffness_ratio"], "1"),
+            Estimate.where_told(f["stiffness_ratio"], "1"),
         )
         for condition, f in found.items()
         if "least_stiffness" in f
@@ -182,7 +177,7 @@ def feature_table(stored: StoredConditions) -> Table:
     """Every feature of every condition."""
     rows, specimen = [], stored.found.specimen
     for f in stored.found.features:
-        value = Number(f.median, f.unit) if f.measured or f.median is None else estimate(f, f.unit)
+        value = Number(f.median, f.unit) if f.measured or f.median is None else Estimate.where_told(f, f.unit)
         edge = f.at_edge is not None and f.at_edge > EDGE
         rows.append(
             (f.condition, f.branch, named(f.name), quantity_of(f.channel, specimen=specimen), value,
@@ -247,8 +242,8 @@ def _effect_rows(found: ConditionsDocument) -> Iterator[tuple[Cell, ...]]:
             *(setting_text(e.setting, end, e.setting_unit) for end in (e.from_, e.to)),
             named(e.feature), e.branch, quantity_of(e.channel, specimen=specimen),
             "×" if e.kind == "factor" else "difference",
-            estimate(e.tested, e.unit), estimate(e.beyond, e.unit), unit_label(e.unit) or "1",
-            Number(e.probability_rises, "1", 0.01), estimate(e.scatter, e.unit),
+            Estimate.where_told(e.tested, e.unit), Estimate.where_told(e.beyond, e.unit), unit_label(e.unit) or "1",
+            Number(e.probability_rises, "1", 0.01), Estimate.where_told(e.scatter, e.unit),
             ", ".join(setting_name(n, specimen) for n in [*e.aliased_with, *along]),
         )  # fmt: skip
 
@@ -258,7 +253,8 @@ def scatter_table(stored: StoredConditions) -> Table:
     rows = [
         (
             ", ".join(p.conditions), p.branch, c.name,
-            estimate(c.scatter_prior, c.unit), estimate(c.scatter, c.unit), unit_label(c.unit) or "1",
+            Estimate.where_told(c.scatter_prior, c.unit), Estimate.where_told(c.scatter, c.unit),
+            unit_label(c.unit) or "1",
             "; ".join(f"{setting_name(n, stored.found.specimen)} {_brief(v)}" for n, v in c.changes.items()),
         )
         for p in stored.found.populations
@@ -293,7 +289,7 @@ def prediction_table(stored: StoredConditions) -> Table:
     rows = [
         (
             p.condition, p.branch, named(f.name),
-            quantity_of(f.channel, specimen=specimen), estimate(f, f.unit),
+            quantity_of(f.channel, specimen=specimen), Estimate.where_told(f, f.unit),
             unit_label(f.unit) or "1", _warning(p, specimen), f.meaning,
         )
         for p in stored.found.predictions
@@ -377,8 +373,8 @@ def pooled_table(stored: StoredConditions) -> Table:
             condition,
             p.branch,
             name,
-            estimate(v.own, v.unit),
-            estimate(v.pooled, v.unit),
+            Estimate.where_told(v.own, v.unit),
+            Estimate.where_told(v.pooled, v.unit),
             unit_label(v.unit) or "1",
         )
         for p in stored.found.populations

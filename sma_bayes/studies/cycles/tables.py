@@ -37,7 +37,7 @@ def _law(conditions: tuple[ConditionCycles, ...]) -> Table:
             c.condition,
             len(c.measured),
             c.law.chosen,
-            None if c.law.n0 is None else Estimate(c.law.n0.median, c.law.n0.q05, c.law.n0.q95),
+            None if c.law.n0 is None else Estimate.of(c.law.n0),
             *(
                 _share(c.law.probability.get(law))
                 for law in ("none", "exponential", "stretched", "logarithmic")
@@ -80,7 +80,7 @@ def _changes(conditions: tuple[ConditionCycles, ...]) -> Table:
     rows = tuple(
         (
             c.condition, n.branch, n.channel, n.number, unit_label(n.unit) or "1", _share(n.probability),
-            *(Estimate(x.median, x.q05, x.q95, n.unit) for x in (n, n.scatter, n.step)),
+            *(Estimate.of(x, n.unit) for x in (n, n.scatter, n.step)),
         )
         for c in conditions for n in c.changes
     )  # fmt: skip

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError, SmaBayesError
-from sma_bayes.fitting.curves import interval
+from sma_bayes.fitting.curves import INTERVAL, as_interval, interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.severity import finding_document
@@ -280,9 +280,7 @@ def _law(pooled: Pooled) -> dict[str, Any]:
         best = max(FORMS, key=lambda form: p.ln_evidence[form])
         weights = p.pace_weights(best)
         reached = np.cumsum(weights) - 0.5 * weights
-        n0 = {
-            k: float(np.interp(q, reached, PACES)) for k, q in (("q05", 0.05), ("median", 0.5), ("q95", 0.95))
-        }
+        n0 = as_interval(np.interp(list(INTERVAL.values()), reached, PACES))
     return {
         "chosen": p.chosen,
         "testable": p.testable,
@@ -356,8 +354,7 @@ def _stable(pooled: Pooled, share: float, wanted: float) -> dict[str, Any]:
 def _by_cycle(q: CycleSeries) -> dict[str, Any]:
     """Quantiles; null where some draws have no value."""
     with np.errstate(all="ignore"):
-        low, middle, high = np.quantile(q.draws, [0.05, 0.5, 0.95], axis=0)
-    stated = {"q05": low, "median": middle, "q95": high}
+        stated = dict(zip(INTERVAL, np.quantile(q.draws, list(INTERVAL.values()), axis=0), strict=True))
     return {
         **{name: getattr(q, name) for name in ("branch", "channel", "name", "unit", "at")},
         **{name: plain(v) for name, v in ({"own": q.own, "own_sd": q.own_sd} | stated).items()},

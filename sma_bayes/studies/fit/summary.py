@@ -17,6 +17,7 @@ from sma_bayes.assess.nearest import nearest_parameters
 from sma_bayes.assess.path import path_remark
 from sma_bayes.assess.sweeps import left_out_sweeps, sweep_checks
 from sma_bayes.assess.transformation import transformation_temperatures
+from sma_bayes.fitting.curves import interval
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.response.base import ResponseModel
@@ -195,7 +196,6 @@ def _parameters(fit: Fit, record: int) -> dict[str, ParameterSummary]:
         parts[place.temperature_sd] = ("temperature", NOISE)
     for i, (channel, role) in parts.items():
         p = space.parameters[i]
-        q05, median, q95 = (float(v) for v in np.quantile(theta[:, i], (0.05, 0.5, 0.95)))
         k = diagnostics.get(i)
         c = fit.draws.convergence
         out[p.name.partition("[")[0]] = ParameterSummary(
@@ -207,9 +207,7 @@ def _parameters(fit: Fit, record: int) -> dict[str, ParameterSummary]:
             warm_start_sd=float(fit.warm_start.sd[i]) if i < fit.warm_start.sd.size else None,
             mean=float(theta[:, i].mean()),
             sd=float(theta[:, i].std(ddof=1)),
-            q05=q05,
-            median=median,
-            q95=q95,
+            **interval(theta[:, i]),
             rhat=None if k is None else float(c.rhat[k]),
             ess_bulk=None if k is None else float(c.ess_bulk[k]),
             ess_tail=None if k is None else float(c.ess_tail[k]),
@@ -223,13 +221,10 @@ def _parameters(fit: Fit, record: int) -> dict[str, ParameterSummary]:
 
 def _nearest(fit: Fit, record: int) -> dict[str, NearestSummary]:
     """Published parameters of the nearest curves: least mean square over the measured temperatures."""
-    found = {}
-    for n in nearest_parameters(fit, record):
-        q05, median, q95 = n.interval
-        found[n.name] = NearestSummary(
-            unit=n.unit, channel=n.channel, q05=q05, median=median, q95=q95, defined=n.defined
-        )
-    return found
+    return {
+        n.name: NearestSummary(unit=n.unit, channel=n.channel, **n.interval, defined=n.defined)
+        for n in nearest_parameters(fit, record)
+    }
 
 
 def _parts(model: ResponseModel) -> list[tuple[str, str]]:
@@ -239,22 +234,19 @@ def _parts(model: ResponseModel) -> list[tuple[str, str]]:
 
 def _transformation(fit: Fit, record: int) -> dict[str, TransformationSummary]:
     """Transformation temperatures by name, each with what supports it."""
-    found = {}
-    for t in transformation_temperatures(fit, record):
-        q05, median, q95 = t.interval
-        found[t.name] = TransformationSummary(
+    return {
+        t.name: TransformationSummary(
             unit=t.unit,
             meaning=t.meaning,
             channel=t.channel,
-            q05=q05,
-            median=median,
-            q95=q95,
+            **t.interval,
             within_data=t.within_data,
             outstanding=t.outstanding,
             samples=t.samples,
             defined=t.defined,
         )
-    return found
+        for t in transformation_temperatures(fit, record)
+    }
 
 
 def _shape(fit: Fit, record: int) -> dict[str, float]:

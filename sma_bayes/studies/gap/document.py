@@ -7,9 +7,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from sma_bayes.arrays import Floats
 from sma_bayes.effects import Effect
 from sma_bayes.effects.needs import untestable
+from sma_bayes.fitting.curves import INTERVAL, as_interval, interval
 from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.records.history import History
 from sma_bayes.runs.declared_units import Shown
@@ -81,7 +81,6 @@ THRESHOLDS: Final = GapThresholds(
     ln_bayes_factor_shape=MISSHAPEN,
     further_share=FURTHER,
 )
-QUANTILES: Final = np.array([0.05, 0.5, 0.95])
 
 
 def gap_of_model(outcome: GapOutcome) -> GapOfModel:
@@ -279,7 +278,7 @@ def _parameters(outcome: GapOutcome, effect: Effect) -> dict[str, EffectParamete
         out[p.name] = EffectParameter(
             unit=p.unit,
             meaning=p.meaning,
-            **_interval(np.quantile(outcome.flat[:, i], QUANTILES)),
+            **interval(outcome.flat[:, i]),
             rhat=convergence.rhat[z],
             ess_bulk=convergence.ess_bulk[z],
             ess_tail=convergence.ess_tail[z],
@@ -287,14 +286,10 @@ def _parameters(outcome: GapOutcome, effect: Effect) -> dict[str, EffectParamete
                 "family": family_name(p.prior),
                 **numbers(p.prior),
                 "source": p.source,
-                **_interval(p.prior.quantile(QUANTILES)),
+                **as_interval(p.prior.quantile(np.array(list(INTERVAL.values())))),
             },
         )
     return out
-
-
-def _interval(values: Floats) -> dict[str, float]:
-    return dict(zip(("q05", "median", "q95"), values.tolist(), strict=True))
 
 
 def _candidate(outcome: GapOutcome, candidate: Candidate) -> JudgedCandidate:

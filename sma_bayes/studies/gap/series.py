@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.arrays import Floats
+from sma_bayes.fitting.curves import INTERVAL
 from sma_bayes.records.types import Branch
 from sma_bayes.studies.gap.fitting import added_by
 from sma_bayes.studies.gap.study import GapStudy
@@ -20,7 +21,6 @@ DRAWS = 200
 """Draws from the posterior that give the band of what an effect adds."""
 INPUTS = ("cycle", "segment", "temperature", "time", "rate", "current", "load", "ambient_temperature")
 """Inputs that are told beside each sample, where there are any."""
-QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +73,7 @@ def series_of(study: GapStudy, draws: Floats) -> StackedSeries:
 
 def _quantiles(draws: Floats) -> dict[str, Floats]:
     """Of each column of draws (S, N)."""
-    return dict(zip(QUANTILES, np.nanquantile(draws, list(QUANTILES.values()), axis=0), strict=True))
+    return dict(zip(INTERVAL, np.nanquantile(draws, list(INTERVAL.values()), axis=0), strict=True))
 
 
 def joined(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
 from sma_bayes.runs.declared_units import shown_as, shown_unit, units_of
-from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.modulus.outputs import StoredModulus
 from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep
 
@@ -51,7 +50,7 @@ def _temperatures(found: ModulusDocument) -> Table:
     )  # fmt: skip
     rows = tuple(
         (
-            *_head(s), t.name.replace("_", " "), t.meaning, Estimate(t.median, t.q05, t.q95, "degC"),
+            *_head(s), t.name.replace("_", " "), t.meaning, Estimate.of(t, "degC"),
             Number(t.defined, "1", 0.01), "yes" if t.identified else "no",
         )
         for s in found.sweeps for t in s.temperatures
@@ -63,13 +62,6 @@ def _temperatures(found: ModulusDocument) -> Table:
     return Table("temperatures", "Temperatures of the transition", note, columns, rows, 3)
 
 
-def _interval(x: IntervalDocument | None, unit: str, factor: float = 1.0) -> Cell:
-    if x is None:
-        return None
-    low, middle, high = (None if v is None else factor * v for v in (x.q05, x.median, x.q95))
-    return Estimate(middle, low, high, unit)
-
-
 def _shifts(found: ModulusDocument) -> Table:
     columns = (
         Column("branch", "branch"), Column("temperature", "temperature"), Column("sweeps", "sweeps"),
@@ -79,9 +71,9 @@ def _shifts(found: ModulusDocument) -> Table:
     )  # fmt: skip
     rows = tuple(
         (
-            s.branch, s.temperature.replace("_", " "), len(s.points), _interval(s.shift, "K"),
+            s.branch, s.temperature.replace("_", " "), len(s.points), Estimate.where_told(s.shift, "K"),
             None if s.probability_rises is None else Number(s.probability_rises, "1", 0.01),
-            _interval(s.scatter, "K"), _interval(s.activation_energy, "kJ/mol", 1e-3),
+            Estimate.where_told(s.scatter, "K"), Estimate.where_told(s.activation_energy, "kJ/mol", 1e-3),
             None if s.least_energy is None else Number(1e-3 * s.least_energy, "kJ/mol", 1e-4 * s.least_energy),
             "yes" if s.identified else "no",
         )
@@ -105,7 +97,7 @@ def _values(found: ModulusDocument) -> Table:
         (
             *_head(s), Number(v.at, "degC", 0.1), v.channel.replace("_", " "),
             "1" if v.unit == "1" else unit_label(unit),
-            Estimate(v.median, v.q05, v.q95) if v.unit == "1" else _interval(v, unit, per),
+            Estimate.of(v) if v.unit == "1" else Estimate.of(v, unit, per),
         )
         for s in found.sweeps for v in s.values
     )  # fmt: skip
@@ -121,7 +113,7 @@ def _by_frequency(found: ModulusDocument) -> Table:
     )  # fmt: skip
     rows = tuple(
         (
-            b.branch, Number(b.at, "degC", 0.1), len(b.sweeps), _interval(b.factor, "1"),
+            b.branch, Number(b.at, "degC", 0.1), len(b.sweeps), Estimate.where_told(b.factor, "1"),
             Number(b.probability_rises, "1", 0.01),
         )
         for b in found.by_frequency
@@ -157,7 +149,7 @@ def _parameters(found: ModulusDocument) -> Table:
     rows = tuple(
         (
             *_head(s), c.channel.replace("_", " "), name, p.meaning, unit_label(u.shown) or "1",
-            _interval(p, u.shown, u.factor),
+            Estimate.of(p, u.shown, u.factor),
         )
         for s in found.sweeps for c in s.curves for name, p in c.parameters.items()
         for u in [shown_as(p.unit, units, "modulus")]

@@ -15,6 +15,7 @@ from sma_bayes import __version__
 from sma_bayes.account import Account
 from sma_bayes.assess.adequacy import SENTENCES
 from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.fitting.curves import as_interval
 from sma_bayes.fitting.posterior import versions
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.dmta import DmtaCampaign, DmtaOptions, DmtaSweep, read_dmta
@@ -250,8 +251,7 @@ def _remove_parts(folder: Path) -> None:
 
 
 def _interval(values: Sequence[float]) -> IntervalDocument:
-    low, median, high = values
-    return IntervalDocument(q05=low, median=median, q95=high)
+    return IntervalDocument(**as_interval(values))
 
 
 def shifts_of(sweeps: Sequence[ModulusSweep]) -> tuple[FrequencyShift, ...]:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
+from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.fitting.warm_start import GoodnessOfFit
 from sma_bayes.paper.errata import PRINTED_TABLES
 from sma_bayes.paper.extremes import EXTREME_TABLES
@@ -17,7 +18,7 @@ from sma_bayes.paper.tables import PARAMETER_TABLES, STATISTICS_TABLES, CellStat
 from sma_bayes.paper.twin import FITTED_PARAMETERS
 from sma_bayes.quantities import convert
 from sma_bayes.runs.schema import IntervalDocument
-from sma_bayes.studies.conditions.features import BOTH, interval_where_defined
+from sma_bayes.studies.conditions.features import BOTH
 from sma_bayes.studies.paper.export import printed_entry
 from sma_bayes.studies.paper.schema import RecomputedValue, ReproducedEntry
 from sma_bayes.studies.paper.study import TwinStudy

@@ -83,13 +83,8 @@ def _quantities(found: PlanDocument) -> Table:
     rows = []
     for k in found.quantities:
         f = k.shown_factor
-        value = (
-            None
-            if k.median is None or k.q05 is None or k.q95 is None
-            else Estimate(k.median * f, k.q05 * f, k.q95 * f, k.shown_unit)
-        )
         rows.append((
-            quantity_name(k, found), unit_label(k.shown_unit) or "1", value, _half(k.sd * f),
+            quantity_name(k, found), unit_label(k.shown_unit) or "1", Estimate.of(k, k.shown_unit, f), _half(k.sd * f),
             _left(() if best is None else best.expected, k.key, k.name, f),
             _left(() if design is None else design.expected, k.key, k.name, f),
             _left(() if design is None else design.even.expected, k.key, k.name, f),

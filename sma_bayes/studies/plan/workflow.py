@@ -20,14 +20,14 @@ from sma_bayes.errors import (
     UnknownNameError,
     near_matches,
 )
-from sma_bayes.fitting.curves import quantiles
+from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.types import Branch
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.runs.declared_units import Shown, of_parameters, shown_units
 from sma_bayes.runs.documents import FIT, GAP, PLAN
-from sma_bayes.runs.fit_document import RecordSummary
+from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRun, read_run
 from sma_bayes.runs.store import plain, write_csv
 from sma_bayes.runs.stored_draws import draws_of
@@ -210,13 +210,8 @@ class _FitQuestion:
     def of(run: StoredRun, asked: Asked, condition: str | None, branch: str | None) -> _FitQuestion:
         """Records that have what is asked for."""
         records = run.summary.records
-        if any(r.shares_parameters_with for r in records):
-            raise OutputError(
-                "holds a fit in which all conditions share A and B",
-                file=run.folder,
-                expected="parameters of their own for each condition, which an experiment at its settings tells of",
-                remedy="fit again without --pool campaign",
-            )
+        shared = any(r.shares_parameters_with for r in records)
+        refuse_shared_parameters(shared, run.folder, "which an experiment at its settings tells of")
         draws = tuple(draws_of(run.folder, r, run.summary.seed) for r in records)
         require_condition(condition, settings_of(draws), run.folder)
         wanted = [r for r in records if condition in (None, r.condition) and branch in (None, r.branch)]
@@ -367,7 +362,6 @@ def _known(target: PlanTarget, q: _FitQuestion, shown: Shown) -> list[dict[str, 
     factors = of_parameters(summary, shown)
     out = []
     for quantity, sd in zip(target.quantities, target.sd, strict=True):
-        q05, median, q95 = quantiles(quantity.draws, (0.05, 0.5, 0.95)).tolist()
         unit, factor = quantity.unit, 1.0
         own = (
             shown.get(summary.quantities[quantity.channel].name)
@@ -377,7 +371,7 @@ def _known(target: PlanTarget, q: _FitQuestion, shown: Shown) -> list[dict[str, 
         if own is not None and (own.stored == unit or quantity.name in factors):
             unit, factor = own.of(unit), factors.get(quantity.name, own.factor)
         out.append({
-            "key": draws.key, "name": quantity.name, "unit": quantity.unit, "q05": q05, "median": median, "q95": q95,
+            "key": draws.key, "name": quantity.name, "unit": quantity.unit, **interval(quantity.draws),
             "sd": sd, "shown_unit": unit, "shown_factor": factor,
         })  # fmt: skip
     return out

@@ -11,7 +11,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.sweeps import samples_of_sweeps
-from sma_bayes.fitting.curves import quantiles
+from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.runs.store import plain
 from sma_bayes.sampling.power_scaling import THRESHOLD, mean_gradient, power_sensitivity
 from sma_bayes.studies.sensitivity.bootstrap import SweepBootstrap, bootstrap_sweeps
@@ -36,7 +36,6 @@ from sma_bayes.studies.sensitivity.schema import (
     RecordSensitivity,
 )
 
-LEVELS = (0.05, 0.5, 0.95)
 DEFINED = 0.5
 """Share of the draws from which on what moves a number is told [1]."""
 
@@ -143,10 +142,10 @@ def _quantities(
     for i, q in enumerate(quantities):
         diagnosis = diagnose(of_prior[i], of_likelihood[i])
         finite = np.isfinite(q.draws)
-        ends = quantiles(q.draws[finite], LEVELS).tolist() if finite.any() else [np.nan] * 3
+        found = interval_where_defined(q.draws[finite])
         changes = [(one.mean[i] - mean[i]) * per_sd[i] for one in left_out]
         numbers = plain({
-            **dict(zip(("q05", "median", "q95"), ends, strict=True)),
+            **found,
             "defined": float(finite.mean()), "mean": mean[i], "sd": sd[i],
             "prior": of_prior[i], "likelihood": of_likelihood[i],
             "prior_shift": prior_shift[i], "likelihood_shift": likelihood_shift[i],
@@ -167,7 +166,7 @@ def _quantities(
                 sweeps=tuple(
                     LeftOutSweepChange(sweep=s + 1, change=plain(float(c))) for s, c in enumerate(changes)
                 ),
-                bootstrap=_interval(again[q.name], ends) if q.name in again else None,
+                bootstrap=_interval(again[q.name], found["q95"] - found["q05"]) if q.name in again else None,
                 **numbers,
             )
         )
@@ -232,15 +231,11 @@ def _deciding(
     ]
 
 
-def _interval(quantity: QuantityDraws, of_posterior: Sequence[float]) -> BootstrapInterval:
-    finite = quantity.draws[np.isfinite(quantity.draws)]
-    if not finite.size:
-        return BootstrapInterval(q05=None, median=None, q95=None, width=None)
-    q05, median, q95 = quantiles(finite, LEVELS).tolist()
-    wide = of_posterior[2] - of_posterior[0]
-    return BootstrapInterval(**plain({
-        "q05": q05, "median": median, "q95": q95, "width": (q95 - q05) / wide if wide > 0.0 else np.nan,
-    }))  # fmt: skip
+def _interval(quantity: QuantityDraws, of_posterior: float) -> BootstrapInterval:
+    """Interval over the resampled sweeps, its width over that of the posterior."""
+    found = interval_where_defined(quantity.draws[np.isfinite(quantity.draws)])
+    width = (found["q95"] - found["q05"]) / of_posterior if of_posterior > 0.0 else np.nan
+    return BootstrapInterval(**plain({**found, "width": width}))
 
 
 def _columns(

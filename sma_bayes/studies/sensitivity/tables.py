@@ -58,7 +58,7 @@ def _power_cells(q: QuantitySensitivity) -> tuple[Cell, ...]:
         q.name,
         q.kind,
         unit_label(q.unit) or "1",
-        Estimate(q.median, q.q05, q.q95, q.unit),
+        Estimate.of(q, q.unit),
         _number(q.prior),
         _number(q.likelihood),
         _number(q.prior_shift, SD, 0.01),
@@ -144,8 +144,8 @@ def _bootstrap(records: tuple[RecordSensitivity, ...]) -> Table:
             b, sweep = q.bootstrap, worst_sweep(q)
             if b is not None:
                 rows.append((
-                    r.condition, r.branch, q.name, unit_label(q.unit) or "1", Estimate(q.median, q.q05, q.q95, q.unit),
-                    Estimate(b.median, b.q05, b.q95, q.unit), _number(b.width, "1", 0.01),
+                    r.condition, r.branch, q.name, unit_label(q.unit) or "1", Estimate.of(q, q.unit),
+                    Estimate.of(b, q.unit), _number(b.width, "1", 0.01),
                     None if sweep is None else sweep[0], _number(None if sweep is None else sweep[1], SD, 0.01),
                 ))  # fmt: skip
     return Table(

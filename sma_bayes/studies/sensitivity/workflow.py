@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from sma_bayes.account import Account
-from sma_bayes.errors import OutputError, QuantityError
+from sma_bayes.errors import QuantityError
 from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import SENSITIVITY
-from sma_bayes.runs.fit_document import RecordSummary
+from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.jobs import run as run_tasks
 from sma_bayes.runs.outputs import read_run
 from sma_bayes.runs.store import write_csv
@@ -119,13 +119,8 @@ def check(source: FitSource, at: Sequence[str]) -> None:
         If a temperature can't be read, or no record has measured it.
     """
     records = source.summary.records
-    if any(r.shares_parameters_with for r in records):
-        raise OutputError(
-            "holds a fit in which all conditions share A and B",
-            file=source.folder,
-            expected="parameters of their own for each condition, which a sweep or a reading of it can move",
-            remedy="fit again without --pool campaign",
-        )
+    shared = any(r.shares_parameters_with for r in records)
+    refuse_shared_parameters(shared, source.folder, "which a sweep or a reading of it can move")
     for text in at:
         if not any(_measured(r, text) for r in records):
             ranges = ", ".join(

@@ -29,7 +29,7 @@ def _balance(found: SimulationDocument) -> Table:
             Column("meaning", "meaning"),
         ),
         tuple(
-            (name, Estimate(p.median, p.q05, p.q95, p.unit), unit_label(p.unit), p.meaning)
+            (name, Estimate.of(p, p.unit), unit_label(p.unit), p.meaning)
             for name, p in shown_parameters(found).items()
         ),
     )
@@ -44,7 +44,7 @@ def _ends(found: SimulationDocument) -> Table:
                     r.condition,
                     start_text(r),
                     v.name,
-                    Estimate(v.median, v.q05, v.q95, v.unit),
+                    Estimate.of(v, v.unit),
                     Estimate(v.median, v.pred_q05, v.pred_q95, v.unit),
                     unit_label(v.unit) or "1",
                 )
@@ -56,7 +56,7 @@ def _ends(found: SimulationDocument) -> Table:
                         r.condition,
                         start_text(r),
                         "hottest temperature",
-                        Estimate(h.median, h.q05, h.q95, h.unit),
+                        Estimate.of(h, h.unit),
                         Estimate(h.median, h.pred_q05, h.pred_q95, h.unit),
                         unit_label(h.unit),
                     )
@@ -88,7 +88,7 @@ def _reach(found: SimulationDocument) -> Table:
                 (
                     c.condition,
                     p.direction,
-                    Estimate(p.median, p.q05, p.q95, "A"),
+                    Estimate.of(p, "A"),
                     p.probability,
                     c.reachable,
                     None if c.best is None else c.best.current,

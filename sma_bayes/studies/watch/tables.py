@@ -5,7 +5,6 @@ from __future__ import annotations
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
-from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.watch.outputs import StoredWatch
 from sma_bayes.studies.watch.schema import LimitDocument, WatchDocument
 
@@ -46,11 +45,6 @@ def _value(value: float | None, unit: str) -> Cell:
     return None if value is None else Number(value, unit, abs(value) * 1e-4 or 1e-4)
 
 
-def _estimate(of: IntervalDocument, unit: str) -> Estimate:
-    low, middle, high = of.quantiles
-    return Estimate(middle, low, high, unit)
-
-
 def _causes(found: WatchDocument) -> Table:
     columns = (
         Column("cause", "cause"), Column("of", "of"), Column("effects of gap", "effects"),
@@ -61,7 +55,7 @@ def _causes(found: WatchDocument) -> Table:
         (
             c.title, c.of, ", ".join(c.effects).replace("_", " ") or "none", Number(c.share, "1", 0.01),
             Number(c.p_value, "1", 0.01), a.name.replace("_", " "), unit_label(a.unit) or "1",
-            _estimate(a, a.unit),
+            Estimate.of(a, a.unit),
         )
         for c in found.change.causes for a in c.amounts
     )  # fmt: skip
@@ -78,7 +72,7 @@ def _limits(found: WatchDocument) -> Table:
     rows = tuple(
         (
             r.branch, r.channel, r.limit, unit_label(r.unit) or "1", _value(r.fitted, r.unit),
-            _estimate(r.now, r.unit), _value(r.target, r.unit),
+            Estimate.of(r.now, r.unit), _value(r.target, r.unit),
             remaining_text(r), Number(r.probability, "1", 0.01),
         )
         for r in found.limits

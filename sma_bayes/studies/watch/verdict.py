@@ -11,6 +11,7 @@ from scipy.stats import t as t_distribution
 
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import many
+from sma_bayes.fitting.curves import INTERVAL, as_interval
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.runs.declared_units import Shown
 from sma_bayes.runs.store import or_nan, plain
@@ -211,7 +212,7 @@ def _cause(n: NamedCause, change: Change) -> dict[str, Any]:
         "share": n.share,
         "p_value": n.p,
         "amounts": [
-            {"q05": float(a), "median": float(m), "q95": float(b), "name": name, "unit": unit}
+            {**as_interval((a, m, b)), "name": name, "unit": unit}
             for a, m, b, (name, unit) in zip(low, n.amount, high, amounts, strict=True)
         ],
     }
@@ -245,7 +246,6 @@ def _statement(
 
 def remaining_document(r: Remaining) -> dict[str, Any]:
     """Keys of a limit in `watch.json`."""
-    low, middle, high = r.remaining
     return {
         "limit": r.limit.asked,
         "branch": r.branch,
@@ -254,9 +254,9 @@ def remaining_document(r: Remaining) -> dict[str, Any]:
         "at": r.limit.at,
         "unit": r.unit,
         "fitted": r.fitted,
-        "now": dict(zip(("q05", "median", "q95"), r.now, strict=True)),
+        "now": as_interval(r.now),
         "target": r.target,
-        "remaining": {"q05": low, "median": middle, "q95": high},
+        "remaining": dict(zip(INTERVAL, r.remaining, strict=True)),
         "probability": r.probability,
         "horizon": r.horizon,
         "statement": _remaining_statement(r),
@@ -264,8 +264,8 @@ def remaining_document(r: Remaining) -> dict[str, Any]:
 
 
 def _remaining_statement(r: Remaining) -> str:
-    low, middle, high = r.remaining
     what = f"{r.branch} {r.channel}, {r.limit.asked}"
+    low, middle, high = r.remaining
     if middle == 0.0:
         return f"{what}: reached"
     if middle is None:

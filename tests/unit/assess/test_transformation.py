@@ -121,7 +121,7 @@ def test_draws_of_a_fit_follow_the_closed_form_and_hold_the_truth(make_record: C
         for found, truth in ((lower, 48.0 - 2.0 / 0.3), (upper, 48.0 + 2.0 / 0.3)):
             assert found.within_data
             assert found.defined == 1.0
-            inside.append(found.interval[0] < truth < found.interval[2])
+            inside.append(found.interval["q05"] < truth < found.interval["q95"])
     assert sum(inside) >= 2
 
 
@@ -176,7 +176,7 @@ def test_a_transformation_in_two_stages_has_start_and_finish_of_both(
     wanted = [middle + side * 2.0 / rate for middle, rate in (first, second) for side in (-1.0, 1.0)]
     for name, value in zip(names, wanted, strict=True):
         sd = np.std(temperatures[name].draws)
-        assert temperatures[name].interval[1] == pytest.approx(value, abs=4.0 * sd)
+        assert temperatures[name].interval["median"] == pytest.approx(value, abs=4.0 * sd)
         assert sd < 0.5
         assert temperatures[name].within_data
     assert "R-phase start" in temperatures["Rs"].meaning

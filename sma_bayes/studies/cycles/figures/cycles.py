@@ -15,7 +15,7 @@ from sma_bayes.report.figures.sheet import (
     FAINT,
     INK,
     Drawing,
-    dot_handle,
+    branch_legend,
     empty_sheet,
     heading,
     in_units_of,
@@ -179,11 +179,7 @@ def _against_cycle(
             ax.set_xlim(one.cycles[0] - 0.5, one.cycles[-1] + 0.5)
             _label(ax, "", first.unit)
     heading(figure, title, "")
-    branches = list(dict.fromkeys(q.branch for q in one.quantities))
-    figure.legend(
-        handles=[dot_handle(COLOURS[b], b) for b in branches], loc="upper right", ncols=len(branches),
-        bbox_to_anchor=(1.0, 1.0),
-    )  # fmt: skip
+    branch_legend(figure, (q.branch for q in one.quantities))
     return Drawing(stem, caption, caption, figure, data)
 
 

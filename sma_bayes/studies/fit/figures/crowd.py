@@ -23,6 +23,7 @@ from sma_bayes.report.figures.sheet import (
     numbered,
     panels,
     take_power,
+    with_margin,
 )
 from sma_bayes.runs.fit_document import TARGET
 
@@ -166,9 +167,8 @@ def _in_order(ax: Axes, estimates: Floats, colour: str) -> None:
 def _histogram(ax: Axes, values: Sequence[tuple[str, float | None]], mark: float | None) -> None:
     known = [(branch, v) for branch, v in values if v is not None and math.isfinite(v)]
     if known:
-        low, high = min(v for _, v in known), max(v for _, v in known)
-        margin = 1e-9 * max(abs(low), abs(high))  # equal to rounding, they would leave no room for bins
-        edges = np.histogram_bin_edges([], BINS, range=(low - margin, high + margin)).tolist()
+        span = with_margin(min(v for _, v in known), max(v for _, v in known))
+        edges = np.histogram_bin_edges([], BINS, range=span).tolist()
         parts = [[v for b, v in known if b == branch] for branch in COLOURS]
         ax.hist(parts, edges, stacked=True, color=list(COLOURS.values()))
     if mark is not None:

@@ -29,6 +29,7 @@ from sma_bayes.report.figures.sheet import (
     in_units_of,
     power_of,
     unconverged_note,
+    with_margin,
 )
 
 
@@ -178,6 +179,5 @@ def _corner_data(shown: Sequence[ParameterResult], draws: Mapping[str, Floats]) 
 
 def _range(draws: Floats) -> tuple[float, float]:
     """Range that shows nearly all draws, a little wider than their central 99 %, and wide enough to be divided."""
-    low, high = np.quantile(draws, (0.005, 0.995))
-    margin = max(0.12 * (high - low), 1e-9 * max(abs(low), abs(high))) or 1e-9
-    return float(low - margin), float(high + margin)
+    low, high = np.quantile(draws, (0.005, 0.995)).tolist()
+    return with_margin(low, high, 0.12)

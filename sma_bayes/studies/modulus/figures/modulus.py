@@ -14,6 +14,7 @@ from sma_bayes.report.figures.sheet import (
     COLOURS,
     INK,
     Drawing,
+    branch_legend,
     dot_handle,
     empty_sheet,
     heading,
@@ -136,11 +137,7 @@ def shift_figure(stored: StoredModulus) -> Drawing:
         ax.set_xlabel("frequency [Hz]")
         ax.set_ylabel("temperature [°C]")
     heading(figure, "Shift with frequency", "")
-    branches = list(dict.fromkeys(s.branch for s in shifts))
-    figure.legend(
-        handles=[dot_handle(COLOURS[b], b) for b in branches], loc="upper right", ncols=len(branches),
-        bbox_to_anchor=(1.0, 1.0),
-    )  # fmt: skip
+    branch_legend(figure, (s.branch for s in shifts))
     caption = (
         "Temperatures of the transition against frequency: mean and 90 % interval of each sweep, and the straight line "
         "of 1/T over ln f with its 90 % band, scatter between sweeps included. A level line has no activation energy."

@@ -13,6 +13,7 @@ from sma_bayes.report.figures.sheet import (
     FAINT,
     INK,
     Drawing,
+    branch_legend,
     dot_handle,
     empty_sheet,
     heading,
@@ -101,11 +102,7 @@ def numbers_figure(stored: StoredWatch) -> Drawing:
             if own[0].normal_low[-1] is None:
                 remark(ax, "scatter not known yet", "#555555")
     heading(figure, f"{found.condition}: numbers of the sweeps", "")
-    branches = list(dict.fromkeys(n.branch for n in found.numbers))
-    figure.legend(
-        handles=[dot_handle(COLOURS[b], b) for b in branches], loc="upper right", ncols=len(branches),
-        bbox_to_anchor=(1.0, 1.0),
-    )  # fmt: skip
+    branch_legend(figure, (n.branch for n in found.numbers))
     caption = (
         "Offset, stroke, shift, width of every sweep and what these leave; left of the dotted line the fitted cycles, "
         "right of it the watched ones. Bands: where 95 % of the sweeps are while nothing changes. A red line is the "
