@@ -80,13 +80,13 @@ class Averages:
     """Averages to which records are added one by one, so that nobody has to keep the draws of all of them."""
 
     def __init__(self) -> None:
-        self._groups: dict[tuple[str, str, str], dict[str, _Group]] = {}
+        self._groups: dict[tuple[str, str, str], dict[str, _RecordsOfAverage]] = {}
 
     def add(self, s: Scored) -> None:
         """Add a record to the averages of its branch and of both."""
-        group = self._groups.setdefault((s.channel, s.quantity, s.unit), {"": _Group()})
+        group = self._groups.setdefault((s.channel, s.quantity, s.unit), {"": _RecordsOfAverage()})
         for branch in ("", s.branch):
-            group.setdefault(branch, _Group()).add(s)
+            group.setdefault(branch, _RecordsOfAverage()).add(s)
 
     def entries(self) -> list[dict[str, Any]]:
         """What `averages` gives."""
@@ -99,7 +99,7 @@ class Averages:
         return out
 
 
-class _Group:
+class _RecordsOfAverage:
     """Records that are averaged with each other."""
 
     def __init__(self) -> None:

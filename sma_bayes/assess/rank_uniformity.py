@@ -33,8 +33,6 @@ from sma_bayes.assess.holm import holm_limits
 
 FALSE_ALARMS: Final = 0.01
 """Chance that ranks which are uniform are called otherwise, over all quantities of a record together."""
-TESTS: Final = ("location", "spread", "distribution")
-"""What is tested of each quantity."""
 EXACT: Final = 0.95
 """Probability of the intervals of coverages."""
 
@@ -68,7 +66,7 @@ class Uniformity:
     spread : float
         Standard deviation of these: spread of truths over that of the draws, about [1]; 1 is right.
     p_values : tuple of float
-        Of the `TESTS`.
+        Of location, spread and distribution.
     coverage : tuple of Coverage
         At 50 % and 90 %.
     """

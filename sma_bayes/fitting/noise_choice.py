@@ -361,7 +361,7 @@ class _Residuals:
 
     def described(self, noise: NoiseModel) -> _Description:
         total, gain = 0.0, dict.fromkeys(self.posterior.records[0].channels, 0.0)
-        found: dict[tuple[int, str], tuple[_Found, _Found | None]] = {}
+        found: dict[tuple[int, str], tuple[_FittedNoise, _FittedNoise | None]] = {}
         for i, record in enumerate(self.posterior.records):
             for channel in record.channels:
                 alone = self._look(noise, i, channel, None)
@@ -392,7 +392,7 @@ class _Residuals:
             spread.append(max(errors))
         return _Description(total, gain, tuple(bases), tuple(estimate), tuple(spread), tuple(innovations))
 
-    def _is_noise(self, noise: NoiseModel, i: int, found: _Found) -> bool:
+    def _is_noise(self, noise: NoiseModel, i: int, found: _FittedNoise) -> bool:
         """Whether a memory is shorter than half a sweep; one as long as the sweep is misfit, whatever it is called."""
         if not noise.autocorrelated:
             return True
@@ -400,7 +400,7 @@ class _Residuals:
         longest = np.diff(np.append(np.flatnonzero(steps.first), steps.first.size)).max()
         return noise.memory(noise.shape_of(found.theta), steps) < LONGEST_MEMORY * float(longest)
 
-    def _look(self, noise: NoiseModel, i: int, channel: str, basis: DiscrepancyBasis | None) -> _Found:
+    def _look(self, noise: NoiseModel, i: int, channel: str, basis: DiscrepancyBasis | None) -> _FittedNoise:
         record = self.posterior.records[i]
         space, slots = _space(self.priors, noise, record, channel, basis, self.start.fit[i][channel].rmse)
         _, span = self.posterior.observed_range(i, channel)
@@ -411,7 +411,7 @@ class _Residuals:
             self.slope[i][channel], record.temperature_sd, self.response(i, channel),
             REACH * span * np.sqrt(record.n),
         )  # fmt: skip
-        best: _Found | None = None
+        best: _FittedNoise | None = None
         for z in density.starts():
             mode = find_mode(density, z, space.prior_sd())
             if mode is None:
@@ -423,15 +423,15 @@ class _Residuals:
                 felt_at = slots.temperature_sd
                 own = theta if felt_at is None else np.delete(theta, felt_at)
                 felt = 0.0 if felt_at is None else float(theta[felt_at])
-                best = _Found(value, own, felt, *density.explained(mode.z))
+                best = _FittedNoise(value, own, felt, *density.explained(mode.z))
         if best is None:
             centre = space.constrain(space.prior_centre())
-            return _Found(-np.inf, centre, 0.0, None, residual)
+            return _FittedNoise(-np.inf, centre, 0.0, None, residual)
         return best
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Found:
+class _FittedNoise:
     ln_evidence: float
     theta: Floats
     temperature_sd: float

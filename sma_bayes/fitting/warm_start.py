@@ -102,7 +102,7 @@ def warm_start(posterior: Posterior, rng: np.random.Generator) -> WarmStart:
     MeasurementError
         If there are fewer samples than parameters.
     """
-    problem = _Problem(posterior)
+    problem = _SumOfSquares(posterior)
     if problem.free.size > problem.samples:
         raise MeasurementError(
             f"{problem.samples} samples can't determine {problem.free.size} parameters",
@@ -135,7 +135,7 @@ def warm_start(posterior: Posterior, rng: np.random.Generator) -> WarmStart:
     )
 
 
-class _Problem:
+class _SumOfSquares:
     """The sum of squares and its Jacobian in sampled coordinates of the model's free parameters."""
 
     def __init__(self, posterior: Posterior) -> None:

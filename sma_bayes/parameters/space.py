@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -245,8 +245,3 @@ class ParameterSpace:
             prior = self.free[i].prior
             centre[i] = prior.transform.unconstrain(prior.quantile(np.array(0.5)))
         return centre
-
-
-def free_names(parameters: Sequence[Parameter]) -> tuple[str, ...]:
-    """Names of the parameters that are sampled."""
-    return tuple(p.name for p in parameters if p.fixed is None)

@@ -206,12 +206,11 @@ def sample(
     ----------
     density : Density
     starts : sequence of ndarray, shape (D,), or of Mode
-        Points from which modes are climbed to, or modes where they are known. `dispersed_starts` finds points for a
-        density without a warm start.
+        Points from which modes are climbed to, or modes where they are known.
     width : ndarray, shape (D,)
         Greatest plausible standard deviation of each coordinate: that of the prior.
     seed : numpy.random.SeedSequence
-        Decides every draw.
+        Seed of all random draws.
     plan : Plan, optional
     checkpoint : Path, optional
         File to which blocks of steps are written and from which an interrupted run goes on. The draws are the
@@ -234,21 +233,6 @@ def _keep_freed_memory() -> None:
     An array of 16 MB that nobody writes to takes no memory. With other C libraries it does nothing.
     """
     np.empty(1 << 21)
-
-
-def dispersed_starts(
-    density: Density, rng: np.random.Generator, width: Floats, count: int = 12
-) -> list[Floats]:
-    """Best of many draws from the prior that are at least a fifth of the prior's width from one another."""
-    z = density.draw_prior(rng, 2000)
-    z = z[np.argsort(-density.log_prob(z), kind="stable")]
-    chosen: list[Floats] = []
-    for point in z:
-        if all(np.max(np.abs(point - other) / width) > 0.2 for other in chosen):
-            chosen.append(point)
-        if len(chosen) == count:
-            break
-    return chosen
 
 
 def _steps_hoped(efficiency: float, chains: int, plan: Plan) -> int:
@@ -444,7 +428,7 @@ class _Run:
         """
         plan = self.plan
         more = _steps_hoped(adapted.weights.efficiency, plan.groups * self.walkers, plan)
-        group = _Group(self, name, adapted, seed, None, more, copies=plan.groups)
+        group = _Ensemble(self, name, adapted, seed, None, more, copies=plan.groups)
         let_pass = 0.0
         # a great weight calls for an audit at once; after one that is passed they go on
         while group.length < LONGEST and not (group.length and self.spent):
@@ -480,7 +464,7 @@ class _Run:
         plan = self.plan
         *seeds, evidence_seed = seed.spawn(plan.groups + 1)
         groups = [
-            _Group(self, f"{plan.sampler.name}-{g}", adapted, s, moves, plan.explore_block, modes=modes)
+            _Ensemble(self, f"{plan.sampler.name}-{g}", adapted, s, moves, plan.explore_block, modes=modes)
             for g, s in enumerate(seeds)
         ]
         return self._until_mixed(groups, modes, method, np.random.default_rng(evidence_seed))
@@ -500,7 +484,7 @@ class _Run:
             return self._mixed(adapted, modes, rng, mixed_seeds)
         evolution = differential_evolution(self.width.size)
         groups = [
-            _Group(self, f"explore-{g}", adapted, s[0], evolution, plan.explore_block, modes=modes)
+            _Ensemble(self, f"explore-{g}", adapted, s[0], evolution, plan.explore_block, modes=modes)
             for g, s in enumerate(explore_seeds)
         ]
         times = SEEN_TIMES if isinstance(self.density, Linearisable) else EXPLORED_TIMES
@@ -548,7 +532,7 @@ class _Run:
         share = 0.5 if accepted > 0.1 else 0.1
         adapted = with_wide_share(adapted)  # a walker far out in a tail is to come back
         groups = [
-            _Group(
+            _Ensemble(
                 self, f"mixed-{g}", adapted, seed, differential_evolution(self.width.size), self.plan.explore_block,
                 independence=share, start=starts[g] if starts else None, modes=() if starts else modes,
             )
@@ -557,7 +541,7 @@ class _Run:
         return self._until_mixed(groups, modes, "independence and differential evolution", rng)
 
     def _until_mixed(
-        self, groups: Sequence[_Group], modes: tuple[Mode, ...], method: str, rng: np.random.Generator
+        self, groups: Sequence[_Ensemble], modes: tuple[Mode, ...], method: str, rng: np.random.Generator
     ) -> Draws:
         """Blocks of steps until each walker has moved for many autocorrelation times, or the effort is spent."""
         plan = self.plan
@@ -584,7 +568,7 @@ class _Run:
 
     def _draws(
         self,
-        groups: Sequence[_Group],
+        groups: Sequence[_Ensemble],
         burn: int,
         convergence: Convergence,
         modes: tuple[Mode, ...],
@@ -610,7 +594,7 @@ class _Run:
         )
 
 
-class _Group:
+class _Ensemble:
     """One ensemble, run a block at a time; blocks that a checkpoint holds are read instead of run.
 
     With `copies`, as many ensembles side by side, for moves that never look at another walker.

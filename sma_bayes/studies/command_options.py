@@ -9,7 +9,7 @@ import typer
 
 from sma_bayes.limits import SEED
 
-Seed = Annotated[int, typer.Option(help="Decides every draw.", min=0, max=int(SEED.value))]
+Seed = Annotated[int, typer.Option(help="Seed of all random draws.", min=0, max=int(SEED.value))]
 Jobs = Annotated[int | None, typer.Option(help="Processes; by default one for each core.", min=1)]
 Priors = Annotated[
     str | None,
@@ -18,7 +18,7 @@ Priors = Annotated[
 Model = Annotated[
     str,
     typer.Option(
-        help="Response model: 'sma-bayes priors --list' names them; 'auto' takes the best supported of a ladder.",
+        help="Response model: 'sma-bayes priors --list' names them; 'auto' chooses the best supported by evidence.",
         metavar="NAME",
     ),
 ]
@@ -27,11 +27,15 @@ Noise = Annotated[
 ]
 PoolChoice = Annotated[
     str,
-    typer.Option(help="'none': own A and B a condition; 'campaign': one set a branch for all conditions."),
+    typer.Option(
+        help="'none': each condition has parameters of its own; 'campaign': shared by all of a branch."
+    ),
 ]
 Sampler = Annotated[
     str,
-    typer.Option(help="'independence', or to cross-check it 'de' (differential evolution) or 'stretch'."),
+    typer.Option(
+        help="'independence', or to cross-check it emcee's 'de' (differential evolution) or 'stretch'."
+    ),
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the run that --out holds.")]
 SelfCheck = Annotated[
@@ -52,7 +56,8 @@ Data = Annotated[
     Path | None, typer.Option(help="Folder of the data files, where it is not the campaign file's own.")
 ]
 Extrapolate = Annotated[
-    float, typer.Option(help="How far bands go beyond the observed temperatures; marked there.", min=0.0)
+    float,
+    typer.Option(help="How far bands extend beyond the observed temperatures [their unit].", min=0.0),
 ]
 Arranged = Annotated[
     str | None,

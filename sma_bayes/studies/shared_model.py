@@ -15,12 +15,12 @@ from sma_bayes.studies.options import FitOptions, models_of
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
+class _SupportTask:
     records: tuple[Record, ...]
     options: FitOptions
 
 
-def _support_task(task: _Task) -> Support:
+def _support_task(task: _SupportTask) -> Support:
     o = task.options
     return support_for(task.records, models_of(task.records, o), noise=o.noise, seed=o.seed)
 
@@ -42,7 +42,7 @@ def with_shared_model(
     """
     if options.model != AUTO_MODEL:
         return options, None
-    tasks = [_Task(group, options) for group in groups]
+    tasks = [_SupportTask(group, options) for group in groups]
     support = list(run(_support_task, tasks, jobs, account=account, stage="choose_model"))
     choice = best_supported(support)
     priors = next(p for m, p in models_of(groups[0], options) if m.name == choice.name)

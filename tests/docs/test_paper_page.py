@@ -20,8 +20,8 @@ from sma_bayes.studies.paper.document import judged_claim
 from sma_bayes.studies.paper.page import PICTURES, page
 from sma_bayes.studies.paper.printed import printed_effects
 from sma_bayes.studies.paper.schema import JudgedClaim, RecomputedValue, ReproducedEntry, ReproductionDocument
-from sma_bayes.studies.paper.study import study_twin
 from sma_bayes.studies.paper.tables import table_entries
+from sma_bayes.studies.paper.twin_study import study_twin
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 AGAIN = "write it anew: sma-bayes paper --page docs"

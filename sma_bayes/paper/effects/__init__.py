@@ -5,7 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from sma_bayes.paper.effects import equations, fits, rig
-from sma_bayes.paper.effects.types import Amount, Effect
+from sma_bayes.paper.effects.amount import Amount, Effect
 
 EFFECTS: Final[Mapping[str, Effect]] = MappingProxyType({**equations.EFFECTS, **fits.EFFECTS, **rig.EFFECTS})
 """Effects by id of the erratum; those without one are notes."""

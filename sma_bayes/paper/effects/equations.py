@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from scipy.special import expit, logit
 
 from sma_bayes.arrays import Floats
-from sma_bayes.paper.effects.types import Amount, Effect
+from sma_bayes.paper.effects.amount import Amount, Effect
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
 from sma_bayes.paper.physics import biased_path
 from sma_bayes.paper.specifications import TABLE_2, TEXT_VALUES, specification

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
+from sma_bayes.paper.effects.amount import Amount, Effect
 from sma_bayes.paper.effects.equations import between
-from sma_bayes.paper.effects.types import Amount, Effect
 from sma_bayes.paper.extremes import TABLE_9, TABLE_12, extremes
 from sma_bayes.paper.specifications import TABLE_2, TEXT_VALUES, specification
 from sma_bayes.paper.tables import (

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
+from sma_bayes.paper.effects.amount import Amount, Effect
 from sma_bayes.paper.effects.equations import between, columns, parameter_rows
-from sma_bayes.paper.effects.types import Amount, Effect
 from sma_bayes.paper.extremes import (
     EXTREME_CONDITIONS,
     EXTREME_TABLES,

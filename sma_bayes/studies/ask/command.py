@@ -39,7 +39,7 @@ def command(
         typer.Option(help="Wanted stiffness together with the bias spring of `fit --arrangement`."),
     ] = None,
     tolerance: Annotated[str, typer.Option(help="How far off it may be: '5 %' or '4 N/m'.")] = "5 %",
-    probability: Annotated[float, typer.Option(help="With which it is to be met.")] = 0.9,
+    probability: Annotated[float, typer.Option(help="Probability with which it is to be met.")] = 0.9,
     condition: Annotated[str | None, typer.Option(help="Only this condition.")] = None,
     branch: Annotated[str | None, typer.Option(help="Only 'heating' or 'cooling'.")] = None,
     extrapolate: Annotated[
@@ -55,7 +55,7 @@ def command(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Tell what a temperature gives, or which temperatures give a wanted value, and how surely."""
+    """Tell the response at a temperature, or the temperatures that give a wanted value, with probabilities."""
     from sma_bayes.runs.declared_units import declared_units
     from sma_bayes.runs.outputs import read_run
     from sma_bayes.studies.ask.terminal import answer_text, show_values_at

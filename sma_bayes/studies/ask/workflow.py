@@ -42,7 +42,7 @@ Curve = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, slots=True)
-class _Question:
+class _InverseQuestion:
     """What is wanted, as it was put.
 
     Attributes
@@ -231,7 +231,7 @@ def answer(
         units = [unit] if isinstance(unit, str) else list(unit or ())
         return _ask_at(run, records, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
     ((channel, value),) = wanted.items()
-    question = _Question(
+    question = _InverseQuestion(
         channel, value, tolerance, probability, extrapolate, temperature_sd, temperature_unit
     )
     able = [r for r in records if not _lacking(run, r, channel)]
@@ -464,7 +464,7 @@ def _lacking(run: FitSource, record: RecordSummary, channel: str) -> str:
     return ""
 
 
-def _answer(run: FitSource, summary: RecordSummary, question: _Question) -> dict[str, Any]:
+def _answer(run: FitSource, summary: RecordSummary, question: _InverseQuestion) -> dict[str, Any]:
     draws = run.draws(summary)
     channel = "stiffness" if question.channel == OVERALL else question.channel
     stored = (summary.temperature.unit, summary.quantities[channel].unit)

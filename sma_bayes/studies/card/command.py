@@ -34,7 +34,7 @@ def command(
         str | None, typer.Option(help="Where C_A and C_M are told, such as '150 MPa'; the mean by default.")
     ] = None,
     points: Annotated[int, typer.Option(help="Rows of a stiffness table.")] = 65,
-    draws: Annotated[int, typer.Option(help="Draws of the constants.")] = 400,
+    draws: Annotated[int, typer.Option(help="Posterior draws of the constants.")] = 400,
     seed: Seed = 0,
     figures: Figures = "report",
     no_figures: NoFigures = False,
@@ -43,7 +43,7 @@ def command(
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
-    """Hand a fit on: constants for a finite-element solver, stiffness tables and a C header for a controller."""
+    """Export a fit: constants for a finite-element solver, stiffness tables and a C header for a controller."""
     from sma_bayes.studies.card.terminal import show_card
     from sma_bayes.studies.card.workflow import card
 

@@ -53,7 +53,7 @@ def _sweeps(card: ConstitutiveCard) -> Table:
     return Table(
         "sweeps",
         "Sweeps and the law",
-        f"Median and {INTERVAL}. Miss: root mean square by which the law differs from the curve of the fit, over its "
+        f"Median and {INTERVAL}. Misfit: root mean square by which the law differs from the curve of the fit, over its "
         "range: fitted to this sweep alone, and with the constants of the card, whose zero of strain is set for each "
         "sweep.",
         (
@@ -63,9 +63,9 @@ def _sweeps(card: ConstitutiveCard) -> Table:
             Column("start", "start", "K"),
             Column("finish", "finish", "K"),
             Column("transformation strain", "strain", "1"),
-            Column("miss alone", "alone", "1"),
-            Column("miss of the card", "card", "1"),
-            Column("largest", "largest", "1"),
+            Column("misfit by itself", "alone", "1"),
+            Column("misfit of the card", "card", "1"),
+            Column("largest misfit", "largest", "1"),
             Column("finished", "finished"),
         ),
         tuple(

@@ -260,7 +260,7 @@ def compare_record(
                 for c in running
             }
         folds = folds_of(record)
-        task = _Task(record, scatter, priors, memory, folds, bases)
+        task = _ComparisonSetting(record, scatter, priors, memory, folds, bases)
         fitted: dict[str, FittedContender] = {}
         for c, own in zip(running, seeds, strict=True):
             if progress is not None:
@@ -411,7 +411,7 @@ def _noise_choice(
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
+class _ComparisonSetting:
     """What all contenders share."""
 
     record: Record

@@ -171,15 +171,15 @@ def overall_table(stored: StoredComparison) -> Table:
     return Table(
         "overall",
         "All records together",
-        "Each record has parameters of its own; evidences and held-out folds are added up. Behind: held-out log "
-        "density less that of the preferred model, with its 95 % interval from the scatter of the folds.",
+        "Each record has parameters of its own; evidences and held-out folds are added up. Behind the preferred: "
+        "held-out log density less that of the preferred model, with its 95 % interval from the scatter of the folds.",
         (
             Column("channel", "channel"),
             Column("verdict", "verdict"),
             Column("model", "model"),
             Column("ln evidence", "ln_evidence", "1"),
             Column("held-out log density", "elpd_held_out", "1"),
-            Column("behind", "behind", "1"),
+            Column("behind the preferred", "behind", "1"),
             Column("from", "behind_low", "1"),
             Column("to", "behind_high", "1"),
         ),

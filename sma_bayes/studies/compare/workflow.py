@@ -72,7 +72,7 @@ def compare(
     out : str or Path, optional
         Folder for `comparison.json`, series, tables, figures and the report; nothing is written without it.
     seed : int
-        Decides every draw.
+        Seed of all random draws.
     noise : str
         Name of a noise model, the same for all models; ``auto``: chosen for each record by evidence, from what the
         model leaves that fits best.
@@ -172,13 +172,13 @@ def check(records: Sequence[Record], options: FitOptions) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
+class _CompareTask:
     record: Record
     options: FitOptions
     lines: float | None
 
 
-def _compare_task(task: _Task) -> Comparison:
+def _compare_task(task: _CompareTask) -> Comparison:
     r, o = task.record, task.options
     tell = None if task.lines is None else lines_about(f"{r.key}, {r.channels[0]}", task.lines)
     return compare_record(r, o.priors, noise=o.noise, seed=o.seed, model=o.model, progress=tell)
@@ -194,7 +194,7 @@ def _compared(
     work.tell(0, len(records), "choosing the model" if options.model == AUTO_MODEL else "comparing")
     chosen, choice = with_shared_model([(r,) for r in records], options, work.jobs, work.account)
     comparisons = []
-    tasks = [_Task(r, chosen, lines_inside(work.tell)) for r in records]
+    tasks = [_CompareTask(r, chosen, lines_inside(work.tell)) for r in records]
     for compared in run(_compare_task, tasks, work.jobs, account=work.account, stage="compare"):
         comparisons.append(compared)
         work.tell(len(comparisons), len(records), f"compared {stem_of(compared)}")

@@ -125,9 +125,12 @@ def study(
     groups, remarks = _groups(records)
     targets = [(g, complete(g.design, c)) for c in asked for g in _able(groups, c)]
     names = _left_out(groups, left_out)
-    tasks = [_Task(g, None, seed, scatter) for g in groups]
+    tasks = [_PopulationTask(g, None, seed, scatter) for g in groups]
     tasks += [
-        _Task(g, g.design.ids.index(n), seed, scatter) for n in names for g in groups if n in g.design.ids
+        _PopulationTask(g, g.design.ids.index(n), seed, scatter)
+        for n in names
+        for g in groups
+        if n in g.design.ids
     ]
     features = condition_features(records)
     found: list[Population | tuple[LeftOutChannel, ...]] = []
@@ -230,7 +233,7 @@ def _left_out(groups: Sequence[ComparableRecords], names: Sequence[str]) -> list
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Task:
+class _PopulationTask:
     """A population, or one condition left out of it."""
 
     group: ComparableRecords
@@ -246,7 +249,7 @@ class _Task:
         return f"predicted {design.ids[self.place]} from the others, {branch}"
 
 
-def _do(task: _Task) -> Population | tuple[LeftOutChannel, ...]:
+def _do(task: _PopulationTask) -> Population | tuple[LeftOutChannel, ...]:
     group = task.group
     words = f"{group.branch.value} {' '.join(group.design.ids)} {task.place}"
     seed = np.random.SeedSequence([task.seed, 20, *words.encode()])
@@ -255,7 +258,7 @@ def _do(task: _Task) -> Population | tuple[LeftOutChannel, ...]:
     return leave_out(group.design, group.records, task.place, seed, scatter=task.scatter)
 
 
-def _not_left_out(task: _Task) -> str:
+def _not_left_out(task: _PopulationTask) -> str:
     design = task.group.design
     name = design.ids[task.place or 0]
     return (

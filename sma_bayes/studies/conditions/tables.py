@@ -221,7 +221,7 @@ def effect_table(stored: StoredConditions) -> Table:
             Column("of", "channel"),
             Column("kind", "kind"),
             Column("tested", "tested", OF_ROW),
-            Column("with scatter", "with_scatter", OF_ROW),
+            Column("including scatter", "with_scatter", OF_ROW),
             Column("unit", "unit"),
             Column("P(rises)", "probability_rises", "1"),
             Column("scatter of a condition", "scatter", OF_ROW, brief=False),
@@ -330,17 +330,17 @@ def held_out_table(stored: StoredConditions) -> Table:
         "Conditions that were left out",
         "Each was predicted from the others. Covered: share of its temperatures at which the 90 % band holds the "
         "curve fitted to the condition itself, and share of its samples within the 90 % band of a new measurement. "
-        "Whole: whether the simultaneous band holds the curve everywhere. Width of the band and error of its median "
-        "over the span of the curve; of stiffness, of its natural logarithm. Temperatures of one curve go together: "
-        "one condition is about one trial.",
+        "Whole curve covered: whether the simultaneous band holds the curve everywhere. Width of the band and error of "
+        "its median over the span of the curve; of stiffness, of its natural logarithm. Temperatures of one curve go "
+        "together: one condition is about one trial.",
         (
             Column("condition", "condition"),
             Column("branch", "branch"),
             Column("quantity", "quantity"),
-            Column("way", "way"),
+            Column("method", "way"),
             Column("curve covered", "covers_curve", "1"),
             Column("samples covered", "covers_samples", "1"),
-            Column("whole", "holds_whole"),
+            Column("whole curve covered", "holds_whole"),
             Column("width", "width", "1"),
             Column("error", "error", "1"),
             Column("remark", "remark"),
@@ -383,13 +383,13 @@ def pooled_table(stored: StoredConditions) -> Table:
     ]
     return Table(
         "pooled",
-        "Parameters, alone and partially pooled",
+        "Parameters, of each condition by itself and partially pooled",
         "Where a condition tells its parameters well, pooling changes nothing.",
         (
             Column("condition", "condition"),
             Column("branch", "branch"),
             Column("parameter", "parameter"),
-            Column("alone", "alone", OF_ROW),
+            Column("by itself", "alone", OF_ROW),
             Column("partially pooled", "pooled", OF_ROW),
             Column("unit", "unit"),
         ),

@@ -71,7 +71,7 @@ def study_conditions(
     leave_out : sequence of str
         Conditions to leave out in turn and to predict from the others; ``each`` for all.
     seed : int
-        Decides every draw.
+        Seed of all random draws.
     scatter : float
         Median of the prior of the scatter between conditions, as a share of what a curve has by itself: see
         `sma_bayes.studies.conditions.population`.
@@ -124,7 +124,7 @@ def study_conditions(
         )
     specimen = records[0].record.specimen
     asked = tuple(condition_at(a, specimen=specimen) if isinstance(a, str) else a for a in at)
-    question = _Question(run, records, asked, tuple(leave_out), seed, scatter, wanted == AUTO_MODEL)
+    question = _ConditionsQuestion(run, records, asked, tuple(leave_out), seed, scatter, wanted == AUTO_MODEL)
     drawn = figures_for(figures)
     work = RunContext(CONDITIONS, _build_report, jobs, drawn, progress or silent, spent)
     return work.execute(out, question.identity(), resume, lambda place: _studied(question, place, work))
@@ -137,7 +137,7 @@ def _build_report(folder: Path, wanted: ReportOptions) -> None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Question:
+class _ConditionsQuestion:
     """What is asked of which fit."""
 
     run: StoredRun
@@ -171,7 +171,7 @@ class _Question:
         }
 
 
-def _studied(question: _Question, folder: Path | None, work: RunContext) -> dict[str, Any]:
+def _studied(question: _ConditionsQuestion, folder: Path | None, work: RunContext) -> dict[str, Any]:
     q = question
     specimen = q.records[0].record.specimen
     records, choice, refitted = _of_one_model(q, work) if q.chooses else (q.records, None, [])
@@ -204,7 +204,7 @@ def _studied(question: _Question, folder: Path | None, work: RunContext) -> dict
 
 
 def _of_one_model(
-    question: _Question, work: RunContext
+    question: _ConditionsQuestion, work: RunContext
 ) -> tuple[tuple[RecordDraws, ...], ModelChoice, list[str]]:
     """Draws under the model that all records together support best, why, and the keys of those fitted again."""
     q, summary = question, question.run.summary

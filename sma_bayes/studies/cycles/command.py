@@ -38,7 +38,7 @@ def command(
     share: Annotated[
         float, typer.Option(help="Greatest change per cycle of a stable curve, as a share of its stroke.")
     ] = 0.02,
-    probability: Annotated[float, typer.Option(help="With which it is to be stable.")] = 0.9,
+    probability: Annotated[float, typer.Option(help="Probability with which it is to be stable.")] = 0.9,
     ahead: Annotated[int, typer.Option(help="Cycles to forecast.")] = 10,
     data: Data = None,
     seed: Seed = 0,

@@ -28,9 +28,9 @@ def cycles_tables(stored: StoredCycles) -> dict[str, Table]:
 def _law(conditions: tuple[ConditionCycles, ...]) -> Table:
     columns = (
         CONDITION, Column("cycles", "cycles"), Column("law", "law"), Column("N0", "n0", "1"),
-        Column("probability of none", "p_none", "1"), Column("exponential", "p_exponential", "1"),
-        Column("stretched", "p_stretched", "1"),
-        Column("logarithmic", "p_logarithmic", "1"), Column("why", "why", brief=False),
+        Column("P(no law)", "p_none", "1"), Column("P(exponential)", "p_exponential", "1"),
+        Column("P(stretched exponential)", "p_stretched", "1"),
+        Column("P(logarithmic)", "p_logarithmic", "1"), Column("why", "why", brief=False),
     )  # fmt: skip
     rows = tuple(
         (
@@ -74,7 +74,7 @@ def _stable(conditions: tuple[ConditionCycles, ...]) -> Table:
 
 def _changes(conditions: tuple[ConditionCycles, ...]) -> Table:
     columns = (
-        *CURVE, Column("number", "number"), Column("unit", "unit"), Column("acted on", "probability", "1"),
+        *CURVE, Column("number", "number"), Column("unit", "unit"), Column("P(trained)", "probability", "1"),
         Column("change", "change", OF_ROW), Column("scatter", "scatter", OF_ROW), Column("step", "step", OF_ROW),
     )  # fmt: skip
     rows = tuple(
@@ -86,16 +86,17 @@ def _changes(conditions: tuple[ConditionCycles, ...]) -> Table:
     )  # fmt: skip
     note = (
         "Change by the law from the first to the last measured cycle: of offset and stroke over the span of the common "
-        "curve (stroke and width: logarithms), of the shift as a temperature. Acted on: probability that the law moves "
-        "the number. Scatter: standard deviation from sweep to sweep. Step: that of a walk from cycle to cycle."
+        "curve (stroke and width: logarithms), of the shift as a temperature. P(trained): probability that the law "
+        "moves the number. Scatter: standard deviation from sweep to sweep. Step: that of a walk from cycle to cycle."
     )
     return Table("changes", "What training changes", note, columns, rows, 3)
 
 
 def _held_out(conditions: tuple[ConditionCycles, ...]) -> Table:
     columns = (
-        *CURVE, Column("from", "trained"), Column("forecast", "held_out"), Column("misses", "rmse", "1"),
-        Column("last curve misses", "rmse_last", "1"), Column("samples within 90 %", "covered", "1"),
+        *CURVE, Column("trained on", "trained"), Column("forecast", "held_out"),
+        Column("RMSE of the forecast", "rmse", "1"),
+        Column("RMSE of the last curve", "rmse_last", "1"), Column("samples within 90 %", "covered", "1"),
         Column("numbers within 90 %", "numbers_covered", "1"),
     )  # fmt: skip
     rows = tuple(
@@ -105,7 +106,7 @@ def _held_out(conditions: tuple[ConditionCycles, ...]) -> Table:
         )
         for c in conditions for h in c.held_out
     )  # fmt: skip
-    note = "Root mean square of what the forecast misses, and the last curve before, over the range of the channel."
+    note = "RMSE: root mean square error of the forecast, and of the last curve before, over the range of the channel."
     return Table("held_out", "Later cycles, forecast from earlier ones", note, columns, rows, 1)
 
 
@@ -116,7 +117,7 @@ def _span(cycles: tuple[float, ...]) -> str:
 def _quantities(conditions: tuple[ConditionCycles, ...], temperature_unit: str) -> Table:
     columns = (
         *CURVE, Column("quantity", "quantity"), Column("at", "at", temperature_unit), Column("unit", "unit"),
-        Column("cycle", "cycle"), Column("measured", "measured"), Column("own", "own", OF_ROW),
+        Column("cycle", "cycle"), Column("measured", "measured"), Column("by itself", "own", OF_ROW),
         Column("pooled", "pooled", OF_ROW),
     )  # fmt: skip
     note = (
@@ -147,7 +148,7 @@ def _rows(c: ConditionCycles, temperature_unit: str) -> Iterator[tuple[Any, ...]
 def _curves(conditions: tuple[ConditionCycles, ...], temperature_unit: str) -> Table:
     columns = (
         *CURVE, Column("model", "model"), Column("unit", "unit"), Column("midpoint", "midpoint", temperature_unit),
-        Column("level", "level", OF_ROW), Column("span", "span", OF_ROW), Column("left", "missed", "1"),
+        Column("level", "level", OF_ROW), Column("span", "span", OF_ROW), Column("misfit", "missed", "1"),
         Column("lag-1 correlation", "lag1_correlation", "1"),
     )  # fmt: skip
     rows = tuple(

@@ -89,7 +89,7 @@ def cycles(
     model : str
         Name of the response model of the common curves; ``auto``: for each that with the least BIC of the ladder.
     seed : int
-        Decides every draw.
+        Seed of all random draws.
     jobs : int, optional
         Processes; by default one for each core.
     resume : bool
@@ -227,12 +227,12 @@ class _Condition:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Found:
+class _StudiedCondition:
     document: dict[str, Any]
     curves: dict[str, dict[str, Any]]
 
 
-def _studied(task: _Condition) -> _Found:
+def _studied(task: _Condition) -> _StudiedCondition:
     options, seed = task.options, task.seed
     strands = [fit_strand(r, channel, cycle, options["model"], seed) for r, channel, cycle in task.sweeps]
     pooled = pool(strands, options["ahead"], seed)
@@ -251,7 +251,7 @@ def _studied(task: _Condition) -> _Found:
         "quantities": [_by_cycle(q) for q in quantities(pooled, at)],
         "remarks": [*task.remarks, *_remarks(strands, at)],
     }
-    return _Found(
+    return _StudiedCondition(
         document, {f"{s.record.key}-{s.channel}.csv": _columns(pooled, i) for i, s in enumerate(strands)}
     )
 

@@ -44,7 +44,7 @@ def command(
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
-    """Run the main job on measurements of a simulated rig, whose truth is known: no other file, no network."""
+    """Fit measurements of a simulated rig, whose truth is known: no other file, no network."""
     from sma_bayes.paper.twin import twin_campaign
     from sma_bayes.runs.store import write_file
     from sma_bayes.simulated.campaign import MEASUREMENTS, measurement_files, simulated_campaign

@@ -57,7 +57,7 @@ def command(
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
-    """Warm start, ensembles, diagnostics, bands, correlation factors, report."""
+    """Fit a response curve to each record: posterior, credible bands, diagnostics, correlation factors, report."""
     from sma_bayes.records.campaign import read_campaign
     from sma_bayes.studies.fit.terminal import show_fit
     from sma_bayes.studies.fit.workflow import fit_campaign

@@ -96,7 +96,7 @@ def truth_table(content: Content) -> Table:
             Column("within", "within", "1"),
             Column("halfway at", "halfway", content.truth[0].temperature_unit),
             Column("truth", "true", OF_ROW),
-            Column("fit", "fit", OF_ROW),
+            Column("posterior", "fit", OF_ROW),
         ),
         tuple(
             (

@@ -81,7 +81,7 @@ def fit(
         As `read_campaign` gives it; or a data frame or a mapping of column names to arrays, or several by the ids of
         their conditions, see `campaign_of`.
     seed : int
-        Decides every draw.
+        Seed of all random draws.
     noise : str
         Name of a noise model, or ``auto``: chosen from the residuals of the warm start.
     priors : str, Path or PriorSet, optional

@@ -20,7 +20,7 @@ from sma_bayes.sampling.convergence import Target
 from sma_bayes.sampling.ensembles import Draws, Plan, sample
 from sma_bayes.sampling.laplace import Mode
 from sma_bayes.sampling.shape import NormalShape
-from sma_bayes.studies.gap.coordinates import FollowingCoordinates
+from sma_bayes.studies.gap.effect_coordinates import FollowingCoordinates
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 
 EXPLORE = 50

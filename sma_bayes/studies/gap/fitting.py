@@ -142,7 +142,7 @@ def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise) -> Fitte
         Sampled coordinates.
     noise : tuple of BlockNoise
     """
-    problem = _Problem(hypothesis)
+    problem = _PosteriorMode(hypothesis)
     return problem.fitted(problem.climb(np.asarray(start, dtype=float), noise), noise)
 
 
@@ -162,7 +162,7 @@ def climbed(
     held : int
         How many of them.
     """
-    problem = _Problem(hypothesis)
+    problem = _PosteriorMode(hypothesis)
     z = np.asarray(start, dtype=float)
     for free in (z.size - held, z.size):
         z = problem.climb(z, noise, steps, free)
@@ -171,7 +171,7 @@ def climbed(
 
 def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> FittedHypothesis:
     """Find mode and noise in turn."""
-    problem = _Problem(hypothesis)
+    problem = _PosteriorMode(hypothesis)
     z = np.asarray(start, dtype=float)
     noise = problem.noise(z)
     for _ in range(ROUNDS):
@@ -208,10 +208,10 @@ def nearest(fitted: FittedHypothesis) -> FittedHypothesis:
 
 def held_at(hypothesis: Hypothesis, z: Floats, noise: Noise) -> FittedHypothesis:
     """A hypothesis at given parameters and noise, as it would be had they been found as its mode."""
-    return _Problem(hypothesis).fitted(z, noise)
+    return _PosteriorMode(hypothesis).fitted(z, noise)
 
 
-class _Problem:
+class _PosteriorMode:
     """Residuals, their derivatives, and the objective that is climbed."""
 
     def __init__(self, hypothesis: Hypothesis) -> None:

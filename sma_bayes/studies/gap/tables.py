@@ -76,13 +76,13 @@ def closed_table(study: StoredStudy) -> Table:
         "gap",
         "Held-out residuals beside the noise",
         "Root mean square of what was held out, before and after effects were added: as innovations of the noise, in "
-        "its standard deviations, and as they are, beside the standard deviation of the noise. Way: from before to "
-        "noise alone.",
+        "its standard deviations, and as they are, beside the standard deviation of the noise. Share of the gap "
+        "closed: of the way from before to noise alone.",
         (
             Column("channel", "channel"),
             Column("before [sd]", "before_sigma", "1"),
             Column("after [sd]", "after_sigma", "1"),
-            Column("way to the noise", "way_to_noise", "1"),
+            Column("share of the gap closed", "way_to_noise", "1"),
             Column("unit", "unit"),
             Column("before", "before", OF_ROW),
             Column("after", "after", OF_ROW),
@@ -139,15 +139,15 @@ def disagreement_table(study: StoredStudy) -> Table:
         "best they can. It tells the places apart; whether there is more than chance, the global p-value alone tells. "
         "Measured: on average above or below the model.",
         (
-            Column("no.", "number", "1"),
+            Column("rank", "number", "1"),
             Column("condition", "condition"),
             Column("branch", "branch"),
             Column("channel", "channel"),
-            Column("along", "covariate"),
+            Column("covariate", "covariate"),
             Column("from", "from", OF_ROW),
             Column("to", "to", OF_ROW),
             Column("unit", "unit"),
-            Column("size [sd]", "size_sigma", "1"),
+            Column("size [standard errors]", "size_sigma", "1"),
             Column("measured", "side"),
         ),
         tuple(
@@ -191,7 +191,7 @@ def effect_table(study: StoredStudy) -> Table:
     return Table(
         "effects",
         "Parameters of the added effects",
-        f"5 % and 95 % bound the {INTERVAL}. “Outside”: the interval of the posterior does not meet the 90 % "
+        f"5 % and 95 % bound the {INTERVAL}. “Outside the prior”: the interval of the posterior does not meet the 90 % "
         "range of the prior, which is what the literature gives.",
         (
             Column("effect", "effect"),
@@ -207,7 +207,7 @@ def effect_table(study: StoredStudy) -> Table:
             Column("95 %", "q95", OF_ROW),
             Column("prior 5 %", "prior_q05", OF_ROW),
             Column("prior 95 %", "prior_q95", OF_ROW),
-            Column("outside", "outside_prior"),
+            Column("outside the prior", "outside_prior"),
             Column("R-hat", "rhat", "1"),
             Column("least ESS", "ess", "1"),
         ),

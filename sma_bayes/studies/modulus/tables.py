@@ -44,7 +44,7 @@ def _frequency(value: float | None) -> Cell:
 
 def _temperatures(found: ModulusDocument) -> Table:
     columns = (
-        *SWEEP, Column("temperature", "temperature"), Column("what", "meaning", brief=False),
+        *SWEEP, Column("temperature", "temperature"), Column("meaning", "meaning", brief=False),
         Column("value", "value", "degC"), Column("draws that have it", "defined", "1"),
         Column("identified", "identified"),
     )  # fmt: skip
@@ -67,7 +67,7 @@ def _shifts(found: ModulusDocument) -> Table:
         Column("branch", "branch"), Column("temperature", "temperature"), Column("sweeps", "sweeps"),
         Column("shift per decade", "shift", "K"), Column("P(rises)", "rises", "1"),
         Column("scatter", "scatter", "K"), Column("apparent activation energy", "energy", "kJ/mol"),
-        Column("above, if positive", "least", "kJ/mol"), Column("identified", "identified"),
+        Column("lower bound, if positive", "least", "kJ/mol"), Column("identified", "identified"),
     )  # fmt: skip
     rows = tuple(
         (
@@ -125,17 +125,17 @@ def _by_frequency(found: ModulusDocument) -> Table:
 def _curves(found: ModulusDocument) -> Table:
     columns = (
         *SWEEP, Column("curve", "curve"), Column("model", "model"), Column("noise", "noise"),
-        Column("beside it", "beside"), Column("samples", "samples"), Column("misses", "missed", "1"),
-        Column("converged", "converged"), Column("why", "why", brief=False),
+        Column("discrepancy", "beside"), Column("samples", "samples"), Column("rms misfit", "missed", "1"),
+        Column("converged", "converged"), Column("reason", "why", brief=False),
     )  # fmt: skip
     rows = tuple(
         (
-            *_head(s), c.channel.replace("_", " "), c.model, c.noise, "smooth function" if c.discrepancy else "nothing",
+            *_head(s), c.channel.replace("_", " "), c.model, c.noise, "smooth function" if c.discrepancy else "none",
             c.n, Number(c.missed, "1", 1e-4), "yes" if c.converged else "no", c.reason,
         )
         for s in found.sweeps for c in s.curves
     )  # fmt: skip
-    note = "Misses: root mean square of what the median curve leaves, over the range of the modulus."
+    note = "Rms misfit: root mean square of the residuals of the median curve, over the range of the modulus."
     return Table("curves", "Curves", note, columns, rows, 3)
 
 

@@ -100,7 +100,7 @@ def modulus(
     encoding : str, optional
         Of text.
     seed : int
-        Decides every draw.
+        Seed of all random draws.
     jobs : int, optional
         Processes; by default one for each core.
     resume : bool

@@ -12,8 +12,8 @@ from sma_bayes.studies.paper.document import reproduction_document
 from sma_bayes.studies.paper.page import PICTURES, page
 from sma_bayes.studies.paper.pictures import write_pictures
 from sma_bayes.studies.paper.schema import ReproductionDocument
-from sma_bayes.studies.paper.study import study_twin
 from sma_bayes.studies.paper.tables import table_entries
+from sma_bayes.studies.paper.twin_study import study_twin
 
 PAGE: Final = "paper.md"
 NUMBERS: Final = "data/paper.json"

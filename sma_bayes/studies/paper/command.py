@@ -25,7 +25,10 @@ def command(
         typer.Option(help="Folder for the page that puts every table and claim to the test; takes minutes."),
     ] = None,
     seed: Annotated[
-        int, typer.Option(help="Of the page: decides the twin and every draw.", min=0, max=int(SEED.value))
+        int,
+        typer.Option(
+            help="With --page: seed of the twin and of all random draws.", min=0, max=int(SEED.value)
+        ),
     ] = 0,
     jobs: Jobs = None,
     quiet: Quiet = False,

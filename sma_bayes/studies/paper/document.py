@@ -15,8 +15,8 @@ from sma_bayes.studies.compare.schema import OverallModel
 from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.paper.claims import claims
+from sma_bayes.studies.paper.claims.claim import Claim
 from sma_bayes.studies.paper.claims.correlation import straight_line_correlation
-from sma_bayes.studies.paper.claims.types import Claim
 from sma_bayes.studies.paper.distance import distances
 from sma_bayes.studies.paper.export import SOURCE, implied_summary
 from sma_bayes.studies.paper.printed import printed_effects
@@ -35,7 +35,7 @@ from sma_bayes.studies.paper.schema import (
     TwinComparison,
     VerdictOnRecord,
 )
-from sma_bayes.studies.paper.study import TwinStudy
+from sma_bayes.studies.paper.twin_study import TwinStudy
 
 SCHEMA: Final = "sma-bayes/reproduction/1"
 

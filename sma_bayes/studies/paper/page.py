@@ -16,7 +16,7 @@ from sma_bayes.report.notation import MISSING, interval_text, unit_label, write
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.compare.schema import StatedDifference
 from sma_bayes.studies.compare.tables import short
-from sma_bayes.studies.paper.claims.types import FAILS, HOLDS, OPEN, SURE
+from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN, SURE
 from sma_bayes.studies.paper.schema import (
     JudgedClaim,
     ModelOfTwin,

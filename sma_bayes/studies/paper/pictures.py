@@ -38,7 +38,7 @@ from sma_bayes.studies.paper.figures import (
 )
 from sma_bayes.studies.paper.printed import repeat_scatter
 from sma_bayes.studies.paper.schema import ReproducedEntry
-from sma_bayes.studies.paper.study import TwinStudy
+from sma_bayes.studies.paper.twin_study import TwinStudy
 
 FIGURES: Final[Mapping[str, tuple[str, Mapping[str, str]]]] = {
     "fig-06": (

@@ -17,7 +17,7 @@ from sma_bayes.runs.schema import (
     NumberOrNull,
 )
 from sma_bayes.studies.compare.schema import StatedDifference
-from sma_bayes.studies.paper.claims.types import FAILS, HOLDS, OPEN
+from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN
 
 
 class ImpliedAverageSummary(DocumentPart):

@@ -21,7 +21,7 @@ from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.features import BOTH
 from sma_bayes.studies.paper.export import printed_entry
 from sma_bayes.studies.paper.schema import RecomputedValue, ReproducedEntry
-from sma_bayes.studies.paper.study import TwinStudy
+from sma_bayes.studies.paper.twin_study import TwinStudy
 
 Found = RecomputedValue | IntervalDocument | None
 """None where nothing is recomputed."""

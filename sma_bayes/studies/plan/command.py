@@ -55,7 +55,7 @@ def command(
     scatter: Annotated[
         str,
         typer.Option(
-            help="Of sweeps, where one does not tell: 'none', or 'usual' of one specimen in one rig."
+            help="Scatter between sweeps, where a record has one only: 'none', or 'usual' of one specimen in one rig."
         ),
     ] = "none",
     data: Data = None,
@@ -68,7 +68,7 @@ def command(
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
-    """Tell what to measure next: experiments by what they are expected to tell per hour on the rig."""
+    """Tell what to measure next: experiments by the information expected per hour on the rig."""
     from sma_bayes.studies.plan.terminal import show_plan
     from sma_bayes.studies.plan.workflow import plan
 

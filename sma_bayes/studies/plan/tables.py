@@ -46,7 +46,7 @@ def _candidates(found: PlanDocument) -> Table:
             Column("information", "nats", "nats"), Column("per hour", "nats_per_hour", "nats/h"),
             Column("best shrinkage", "shrinkage", "1"),
         ]  # fmt: skip
-    columns += [Column("curves", "branches"), Column("beyond", "beyond", brief=False)]
+    columns += [Column("branches", "branches"), Column("beyond the measured", "beyond", brief=False)]
     rows = []
     for c in found.candidates:
         told: tuple[Cell, ...]
@@ -97,7 +97,7 @@ def _quantities(found: PlanDocument) -> Table:
         (
             Column("quantity", "quantity"), Column("unit", "unit"), Column("now", "now", OF_ROW),
             Column("half width", "half_width", OF_ROW), Column("after the best candidate", "after_best", OF_ROW),
-            Column("after the design", "after_design", OF_ROW), Column("evenly divided", "after_even", OF_ROW),
+            Column("after the design", "after_design", OF_ROW), Column("after an even division", "after_even", OF_ROW),
         ),
         tuple(rows),
     )  # fmt: skip

@@ -18,7 +18,8 @@ def command(
     ],
     figures: Figures = "report",
     formats: Annotated[
-        str, typer.Option("--format", help="Of the figures: 'pdf', 'svg', 'png', or several: 'pdf,svg'.")
+        str,
+        typer.Option("--format", help="Format of the figures: 'pdf', 'svg', 'png', or several: 'pdf,svg'."),
     ] = "pdf,png",
     workbook: Annotated[
         bool, typer.Option("--workbook", help="All tables as tables/results.xlsx too, a sheet a table.")
@@ -33,7 +34,7 @@ def command(
         list[str] | None, typer.Option(help="With --figure-width: only this condition; may be repeated.")
     ] = None,
     style: Annotated[
-        Path | None, typer.Option(help="With --figure-width: a style file of matplotlib, which goes first.")
+        Path | None, typer.Option(help="With --figure-width: a style file of matplotlib, applied first.")
     ] = None,
     jobs: Jobs = None,
     scheduler: Scheduler = None,

@@ -38,17 +38,17 @@ def command(
         str | None, typer.Option(help="Temperature of the surroundings, such as '23 degC'.")
     ] = None,
     rule: Annotated[
-        str, typer.Option(help="Of loops inside the loop: 'proportional' or 'play'.")
+        str, typer.Option(help="Rule of minor loops: 'proportional' or 'play'.")
     ] = "proportional",
     pool: Annotated[
-        str, typer.Option(help="'campaign': one heat balance for all conditions; 'none': own ones.")
+        str, typer.Option(help="'campaign': one heat balance for all conditions; 'none': one for each.")
     ] = "campaign",
     tolerance: Annotated[str, typer.Option(help="How far off --reach may be: '5 %' or '4 N/m'.")] = "5 %",
-    probability: Annotated[float, typer.Option(help="With which --reach is to be met.")] = 0.9,
+    probability: Annotated[float, typer.Option(help="Probability with which --reach is to be met.")] = 0.9,
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results: new or empty, or --resume.")
     ] = None,
-    draws: Annotated[int, typer.Option(help="Draws that are followed.")] = 400,
+    draws: Annotated[int, typer.Option(help="Posterior draws that are simulated.")] = 400,
     seed: Seed = 0,
     figures: Figures = "report",
     no_figures: NoFigures = False,
@@ -57,7 +57,7 @@ def command(
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
-    """Tell what a heating current does: temperature, force, displacement and stiffness in time, with bands."""
+    """Simulate a heating current: temperature, force, displacement and stiffness over time, with bands."""
     from sma_bayes.studies.simulate.spring import rule_named
     from sma_bayes.studies.simulate.terminal import show_simulation
     from sma_bayes.studies.simulate.workflow import simulate

@@ -137,7 +137,7 @@ def simulate(
         left_out = [f"{name} was left out: {reason}." for name, reason in why.items() if condition is None]
         springs = [BothDraws(*map(read, pair)) for pair in able]
     followed = [s.condition for s in springs if condition in (None, s.condition)]
-    asked = _Question(
+    asked = _SimulationQuestion(
         run, able, springs, followed, profile, starts, room, rule, pool, wanted, draws, seed, left_out
     )
     work = RunContext(SIMULATION, _build_report, None, figures_for(figures), progress or silent, spent)
@@ -262,7 +262,7 @@ class _Wanted:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Question:
+class _SimulationQuestion:
     """What is asked of which fit."""
 
     run: StoredRun
@@ -306,7 +306,7 @@ class _Question:
         return parse_priors(self.run.priors, str(self.run.folder / "priors.toml"))
 
 
-def _simulated(q: _Question, folder: Path | None, work: RunContext) -> dict[str, Any]:
+def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) -> dict[str, Any]:
     stages = 1 + len(q.followed)
     work.tell(0, stages, "fitting the heat balance")
     with work.account.timed("heat balance"):
@@ -360,7 +360,7 @@ def _simulated(q: _Question, folder: Path | None, work: RunContext) -> dict[str,
     return found.as_json()
 
 
-def _stated_balance(q: _Question, balances: FittedBalance) -> dict[str, Any]:
+def _stated_balance(q: _SimulationQuestion, balances: FittedBalance) -> dict[str, Any]:
     study = balances.study
     space = study.final.hypothesis.space
     parameters = heat_parameters(study, balances.draws, q.seed)
@@ -379,7 +379,7 @@ def _stated_balance(q: _Question, balances: FittedBalance) -> dict[str, Any]:
     }
 
 
-def _stated_profile(q: _Question, balances: FittedBalance) -> dict[str, Any] | None:
+def _stated_profile(q: _SimulationQuestion, balances: FittedBalance) -> dict[str, Any] | None:
     p = q.profile
     if p is None:
         return None
@@ -399,7 +399,7 @@ def _stated_profile(q: _Question, balances: FittedBalance) -> dict[str, Any] | N
     }
 
 
-def _doubts(q: _Question, balances: FittedBalance) -> list[str]:
+def _doubts(q: _SimulationQuestion, balances: FittedBalance) -> list[str]:
     """What to doubt before anything is simulated."""
     out = list(balances.remarks)
     if balances.study.verdict == "unnamed":
@@ -461,7 +461,7 @@ def _said_of_one(r: Mapping[str, Any]) -> list[str]:
 
 
 def _run(
-    q: _Question,
+    q: _SimulationQuestion,
     own: BothDraws,
     balance: HeatBalance,
     pair: Pair,
@@ -507,7 +507,7 @@ def _run(
     }
 
 
-def _declared(q: _Question, units: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
+def _declared(q: _SimulationQuestion, units: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
     """Unit in which people see each channel: as first declared."""
     shown = shown_units(r for pair in q.able for r in pair)
     return {c: shown[names[c]].shown if names[c] in shown else unit for c, unit in units.items()}

@@ -44,7 +44,7 @@ def command(
         ),
     ] = None,
     alpha: Annotated[
-        float, typer.Option(help="Probability of an alarm, ever, while nothing changes, at most.")
+        float, typer.Option(help="Greatest probability that a false alarm is ever given.")
     ] = 0.01,
     campaign: Annotated[
         Path | None,

@@ -21,8 +21,8 @@ def watch_tables(stored: StoredWatch) -> dict[str, Table]:
 def _numbers(found: WatchDocument) -> Table:
     columns = (
         *CURVE, Column("number", "number"), Column("unit", "unit"), Column("fitted, mean", "fitted", OF_ROW),
-        Column("last", "last", OF_ROW), Column("normal from", "low", OF_ROW), Column("to", "high", OF_ROW),
-        Column("log10 e", "log10_e", "1"), Column("alarm", "alarm"),
+        Column("last value", "last", OF_ROW), Column("normal range from", "low", OF_ROW), Column("to", "high", OF_ROW),
+        Column("log10 e-value", "log10_e", "1"), Column("alarm", "alarm"),
     )  # fmt: skip
     count = len(found.fitted)
     rows = tuple(
@@ -35,7 +35,7 @@ def _numbers(found: WatchDocument) -> Table:
         for n in found.numbers
     )  # fmt: skip
     note = (
-        f"Normal: 95 % of the sweeps while nothing changes. An alarm of one of these {len(rows)} numbers needs "
+        f"Normal range: 95 % of the sweeps while nothing changes. An alarm of one of these {len(rows)} numbers needs "
         "as many times the evidence that a single one would."
     )
     return Table("numbers", "What is watched", note, columns, rows, 2)
@@ -47,8 +47,8 @@ def _value(value: float | None, unit: str) -> Cell:
 
 def _causes(found: WatchDocument) -> Table:
     columns = (
-        Column("cause", "cause"), Column("of", "of"), Column("effects of gap", "effects"),
-        Column("share of the change", "share", "1"), Column("p of what is left", "p_value", "1"),
+        Column("cause", "cause"), Column("kind", "of"), Column("effects of gap", "effects"),
+        Column("share of the change", "share", "1"), Column("p-value of the residual", "p_value", "1"),
         Column("amount", "amount"), Column("unit", "unit"), Column("at the last cycle", "value", OF_ROW),
     )  # fmt: skip
     rows = tuple(
@@ -96,8 +96,8 @@ def _count(cycles: float | None, horizon: int) -> str:
 
 def _cycles(found: WatchDocument) -> Table:
     columns = (
-        Column("cycle", "cycle"), Column("file", "file"), Column("its cycle there", "cycle_in_file"),
-        Column("log10 e", "log10_e", "1"),
+        Column("cycle", "cycle"), Column("file", "file"), Column("cycle in the file", "cycle_in_file"),
+        Column("log10 e-value", "log10_e", "1"),
     )  # fmt: skip
     rows = tuple(
         (c.cycle, c.file, f"{c.cycle_in_file:g}", Number(c.log10_e, "1", 0.01)) for c in found.cycles
@@ -108,8 +108,8 @@ def _cycles(found: WatchDocument) -> Table:
 
 def _files(found: WatchDocument) -> Table:
     columns = (
-        Column("file", "file"), Column("counted", "counted"), Column("known already", "repeated"),
-        Column("not whole", "partial", brief=False), Column("SHA-256", "sha256", brief=False),
+        Column("file", "file"), Column("counted", "counted"), Column("read before", "repeated"),
+        Column("incomplete", "partial", brief=False), Column("SHA-256", "sha256", brief=False),
     )  # fmt: skip
     rows = tuple(
         (f.name, f.counted, f.repeated, "; ".join(f.partial) or "none", f.sha256) for f in found.files

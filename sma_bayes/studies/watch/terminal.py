@@ -55,7 +55,7 @@ def _show_numbers(console: Console, found: WatchDocument) -> None:
         table.add_column(name, justify="left")
     for c in last:
         table.add_column(f"{c.cycle}", justify="right")
-    table.add_column("log10 e", justify="right")
+    table.add_column("log10 e-value", justify="right")
     for n in found.numbers:
         low, high = n.normal_low[-1], n.normal_high[-1]
         normal = "not known yet" if low is None or high is None else f"{low:.4g} to {high:.4g}"

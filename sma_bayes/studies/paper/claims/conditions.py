@@ -15,14 +15,14 @@ from sma_bayes.records.types import Branch
 from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.conditions.effects import SettingEffect, operating_effects
 from sma_bayes.studies.conditions.features import BOTH, Feature
-from sma_bayes.studies.paper.claims.types import Claim, ClaimEvidence
+from sma_bayes.studies.paper.claims.claim import Claim, ClaimEvidence
 from sma_bayes.studies.paper.printed import (
     printed_effects,
     probability_positive,
     repeat_scatter,
     second_run,
 )
-from sma_bayes.studies.paper.study import TwinStudy
+from sma_bayes.studies.paper.twin_study import TwinStudy
 
 ASSUMED = "depends on the temperatures that the twin assumes"
 TREND = "slope over the tests, with scatter between them"

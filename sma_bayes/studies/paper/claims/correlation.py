@@ -9,8 +9,8 @@ import numpy as np
 
 from sma_bayes.assess.correlation_average import average_draws
 from sma_bayes.paper.correlation import implied_average
-from sma_bayes.studies.paper.claims.types import Claim, ClaimEvidence
-from sma_bayes.studies.paper.study import TwinStudy
+from sma_bayes.studies.paper.claims.claim import Claim, ClaimEvidence
+from sma_bayes.studies.paper.twin_study import TwinStudy
 
 ROUNDED: Final = 0.005
 """Half a unit of the last digit of the claimed correlation factor."""

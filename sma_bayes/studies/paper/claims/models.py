@@ -8,9 +8,9 @@ import numpy as np
 
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
-from sma_bayes.studies.paper.claims.types import Claim, ClaimEvidence
+from sma_bayes.studies.paper.claims.claim import Claim, ClaimEvidence
 from sma_bayes.studies.paper.distance import distances
-from sma_bayes.studies.paper.study import TwinStudy
+from sma_bayes.studies.paper.twin_study import TwinStudy
 
 
 def model_claims(study: TwinStudy) -> Iterator[Claim]:

@@ -12,9 +12,9 @@ from sma_bayes.assess.bands import curve_draws, temperature_grid
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, TABLE_11, extremes
 from sma_bayes.response.modified_sigmoid import shape_of
-from sma_bayes.studies.paper.claims.types import Claim, ClaimEvidence
+from sma_bayes.studies.paper.claims.claim import Claim, ClaimEvidence
 from sma_bayes.studies.paper.printed import probability_positive, second_run
-from sma_bayes.studies.paper.study import TwinStudy
+from sma_bayes.studies.paper.twin_study import TwinStudy
 
 AUSTENITE: Final = 5.0
 """Least ratio of austenite to martensite stiffness that the conclusions claim."""

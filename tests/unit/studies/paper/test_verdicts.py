@@ -9,7 +9,7 @@ import pytest
 from sma_bayes.paper.specifications import TABLE_1, TABLE_2
 from sma_bayes.paper.tables import TABLE_6
 from sma_bayes.records.types import Branch
-from sma_bayes.studies.paper.claims.types import FAILS, HOLDS, OPEN, Claim, ClaimEvidence, judged
+from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN, Claim, ClaimEvidence, judged
 from sma_bayes.studies.paper.document import judged_claim
 from sma_bayes.studies.paper.page import _untypeset, anchor, pipes, probability
 from sma_bayes.studies.paper.tables import printed_spread

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sma_bayes.studies.gap.coordinates import FollowingCoordinates
 from sma_bayes.studies.gap.density import HypothesisDensity
+from sma_bayes.studies.gap.effect_coordinates import FollowingCoordinates
 from sma_bayes.studies.gap.fitting import fit_hypothesis
 
 
