@@ -23,7 +23,7 @@ process made conditional by a correction of unconditional ones).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -33,12 +33,16 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats, Ints
+from sma_bayes.studies.cycles.schema import Law
 
 NONE: Final = "none"
-POWERS: Final = {"exponential": (1.0,), "stretched": (0.75, 0.5, 0.35), "logarithmic": (0.0,)}
+POWERS: Final[Mapping[Law, tuple[float, ...]]] = {
+    "exponential": (1.0,),
+    "stretched": (0.75, 0.5, 0.35),
+    "logarithmic": (0.0,),
+}
 """Laws with their powers on the grid: 1 - exp(-(N/N0)^power), and for the power 0 its limit ln(1 + N/N0)."""
 FORMS: Final = tuple(POWERS)
-LAWS: Final = (NONE, *FORMS)
 PACES: Final = np.geomspace(0.3, 300.0, 33)
 """Cycles N0 on the grid."""
 USUAL_PACE: Final = 5.0
@@ -136,7 +140,7 @@ class LawPosterior:
         Laws that are considered beside none.
     """
 
-    def __init__(self, series: Sequence[Series], forms: Sequence[str] = FORMS) -> None:
+    def __init__(self, series: Sequence[Series], forms: Sequence[Law] = FORMS) -> None:
         self.last = max(float(s.cycle.max()) for s in series)
         tested = len({c for s in series for c in s.cycle.tolist()}) >= FEWEST_CYCLES
         self.forms = tuple(forms) if tested else ()
@@ -158,31 +162,31 @@ class LawPosterior:
         ] or [[]])  # fmt: skip
         return np.concatenate([[none], each])
 
-    def _of(self, form: str) -> Floats:
+    def _of(self, form: Law) -> Floats:
         """Log of prior times likelihood of a law, by power and N0, shape (powers, N0)."""
         before = [len(POWERS[f]) for f in self.forms[: self.forms.index(form)]]
         first = 1 + PACES.size * sum(before)
         return self._log_joint[first : first + PACES.size * len(POWERS[form])].reshape(-1, PACES.size)
 
     @cached_property
-    def ln_evidence(self) -> dict[str, float]:
-        """Of each law, in the order of `LAWS`, less that of none."""
+    def ln_evidence(self) -> dict[Law, float]:
+        """Of none and of each law, less that of none."""
         none = self._log_joint[0]
         return {NONE: 0.0, **{form: float(logsumexp(self._of(form)) - none) for form in self.forms}}
 
     @cached_property
-    def probability(self) -> dict[str, float]:
+    def probability(self) -> dict[Law, float]:
         """Of each law, all as probable beforehand."""
         logs = np.array(list(self.ln_evidence.values()))
         return dict(zip(self.ln_evidence, np.exp(logs - logsumexp(logs)).tolist(), strict=True))
 
     @property
-    def chosen(self) -> str:
+    def chosen(self) -> Law:
         """The law with the greatest evidence, if it gains `EARNED` over none; else none."""
         best = max(self.ln_evidence, key=lambda law: self.ln_evidence[law])
         return best if self.ln_evidence[best] >= EARNED else NONE
 
-    def pace_weights(self, form: str) -> Floats:
+    def pace_weights(self, form: Law) -> Floats:
         """Posterior of N0 under a law, on `PACES`."""
         logs = logsumexp(self._of(form), axis=0)
         return np.asarray(np.exp(logs - logsumexp(logs)))

@@ -9,6 +9,7 @@ from pydantic import Field
 from sma_bayes.runs.schema import (
     DeclaredUnits,
     DocumentPart,
+    FilesBeside,
     FindingDocument,
     IntervalDocument,
     Items,
@@ -45,10 +46,13 @@ class CommonCurve(DocumentPart):
     converged: bool = Field(description="whether curve and numbers have settled")
 
 
+Law = Literal["none", "exponential", "stretched", "logarithmic"]
+
+
 class LawOfTraining(DocumentPart):
     """The law that the numbers of a condition follow together."""
 
-    chosen: Literal["none", "exponential", "stretched", "logarithmic"] = Field(
+    chosen: Law = Field(
         description="the law with the greatest evidence, if it gains 3 over free changes of each sweep; else `none`"
     )
     testable: bool = Field(description="whether there are cycles enough, 3, to tell a law")
@@ -142,8 +146,8 @@ class ConditionCycles(DocumentPart):
     remarks: Items[str] = Field(description="what can't be told, and why")
 
 
-class CyclesDocument(RunAccount, DeclaredUnits):
-    """What `sma-bayes cycles` writes: `cycles.json`."""
+class CyclesFindings(DeclaredUnits):
+    """What a study of cycles found."""
 
     schema_: Literal["sma-bayes/cycles/1"] = Field(alias="schema", description="name and version")
     campaign: str = Field(description="name of the campaign")
@@ -160,10 +164,10 @@ class CyclesDocument(RunAccount, DeclaredUnits):
     conditions: Items[ConditionCycles] = Field(description="one for each condition with two cycles or more")
     left_out: Items[str] = Field(description="conditions that have fewer, in words")
     findings: Items[FindingDocument] = Field(description="about the measurements")
-    files_sha256: dict[str, str] = Field(
-        default={},
-        description="checksum of each CSV of results beside the document, which every reader compares",
-    )
+
+
+class CyclesDocument(RunAccount, FilesBeside, CyclesFindings):
+    """What `sma-bayes cycles` writes: `cycles.json`."""
 
 
 DOCUMENTS: Final = {"cycles": CyclesDocument}

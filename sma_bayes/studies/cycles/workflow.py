@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -23,9 +23,22 @@ from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.declared_units import declared_parts, shown_as, shown_units
 from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.store import or_nan, plain, write_csv
+from sma_bayes.runs.schema import FindingDocument, IntervalDocument
+from sma_bayes.runs.store import or_nan, write_csv
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.cycles.laws import EARNED, FORMS, NONE, PACES
+from sma_bayes.studies.cycles.schema import (
+    ChangeOfNumber,
+    CommonCurve,
+    ConditionCycles,
+    CyclesFindings,
+    CyclesOptions,
+    HeldOutCycles,
+    Law,
+    LawOfTraining,
+    QuantityByCycle,
+    Stability,
+)
 from sma_bayes.studies.cycles.study import (
     CycleSeries,
     Pooled,
@@ -123,38 +136,37 @@ def cycles(
     work = RunContext(
         CYCLES, _build_report, jobs, figures_for(figures), progress or silent, account or Account()
     )
-    stated = {"model": model, "at": list(at), "share": share, "probability": probability, "ahead": ahead}
-    identity = {**run_identity(campaign, options), "kind": CYCLES.verb, **stated}
+    stated = CyclesOptions(model=model, at=tuple(at), share=share, probability=probability, ahead=ahead)
+    identity = {**run_identity(campaign, options), "kind": CYCLES.verb, **stated.as_json()}
     tasks = [_Condition(tuple(records), tuple(told), asked, stated, seed) for records, told in groups]
 
     def find(folder: Path | None) -> dict[str, Any]:
         found = []
         for parts in run(_studied, tasks, jobs, account=work.account, stage="study"):
             found.append(parts.document)
-            work.tell(len(found), len(tasks), f"pooled {parts.document['condition']}")
+            work.tell(len(found), len(tasks), f"pooled {parts.document.condition}")
             if folder is not None:
                 with work.account.timed("write"):
                     for name, columns in parts.curves.items():
                         write_csv(folder / "curves" / name, columns)
         if folder is not None:
             write_csv(folder / "quantities.csv", quantity_columns(found))
-        document: dict[str, Any] = plain({
-            "schema": CYCLES.schema,
-            "campaign": campaign.name,
-            "source": campaign.source,
-            "seed": seed,
-            "options": stated,
-            "temperature_unit": unit,
-            "specimen": campaign.records[0].specimen,
+        return CyclesFindings(
+            schema="sma-bayes/cycles/1",
+            campaign=campaign.name,
+            source=campaign.source,
+            seed=seed,
+            options=stated,
+            temperature_unit=unit,
+            specimen=campaign.records[0].specimen,
             **declared_parts(campaign.records),
-            "versions": all_versions(),
-            "data_sha256": campaign.sha256,
-            "converged": all(c["converged"] for one in found for c in one["curves"]),
-            "conditions": found,
-            "left_out": left_out,
-            "findings": [finding_document(f) for f in campaign.findings],
-        })  # fmt: skip
-        return document
+            versions=all_versions(),
+            data_sha256=campaign.sha256,
+            converged=all(c.converged for one in found for c in one.curves),
+            conditions=tuple(found),
+            left_out=tuple(left_out),
+            findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
+        ).as_json()
 
     with threadpool_limits(limits=1):
         return work.execute(out, identity, resume, find)
@@ -220,7 +232,7 @@ class _Condition:
     sweeps: tuple[Sweeps, ...]
     remarks: tuple[str, ...]
     at: tuple[float, ...]
-    options: dict[str, Any]
+    options: CyclesOptions
     seed: int
 
     title = "pool cycles"
@@ -228,70 +240,71 @@ class _Condition:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _StudiedCondition:
-    document: dict[str, Any]
+    document: ConditionCycles
     curves: dict[str, dict[str, Any]]
 
 
 def _studied(task: _Condition) -> _StudiedCondition:
     options, seed = task.options, task.seed
-    strands = [fit_strand(r, channel, cycle, options["model"], seed) for r, channel, cycle in task.sweeps]
-    pooled = pool(strands, options["ahead"], seed)
+    strands = [fit_strand(r, channel, cycle, options.model, seed) for r, channel, cycle in task.sweeps]
+    pooled = pool(strands, options.ahead, seed)
     ends = np.array([s.ends for s in strands])
     at = task.at or (float(np.round(0.5 * (ends[:, 0].max() + ends[:, 1].min()))),)
     condition = strands[0].record.condition.id
-    document = {
-        "condition": condition,
-        "cycles": pooled.cycle.astype(int).tolist(),
-        "measured": measured_cycles(strands).tolist(),
-        "curves": [_curve(s) for s in strands],
-        "law": _law(pooled),
-        "changes": _changes(pooled),
-        "stable": _stable(pooled, options["share"], options["probability"]),
-        "held_out": [asdict(f) for f in held_out(strands, seed)],
-        "quantities": [_by_cycle(q) for q in quantities(pooled, at)],
-        "remarks": [*task.remarks, *_remarks(strands, at)],
-    }
+    document = ConditionCycles(
+        condition=condition,
+        cycles=pooled.cycle.astype(int).tolist(),
+        measured=measured_cycles(strands).tolist(),
+        curves=tuple(_curve(s) for s in strands),
+        law=_law(pooled),
+        changes=tuple(_changes(pooled)),
+        stable=_stable(pooled, options.share, options.probability),
+        held_out=tuple(HeldOutCycles(**asdict(f)) for f in held_out(strands, seed)),
+        quantities=tuple(_by_cycle(q) for q in quantities(pooled, at)),
+        remarks=(*task.remarks, *_remarks(strands, at)),
+    )
     return _StudiedCondition(
         document, {f"{s.record.key}-{s.channel}.csv": _columns(pooled, i) for i, s in enumerate(strands)}
     )
 
 
-def _curve(s: Strand) -> dict[str, Any]:
-    return {
-        "branch": s.record.branch.value,
-        "channel": s.channel,
-        "unit": s.unit,
-        "model": s.model.name,
-        "parameters": dict(zip(s.model.parameter_names, s.theta.tolist(), strict=True)),
-        "midpoint": s.middle,
-        "level": s.level,
-        "span": s.span,
-        "noise": s.noise,
-        "missed": s.noise / s.range,
-        "lag1_correlation": s.lag1_correlation,
-        "converged": s.converged,
-    }
+def _curve(s: Strand) -> CommonCurve:
+    return CommonCurve(
+        branch=s.record.branch.value,
+        channel=s.channel,
+        unit=s.unit,
+        model=s.model.name,
+        parameters=dict(zip(s.model.parameter_names, s.theta.tolist(), strict=True)),
+        midpoint=s.middle,
+        level=s.level,
+        span=s.span,
+        noise=s.noise,
+        missed=s.noise / s.range,
+        lag1_correlation=s.lag1_correlation,
+        converged=s.converged,
+    )
 
 
-def _law(pooled: Pooled) -> dict[str, Any]:
+def _law(pooled: Pooled) -> LawOfTraining:
     p = pooled.posterior
-    n0, best = None, NONE
+    best: Law = NONE
+    n0 = None
     if p.testable:
         best = max(FORMS, key=lambda form: p.ln_evidence[form])
         weights = p.pace_weights(best)
         reached = np.cumsum(weights) - 0.5 * weights
-        n0 = as_interval(np.interp(list(INTERVAL.values()), reached, PACES))
-    return {
-        "chosen": p.chosen,
-        "testable": p.testable,
-        "ln_evidence": p.ln_evidence,
-        "probability": p.probability,
-        "n0": n0,
-        "reason": _reason(pooled, best, n0),
-    }
+        n0 = IntervalDocument(**as_interval(np.interp(list(INTERVAL.values()), reached, PACES)))
+    return LawOfTraining(
+        chosen=p.chosen,
+        testable=p.testable,
+        ln_evidence={law: float(v) for law, v in p.ln_evidence.items()},
+        probability={law: float(v) for law, v in p.probability.items()},
+        n0=n0,
+        reason=_reason(pooled, best, n0),
+    )
 
 
-def _reason(pooled: Pooled, best: str, n0: dict[str, float] | None) -> str:
+def _reason(pooled: Pooled, best: Law, n0: IntervalDocument | None) -> str:
     p = pooled.posterior
     if n0 is None:
         return f"not testable: {measured_cycles(pooled.strands).size} cycles; a law needs 3 or more"
@@ -301,33 +314,32 @@ def _reason(pooled: Pooled, best: str, n0: dict[str, float] | None) -> str:
             f"no law: {best} gains {gain:.1f} in ln evidence over free changes of each sweep, "
             f"and {EARNED:g} are asked"
         )
+    low, middle, high = n0.quantiles
     other = max((form for form in FORMS if form != best), key=lambda form: p.ln_evidence[form])
     return (
-        f"{best}, N0 = {n0['median']:.2g} cycles ({n0['q05']:.2g} to {n0['q95']:.2g}): {gain:.1f} more in ln "
+        f"{best}, N0 = {middle:.2g} cycles ({low:.2g} to {high:.2g}): {gain:.1f} more in ln "
         f"evidence than free changes of each sweep, {gain - p.ln_evidence[other]:.1f} more than {other}"
     )
 
 
-def _changes(pooled: Pooled) -> list[dict[str, Any]]:
+def _changes(pooled: Pooled) -> Iterator[ChangeOfNumber]:
     last = int(np.searchsorted(pooled.cycle, pooled.last))
-    out = []
     for place, strand in enumerate(pooled.strands):
         for i, number in enumerate(NUMBERS):
             d = pooled.draws[4 * place + i]
-            out.append({
-                "branch": strand.record.branch.value,
-                "channel": strand.channel,
-                "number": number,
-                "unit": "K" if number == "shift" else "1",
-                "probability": float(np.mean(d.moving)),
+            yield ChangeOfNumber(
+                branch=strand.record.branch.value,
+                channel=strand.channel,
+                number=number,
+                unit="K" if number == "shift" else "1",
+                probability=float(np.mean(d.moving)),
                 **interval(d.law[:, last] - d.law[:, 0]),
-                "scatter": interval(d.scatter),
-                "step": interval(d.step),
-            })  # fmt: skip
-    return out
+                scatter=IntervalDocument(**interval(d.scatter)),
+                step=IntervalDocument(**interval(d.step)),
+            )
 
 
-def _stable(pooled: Pooled, share: float, wanted: float) -> dict[str, Any]:
+def _stable(pooled: Pooled, share: float, wanted: float) -> Stability:
     change = changes(pooled)
     p = probability_stable(change, share)
     at, numbers = np.flatnonzero(p >= wanted), pooled.cycle[:-1].astype(int)
@@ -342,23 +354,29 @@ def _stable(pooled: Pooled, share: float, wanted: float) -> dict[str, Any]:
         )
         if first > pooled.last:
             told += f", which is a forecast: the last measured cycle is {pooled.last:.0f}"
-    return {
-        "from_cycle": first,
-        "cycles": numbers.tolist(),
-        "probability": p.tolist(),
-        "change": np.median(change, axis=0).tolist(),
-        "statement": told,
-    }
+    return Stability(
+        from_cycle=first,
+        cycles=numbers.tolist(),
+        probability=p.tolist(),
+        change=np.median(change, axis=0).tolist(),
+        statement=told,
+    )
 
 
-def _by_cycle(q: CycleSeries) -> dict[str, Any]:
+def _by_cycle(q: CycleSeries) -> QuantityByCycle:
     """Quantiles; null where some draws have no value."""
     with np.errstate(all="ignore"):
-        stated = dict(zip(INTERVAL, np.quantile(q.draws, list(INTERVAL.values()), axis=0), strict=True))
-    return {
-        **{name: getattr(q, name) for name in ("branch", "channel", "name", "unit", "at")},
-        **{name: plain(v) for name, v in ({"own": q.own, "own_sd": q.own_sd} | stated).items()},
-    }
+        quantiles = np.quantile(q.draws, list(INTERVAL.values()), axis=0).tolist()
+    return QuantityByCycle(
+        branch=q.branch,
+        channel=q.channel,
+        name=q.name,
+        unit=q.unit,
+        at=q.at,
+        own=q.own.tolist(),
+        own_sd=q.own_sd.tolist(),
+        **dict(zip(INTERVAL, quantiles, strict=True)),
+    )
 
 
 def _remarks(strands: Sequence[Strand], at: Sequence[float]) -> list[str]:
@@ -408,14 +426,15 @@ def _columns(pooled: Pooled, place: int) -> dict[str, Any]:
 QUANTITY_KEYS: Final = ("condition", "branch", "channel", "name", "unit", "at")
 
 
-def quantity_columns(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def quantity_columns(found: Sequence[ConditionCycles]) -> dict[str, Any]:
     """All quantities of all conditions, a row for each cycle."""
     rows = [
         (
-            one["condition"], q["branch"], q["channel"], q["name"], q["unit"], or_nan(q["at"]), cycle,
-            cycle in one["measured"], *(or_nan(q[k][i]) for k in ("own", "own_sd", "q05", "median", "q95")),
+            one.condition, q.branch, q.channel, q.name, q.unit, or_nan(q.at), cycle, cycle in one.measured,
+            *map(or_nan, values),
         )
-        for one in found for q in one["quantities"] for i, cycle in enumerate(one["cycles"])
+        for one in found for q in one.quantities
+        for cycle, *values in zip(one.cycles, q.own, q.own_sd, q.q05, q.median, q.q95, strict=True)
     ]  # fmt: skip
     names = (*QUANTITY_KEYS, "cycle", "measured", "own", "own_sd", "q05", "median", "q95")
     return dict(zip(names, zip(*rows, strict=True), strict=True))
