@@ -44,6 +44,8 @@ FINE = 2001
 """Temperatures at which a curve is looked at to lay out the basis of its discrepancy."""
 LONGEST_MEMORY = 0.5
 """Samples that count as one under a noise model, as a share of a sweep, from which its memory is no noise."""
+SHORT = 12.0
+"""Samples that may count as one beside a discrepancy, however many functions it has."""
 SIMPLER = {"growing": EARNED, "temperature_error": 15.0}
 """What a series other than the simplest must gain beside growth or an error of the thermometer."""
 WIDE = 2.0
@@ -78,6 +80,8 @@ class NoiseChoice:
         For each record, channel to the likeliest parameters of its noise, then the size of its discrepancy.
     temperature_sd : tuple of float
         For each record, likeliest standard deviation of an error of the thermometer; zero where none is estimated.
+    longest_memory : tuple of mapping
+        For each record, channel to how many samples may count as one at most, where there is a bound.
     """
 
     name: str
@@ -88,6 +92,7 @@ class NoiseChoice:
     bases: Bases = ()
     estimate: tuple[Mapping[str, Floats], ...] = ()
     temperature_sd: tuple[float, ...] = ()
+    longest_memory: tuple[Mapping[str, float], ...] = ()
 
 
 def choose_noise(
@@ -153,11 +158,12 @@ def choose_noise(
             if not sign:
                 continue
             series, *others = best.split("+")
-            simple, extended = ("+".join([s, *others, suffix]) for s in (SIMPLEST, series))
+            extended = "+".join([series, *others, suffix])
             # what the slope explains is not to be explained by tails or a memory besides; in the moments that are
             # looked at here a large error of the thermometer leaves tails of its own
-            if look(simple).ln_evidence > look(extended).ln_evidence - SIMPLER[suffix]:
-                extended = simple
+            enough = look(extended).ln_evidence - SIMPLER[suffix]
+            simpler = ("+".join([s, *others, suffix]) for s in (SIMPLEST, *_without_tails(series, names)))
+            extended = next((s for s in simpler if look(s).ln_evidence > enough), extended)
             if look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
                 best = extended
         best = _without_what_is_not_needed(best, names, lambda name: look(name).ln_evidence)
@@ -176,12 +182,20 @@ def choose_noise(
         chosen.bases,
         chosen.estimate,
         chosen.temperature_sd,
+        chosen.longest_memory,
     )
 
 
 def _features(noise: NoiseModel) -> int:
     """How many of memory and heavy tails a noise model has."""
     return int(noise.autocorrelated) + int(not noise.is_gaussian)
+
+
+def _without_tails(name: str, series: Sequence[str]) -> list[str]:
+    """Those of some series that are normal and remember as one with heavy tails does; none for a normal one."""
+    model = NOISE_MODELS[name]
+    others = [NOISE_MODELS[n] for n in series if not model.is_gaussian]
+    return [n.name for n in others if n.is_gaussian and n.autocorrelated == model.autocorrelated]
 
 
 def _without_what_is_not_needed(name: str, series: Sequence[str], ln_evidence: Callable[[str], float]) -> str:
@@ -239,6 +253,7 @@ class _Description:
     estimate: tuple[Mapping[str, Floats], ...]
     temperature_sd: tuple[float, ...]
     innovations: tuple[Mapping[str, Floats], ...]
+    longest_memory: tuple[Mapping[str, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -367,15 +382,18 @@ class _Residuals:
                 alone = self._look(noise, i, channel, None)
                 usable = noise.is_density and not (noise.stands_alone and self.bent)
                 basis = self.bases[i].get(channel) if usable else None
-                beside = None if basis is None else self._look(noise, i, channel, basis)
+                bound = self._longest_beside(noise, i, basis)
+                beside = None if basis is None else self._look(noise, i, channel, basis, bound)
+                if bound is not None and not self._is_noise(noise, i, alone):
+                    alone = self._look(noise, i, channel, None, bound)
                 found[i, channel] = (alone, beside)
                 gain[channel] += -np.inf if beside is None else beside.ln_evidence - alone.ln_evidence
         bases: list[dict[str, DiscrepancyBasis]] = []
         estimate: list[dict[str, Floats]] = []
         innovations: list[dict[str, Floats]] = []
-        spread = []
+        spread, longest = [], []
         for i, record in enumerate(self.posterior.records):
-            own, values, series, errors = {}, {}, {}, [0.0]
+            own, values, series, bounds, errors = {}, {}, {}, {}, [0.0]
             for channel in record.channels:
                 alone, beside = found[i, channel]
                 taken = alone
@@ -385,24 +403,44 @@ class _Residuals:
                 total += taken.ln_evidence if self._is_noise(noise, i, taken) else -np.inf
                 values[channel] = taken.theta
                 series[channel] = taken.innovations
+                if taken.longest_memory is not None:
+                    bounds[channel] = taken.longest_memory
                 errors.append(taken.temperature_sd)
             bases.append(own)
             estimate.append(values)
             innovations.append(series)
             spread.append(max(errors))
-        return _Description(total, gain, tuple(bases), tuple(estimate), tuple(spread), tuple(innovations))
+            longest.append(bounds)
+        return _Description(
+            total, gain, tuple(bases), tuple(estimate), tuple(spread), tuple(innovations), tuple(longest)
+        )
+
+    def _longest_beside(self, noise: NoiseModel, i: int, basis: DiscrepancyBasis | None) -> float | None:
+        """Samples that may count as one beside a discrepancy: as many as there are for each of its functions."""
+        if basis is None or not noise.autocorrelated:
+            return None
+        return max(SHORT, self.posterior.steps[i].longest / basis.count)
 
     def _is_noise(self, noise: NoiseModel, i: int, found: _FittedNoise) -> bool:
         """Whether a memory is shorter than half a sweep; one as long as the sweep is misfit, whatever it is called."""
         if not noise.autocorrelated:
             return True
         steps = self.posterior.steps[i]
-        longest = np.diff(np.append(np.flatnonzero(steps.first), steps.first.size)).max()
-        return noise.memory(noise.shape_of(found.theta), steps) < LONGEST_MEMORY * float(longest)
+        return noise.memory(noise.shape_of(found.theta), steps) < LONGEST_MEMORY * steps.longest
 
-    def _look(self, noise: NoiseModel, i: int, channel: str, basis: DiscrepancyBasis | None) -> _FittedNoise:
+    def _look(
+        self,
+        noise: NoiseModel,
+        i: int,
+        channel: str,
+        basis: DiscrepancyBasis | None,
+        longest_memory: float | None = None,
+    ) -> _FittedNoise:
         record = self.posterior.records[i]
-        space, slots = _space(self.priors, noise, record, channel, basis, self.start.fit[i][channel].rmse)
+        scales = RecordScales.of([record]).with_residual({channel: self.start.fit[i][channel].rmse})
+        if longest_memory is not None:
+            scales = scales.with_longest_memory({channel: longest_memory}, self.posterior.steps[i].typical)
+        space, slots = _space(self.priors, noise, record, channel, basis, scales)
         _, span = self.posterior.observed_range(i, channel)
         residual = _solid(self.start.residual[i][channel], record.observed[channel])
         tangents = self.tangents[i][channel][:, self.posterior.sampled_model]
@@ -423,10 +461,10 @@ class _Residuals:
                 felt_at = slots.temperature_sd
                 own = theta if felt_at is None else np.delete(theta, felt_at)
                 felt = 0.0 if felt_at is None else float(theta[felt_at])
-                best = _FittedNoise(value, own, felt, *density.explained(mode.z))
+                best = _FittedNoise(value, own, felt, *density.explained(mode.z), longest_memory)
         if best is None:
             centre = space.constrain(space.prior_centre())
-            return _FittedNoise(-np.inf, centre, 0.0, None, residual)
+            return _FittedNoise(-np.inf, centre, 0.0, None, residual, longest_memory)
         return best
 
 
@@ -437,6 +475,7 @@ class _FittedNoise:
     temperature_sd: float
     weights: Floats | None
     innovations: Floats
+    longest_memory: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -453,10 +492,9 @@ def _space(
     record: Record,
     channel: str,
     basis: DiscrepancyBasis | None,
-    rmse: float,
+    scales: RecordScales,
 ) -> tuple[ParameterSpace, _Slots]:
     """Parameters of the noise of one channel of one record with their priors; that of ``sd`` is wide."""
-    scales = RecordScales.of([record]).with_residual({channel: rmse})
     facts = list(noise.parameters(channel, record.units[channel], record.units.get("time", "s")))
     size = felt = None
     if basis is not None:
@@ -674,6 +712,7 @@ def posterior_with(
         model=posterior.model,
         residual=left,
         memory=memory,
+        longest_memory=choice.longest_memory if choice is not None and choice.longest_memory else None,
         discrepancy=choice.bases if choice is not None and any(choice.bases) else None,
     )
 

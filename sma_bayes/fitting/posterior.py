@@ -683,6 +683,7 @@ def build_posterior(
     model: ResponseModel | None = None,
     residual: Sequence[Mapping[str, float]] | None = None,
     memory: Sequence[Mapping[str, float]] | None = None,
+    longest_memory: Sequence[Mapping[str, float]] | None = None,
     discrepancy: Sequence[Mapping[str, DiscrepancyBasis]] | None = None,
 ) -> Posterior:
     """Join records of one branch with a noise model and priors.
@@ -701,6 +702,8 @@ def build_posterior(
         noise. Without it the noise is measured by the span of the channel.
     memory : sequence of mapping, optional
         For each record, how many samples of each channel count as one; needed by `EffectiveSamples`.
+    longest_memory : sequence of mapping, optional
+        For each record, channel to how many samples may count as one at most; any number where there is none.
     discrepancy : sequence of mapping, optional
         For each record, channel to the basis of what the curve misses; none by default.
 
@@ -732,6 +735,8 @@ def build_posterior(
         own = RecordScales.of([record]) if len(records) > 1 else scales
         own = own.with_residual(residual[i]) if residual is not None else own
         own = own.with_memory(memory[i]) if memory is not None else own
+        if longest_memory is not None:
+            own = own.with_longest_memory(longest_memory[i], Steps.of(record).typical)
         bases = discrepancy[i] if discrepancy is not None else {}
         places, sizes = {}, {}
 

@@ -40,6 +40,4 @@ class AR1Time(MemoryNoise):
         return np.where(steps.first, 0.0, np.exp(-lapse))
 
     def shape_candidates(self, steps: Steps) -> Floats:
-        step = steps.dt[~steps.first]
-        typical = float(np.median(step[step > 0])) if np.any(step > 0) else 1.0
-        return typical * np.geomspace(0.1, 3e3, 201)[:, None]
+        return steps.typical * np.geomspace(0.1, 3e3, 201)[:, None]

@@ -37,6 +37,17 @@ class Steps:
     dt: Floats
     timed: bool
 
+    @property
+    def longest(self) -> int:
+        """Number of samples of the longest sweep."""
+        return int(np.diff(np.append(np.flatnonzero(self.first), self.first.size)).max())
+
+    @property
+    def typical(self) -> float:
+        """Median step in time between neighbours of a sweep [unit of time]; 1 where none passes."""
+        dt = self.dt[~self.first]
+        return float(np.median(dt[dt > 0.0])) if np.any(dt > 0.0) else 1.0
+
     @staticmethod
     def of(record: Record) -> Steps:
         """Steps of a record: a new memory starts with every segment."""

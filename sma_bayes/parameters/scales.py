@@ -42,6 +42,9 @@ class RecordScales:
         Residual standard error of the least-squares fit, where it is known already.
     memory : mapping of str to float
         Samples that count as one, from the correlation of those residuals.
+    correlation, correlation_time : mapping of str to float
+        Of neighbouring noise at the longest memory that it may have, and the time in which that is forgotten; of
+        channels for which there is such a bound.
     step : mapping of str to float
         Step of each channel whose readings are whole multiples of one; else 0.
     """
@@ -53,6 +56,8 @@ class RecordScales:
     typical: Mapping[str, float]
     residual: Mapping[str, float] = field(default_factory=dict)
     memory: Mapping[str, float] = field(default_factory=dict)
+    correlation: Mapping[str, float] = field(default_factory=dict)
+    correlation_time: Mapping[str, float] = field(default_factory=dict)
     step: Mapping[str, float] = field(default_factory=dict)
 
     def with_residual(self, residual: Mapping[str, float]) -> RecordScales:
@@ -62,6 +67,21 @@ class RecordScales:
     def with_memory(self, memory: Mapping[str, float]) -> RecordScales:
         """The same with the number of samples of each channel that count as one."""
         return replace(self, memory=dict(memory))
+
+    def with_longest_memory(self, longest: Mapping[str, float], step: float) -> RecordScales:
+        """The same with the longest memory that the noise of a channel may have.
+
+        Parameters
+        ----------
+        longest : mapping of str to float
+            Channel to how many samples count as one then, ``m = (1 + r)/(1 - r)`` for neighbours correlated by ``r``;
+            more than 1.
+        step : float
+            Time between samples.
+        """
+        correlation = {c: (m - 1.0) / (m + 1.0) for c, m in longest.items()}
+        forgotten = {c: -step / np.log(r) for c, r in correlation.items()}
+        return replace(self, correlation=correlation, correlation_time=forgotten)
 
     @staticmethod
     def of(records: Sequence[Record]) -> RecordScales:
@@ -98,9 +118,9 @@ class RecordScales:
         Parameters
         ----------
         expression : str
-            Products and quotients of ``span(x)``, ``level(x)``, ``typical(x)``, ``residual(x)``, ``memory(x)`` and
-            ``step(x)``, or ``position(x)`` alone: 0 at the bottom of the range of ``x`` and 1 at its top. ``x`` is
-            temperature, time or a channel.
+            Products and quotients of ``span(x)``, ``level(x)``, ``typical(x)``, ``residual(x)``, ``memory(x)``,
+            ``correlation(x)``, ``correlation_time(x)`` and ``step(x)``, or ``position(x)`` alone: 0 at the bottom of
+            the range of ``x`` and 1 at its top. ``x`` is temperature, time or a channel.
         channel : str
             What the word ``channel`` stands for.
 
@@ -130,13 +150,15 @@ class RecordScales:
                 return self.span[name], self.low[name]
             tables = {
                 "span": self.span, "level": self.level, "typical": self.typical, "residual": self.residual,
-                "memory": self.memory, "step": self.step,
+                "memory": self.memory, "correlation": self.correlation,
+                "correlation_time": self.correlation_time, "step": self.step,
             }  # fmt: skip
             if kind not in tables or not rest.endswith(")"):
                 raise PriorError(
                     f"scale {expression!r} can't be understood",
-                    expected="products of span(x), level(x), typical(x), residual(x), memory(x), step(x), "
-                    "or position(x) alone; " + near_matches(kind, [*tables, "position"]),
+                    expected="products of span(x), level(x), typical(x), residual(x), memory(x), correlation(x), "
+                    "correlation_time(x), step(x), or position(x) alone; "
+                    + near_matches(kind, [*tables, "position"]),
                 )
             scale *= tables[kind][name] ** sign
         return scale, shift

@@ -253,14 +253,22 @@ def compare_record(
             bases = {c.name: _bases(c, record, priors, modes[c.name]) for c in running if any(choice.bases)}
             modes = {
                 c.name: _modes_beside(
-                    posterior_of(c, record, scatter, priors, discrepancy=bases.get(c.name)),
+                    posterior_of(
+                        c,
+                        record,
+                        scatter,
+                        priors,
+                        discrepancy=bases.get(c.name),
+                        longest_memory=choice.longest_memory,
+                    ),
                     modes[c.name],
                     choice,
                 )
                 for c in running
             }
         folds = folds_of(record)
-        task = _ComparisonSetting(record, scatter, priors, memory, folds, bases)
+        longest = choice.longest_memory if choice is not None else ()
+        task = _ComparisonSetting(record, scatter, priors, memory, folds, bases, longest)
         fitted: dict[str, FittedContender] = {}
         for c, own in zip(running, seeds, strict=True):
             if progress is not None:
@@ -420,6 +428,7 @@ class _ComparisonSetting:
     memory: float
     folds: Folds
     bases: Mapping[str, Bases]
+    longest_memory: Sequence[Mapping[str, float]] = ()
 
     @property
     def grid(self) -> Floats:
@@ -437,6 +446,7 @@ class _ComparisonSetting:
             self.priors,
             self.memory,
             discrepancy=self.bases.get(contender.name),
+            longest_memory=self.longest_memory or None,
         )
         width = posterior.space.prior_sd()
         draws = importance_draws(posterior, [m.z for m in modes], width, sample_seed)

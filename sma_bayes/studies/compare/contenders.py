@@ -204,6 +204,7 @@ def posterior_of(
     memory: float = 1.0,
     *,
     discrepancy: Sequence[Mapping[str, DiscrepancyBasis]] | None = None,
+    longest_memory: Sequence[Mapping[str, float]] | None = None,
 ) -> Posterior:
     """Posterior of a contender.
 
@@ -220,11 +221,19 @@ def posterior_of(
         Samples that count as one, for `EffectiveSamples`.
     discrepancy : sequence of mapping, optional
         Channel to the basis of what the curve misses; none by default.
+    longest_memory : sequence of mapping, optional
+        Channel to how many samples may count as one at most; any number by default.
     """
     model = model_of(contender, record)
     told = [dict.fromkeys(record.channels, memory)]
     posterior = build_posterior(
-        [record], noise, model_priors(model, priors), model=model, memory=told, discrepancy=discrepancy
+        [record],
+        noise,
+        model_priors(model, priors),
+        model=model,
+        memory=told,
+        longest_memory=longest_memory,
+        discrepancy=discrepancy,
     )
     return with_constants(posterior, constants_of(contender, record))
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sma_bayes.fitting.noise_choice import NoiseChoice, choose_noise, noise_start, posterior_with
+from sma_bayes.fitting.noise_choice import SHORT, NoiseChoice, choose_noise, noise_start, posterior_with
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.records.types import Record
 
 DEFAULT = read_priors("modified_sigmoid")
@@ -137,6 +137,67 @@ def test_misfit_is_given_a_discrepancy_and_the_noise_is_not_blamed(
     assert sd == pytest.approx(0.002 * np.ptp(record.observed["force"]), rel=0.3)
     assert size > 2.0 * sd
     assert "a smooth discrepancy beside the curve gains" in choice.reason
+
+
+def in_bursts(record: Record, seed: int) -> Record:
+    """Twelve jumps, 2.5 to 7.5 % of the range up or down, which no smooth function follows."""
+    rng = np.random.default_rng(seed)
+    at = rng.uniform(38.0, 66.0, 12)
+    jumps = rng.choice([-1.0, 1.0], 12) * rng.uniform(0.025, 0.075, 12)
+    left = (record.temperature[:, None] > at) @ jumps
+    observed = {c: y + np.ptp(y) * left for c, y in record.observed.items()}
+    return with_even_time(replace(record, observed=observed))
+
+
+@pytest.mark.parametrize(("n", "expected"), [(90, SHORT), (900, 30.0)])
+def test_noise_beside_a_discrepancy_remembers_what_it_has_samples_a_function(
+    make_record: Callable[..., Record], n: int, expected: float
+) -> None:
+    record = with_a_second_step(make_record(("force",), n=n, noise=0.002))
+    choice = choice_for(record, noise="ar1")
+    assert choice.longest_memory[0]["force"] == expected
+    assert not choice_for(record, noise="independent").longest_memory[0]
+    assert not choice_for(record, noise="ar1", discrepancy=False).longest_memory[0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_memory_without_end_is_bounded_and_not_given_up(
+    make_record: Callable[..., Record], seed: int
+) -> None:
+    """Without bound the likeliest memory is half the sweep and more: misfit, though noise without any is far worse."""
+    record = in_bursts(make_record(("force",), n=360, noise=0.002, seed=seed), seed)
+    choice = choice_for(record)
+    assert NOISE_MODELS[choice.name].autocorrelated
+    assert not NOISE_MODELS[choice.name].is_gaussian
+    assert choice.ln_evidence["independent"] < -200.0
+    bound = choice.longest_memory[0]["force"]
+    assert bound == SHORT
+    posterior = build_posterior([record], NOISE_MODELS["independent"], DEFAULT)
+    start = warm_start(posterior, np.random.default_rng(0))
+    chosen = posterior_with(choice.name, posterior, start, DEFAULT, choice)
+    phi = next(p for p in chosen.space.parameters if p.name == "force_phi")
+    assert phi.prior.quantile(np.array(1.0)) == pytest.approx((bound - 1.0) / (bound + 1.0))
+    assert np.isfinite(chosen.log_prob(noise_start(chosen, start, choice)[None])).all()
+
+
+def test_a_prior_of_ones_own_knows_no_bound(make_record: Callable[..., Record]) -> None:
+    uniform = '[noise.phi]\nfamily = "uniform"\nlow = 0.0\nhigh = 1.0\n'
+    own = parse_priors(f'schema = "sma-bayes/priors/1"\nextends = "modified_sigmoid"\n{uniform}', "own.toml")
+    record = make_record(("force",), n=60)
+    for priors, low, high in ((DEFAULT, -0.6, 0.6), (own, 0.0, 1.0)):
+        built = build_posterior(
+            [record], NOISE_MODELS["ar1"], priors, longest_memory=[{"force": 4.0}], residual=[{"force": 0.1}]
+        )
+        phi = next(p for p in built.space.parameters if p.name == "force_phi")
+        assert phi.prior.quantile(np.array([0.0, 1.0])) == pytest.approx([low, high])
+
+
+def test_the_bound_of_a_memory_in_time_is_that_of_one_in_samples(make_record: Callable[..., Record]) -> None:
+    record = make_record(("force",), n=60)
+    record = replace(record, inputs={**record.inputs, "time": 2.5 * np.arange(60.0)})
+    built = build_posterior([record], NOISE_MODELS["ar1_time"], DEFAULT, longest_memory=[{"force": 4.0}])
+    tau = next(p for p in built.space.parameters if p.name == "force_tau")
+    assert np.exp(-2.5 / tau.prior.quantile(np.array(1.0))) == pytest.approx(0.6)
 
 
 def test_without_a_discrepancy_misfit_passes_for_memory(make_record: Callable[..., Record]) -> None:
