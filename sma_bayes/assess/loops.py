@@ -12,7 +12,6 @@ from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
 from sma_bayes.fitting.curves import interval
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
-from sma_bayes.quantities import unit_text
 from sma_bayes.response.modified_sigmoid import channel_unit
 
 
@@ -102,7 +101,7 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
             unit = channel_unit(h.units, channel)
             out.append(_interval(
                 "loop_area", heating, records[0], channel, f"{unit} {t_unit}" if unit != "1" else t_unit, area,
-                f"integral of heating less cooling from {low:.4g} to {high:.4g} {unit_text(t_unit)}", branch="",
+                "integral of heating less cooling over the temperatures that both cover", branch="",
             ))  # fmt: skip
     return out
 

@@ -13,6 +13,7 @@ from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.notation import compact
 from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.runs.declared_units import ShownUnit
 from sma_bayes.runs.fit_document import (
     FitFindings,
     ParameterSummary,
@@ -117,8 +118,8 @@ class ParameterResult(ParameterSummary):
 
     name: str
     at_bound: bool = False
-    scale: float = 1.0
-    """One of the unit of what is stored, in `unit` [1]."""
+    shown: ShownUnit = ShownUnit("", "", 1.0)
+    """How what is stored is shown in `unit`."""
 
     @property
     def estimate(self) -> Estimate:
@@ -166,6 +167,8 @@ class RecordContent:
         Lowest and highest [unit of temperature].
     temperature_sd : float
         Error of a reading [unit of temperature].
+    degrees : ShownUnit
+        How stored temperatures are shown.
     channels : tuple of Channel
     held, calibration : tuple of str
         One sentence each.
@@ -183,6 +186,7 @@ class RecordContent:
     temperature_unit: str
     temperature_range: tuple[float, float]
     temperature_sd: float
+    degrees: ShownUnit
     channels: tuple[Channel, ...]
     held: tuple[str, ...]
     calibration: tuple[str, ...]

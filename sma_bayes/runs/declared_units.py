@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -34,6 +34,7 @@ from sma_bayes.runs.fit_document import (
     FitFindings,
     HeldSummary,
     Measure,
+    NearestSummary,
     ParameterSummary,
     QuantitySummary,
     RecordSummary,
@@ -46,6 +47,8 @@ IN_UNIT_OF_CHANNEL: Final = frozenset(
 """Roles of parameters that have the unit of their channel, alone or over that of temperature."""
 SCALED: Final = frozenset({"mean", "sd", "median", "low", "high", "scale"})
 """Numbers of priors that are in the unit of the parameter."""
+SPREADS: Final = frozenset({"sd", "scale"})
+"""Those of them that are differences."""
 WEIGHT: Final = {"g": "gf", "kg": "kgf"}
 """Units of force of the weights of masses, in which loads are declared."""
 SHORT: Final = {"kelvin": "K", "fahrenheit": "degF", "degree_Fahrenheit": "degF"}
@@ -348,19 +351,16 @@ def in_shown_units(summary: FitFindings, units: Shown) -> FitFindings:
     )
 
 
-def of_parameters(r: RecordSummary, units: Shown) -> dict[str, float]:
-    """Shown units in one of the stored parameters, for those that have the unit of a channel [1]."""
+def of_parameters(r: RecordSummary, units: Shown) -> dict[str, ShownUnit]:
+    """How the parameters are shown whose unit has that of a channel or of temperature as a factor."""
     found = {name: _of_parameter(name, p, r, units) for name, p in r.parameters.items()}
-    return {name: u.factor for name, u in found.items() if u is not None}
+    return {name: u for name, u in found.items() if u.shown != u.stored}
 
 
-def _of_parameter(name: str, p: ParameterSummary, r: RecordSummary, units: Shown) -> ShownUnit | None:
+def _of_parameter(name: str, p: ParameterSummary, r: RecordSummary, units: Shown) -> ShownUnit:
     u = _of_channel(r, p.channel, units)
-    if u is None:
-        return None
-    if u.stored != "1":
-        return u if u.begins(p.unit) else None
-    return u if in_unit_of_channel(name, p.channel, p.role) else None
+    own = u is not None and (u.stored != "1" or in_unit_of_channel(name, p.channel, p.role))
+    return shown_as(p.unit, units, _name(r, p.channel) if own else "", difference=p.role != Role.MIDPOINT)
 
 
 def in_unit_of_channel(name: str, channel: str, role: str | None) -> bool:
@@ -388,6 +388,7 @@ def _of_channel(r: RecordSummary, channel: str, units: Shown) -> ShownUnit | Non
 
 def _record(r: RecordSummary, units: Shown) -> RecordSummary:
     by_channel = {c: u for c in CHANNELS if (u := _of_channel(r, c, units)) is not None}
+    degrees, apart = (shown_as(r.temperature.unit, units, difference=d) for d in (False, True))
 
     def measure(c: str, m: Measure) -> Measure:
         return m.model_copy(update={"unit": by_channel[c].shown}) if c in by_channel else m
@@ -406,6 +407,9 @@ def _record(r: RecordSummary, units: Shown) -> RecordSummary:
             for c, factors in found.items()
         }
 
+    def of_channel(p: NearestSummary) -> bool:
+        return p.channel in by_channel and p.unit == by_channel[p.channel].stored
+
     fit = {
         c: g.model_copy(
             update={"sse": _product(g.sse, by_channel[c].factor ** 2), "rmse": _product(g.rmse, by_channel[c].factor)}
@@ -418,14 +422,26 @@ def _record(r: RecordSummary, units: Shown) -> RecordSummary:
         update={
             "quantities": {c: measure(c, m) for c, m in r.quantities.items()},
             "held": scaled(r.held, "mean", "sd"),
-            "calibration": scaled(r.calibration, "offset", "offset_sd"),
-            "discrepancy": scaled(r.discrepancy, "rms", "largest"),
+            "temperature": in_unit(r.temperature, degrees, "lowest", "highest").model_copy(
+                update={"sd": apart.value(r.temperature.sd)}
+            ),
+            "calibration": {
+                c: k.model_copy(
+                    update={"offset": degrees.value(k.offset), "offset_sd": apart.value(k.offset_sd)}
+                )
+                if c == TEMPERATURE.name
+                else k
+                for c, k in scaled(r.calibration, "offset", "offset_sd").items()
+            },
+            "discrepancy": {
+                c: m.model_copy(update={"at": degrees.value(m.at)})
+                for c, m in scaled(r.discrepancy, "rms", "largest").items()
+            },
             "nearest": {
-                n: in_unit(p, by_channel[p.channel], "q05", "median", "q95")
-                if p.channel in by_channel and p.unit == by_channel[p.channel].stored
-                else p
+                n: in_unit(p, shown_as(p.unit, units, _name(r, p.channel) if of_channel(p) else ""))
                 for n, p in r.nearest.items()
             },
+            "transformation": {n: in_unit(t, shown_as(t.unit, units)) for n, t in r.transformation.items()},
             "parameters": {n: _parameter(p, _of_parameter(n, p, r, units)) for n, p in r.parameters.items()},
             "fit": fit,
             "correlation": agreement(r.correlation),
@@ -435,24 +451,24 @@ def _record(r: RecordSummary, units: Shown) -> RecordSummary:
     )  # fmt: skip
 
 
-def _parameter(p: ParameterSummary, u: ShownUnit | None) -> ParameterSummary:
-    if u is None:
+def _parameter(p: ParameterSummary, u: ShownUnit) -> ParameterSummary:
+    if u.shown == u.stored:
         return p
-    prior = {
-        n: v * u.factor if n in SCALED and isinstance(v, float) else v for n, v in p.prior.items()
-    }  # fmt: skip
-    own = in_unit(p, u, "warm_start", "warm_start_sd", "mean", "sd", "q05", "median", "q95")
-    return own.model_copy(update={"prior": prior})
+    by = dict.fromkeys(SCALED, u) | dict.fromkeys(SPREADS, replace(u, zero=0.0))
+    prior = {n: by[n].value(v) if n in by and isinstance(v, float) else v for n, v in p.prior.items()}
+    own = in_unit(p, u, "warm_start", "mean", "q05", "median", "q95")
+    spreads = {n: _product(getattr(p, n), u.factor) for n in ("warm_start_sd", "sd")}
+    return own.model_copy(update={"prior": prior, **spreads})
 
 
 def _quantity(q: QuantitySummary, r: RecordSummary | None, units: Shown) -> QuantitySummary:
     u = None if r is None else _of_channel(r, q.channel, units)
-    if u is None:
-        return q
-    of_channel = q.name == "loop_area" or q.unit == u.stored
-    if u.stored == "1" and q.name != "loop_area":
-        of_channel = False
-    return in_unit(q, u, "q05", "median", "q95") if of_channel else q
+    unit, factor = q.unit, 1.0
+    if u is not None and (q.name == "loop_area" or (q.unit == u.stored and u.stored != "1")):
+        unit, factor = u.of(q.unit), u.factor
+    degrees = {name: found for name, found in units.items() if name == TEMPERATURE.name}
+    last = shown_as(unit, degrees, difference=True)  # a width, or an area
+    return in_unit(q, ShownUnit(q.unit, last.shown, factor * last.factor))
 
 
 def in_unit(part: P, u: ShownUnit, *names: str) -> P:

@@ -361,3 +361,50 @@ def test_sensitivity_is_told_in_declared_units(
     read = first_row(out / "readings" / "w100-heating.csv")
     warm = in_unit(float(read["temperature_degC"]), "degC", "degF")
     assert float(drawn["temperature"]) == pytest.approx(warm, rel=1e-8)
+
+
+def test_temperatures_of_a_fit_are_told_as_they_were_declared(fitted: Path) -> None:
+    """Points with their zero, differences and rates without; draws, bands and readings of figures with them."""
+    from sma_bayes.runs.outputs import band_of, posterior_of, read_run
+    from sma_bayes.studies.fit.report import branch_data
+    from sma_bayes.studies.fit.report_content import report_content
+
+    run = read_run(fitted)
+    content, stored = report_content(run).records[0], run.summary.records[0]
+    assert content.temperature_unit == "degF"
+    assert content.temperature_range == pytest.approx(
+        [in_unit(t, "degC", "degF") for t in (stored.temperature.lowest, stored.temperature.highest)]
+    )
+    units = {"N": "mN", "m": "mm", "degC": "degF", "1/degC": "1/degF"}
+    draws, shown = posterior_of(fitted, stored.key, stored.posterior_sha256), branch_data(fitted, content)
+    for p in content.parameters:
+        before = stored.parameters[p.name]
+        point = p.name in ("A3", "B3")
+        assert p.unit == units[before.unit]
+        for number in ("median", "q05", "q95", "mean", "warm_start"):
+            value = in_unit(getattr(before, number), before.unit, p.unit, difference=not point)
+            assert getattr(p, number) == pytest.approx(value, rel=1e-9)
+        assert p.sd == pytest.approx(
+            in_unit(before.sd or 0.0, before.unit, p.unit, difference=True), rel=1e-9
+        )
+        own = float(np.median(draws.draws[p.name]))
+        value = in_unit(own, before.unit, p.unit, difference=not point)
+        assert np.median(shown.stored.draws[p.name]) == pytest.approx(value, rel=1e-9)
+        if before.prior.get("family") == "normal" and point:
+            assert p.prior["mean"] == pytest.approx(
+                in_unit(float(before.prior["mean"] or 0.0), "degC", "degF")
+            )
+            assert p.prior["sd"] == pytest.approx(1.8 * float(before.prior["sd"] or 0.0))
+    for name, t in stored.transformation.items():
+        told = content.document.transformation[name]
+        assert (told.unit, told.median) == ("degF", pytest.approx(in_unit(t.median or 0.0, "degC", "degF")))
+    band = band_of(fitted, stored.key, "force", stored.band_sha256["force"])
+    assert shown.bands["force"].temperature == pytest.approx(32.0 + 1.8 * band.temperature)
+    assert shown.stored.inputs["temperature"] == pytest.approx(32.0 + 1.8 * draws.inputs["temperature"])
+    loops = {(q.condition, q.name, q.channel): q for q in run.summary.loops}
+    for q in report_content(run).loops:
+        stored_q = loops[q.condition, q.name, q.channel]
+        if q.name == "hysteresis_width":
+            assert q.median == pytest.approx(1.8 * (stored_q.median or 0.0))
+        if q.name == "loop_area" and q.channel == "force":
+            assert q.median == pytest.approx(1800.0 * (stored_q.median or 0.0))

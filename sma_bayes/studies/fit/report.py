@@ -240,8 +240,9 @@ def _in_shown_units(branch: BranchData) -> BranchData:
     """What is drawn of a record, from the units in which it is stored to those in which people see it."""
     record, stored = branch.content, branch.stored
     channels = {c.channel: c.scale for c in record.channels}
-    parameters = {p.name: p.scale for p in record.parameters}
-    if all(scale == 1.0 for scale in (*channels.values(), *parameters.values())):
+    parameters = {p.name: p.shown for p in record.parameters}
+    degrees = record.degrees
+    if all(u.shown == u.stored for u in (degrees, *parameters.values())) and set(channels.values()) <= {1.0}:
         return branch
 
     def scaled(values: Mapping[str, Floats], by: Mapping[str, float]) -> dict[str, Floats]:
@@ -251,12 +252,18 @@ def _in_shown_units(branch: BranchData) -> BranchData:
         branch,
         stored=replace(
             stored,
+            inputs={n: degrees.values(v) if n == "temperature" else v for n, v in stored.inputs.items()},
             observed=scaled(stored.observed, channels),
-            draws=scaled(stored.draws, parameters),
+            draws={n: parameters[n].values(v) if n in parameters else v for n, v in stored.draws.items()},
+            prior_temperature=degrees.values(stored.prior_temperature),
             prior_curves=scaled(stored.prior_curves, channels),
         ),
         bands={
-            c: replace(band, quantiles={n: channels[c] * q for n, q in band.quantiles.items()})
+            c: replace(
+                band,
+                temperature=degrees.values(band.temperature),
+                quantiles={n: channels[c] * q for n, q in band.quantiles.items()},
+            )
             for c, band in branch.bands.items()
         },
         curve=scaled(branch.curve, channels),

@@ -20,7 +20,14 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.response import DEFAULT_MODEL
-from sma_bayes.runs.declared_units import Shown, ShownUnit, in_shown_units, of_parameters, shown_units
+from sma_bayes.runs.declared_units import (
+    Shown,
+    ShownUnit,
+    in_shown_units,
+    of_parameters,
+    shown_as,
+    shown_units,
+)
 from sma_bayes.runs.fit_document import (
     CalibrationSummary,
     FitFindings,
@@ -46,7 +53,7 @@ def report_content(run: StoredRun) -> Content:
     units = shown_units(run.summary.records)
     summary = in_shown_units(run.summary, units)
     records = tuple(
-        _record(shown, of_parameters(stored, units), units)
+        _record(shown, stored, units)
         for shown, stored in zip(summary.records, run.summary.records, strict=True)
     )
     return Content(
@@ -71,7 +78,9 @@ def is_twin(summary: FitFindings) -> bool:
     return summary.source.startswith(TWIN_SOURCE) and keys <= set(printed_values())
 
 
-def _record(r: RecordSummary, scale: Mapping[str, float], units: Shown) -> RecordContent:
+def _record(r: RecordSummary, stored: RecordSummary, units: Shown) -> RecordContent:
+    """What is said of a record, in the units in which people see it and as it is stored."""
+    parameters = of_parameters(stored, units)
     names = {channel: q.name for channel, q in r.quantities.items()}
     temperature = r.temperature
     measured = {**r.quantities, "temperature": Measure(name="temperature", unit=temperature.unit)}
@@ -87,11 +96,17 @@ def _record(r: RecordSummary, scale: Mapping[str, float], units: Shown) -> Recor
         temperature_unit=temperature.unit,
         temperature_range=(temperature.lowest, temperature.highest),
         temperature_sd=temperature.sd or 0.0,
+        degrees=shown_as(stored.temperature.unit, units),
         channels=tuple(_channel(c, q, r, units) for c, q in r.quantities.items()),
         held=tuple(_held(c, h, names) for c, h in r.held.items()),
         calibration=tuple(_calibration(k, measured[c]) for c, k in r.calibration.items() if c in measured),
         parameters=tuple(
-            ParameterResult(**dict(p), name=n, at_bound=n in r.at_bound, scale=scale.get(n, 1.0))
+            ParameterResult(
+                **dict(p),
+                name=n,
+                at_bound=n in r.at_bound,
+                shown=parameters.get(n, ShownUnit(p.unit, p.unit, 1.0)),
+            )
             for n, p in r.parameters.items()
         ),
     )

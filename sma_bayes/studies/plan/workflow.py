@@ -22,7 +22,7 @@ from sma_bayes.errors import (
 )
 from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
-from sma_bayes.quantities import unit_text
+from sma_bayes.quantities import TEMPERATURE, unit_text
 from sma_bayes.records.types import Branch
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.runs.declared_units import Shown, of_parameters, shown_units
@@ -272,7 +272,7 @@ def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext)
     work.tell(2, 3, "putting a design together")
     with work.account.timed("design"):
         design = None if o.hours is None else _design(expectations, tried, settings, q.conditions, o, rate)
-    shown = shown_units(summary.records)
+    shown = {n: u for n, u in shown_units(summary.records).items() if n != TEMPERATURE.name}
     found: dict[str, Any] = {
         "schema": PLAN.schema,
         "campaign": summary.campaign,
@@ -369,7 +369,7 @@ def _known(target: PlanTarget, q: _FitQuestion, shown: Shown) -> list[dict[str, 
             else None
         )
         if own is not None and (own.stored == unit or quantity.name in factors):
-            unit, factor = own.of(unit), factors.get(quantity.name, own.factor)
+            unit, factor = own.of(unit), factors.get(quantity.name, own).factor
         out.append({
             "key": draws.key, "name": quantity.name, "unit": quantity.unit, **interval(quantity.draws),
             "sd": sd, "shown_unit": unit, "shown_factor": factor,

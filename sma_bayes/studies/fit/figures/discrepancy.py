@@ -34,6 +34,7 @@ from sma_bayes.report.figures.sheet import (
     unconverged_note,
 )
 from sma_bayes.report.notation import unit_label, write
+from sma_bayes.runs.declared_units import ShownUnit
 
 LEVELS: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
 
@@ -54,7 +55,7 @@ def discrepancy_figure(content: RecordContent, draws: RecordDraws) -> Drawing:
     )  # fmt: skip
     rows: list[tuple[Any, ...]] = []
     for (above, below), channel in zip(axes.T, channels, strict=True):
-        found = _quantiles(draws, channel)
+        found = _quantiles(draws, channel, content.degrees)
         _draw_curves(above, content, draws, channel, found)
         _draw_discrepancy(below, content, draws, channel, found)
         rows += _rows(draws, channel, found)
@@ -85,13 +86,14 @@ def discrepancy_figure(content: RecordContent, draws: RecordDraws) -> Drawing:
     )
 
 
-def _quantiles(draws: RecordDraws, shown: Channel) -> Mapping[str, Floats]:
+def _quantiles(draws: RecordDraws, shown: Channel, degrees: ShownUnit) -> Mapping[str, Floats]:
     """Temperatures (m,), and there quantiles (5, m) of total curve and discrepancy, model and noise (m,)."""
     t, channel, scale = draws.grid(), shown.channel, shown.scale
     whole, missed = draws.curves.curve(channel, t), draws.curves.discrepancy(channel, t)
     model = np.median(whole - missed, axis=0)
     return {
-        "temperature": t,
+        "temperature": degrees.values(t),
+        "measured_at": degrees.values(draws.record.temperature),
         "whole": scale * np.quantile(whole, LEVELS, axis=0),
         "missed": scale * np.quantile(missed, LEVELS, axis=0),
         "model": scale * model,
@@ -120,7 +122,7 @@ def _draw_curves(
     y = channel.scale * draws.record.observed[channel.channel]
     ax.fill_between(t, whole[0], whole[4], color=colour, alpha=0.3, lw=0, zorder=2)
     ax.scatter(
-        draws.record.temperature, y, s=5 if y.size < 200 else 2.5, color=INK, alpha=0.7, linewidths=0, zorder=5,
+        found["measured_at"], y, s=5 if y.size < 200 else 2.5, color=INK, alpha=0.7, linewidths=0, zorder=5,
         rasterized=y.size > MANY,
     )  # fmt: skip
     ax.plot(t, whole[2], color=colour, lw=1.2, zorder=3)
@@ -177,7 +179,7 @@ def _rows(draws: RecordDraws, channel: Channel, found: Mapping[str, Floats]) -> 
     empty = (math.nan,) * 10
     rows: list[tuple[Any, ...]] = [
         ("measured", channel.name, channel.unit, t, y, *empty)
-        for t, y in zip(draws.record.temperature, measured, strict=True)
+        for t, y in zip(found["measured_at"], measured, strict=True)
     ]
     whole = found["whole"][[0, 2, 4]]
     return rows + [
