@@ -9,6 +9,7 @@ from pydantic import Field
 from sma_bayes.runs.schema import (
     DeclaredUnits,
     DocumentPart,
+    FilesBeside,
     IntervalDocument,
     Items,
     Number,
@@ -118,8 +119,26 @@ class WatchedCycle(DocumentPart):
     )
 
 
-class WatchDocument(RunAccount, DeclaredUnits):
-    """What `sma-bayes watch` writes: `watch.json`."""
+class VerdictFindings(DocumentPart):
+    """Whether a spring is still the one that was fitted, by all cycles that count."""
+
+    verdict: Literal["same", "changed"] = Field(
+        description="`changed` after an alarm, for good; `same`: no evidence of a change so far"
+    )
+    statement: str = Field(description="one sentence")
+    p_value: Number = Field(
+        description="probability of as much evidence, ever, while nothing changes, at most [1]"
+    )
+    fitted: Items[Number] = Field(description="cycles that were fitted")
+    law: str = Field(description="law of training that counts as no change, or `none`")
+    cycles: Items[WatchedCycle] = Field(description="watched cycles that count")
+    numbers: Items[WatchedNumber] = Field(description="what is watched")
+    alarm: AlarmDocument | None = Field(description="null while there is none")
+    change: ChangeDocument = Field(description="what has changed")
+
+
+class WatchFindings(DeclaredUnits, VerdictFindings):
+    """What a watch found."""
 
     schema_: Literal["sma-bayes/watch/1"] = Field(alias="schema", description="name and version")
     campaign: str = Field(description="name of the campaign")
@@ -135,28 +154,15 @@ class WatchDocument(RunAccount, DeclaredUnits):
     converged: bool = Field(
         description="whether the fit did, and the common curves of its sweeps have settled"
     )
-    verdict: Literal["same", "changed"] = Field(
-        description="`changed` after an alarm, for good; `same`: no evidence of a change so far"
-    )
-    statement: str = Field(description="one sentence")
-    p_value: Number = Field(
-        description="probability of as much evidence, ever, while nothing changes, at most [1]"
-    )
-    fitted: Items[Number] = Field(description="cycles that were fitted")
-    law: str = Field(description="law of training that counts as no change, or `none`")
-    cycles: Items[WatchedCycle] = Field(description="watched cycles that count")
-    numbers: Items[WatchedNumber] = Field(description="what is watched")
-    alarm: AlarmDocument | None = Field(description="null while there is none")
-    change: ChangeDocument = Field(description="what has changed")
     limits: Items[LimitDocument] = Field(description="one for each branch and channel with the quantity")
     files: Items[ReadFile] = Field(description="files that were read, in their order")
     partial: Items[str] = Field(description="cycles that were not whole when they were last read, in words")
     remarks: Items[str] = Field(description="what can't be told, and what was seen")
     exit_status: int = Field(description="0; 1 after an alarm, or where the fit has not converged")
-    files_sha256: dict[str, str] = Field(
-        default={},
-        description="checksum of each CSV of results beside the document, which every reader compares",
-    )
+
+
+class WatchDocument(RunAccount, FilesBeside, WatchFindings):
+    """What `sma-bayes watch` writes: `watch.json`."""
 
 
 DOCUMENTS: Final = {"watch": WatchDocument, "watch-state": WatchState}

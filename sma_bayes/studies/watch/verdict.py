@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -11,16 +11,28 @@ from scipy.stats import t as t_distribution
 
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import many
-from sma_bayes.fitting.curves import INTERVAL, as_interval
+from sma_bayes.fitting.curves import as_interval
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.runs.declared_units import Shown
-from sma_bayes.runs.store import or_nan, plain
+from sma_bayes.runs.schema import IntervalDocument
+from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.cycles.sweeps import Strand
 from sma_bayes.studies.watch.evidence import Onset, Watched, least_squares_of, onset
 from sma_bayes.studies.watch.naming import Change, NamedCause, causes_of, change_of, interval, named
 from sma_bayes.studies.watch.reference import WATCHED, MeasuredNumbers, Reference
 from sma_bayes.studies.watch.remaining import Remaining
-from sma_bayes.studies.watch.schema import AmountDocument
+from sma_bayes.studies.watch.schema import (
+    AlarmDocument,
+    AmountDocument,
+    CauseDocument,
+    ChangeDocument,
+    LimitDocument,
+    OnsetDocument,
+    VerdictFindings,
+    WatchedCycle,
+    WatchedNumber,
+    WatchFindings,
+)
 from sma_bayes.studies.watch.shown import amount_shown
 from sma_bayes.studies.watch.state import WatchState
 
@@ -34,13 +46,13 @@ class WatchVerdict:
 
     Attributes
     ----------
-    document : dict
-        Keys of `watch.json`.
+    found : VerdictFindings
+        Its part of `watch.json`.
     begins : int or None
         Watched cycle, from 1, with which a change began, if there is one.
     """
 
-    document: dict[str, Any]
+    found: VerdictFindings
     begins: int | None
 
 
@@ -77,30 +89,32 @@ def judged(
     change = _no_change() if began is None else _change(reference, began, units)
     alarm = None
     if at is not None and began is not None:
-        alarm = {
-            "cycle": at + 1,
-            "file": state.cycles[at].file,
-            "numbers": [f"{n['branch']} {n['channel']} {n['number']}" for n in numbers if n["alarm"]],
-            "onset": {
-                "low": began.onset.low, "median": began.onset.middle, "high": began.onset.high,
-                "shape": began.onset.shape,
-            },
-        }  # fmt: skip
-    document = {
-        "verdict": "same" if alarm is None else "changed",
-        "statement": _statement(len(later), alarm, change, alpha, greatest),
-        "p_value": float(min(1.0, np.exp(-greatest))),
-        "fitted": reference.cycle.tolist(),
-        "law": reference.law,
-        "cycles": [
-            {"cycle": n + 1, "file": c.file, "cycle_in_file": c.cycle, "log10_e": float(e / LOG10)}
+        alarm = AlarmDocument(
+            cycle=at + 1,
+            file=state.cycles[at].file,
+            numbers=tuple(f"{n.branch} {n.channel} {n.number}" for n in numbers if n.alarm),
+            onset=OnsetDocument(
+                low=began.onset.low,
+                median=began.onset.middle,
+                high=began.onset.high,
+                shape=began.onset.shape,
+            ),
+        )
+    found = VerdictFindings(
+        verdict="same" if alarm is None else "changed",
+        statement=_statement(len(later), alarm, change, alpha, greatest),
+        p_value=float(min(1.0, np.exp(-greatest))),
+        fitted=reference.cycle.tolist(),
+        law=reference.law,
+        cycles=tuple(
+            WatchedCycle(cycle=n + 1, file=c.file, cycle_in_file=c.cycle, log10_e=float(e / LOG10))
             for n, (c, e) in enumerate(zip(state.cycles, total, strict=True))
-        ],
-        "numbers": numbers,
-        "alarm": alarm,
-        "change": change,
-    }
-    return WatchVerdict(document, None if began is None else began.onset.middle)
+        ),
+        numbers=numbers,
+        alarm=alarm,
+        change=change,
+    )
+    return WatchVerdict(found, None if began is None else began.onset.middle)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,24 +139,26 @@ def _began(watched: Watched, evidence: Floats, needed: float) -> _Began:
 
 def _numbers(
     reference: Reference, watched: Watched, evidence: Floats, began: _Began | None, needed: float
-) -> list[dict[str, Any]]:
+) -> tuple[WatchedNumber, ...]:
     base = watched.fitted + (watched.watched if began is None else began.onset.low - 1)
     low, high = normal_range(watched, base)
     out = []
     for k, (s, i) in enumerate(reference.keys):
         strand = reference.strands[s]
-        out.append({
-            "branch": strand.record.branch.value,
-            "channel": strand.channel,
-            "number": WATCHED[i],
-            "unit": _unit(strand, i),
-            "value": _physical(strand, i, watched.value[:, k]).tolist(),
-            "normal_low": plain(_physical(strand, i, low[:, k])),
-            "normal_high": plain(_physical(strand, i, high[:, k])),
-            "log10_e": (evidence[:, k] / LOG10).tolist(),
-            "alarm": bool(np.any(evidence[:, k] >= needed)),
-        })  # fmt: skip
-    return out
+        out.append(
+            WatchedNumber(
+                branch=strand.record.branch.value,
+                channel=strand.channel,
+                number=WATCHED[i],
+                unit=_unit(strand, i),
+                value=_physical(strand, i, watched.value[:, k]).tolist(),
+                normal_low=_physical(strand, i, low[:, k]).tolist(),
+                normal_high=_physical(strand, i, high[:, k]).tolist(),
+                log10_e=(evidence[:, k] / LOG10).tolist(),
+                alarm=bool(np.any(evidence[:, k] >= needed)),
+            )
+        )
+    return tuple(out)
 
 
 def normal_range(watched: Watched, base: int) -> tuple[Floats, Floats]:
@@ -178,48 +194,48 @@ def _physical(strand: Strand, number: int, value: Floats) -> Floats:
         return np.asarray(np.exp(value) * (1.0 if name == "width" else strand.span))
 
 
-def _no_change() -> dict[str, Any]:
-    return {"verdict": "none", "causes": [], "statement": "no change that needs a name"}
+def _no_change() -> ChangeDocument:
+    return ChangeDocument(verdict="none", causes=(), statement="no change that needs a name")
 
 
-def _change(reference: Reference, began: _Began, units: Shown) -> dict[str, Any]:
+def _change(reference: Reference, began: _Began, units: Shown) -> ChangeDocument:
     change = change_of(began.watched, began.onset)
     found = [] if change is None else named(change, causes_of(reference.strands))
     if change is None or not found:
-        return {
-            "verdict": "unnamed",
-            "causes": [],
-            "statement": "unnamed: none of the causes that are known, nor two together, accounts for the change",
-        }
-    causes = [_cause(n, change) for n in found]
+        return ChangeDocument(
+            verdict="unnamed",
+            causes=(),
+            statement="unnamed: none of the causes that are known, nor two together, accounts for the change",
+        )
+    causes = tuple(_cause(n, change) for n in found)
     best, specimen = causes[0], reference.strands[0].record.specimen
-    told = f"{best['title']} ({_amounts(best, units, specimen)}), {best['share']:.0%} of the change"
+    told = f"{best.title} ({_amounts(best, units, specimen)}), {best.share:.0%} of the change"
     if len(causes) > 1:
-        others = "; ".join(c["title"] for c in causes[1:])
+        others = "; ".join(c.title for c in causes[1:])
         told += f"; these cycles can't tell it from: {others}"
-    return {"verdict": "named", "causes": causes, "statement": told}
+    return ChangeDocument(verdict="named", causes=causes, statement=told)
 
 
-def _cause(n: NamedCause, change: Change) -> dict[str, Any]:
+def _cause(n: NamedCause, change: Change) -> CauseDocument:
     low, high = interval(n, change.spare)
     amounts = [amount for cause in n.causes for amount in cause.amounts]
     kinds = {c.of for c in n.causes}
-    return {
-        "id": "+".join(c.id for c in n.causes),
-        "title": ", and ".join(c.title for c in n.causes),
-        "of": kinds.pop() if len(kinds) == 1 else "either",
-        "effects": list(dict.fromkeys(c.effect for c in n.causes if c.effect)),
-        "share": n.share,
-        "p_value": n.p,
-        "amounts": [
-            {**as_interval((a, m, b)), "name": name, "unit": unit}
+    return CauseDocument(
+        id="+".join(c.id for c in n.causes),
+        title=", and ".join(c.title for c in n.causes),
+        of=kinds.pop() if len(kinds) == 1 else "either",
+        effects=tuple(dict.fromkeys(c.effect for c in n.causes if c.effect)),
+        share=n.share,
+        p_value=n.p,
+        amounts=tuple(
+            AmountDocument(**as_interval((a, m, b)), name=name, unit=unit)
             for a, m, b, (name, unit) in zip(low, n.amount, high, amounts, strict=True)
-        ],
-    }
+        ),
+    )
 
 
-def _amounts(cause: Mapping[str, Any], units: Shown, specimen: bool) -> str:
-    amounts = (amount_shown(AmountDocument.model_validate(a), units, specimen) for a in cause["amounts"])
+def _amounts(cause: CauseDocument, units: Shown, specimen: bool) -> str:
+    amounts = (amount_shown(a, units, specimen) for a in cause.amounts)
     return ", ".join(
         f"{a.name.replace('_', ' ')} {interval_text(a.median, a.q05, a.q95)} {unit_label(a.unit)}".strip()
         for a in amounts
@@ -227,7 +243,7 @@ def _amounts(cause: Mapping[str, Any], units: Shown, specimen: bool) -> str:
 
 
 def _statement(
-    watched: int, alarm: Mapping[str, Any] | None, change: Mapping[str, Any], alpha: float, greatest: float
+    watched: int, alarm: AlarmDocument | None, change: ChangeDocument, alpha: float, greatest: float
 ) -> str:
     if not watched:
         return "no whole cycle has been watched yet"
@@ -236,31 +252,29 @@ def _statement(
             f"still the spring that was fitted, as far as {many(watched, 'cycle')} tell: the evidence of a change came "
             f"to {np.exp(min(greatest, 50.0)):.2g}, and {1.0 / alpha:.4g} is an alarm"
         )
-    o = alarm["onset"]
-    since = f"cycle {o['median']}" + ("" if o["low"] == o["high"] else f" ({o['low']} to {o['high']})")
-    return (
-        f"changed: alarm with cycle {alarm['cycle']} ({alarm['file']}), a {o['shape']} since {since}: "
-        f"{change['statement']}"
+    o = alarm.onset
+    since = f"cycle {o.median}" + ("" if o.low == o.high else f" ({o.low} to {o.high})")
+    return f"changed: alarm with cycle {alarm.cycle} ({alarm.file}), a {o.shape} since {since}: {change.statement}"
+
+
+def limit_document(r: Remaining) -> LimitDocument:
+    """What `watch.json` holds of a limit."""
+    low, middle, high = r.remaining
+    return LimitDocument(
+        limit=r.limit.asked,
+        branch=r.branch,
+        channel=r.channel,
+        quantity=r.limit.name,
+        at=r.limit.at,
+        unit=r.unit,
+        fitted=r.fitted,
+        now=IntervalDocument(**as_interval(r.now)),
+        target=r.target,
+        remaining=IntervalDocument(q05=low, median=middle, q95=high),
+        probability=r.probability,
+        horizon=r.horizon,
+        statement=_remaining_statement(r),
     )
-
-
-def remaining_document(r: Remaining) -> dict[str, Any]:
-    """Keys of a limit in `watch.json`."""
-    return {
-        "limit": r.limit.asked,
-        "branch": r.branch,
-        "channel": r.channel,
-        "quantity": r.limit.name,
-        "at": r.limit.at,
-        "unit": r.unit,
-        "fitted": r.fitted,
-        "now": as_interval(r.now),
-        "target": r.target,
-        "remaining": dict(zip(INTERVAL, r.remaining, strict=True)),
-        "probability": r.probability,
-        "horizon": r.horizon,
-        "statement": _remaining_statement(r),
-    }
 
 
 def _remaining_statement(r: Remaining) -> str:
@@ -275,26 +289,25 @@ def _remaining_statement(r: Remaining) -> str:
     return f"{what}: in {middle:.0f} cycles (90 %: {low:.0f} to {upper})"
 
 
-def csv_columns(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def csv_columns(found: WatchFindings) -> dict[str, dict[str, Any]]:
     """Columns of `cycles.csv` (each number of each sweep) and `e_process.csv`, by file."""
-    fitted, cycles = found["fitted"], found["cycles"]
+    fitted, cycles = found.fitted, found.cycles
     count = len(fitted)
     rows = [
         (
-            "fitted" if j < count else "watched", int(fitted[j]) if j < count else cycles[j - count]["cycle"],
-            "" if j < count else cycles[j - count]["file"], n["branch"], n["channel"], n["number"], n["unit"], value,
-            or_nan(n["normal_low"][j]), or_nan(n["normal_high"][j]),
-            np.nan if j < count else n["log10_e"][j - count],
+            "fitted" if j < count else "watched", int(fitted[j]) if j < count else cycles[j - count].cycle,
+            "" if j < count else cycles[j - count].file, n.branch, n.channel, n.number, n.unit, value,
+            or_nan(n.normal_low[j]), or_nan(n.normal_high[j]), np.nan if j < count else n.log10_e[j - count],
         )
-        for n in found["numbers"] for j, value in enumerate(n["value"])
+        for n in found.numbers for j, value in enumerate(n.value)
     ]  # fmt: skip
     names = (
         "part", "cycle", "file", "branch", "channel", "number", "unit", "value", "normal_low", "normal_high", "log10_e"
     )  # fmt: skip
     process = {
-        "cycle": [c["cycle"] for c in cycles],
-        "file": [c["file"] for c in cycles],
-        "log10_e": [c["log10_e"] for c in cycles],
-        "log10_alarm": [float(np.log10(1.0 / found["alpha"]))] * len(cycles),
+        "cycle": [c.cycle for c in cycles],
+        "file": [c.file for c in cycles],
+        "log10_e": [c.log10_e for c in cycles],
+        "log10_alarm": [float(np.log10(1.0 / found.alpha))] * len(cycles),
     }
     return {"cycles.csv": dict(zip(names, zip(*rows, strict=True), strict=True)), "e_process.csv": process}

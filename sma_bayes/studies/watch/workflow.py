@@ -21,7 +21,7 @@ from sma_bayes.runs.documents import FILES, WATCH, files_beside
 from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.outputs import StoredRun, read_run
-from sma_bayes.runs.store import plain, write_csv
+from sma_bayes.runs.store import write_csv
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.run_context import RunContext
@@ -35,6 +35,7 @@ from sma_bayes.studies.watch.reading import (
 )
 from sma_bayes.studies.watch.reference import WATCHED, MeasuredNumbers, Reference, reference_of
 from sma_bayes.studies.watch.remaining import WatchLimit, limit_of, remaining_cycles
+from sma_bayes.studies.watch.schema import WatchFindings
 from sma_bayes.studies.watch.state import (
     CountedCycle,
     ReadFile,
@@ -44,7 +45,7 @@ from sma_bayes.studies.watch.state import (
     read_state,
     write_state,
 )
-from sma_bayes.studies.watch.verdict import WatchVerdict, csv_columns, judged, remaining_document
+from sma_bayes.studies.watch.verdict import csv_columns, judged, limit_document
 
 ALPHA: Final = 0.01
 MOST_CYCLES: Final = 20_000
@@ -285,41 +286,38 @@ class Watch:
         with self.work.account.timed("verdict"):
             found = self._found()
         if self.out is None:
-            return self.work.with_account(found.document)
+            return self.work.with_account(found.as_json())
         with self.work.account.timed("write"):
-            for name, columns in csv_columns(found.document).items():
+            for name, columns in csv_columns(found).items():
                 write_csv(self.out / name, columns)
-        return self.work.end(self.out, {**found.document, FILES: files_beside(self.out)})
+        return self.work.end(self.out, {**found.as_json(), FILES: files_beside(self.out)})
 
-    def _found(self) -> WatchVerdict:
+    def _found(self) -> WatchFindings:
         later = self.later()
         verdict = judged(self.reference, later, self.state, self.alpha, shown_units(self._own()))
-        begins = verdict.begins
-        remaining = remaining_cycles(self.reference, later, self.limits, begins, self.seed)
+        remaining = remaining_cycles(self.reference, later, self.limits, verdict.begins, self.seed)
         summary = self.run.summary
         settled = all(s.converged for s in self.reference.strands)
         converged = bool(summary.converged and settled)
-        remarks = [*self.reference.remarks, *self._remarks()]
-        document: dict[str, Any] = plain({
-            "schema": WATCH.schema,
-            "campaign": summary.campaign,
-            "fit": str(self.run.folder),
-            "condition": self.condition,
-            "seed": self.seed,
-            "alpha": self.alpha,
-            "temperature_unit": _temperature_unit(self.run, self.condition),
-            "specimen": self.reference.strands[0].record.specimen,
+        return WatchFindings(
+            schema="sma-bayes/watch/1",
+            campaign=summary.campaign,
+            fit=str(self.run.folder),
+            condition=self.condition,
+            seed=self.seed,
+            alpha=self.alpha,
+            temperature_unit=_temperature_unit(self.run, self.condition),
+            specimen=self.reference.strands[0].record.specimen,
             **declared_parts(self._own()),
-            "versions": all_versions(),
-            "converged": converged,
-            **verdict.document,
-            "limits": [remaining_document(r) for r in remaining],
-            "files": [f.model_dump(mode="json") for f in self.state.files],
-            "partial": self._partial(),
-            "remarks": remarks,
-            "exit_status": 0 if converged and verdict.document["alarm"] is None else 1,
-        })  # fmt: skip
-        return WatchVerdict(document, begins)
+            versions=all_versions(),
+            converged=converged,
+            **dict(verdict.found),
+            limits=tuple(limit_document(r) for r in remaining),
+            files=self.state.files,
+            partial=tuple(self._partial()),
+            remarks=(*self.reference.remarks, *self._remarks()),
+            exit_status=0 if converged and verdict.found.alarm is None else 1,
+        )
 
     def _own(self) -> list[RecordSummary]:
         """Fitted records of the condition."""
