@@ -119,7 +119,9 @@ def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], stud
     mark = written(
         study.parent / "empty.toml", STUDY.partition("[fit]")[0] + '[compare]\npool = "campaign"\n'
     )
-    assert run("run", mark, "--quiet").status == 2  # its only step fails; the folder is that of a study now
+    failed = run("run", mark, "--quiet")
+    assert failed.status == 2  # its only step fails; the folder is that of a study now
+    assert failed.err.startswith("error: ")
     written(study.parent / "results" / "fit", "a file where a folder should be")
     written(study, STUDY + "[conditions]\n")
     outcome = run("run", study, "--resume")
@@ -145,6 +147,13 @@ def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], stud
         ("[fit]", '[fit]\n[conditions]\nat = ["curent_A=2"]', "key 'conditions.at, entry 1'"),
         ("[fit]", '[fit]\n[plan]\nfor = "stiffnes@60degC"', "did you mean 'stiffness'"),
         ("[fit]", '[fit]\n[plan]\nfor = "parameters"\nsetup = "5 N"', "key 'plan.setup'"),
+        ("[fit]", '[fit]\n[plan]\nfor = "parameters"\nrate = "9**9**9**9 K/min"', "key 'plan.rate'"),
+        ("[fit]", '[fit]\n[plan]\nfor = "parameters"\ncondition = "b"', "key 'plan.condition'"),
+        ("[fit]", '[fit]\n[conditions]\nleave_out = ["b"]', "key 'conditions.leave_out, entry 1'"),
+        ("[fit]", "[fit]\nextrapolate = 1e300", "key 'fit.extrapolate'"),
+        ('"0.12 N/mm"', '"0.12 N/mm"\ncondition = "b"', "key 'ask 1.condition'"),
+        ('"0.12 N/mm"', '"0.12 N/mm"\ntemperature_unit = "N"', "key 'ask 1.temperature_unit'"),
+        ('"0.12 N/mm"', '"0.12 N/mm"\nextrapolate = 1e300', "key 'ask 1.extrapolate'"),
         ('campaign = "bench"', 'campaign = "bunch"', "there is no such file or folder"),
         ("jobs = 1", "job = 1", "did you mean 'jobs'"),
     ],

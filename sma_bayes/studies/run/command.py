@@ -27,9 +27,12 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Run all that a study file declares: fit, compare, gap, conditions, plan, questions, each in its own folder."""
-    from sma_bayes.studies.run.terminal import study_text
+    from sma_bayes.studies.run.terminal import failures, study_text
     from sma_bayes.studies.run.workflow import run_study
 
     with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose, tasks=False) as progress:
         found = run_study(study, out=out, jobs=jobs, resume=resume, strict=strict or None, progress=progress)
+    if quiet and not as_json:
+        for message in failures(found):
+            typer.echo(message, err=True)
     finish(found, quiet, as_json, lambda: typer.echo(study_text(found)))

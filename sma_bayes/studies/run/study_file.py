@@ -10,8 +10,8 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field, model_validator
 
 from sma_bayes.errors import StudyError, near_matches
+from sma_bayes.limits import DEGREES, SEED
 from sma_bayes.limits import SCATTER as SCATTER_LIMIT
-from sma_bayes.limits import SEED
 from sma_bayes.records.toml_table import StrictTable, as_toml, checked, declared_bytes, parsed_toml
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.studies.ask.workflow import PROBABILITY, TOLERANCE, WANTED
@@ -86,7 +86,7 @@ class FitTable(CompareTable):
     """``[fit]``; a bias spring where `arrangement` names one [N/m]."""
 
     sampler: str = "independence"
-    extrapolate: float = Field(default=0.0, ge=0.0)
+    extrapolate: float = Field(default=0.0, ge=0.0, le=DEGREES.value)
     arrangement: str | None = None
     bias: float | None = Field(default=None, gt=0.0)
     bias_sd: float | None = Field(default=None, ge=0.0)
@@ -148,8 +148,8 @@ class AskTable(StrictTable):
     probability: float = Field(default=PROBABILITY, gt=0.0, le=1.0)
     condition: str | None = None
     branch: Literal["heating", "cooling"] | None = None
-    extrapolate: float = Field(default=0.0, ge=0.0)
-    temperature_sd: float = Field(default=0.0, ge=0.0)
+    extrapolate: float = Field(default=0.0, ge=0.0, le=DEGREES.value)
+    temperature_sd: float = Field(default=0.0, ge=0.0, le=DEGREES.value)
     temperature_unit: str | None = None
 
     @model_validator(mode="after")

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from sma_bayes.assess.bands import band_channels
-from sma_bayes.errors import ResumeError, SmaBayesError
+from sma_bayes.errors import ResumeError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.progress import Progress, silent
-from sma_bayes.quantities import number_and_unit
+from sma_bayes.quantities import convert, number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
 from sma_bayes.response.modified_sigmoid import channel_unit
@@ -25,6 +25,7 @@ from sma_bayes.runs.store import write_json
 from sma_bayes.studies.ask.workflow import AT_SCHEMA, OVERALL, WANTED, ask, asked_temperature, wanted_value
 from sma_bayes.studies.compare.workflow import compare
 from sma_bayes.studies.condition_text import condition_at
+from sma_bayes.studies.conditions.study import EACH
 from sma_bayes.studies.conditions.workflow import study_conditions
 from sma_bayes.studies.fit.workflow import fit_campaign
 from sma_bayes.studies.gap.workflow import study_gap
@@ -38,7 +39,7 @@ from sma_bayes.studies.options import (
     prior_set,
 )
 from sma_bayes.studies.plan.asked import TELL_APART, parse_asked
-from sma_bayes.studies.plan.candidates import hours_of
+from sma_bayes.studies.plan.candidates import hours_of, rate_of
 from sma_bayes.studies.plan.workflow import plan
 from sma_bayes.studies.run.schema import StatedStep, StudyDocument
 from sma_bayes.studies.run.study_file import Study, read_study
@@ -181,12 +182,21 @@ def _check(study: Study) -> None:
 
 
 def _check_questions(study: Study, campaign: Campaign) -> None:
-    """Refuse temperatures and values that no record could be asked for."""
+    """Refuse temperatures, rates, values and conditions that no record could be asked for."""
     record = campaign.records[0]
+    degrees = record.units["temperature"]
+    for key, condition in _named_conditions(study):
+        _require_condition(study, campaign, key, condition)
+    rate = study.steps.get("plan", {}).get("rate")
+    if rate is not None:
+        with _place(study, "plan.rate"):
+            rate_of(rate, degrees)
     for number, asked in enumerate(study.asks, start=1):
+        with _place(study, f"ask {number}.temperature_unit"):
+            convert(0.0, degrees, asked["temperature_unit"] or degrees, what="temperature")
         for text in asked["at"]:
             with _place(study, f"ask {number}.at"):
-                asked_temperature(text, record.units["temperature"], record.units["temperature"])
+                asked_temperature(text, degrees, degrees)
         for name in WANTED:
             channel = "stiffness" if name == OVERALL else name
             if asked[name] is not None and channel in band_channels(record):
@@ -194,6 +204,30 @@ def _check_questions(study: Study, campaign: Campaign) -> None:
                     wanted_value(
                         asked[name], asked["tolerance"], channel_unit(record.units, channel), channel
                     )
+
+
+def _named_conditions(study: Study) -> Iterator[tuple[str, str]]:
+    """Conditions that steps and questions name, each with its key."""
+    left_out = study.steps.get("conditions", {}).get("leave_out", ())
+    for number, name in enumerate(left_out, start=1):
+        if list(left_out) != [EACH]:
+            yield f"conditions.leave_out, entry {number}", name
+    places = [("plan", study.steps.get("plan", {}))]
+    places += [(f"ask {number}", asked) for number, asked in enumerate(study.asks, start=1)]
+    for place, options in places:
+        if options.get("condition") is not None:
+            yield f"{place}.condition", options["condition"]
+
+
+def _require_condition(study: Study, campaign: Campaign, key: str, condition: str) -> None:
+    known = {r.condition.id for r in campaign.records}
+    if condition not in known:
+        raise UnknownNameError(
+            f"unknown condition {condition!r}",
+            file=study.file,
+            column=key,
+            expected=near_matches(condition, known),
+        )
 
 
 @contextmanager
