@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_bayes.quantities import CHANNELS, unit_text
+from sma_bayes.quantities import ARBITRARY, CHANNELS, convert, unit_text
 from sma_bayes.records.types import Record
 from sma_bayes.response.modified_sigmoid import channel_unit
 
@@ -45,7 +45,6 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
     noise_sd : dict
         Standard deviation of the noise of each observed channel.
     """
-    unit = channel_unit(record.units, "stiffness")
     force, displacement, stiffness = (record.quantity(c) for c in CHANNELS)
     slope_text = f"d{record.symbol('force')}/d{record.symbol('displacement')}"
     tested = "specimen" if record.specimen else "spring"
@@ -53,9 +52,9 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
         held = record.held["force"]
         return PathRemark(
             "constant_load",
-            f"the rig held the {force} at {held.mean:.4g} {unit_text(record.units.get('force', ''))} "
-            f"(sd {held.sd:.2g}): the slope {slope_text} of the path is zero by construction and says nothing about "
-            f"the {tested}; only the {displacement} is fitted",
+            f"the rig held the {force} at {_as_declared(record, 'force', held.mean)} "
+            f"(sd {_as_declared(record, 'force', held.sd, 2)}): the slope {slope_text} of the path is zero by "
+            f"construction and says nothing about the {tested}; only the {displacement} is fitted",
         )
     if "displacement" in record.held:
         return PathRemark(
@@ -80,12 +79,23 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
         other = "an elastic constraint" if record.specimen else "a bias spring"
         return PathRemark(
             "straight_path",
-            f"{force} is a straight line in {displacement} within the noise, with slope {slope:.4g} {unit_text(unit)}: "
-            f"that is what {other} of this {stiffness} imposes at every temperature, so the path slope tells "
-            f"{other}'s {stiffness} and nothing about the alloy",
+            f"{force} is a straight line in {displacement} within the noise, with slope "
+            f"{_as_declared(record, 'stiffness', float(slope))}: that is what {other} of this {stiffness} imposes at "
+            f"every temperature, so the path slope tells {other}'s {stiffness} and nothing about the alloy",
         )
     return PathRemark(
         "path_slope",
         f"{stiffness} is the slope {slope_text} of the actuation path, along which temperature changes; it is not the "
         f"{stiffness} of the {tested} at constant temperature",
     )
+
+
+def _as_declared(record: Record, channel: str, value: float, digits: int = 4) -> str:
+    """A value of a channel with its unit, as the measurements declare it; of a stiffness as force and displacement."""
+    unit, declared = channel_unit(record.units, channel), record.declared_units
+    parts = [declared.get(c) for c in ("force", "displacement")]
+    derived = parts[0] if record.specimen else "/".join(p for p in parts if p) if all(parts) else None
+    shown = declared.get(channel) or (derived if channel == "stiffness" else None) or unit
+    if ARBITRARY not in unit and ARBITRARY not in shown:
+        value, unit = float(convert(value, unit, shown, what=channel)), shown
+    return f"{value:.{digits}g} {unit_text(unit)}".rstrip()

@@ -115,7 +115,7 @@ def note_digits(ledger: Ledger, column: str, rows: Ints) -> None:
     rows, values = rows[np.isfinite(values)], values[np.isfinite(values)]
     name, step = ledger.quantity(column), digit(values)
     if step > 0:
-        message = f"{name} comes in steps of {ledger.amount(column, step)}"
+        message = f"{name} comes in steps of {ledger.amount(column, step, difference=True)}"
         ledger.note(rows[:0], "quantised", message, column=column)
     for top in clipped(values):
         message = (

@@ -271,7 +271,8 @@ def note_held(ledger: Ledger, legs: Sequence[Leg], channel: str, *, told: bool, 
     if not along:
         return
     low, high = min(c.low for c in along.values()), max(c.high for c in along.values())
-    extent = f"mean {ledger.amount(channel, mean)}, averages along the sweep from {low:.6g} to {high:.6g}"
+    middle, least, most = (ledger.amount(channel, v) for v in (mean, low, high))
+    extent = f"mean {middle}, averages along the sweep from {least} to {most}"
     none = rows[:0]
     if channel != "displacement" and high - low > 2.0 * min_change * abs(mean):
         kind = "load-not-constant" if channel == "force" else "not-constant"

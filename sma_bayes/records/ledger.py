@@ -8,7 +8,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError, many
-from sma_bayes.quantities import SPECIMEN_QUANTITY, unit_text
+from sma_bayes.quantities import SPECIMEN_QUANTITY, convert, unit_text
 from sma_bayes.records.run import Run
 from sma_bayes.records.types import Finding
 
@@ -53,9 +53,21 @@ class Ledger:
         """Name of a column for people: strain for the displacement of a specimen."""
         return SPECIMEN_QUANTITY.get(column, column) if self.run.specimen else column
 
-    def amount(self, column: str, value: float) -> str:
-        """A value of a column with its unit, for people."""
-        return f"{value:.6g} {unit_text(self.run.units.get(column, ''))}".rstrip()
+    def amount(self, column: str, value: float, *, difference: bool = False) -> str:
+        """A value of a column with its unit, for people: as the measurements declare it.
+
+        Parameters
+        ----------
+        column : str
+        value : float
+            In the unit of the run.
+        difference : bool
+            Whether it is the difference of two; a step of 1 degC is one of 1.8 degF.
+        """
+        unit = self.run.units.get(column, "")
+        declared = self.run.declared_units.get(column, unit) if unit else unit
+        zero, shown = (float(v) for v in convert(np.array([0.0, value]), unit, declared, what=column))
+        return f"{shown - zero if difference else shown:.6g} {unit_text(declared)}".rstrip()
 
     def keep_out(self, index: Ints, kind: str, why: str, *, column: str = "", branch: str = "") -> None:
         """Keep rows out, and say why; rows that are out already are not counted again.

@@ -348,7 +348,8 @@ def _note_contradictions(
         if back > least:
             name, against = _branch(s).value, "falls" if s.heating else "rises"
             message = (
-                f"branch says {name}, but the temperature {against} by {ledger.amount('temperature', back)}"
+                f"branch says {name}, but the temperature {against} by "
+                f"{ledger.amount('temperature', back, difference=True)}"
             )
             message += "; the column is believed"
             ledger.note(rows[s.start : s.stop], "branch-contradicted", message, column="branch", branch=name)
@@ -436,7 +437,8 @@ def _note_quality(ledger: Ledger, legs: list[Leg], channels: tuple[str, ...]) ->
     _note_steps(ledger, rows)
     swept = float(np.ptp(run.columns["temperature"][rows]))
     if run.units.get("temperature") == "degC" and swept < DRIFT:
-        message = f"the temperature hardly varies, by {ledger.amount('temperature', swept)} in all: a drift, no sweep"
+        by = ledger.amount("temperature", swept, difference=True)
+        message = f"the temperature hardly varies, by {by} in all: a drift, no sweep"
         ledger.note(rows[:0], "narrow-sweep", message, column="temperature")
     time = run.columns.get("time")
     for branch in Branch:

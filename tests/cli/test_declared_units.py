@@ -288,7 +288,7 @@ def test_a_gap_is_told_in_declared_units(
     size = in_unit(parameter["median"], "delta_degC/N", "delta_degF/mN")
     assert f"c {size:.4g} (" in told
     assert "°F/mN" in told
-    of_study = text_of(out / "report.html").partition("findings about the measurements")[0]
+    of_study = text_of(out / "report.html").partition("Priors of the response")[0]
     for text in (told, of_study):
         assert_declared(text)
     places = zip(found["disagreement"], table(out, "disagreement"), strict=True)
@@ -408,3 +408,17 @@ def test_temperatures_of_a_fit_are_told_as_they_were_declared(fitted: Path) -> N
             assert q.median == pytest.approx(1.8 * (stored_q.median or 0.0))
         if q.name == "loop_area" and q.channel == "force":
             assert q.median == pytest.approx(1800.0 * (stored_q.median or 0.0))
+
+
+def test_findings_and_remarks_are_in_declared_units(bench: Path, fitted: Path) -> None:
+    from sma_bayes import read_campaign
+
+    campaign = read_campaign(bench)
+    (step, *_) = (f.message for f in campaign.findings if f.kind == "quantised" and f.column == "temperature")
+    even = 1.8 * 45.0 / 39.0  # degF from one reading to the next
+    assert float(step.rpartition(" of ")[2].removesuffix(" °F")) == pytest.approx(even, abs=0.01)
+    record = json.loads((fitted / "summary.json").read_text(encoding="utf-8"))["records"][0]
+    assert record["path"]["kind"] == "straight_path"
+    force, displacement = (campaign.records[0].observed[c] for c in ("force", "displacement"))
+    slope = in_unit(float(np.polyfit(displacement, force, 1)[0]), "N/m", "mN/mm")
+    assert f"with slope {slope:.4g} mN/mm:" in record["path"]["message"]

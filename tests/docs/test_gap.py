@@ -61,7 +61,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def keys(document: object) -> set[str]:
-    """Keys at any depth, without names of channels, inputs, parameters, packages and numbers of a prior."""
+    """Keys at any depth, without names of channels, inputs, settings, parameters, packages and numbers of a prior."""
     if isinstance(document, list):
         return set().union(*map(keys, document))
     if not isinstance(document, dict):
@@ -72,7 +72,7 @@ def keys(document: object) -> set[str]:
             own |= keys(list(value.values()))
         elif key == "prior":
             own |= {"family", "source"}
-        elif key not in ("units", "versions", "settings"):
+        elif key not in ("units", "declared_units", "versions", "settings"):
             own |= keys(value)
     return own
 
