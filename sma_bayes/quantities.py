@@ -140,6 +140,7 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
     if unit == to:
         return array.copy()
     _require_unit_text(unit, what)
+    _require_unit_text(to, what)
     if ARBITRARY in unit or ARBITRARY in to:  # also its reciprocal and the like
         raise QuantityError(
             f"{what} is in {unit!r}, which can't be turned into {to!r}",
@@ -150,19 +151,11 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
 
     ureg = _registry()
     meant = _MEANT.get((unit.lower(), to))
-    try:
-        source = ureg.Unit(unit)
-    except (pint.errors.UndefinedUnitError, *_NOT_A_UNIT):
-        raise QuantityError(
-            f"unit {unit!r} of {what} is not known",
-            expected=f"a unit such as {to!r}, or 'arbitrary'",
-            remedy=f"did you mean {meant!r}?"
-            if meant
-            else near_matches(unit, ("degC", "kelvin", "degF", "N", "mm", "percent", to)),
-        ) from None
+    source = _known_unit(unit, what, meant, (to,))
+    target = _known_unit(to, what, None, (unit,))
     try:
         with np.errstate(over="ignore"):
-            return np.asarray(ureg.Quantity(array, source).to(to).magnitude, dtype=float)
+            return np.asarray(ureg.Quantity(array, source).to(target).magnitude, dtype=float)
     except (
         pint.errors.DimensionalityError,
         AssertionError,
@@ -174,6 +167,22 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
             remedy=f"did you mean {meant!r}?"
             if meant
             else "correct the unit or map the column to another quantity",
+        ) from None
+
+
+def _known_unit(unit: str, what: str, meant: str | None, like: tuple[str, ...]) -> Any:
+    """A unit of the registry; `meant` and `like` are for the message."""
+    import pint
+
+    try:
+        return _registry().Unit(unit)
+    except (pint.errors.UndefinedUnitError, *_NOT_A_UNIT):
+        raise QuantityError(
+            f"unit {unit!r} of {what} is not known",
+            expected=f"a unit such as {like[0]!r}, or 'arbitrary'",
+            remedy=f"did you mean {meant!r}?"
+            if meant
+            else near_matches(unit, ("degC", "kelvin", "degF", "N", "mm", "percent", *like)),
         ) from None
 
 
