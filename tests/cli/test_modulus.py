@@ -229,3 +229,18 @@ def test_computed_moduli_are_told_as_such(run: Callable[..., Any], tmp_path: Pat
     assert told.status == 1
     assert [c["computed"] for c in found_in(tmp_path / "out")["sweeps"][0]["curves"]] == [True, True]
     assert "storage modulus: it has no noise: it was computed, not measured" in " ".join(told.out.split())
+
+
+def test_sweeps_that_state_no_frequency_have_a_report(run: Callable[..., Any], tmp_path: Path) -> None:
+    """Their figure ended in a traceback, and so did a call with the defaults."""
+    t = np.linspace(0.0, 110.0, 40)
+    noise = np.random.default_rng(2).standard_normal(t.size)
+    storage = 28e3 + 38e3 / (1.0 + np.exp(-0.25 * (t - 50.0))) + 250.0 * noise
+    rows = [f"{a:.6g},{b:.6g}" for a, b in zip(t, storage, strict=True)]
+    path = tmp_path / "strip.csv"
+    path.write_text("\n".join(["Temperature,Storage modulus", "°C,MPa", *rows]), encoding="utf-8")
+    told = run("modulus", path, "--out", tmp_path / "out", "--model", "bounded_logistic", "--jobs", 1)
+    assert told.status == 0, told.err
+    assert "1 sweep, seed 0" in told.out
+    assert (tmp_path / "out" / "report.html").exists()
+    assert (tmp_path / "out" / "figures" / "moduli.png").exists()

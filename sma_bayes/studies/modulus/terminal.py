@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
+from sma_bayes.errors import many
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.screen import SHOWN, screen, show_end
 from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep
@@ -17,7 +18,7 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
     """Tell what was found of each sweep and of the shift with frequency."""
     found = ModulusDocument.model_validate(told)
     console = screen()
-    console.print(f"{len(found.sweeps)} sweeps, seed {found.seed}", soft_wrap=True)
+    console.print(f"{many(len(found.sweeps), 'sweep')}, seed {found.seed}", soft_wrap=True)
     console.print(_table(found))
     for text in dict.fromkeys(s.statement for s in found.shifts if s.shift is not None):
         branch = next(s.branch for s in found.shifts if s.statement == text)

@@ -54,7 +54,7 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
         gap_y=0.5,
     )  # fmt: skip
     colours = dict(
-        zip(frequencies, colormaps["viridis"](np.linspace(0.0, 0.8, max(len(frequencies), 1))), strict=True)
+        zip(frequencies, colormaps["viridis"](np.linspace(0.0, 0.8, len(frequencies))), strict=True)
     )
     unit = modulus_unit(found)
     per = float(convert(1.0, "Pa", unit))
