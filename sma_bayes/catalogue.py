@@ -53,7 +53,7 @@ class Catalogue(Mapping[str, T], Generic[T]):
             entry: T = point.load()
         except Exception as error:
             raise SmaBayesError(
-                f"the {self.kind} {point.name!r} of another package can't be had: {type(error).__name__}: {error}",
+                f"the {self.kind} {point.name!r} of another package can't be loaded: {type(error).__name__}: {error}",
                 expected=f"{point.value}, which that package names, to be there and to be imported without an error",
                 remedy="repair that package, or uninstall it",
             ) from error

@@ -57,7 +57,7 @@ def command_of_verb(verb: str) -> Any:
     Raises
     ------
     SmaBayesError
-        If another package provides the verb, and it can't be had.
+        If another package provides the verb, and it can't be loaded.
     """
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     alone.command(verb)(command_of(verb))

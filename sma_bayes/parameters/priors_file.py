@@ -3,7 +3,7 @@
 A file may build on a set that ships (``extends = "modified_sigmoid"``) and then speak only of what is new or different.
 A priors file has a table a branch (``both``, ``heating``, ``cooling``; the branch's own wins), in it a table a
 parameter, and ``noise`` for the parameters of the noise. Where a parameter is given as an array of tables, the
-first whose yardstick was observed is used::
+first whose scale was observed is used::
 
     [[both.A1]]
     family = "lognormal"
@@ -141,7 +141,7 @@ class PriorSet:
             f"no prior for {fact.name} on the {branch.value} branch",
             file=self.file,
             column=f"{tables[0]}.{fact.prior_key}",
-            expected="a family with its numbers, and a yardstick that was observed or a unit",
+            expected="a family with its numbers, and a scale (relative_to) that was observed or a unit",
             remedy="add a table for it, or start again from what `sma-bayes priors` prints",
         )
 
@@ -150,7 +150,7 @@ class PriorSet:
     ) -> Parameter:
         if not belief.unit and not belief.relative_to and fact.unit != "1" and belief.fixed != 0.0:
             raise PriorError(
-                "no unit and no yardstick",
+                "neither a unit nor a scale",
                 file=self.file,
                 column=belief.where,
                 expected=f"unit = {fact.unit!r} or another of its kind, or relative_to",

@@ -95,7 +95,7 @@ def _in_folder(verb: str, module: str, name: str) -> Any:
         return getattr(import_module(place), name)
     except (ImportError, AttributeError) as error:
         raise SmaBayesError(
-            f"the verb {verb!r} can't be had: {error}",
+            f"the verb {verb!r} can't be loaded: {error}",
             expected=f"a module {place} that can be imported and has {name!r}",
             remedy=f"repair or uninstall the package that provides {place}",
         ) from error

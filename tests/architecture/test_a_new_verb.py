@@ -156,8 +156,12 @@ def test_its_folder_has_a_report_that_is_built_again(place: Path, fitted: Path) 
     ("verb", "package", "said"),
     [
         ("fit", "missing_package", "two packages provide the verb 'fit'"),
-        ("broken", "missing_package", "the verb 'broken' of another package can't be had"),
-        ("empty", "empty_package", "the verb 'empty' can't be had: No module named 'empty_package.command'"),
+        ("broken", "missing_package", "the verb 'broken' of another package can't be loaded"),
+        (
+            "empty",
+            "empty_package",
+            "the verb 'empty' can't be loaded: No module named 'empty_package.command'",
+        ),
     ],
 )
 def test_a_verb_that_can_not_be_had_is_one_error(tmp_path: Path, verb: str, package: str, said: str) -> None:

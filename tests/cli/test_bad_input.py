@@ -126,7 +126,7 @@ PRIORS = {
     "unknown": (B2, B2 + B2.replace("B2", "B22"), ["'both.B22'", "no parameter is called 'B22'", "'B2'"]),
     "wrong dimension": (B2, NORMAL + 'unit = "N"\n', ["'both.B2'", "wrong kind", "B2 is in '1/degC' here"]),
     "open bracket": (B2, NORMAL + 'unit = "1/(K"\n', ["'both.B2'", "unit '1/(K' of B2 is not known"]),
-    "no unit": (B2, NORMAL, ["'both.B2'", "no unit and no yardstick"]),
+    "no unit": (B2, NORMAL, ["'both.B2'", "neither a unit nor a scale"]),
     "negative width": (B2, B2.replace("1.2", "-1.2"), ["'both.B2'", "sigma = -1.2", "positive"]),
     "NaN": (B2, B2.replace("1.2", "nan"), ["'both.B2'", "sigma = nan", "a finite number"]),
     "no TOML": ("[both.B2]", "[both.B2", ["p.toml, row ", "is not valid TOML"]),

@@ -143,7 +143,7 @@ def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], stud
         ('stiffness = "0.12 N/mm"', 'force = "2 mm"', "key 'ask 1.force'"),
         ('stiffness = "0.12 N/mm"', 'at = ["50"]', "temperature '50' has no unit"),
         ('stiffness = "0.12 N/mm"', 'at = ["50 N"]', "unit 'N' of temperature is of the wrong kind"),
-        ('stiffness = "0.12 N/mm"', 'at = ["-300 degC"]', "temperature '-300 degC' is none that can be"),
+        ('stiffness = "0.12 N/mm"', 'at = ["-300 degC"]', "temperature '-300 degC' is out of range"),
         ("[fit]", '[fit]\n[conditions]\nat = ["curent_A=2"]', "key 'conditions.at, entry 1'"),
         ("[fit]", '[fit]\n[plan]\nfor = "stiffnes@60degC"', "did you mean 'stiffness'"),
         ("[fit]", '[fit]\n[plan]\nfor = "parameters"\nsetup = "5 N"', "key 'plan.setup'"),

@@ -156,7 +156,7 @@ def test_a_profile_that_cannot_be_used_ends_with_2_and_leaves_nothing(
         (("--reach", "force=3 N", "--start", "warm"), "cold, hot"),
         (("--reach", "force=3 N", "--rule", "preisach"), "proportional"),
         (("--reach", "force=3 N", "--pool", "some"), "unknown pool"),
-        (("--reach", "force=3 N", "--ambient", "-400 degC"), "none that can be"),
+        (("--reach", "force=3 N", "--ambient", "-400 degC"), "out of range"),
         (("--reach", "force=3 N", "--draws", "1"), "20 to 10,000"),
         (("--reach", "force=3 N", "--probability", "2"), "probability 2"),
     ],

@@ -95,6 +95,8 @@ def test_a_clash_does_not_go_away_when_asked_again(provide) -> None:
 
 def test_an_entry_that_can_not_be_imported_is_told_with_its_package(provide) -> None:
     provide([EntryPoint("circle", "there_is_no_such_module:CIRCLE", GROUP)])
-    with pytest.raises(SmaBayesError, match="the shape 'circle' of another package can't be had") as caught:
+    with pytest.raises(
+        SmaBayesError, match="the shape 'circle' of another package can't be loaded"
+    ) as caught:
         Catalogue("shape", {"square": 4}, GROUP)["square"]
     assert "there_is_no_such_module:CIRCLE" in str(caught.value)

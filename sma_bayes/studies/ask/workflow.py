@@ -380,7 +380,7 @@ def asked_temperature(text: str, stored: str, degrees: str) -> float:
     least = ABSOLUTE_ZERO if stored == "degC" else -DEGREES.value
     if not least <= value <= DEGREES.value:
         raise QuantityError(
-            f"temperature {text!r} is none that can be", expected=f"{least:g} to {DEGREES.value:g} {stored}"
+            f"temperature {text!r} is out of range", expected=f"{least:g} to {DEGREES.value:g} {stored}"
         )
     return _converted(value, stored, degrees, "temperature")
 

@@ -187,7 +187,7 @@ def _handed_on(run: StoredRun, asked: _Asked, folder: Path | None, work: RunCont
         tables, no_table = _stiffness(summary.records, read, asked.points)
     if made is None and not tables:
         raise MeasurementError(
-            f"nothing to hand on: {why_not}; {no_table}",
+            f"nothing to export: {why_not}; {no_table}",
             file=run.folder,
             expected="strain (or displacement) on heating and cooling at constant load, or force and displacement from "
             "which a stiffness follows",

@@ -123,7 +123,7 @@ def cycles(
     MeasurementError
         If no condition has sweeps of two cycles, or one has more than can be pooled.
     SmaBayesError, QuantityError, UnknownNameError
-        If an option is none that can be.
+        If an option is out of range.
     OutputError, ResumeError
         If `out` can't be used.
     """

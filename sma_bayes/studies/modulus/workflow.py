@@ -120,7 +120,7 @@ def modulus(
     MeasurementError
         If a file can't be used, see `sma_bayes.records.dmta.read_dmta`.
     QuantityError, UnknownNameError
-        If a temperature, a unit or a model is none that can be.
+        If a temperature, a unit or a model can't be used.
     OutputError, ResumeError
         If `out` can't be used.
     """
@@ -189,7 +189,7 @@ def _model(name: str, ladder: Sequence[type[ResponseModel]]) -> str:
     known = [AUTO_MODEL, *(m.name for m in ladder)]
     if name not in known:
         raise UnknownNameError(
-            f"the model {name!r} is no bounded curve of this modulus",
+            f"the model {name!r} is not a bounded curve of this modulus",
             expected=near_matches(name, known),
             remedy=f"choose one of {', '.join(known)}",
         )

@@ -308,7 +308,7 @@ def declared(
     Raises
     ------
     StudyError
-        If the file is none that can be used, with the key.
+        If the file can't be used, with the key.
     """
     try:
         content = declared_bytes(path)

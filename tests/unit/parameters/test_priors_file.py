@@ -319,7 +319,7 @@ def test_the_default_priors_serve_every_model_and_noise(
 def test_numbers_without_a_unit_or_a_yardstick_are_refused(record: Record) -> None:
     message = refusal(priors({"both.B2": 'family = "normal"\nmean = 0.3\nsd = 0.1'}), record)
     assert "both.B2" in message
-    assert "no unit and no yardstick" in message
+    assert "neither a unit nor a scale" in message
     assert "unit = '1/degC'" in message
 
 
