@@ -170,6 +170,21 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
         ) from None
 
 
+def can_convert(unit: str, to: str) -> bool:
+    """Whether values in one unit can be converted to another.
+
+    Examples
+    --------
+    >>> can_convert("N/mm", "N/m"), can_convert("N/mm", "N")
+    (True, False)
+    """
+    try:
+        convert(1.0, unit, to)
+    except QuantityError:
+        return False
+    return True
+
+
 def _known_unit(unit: str, what: str, meant: str | None, like: tuple[str, ...]) -> Any:
     """A unit of the registry; `meant` and `like` are for the message."""
     import pint

@@ -6,8 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-from sma_bayes.errors import QuantityError
-from sma_bayes.quantities import QUANTITIES, convert
+from sma_bayes.quantities import QUANTITIES, can_convert
 from sma_bayes.records.declaration import SETTING_COLUMNS
 
 EXAMPLES: Final = (
@@ -67,15 +66,7 @@ def recognised(header: str) -> tuple[str, str] | None:
         return (quantity, "1") if quantity in _BARE and written is None else None
     unit = _UNITS.get(written.strip(), written.strip().replace("_per_", "/"))
     kinds = ("N", "kg", "Pa") if quantity == "load" else (_UNIT_OF[quantity],)
-    return (quantity, unit) if any(_is_unit_of(unit, kind) for kind in kinds) else None
-
-
-def _is_unit_of(unit: str, kind: str) -> bool:
-    try:
-        convert(1.0, unit, kind)
-    except QuantityError:
-        return False
-    return True
+    return (quantity, unit) if any(can_convert(unit, kind) for kind in kinds) else None
 
 
 def described(found: Sequence[tuple[str, str, str]], unused: Sequence[str]) -> str:

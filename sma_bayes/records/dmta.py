@@ -20,7 +20,7 @@ import numpy as np
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, many, near_matches
 from sma_bayes.limits import SETTING
-from sma_bayes.quantities import convert
+from sma_bayes.quantities import can_convert, convert
 from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
 from sma_bayes.records.formats.delimited import text_lines
 from sma_bayes.records.formats.numbers import is_blank, numbers
@@ -113,7 +113,7 @@ class DmtaOptions:
                         remedy=near_matches(quantity, UNITS),
                     )
         for quantity, unit in self.units.items():
-            if not _fits(unit, quantity):
+            if not can_convert(_PLAIN.get(unit, unit), UNITS[quantity]):
                 raise QuantityError(
                     f"--unit {quantity}={unit}: no unit of {quantity.replace('_', ' ')}",
                     expected=f"a unit that can be turned into {UNITS[quantity]!r}",
@@ -509,14 +509,6 @@ def _known(
     if quantity == "frequency" and (angular or said in ("rad/s", "1/s rad", "rad s^-1")):
         return quantity, "rad/s", frequency, True
     return quantity, said, frequency, False
-
-
-def _fits(unit: str, quantity: str) -> bool:
-    try:
-        convert(1.0, _PLAIN.get(unit, unit), UNITS[quantity])
-    except QuantityError:
-        return False
-    return True
 
 
 def _refuse_absent(names: Sequence[str], options: DmtaOptions, path: Path) -> None:

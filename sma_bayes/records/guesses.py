@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import QuantityError
-from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, convert
+from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, can_convert
 from sma_bayes.records.declaration import CHANNEL_OF
 
 _NO_READING = r"derivative|\brate\b|set ?point|target|reference"
@@ -173,17 +172,9 @@ def _quantity(name: str, unit: str) -> str:
         if re.search(pattern, name.lower()):
             if not quantity:
                 return ""
-            if not unit or quantity == "drive" or _suits(unit, quantity):
+            if not unit or quantity == "drive" or can_convert(unit, QUANTITIES[quantity].unit):
                 return quantity
     return ""
-
-
-def _suits(unit: str, quantity: str) -> bool:
-    try:
-        convert(1.0, unit, QUANTITIES[quantity].unit)
-    except QuantityError:
-        return False
-    return True
 
 
 def guess_named(names: Sequence[str], values: Mapping[int, Floats], clocks: Collection[int] = ()) -> Guesses:

@@ -19,7 +19,14 @@ from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, sea
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.limits import DEGREES
-from sma_bayes.quantities import ARBITRARY, SPECIMEN_QUANTITY, convert, number_and_unit, unit_text
+from sma_bayes.quantities import (
+    ARBITRARY,
+    SPECIMEN_QUANTITY,
+    can_convert,
+    convert,
+    number_and_unit,
+    unit_text,
+)
 from sma_bayes.records.plausibility import ABSOLUTE_ZERO
 from sma_bayes.records.types import Branch
 from sma_bayes.response.arrangement import ArrangedSpring, Arrangement, overall_stiffness
@@ -272,7 +279,7 @@ def _ask_at(
     temperature_unit: str | None,
 ) -> dict[str, Any]:
     for text in units:
-        if not any(_converts(q.unit, text) for r in records for q in r.quantities.values()):
+        if not any(can_convert(q.unit, text) for r in records for q in r.quantities.values()):
             raise QuantityError(
                 f"--unit {text!r} is of no quantity of the fit",
                 expected="a unit that one of these can be turned into: "
@@ -295,14 +302,6 @@ def _ask_at(
         "answers": answers,
     }))  # fmt: skip
     return found.as_json()
-
-
-def _converts(unit: str, to: str) -> bool:
-    try:
-        convert(1.0, unit, to)
-    except QuantityError:
-        return False
-    return True
 
 
 def _answer_at(
@@ -329,7 +328,7 @@ def _answer_at(
     quantities = {}
     for channel in (*draws.quantities, *((OVERALL,) if not _lacking(run, summary, OVERALL) else ())):
         own = summary.quantities["stiffness" if channel == OVERALL else channel].unit
-        unit = next((u for u in units if _converts(own, u)), own)
+        unit = next((u for u in units if can_convert(own, u)), own)
         curve = credible_at(_curve(run, draws, channel, own), at, level, error / step)
         new = predictive_at(draws.curves, channel, at, level, run.summary.seed, error / step)
         quantities[channel] = {
