@@ -181,7 +181,7 @@ def test_a_declared_tan_delta_that_is_wrong_is_told_at_the_terminal(
     ("options", "told"),
     [
         (("--at", "warm"), "temperature 'warm'"),
-        (("--model", "modified_sigmoid"), "no bounded curve of this modulus"),
+        (("--model", "modified_sigmoid"), "not a bounded curve of this modulus"),
         (("--loss-model", "modulus_slope"), "modulus_peak_slopes"),
         (("--column", "stiff"), "QUANTITY=VALUE"),
         (("--column", "storage_modulus=stiff"), "there is no such column"),
