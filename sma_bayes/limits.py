@@ -43,7 +43,8 @@ MAGNITUDE: Final = Limit(
 )
 SETTING: Final = Limit(1e9, "a setting of the rig (current, load, frequency) in the unit of its key")
 DEGREES: Final = Limit(
-    1e6, "a difference of temperature in a call: how far to extrapolate, how far a setting is off"
+    1e6,
+    "a difference of temperature: how far to extrapolate, how far a setting is off, the error of a reading",
 )
 SCATTER: Final = Limit(100.0, "the scatter between conditions, as a share of the curve")
 WORKBOOK_BYTES: Final = Limit(256_000_000, "bytes of an Excel workbook when unpacked")

@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from sma_bayes.errors import CampaignError, SmaBayesError, many, near_matches
-from sma_bayes.limits import ID_BYTES, ID_CHARACTERS, MAGNITUDE, SETTING
+from sma_bayes.limits import DEGREES, ID_BYTES, ID_CHARACTERS, MAGNITUDE, SETTING
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, STANDARD_GRAVITY
 from sma_bayes.records.formats import Reading
 from sma_bayes.records.split import SplitSettings
@@ -104,6 +104,8 @@ class ColumnDeclaration(StrictTable):
             raise ValueError("a scale or an offset beside `to`")
         if any((sd or 0.0) > MAGNITUDE.value for sd in (self.scale_sd, self.offset_sd, self.sd)):
             raise ValueError(f"standard deviations up to {MAGNITUDE.value:g}")
+        if (self.sd or 0.0) > DEGREES.value:
+            raise ValueError(f"sd, the error of a temperature reading, up to {DEGREES.value:g}")
         if self.reference and self.scale_sd is None:
             raise ValueError("a scale_sd beside `reference`")
         if self.valid and self.valid[0] >= self.valid[1]:

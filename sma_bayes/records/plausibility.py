@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -86,6 +86,13 @@ SPREAD_CHANGE: Final = 0.25
 """The same of the temperatures over which a channel goes from a tenth to nine tenths of its change. Of a sigmoid they
 are 4.4 / B, so that the error is larger than 1 / B: its expansion in the error, of whatever order, has no meaning, and
 errors that large would have smeared a jump over 2.6 of them."""
+SPREAD_MATTERS: Final = 0.1
+"""Share of the same temperatures from which on the declared error is held against the scatter of the readings about the
+line between their neighbours, which an error of the temperature makes where a channel is steep."""
+SPREAD_SEEN: Final = 0.3
+"""Share of the declared error that this scatter reaches at least, put down to the temperature alone."""
+FEW_STEEP: Final = 10
+"""Readings on the steep part below which their scatter tells nothing."""
 OFFSET: Final = (10.0, 1.0)
 """Shares of the range of a channel, whose zero may be nobody's care, and of the sweep, from which on the declared
 standard deviation of an offset is doubted."""
@@ -372,34 +379,58 @@ def unresolved(records: Sequence[Record]) -> tuple[Finding, ...]:
     found = []
     for channel in dict.fromkeys(c for r in records for c in r.observed):
         of = [r for r in records if channel in r.observed and r.temperature_sd > 0.0]
-        widths = [w for r in of if (w := _width_of_change(r.temperature, r.observed[channel])) is not None]
-        if not widths or any(r.temperature_sd > SPREAD_TEMPERATURE * np.ptp(r.temperature) for r in of):
+        steep = [s for r in of if (s := _steep_part(r.temperature, r.observed[channel])) is not None]
+        if not steep or any(r.temperature_sd > SPREAD_TEMPERATURE * np.ptp(r.temperature) for r in of):
             continue  # there is nothing to tell by, or it is told of already
-        sd, width = min(r.temperature_sd for r in of), max(widths)
+        sd, width = min(r.temperature_sd for r in of), max(s.width for s in steep)
+        scatter = min(s.scatter for s in steep)
+        message, unit = "", unit_text(of[0].units["temperature"])
         if sd > SPREAD_CHANGE * width:
             message = (
                 f"the declared error of a temperature reading, sd = {sd:.3g}, is more than a quarter of the "
-                f"{width:.3g} {unit_text(of[0].units['temperature'])} over which {of[0].quantity(channel)} changes: "
+                f"{width:.3g} {unit} over which {of[0].quantity(channel)} changes: "
                 "how fast it does can't be told from such readings; is it an offset of all of them (offset_sd)?"
             )
+        elif sd > SPREAD_MATTERS * width and scatter < SPREAD_SEEN * sd:
+            message = (
+                f"the declared error of a temperature reading, sd = {sd:.3g}, would scatter {of[0].quantity(channel)} "
+                f"where it is steep as {sd:.3g} {unit} do; it scatters as {scatter:.2g} {unit} at most: is it an "
+                "offset of all readings (offset_sd)?"
+            )
+        if message:
             found.append(
                 Finding("large-sd", message, of[0].source, condition=of[0].condition.id, column="temperature")
             )
     return tuple(found)
 
 
-def _width_of_change(temperature: Floats, values: Floats) -> float | None:
-    """Degrees over which the monotonic curve nearest to readings goes from a tenth to nine tenths of its change."""
+class _Steep(NamedTuple):
+    """Degrees over which a channel goes from a tenth to nine tenths of its change, and its scatter there in degrees."""
+
+    width: float
+    scatter: float
+
+
+def _steep_part(temperature: Floats, values: Floats) -> _Steep | None:
+    """Steep part of the monotonic curve nearest to readings (n,); the scatter is infinite where too few lie there."""
     together = _correlation(temperature, values)
     if temperature.size < 10 or abs(together) < TOGETHER:
         return None
     from scipy.optimize import isotonic_regression  # takes long to import, and few declare an error
 
     order = np.argsort(temperature, kind="stable")
-    t, curve = temperature[order], isotonic_regression(np.sign(together) * values[order]).x
+    t, y = temperature[order], np.sign(together) * values[order]
+    curve = isotonic_regression(y).x
     low, high = np.quantile(curve, (0.02, 0.98))
     first, last = np.searchsorted(curve, low + np.array([0.1, 0.9]) * (high - low))
-    return float(t[last] - t[first])
+    width = float(t[last] - t[first])
+    if last - first < FEW_STEEP or not width > 0.0:
+        return _Steep(width, np.inf)
+    t, y = t[first:last], y[first:last]
+    apart = t[2:] - t[:-2]
+    share = np.divide(t[2:] - t[1:-1], apart, out=np.full(apart.size, 0.5), where=apart > 0.0)
+    off = (share * y[:-2] + (1.0 - share) * y[2:] - y[1:-1]) / np.sqrt(share**2 + (1.0 - share) ** 2 + 1.0)
+    return _Steep(width, float(np.sqrt(np.mean(off * off))) * width / (0.8 * float(high - low)))
 
 
 def _declared_offset(run: Run) -> _Seen:

@@ -344,6 +344,29 @@ def test_what_can_not_be_is_refused(run: Run, place: Path, options: tuple[str, .
     assert told in outcome.err
 
 
+@pytest.mark.parametrize(
+    ("limit", "told"),
+    [
+        ("stroke=9 N**9**9", "N**9**9"),
+        ("stroke=3 N", "'N'"),
+        ("shift=5 mm", "'mm'"),
+        ("stiffness@60 degC=500 N/m", "nothing that was fitted has 'stiffness'"),
+        ("displacement@60 degC=3", "has no unit"),
+    ],
+)
+def test_limits_are_refused_before_there_are_cycles_enough_to_tell(
+    run: Run, place: Path, tmp_path: Path, watched_spring: ModuleType, limit: str, told: str
+) -> None:
+    fit = tmp_path.parent / "of-two-cycles"
+    if not fit.is_dir():
+        rig = watched_spring.PLAIN
+        campaign = sma_bayes.read_campaign(rig.campaign(tmp_path / "bench", np.random.default_rng(1), 2))
+        sma_bayes.fit_campaign(campaign, fit, jobs=1, figures="none", noise="independent")
+    outcome = run("watch", fit, "--limit", limit)
+    assert outcome.status == 2, outcome.out
+    assert told in outcome.err
+
+
 def test_a_watch_of_another_fit_or_alpha_is_refused(run: Run, place: Path, out: Path) -> None:
     outcome = run("watch", place / "results", "--out", out, "--alpha", "0.05")
     assert outcome.status == 2

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.errors import SmaBayesError
-from sma_bayes.quantities import ARBITRARY, convert, number_and_unit
+from sma_bayes.quantities import ARBITRARY, convert, number_and_unit, quotient
 from sma_bayes.records.declaration import CHANNEL_OF
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.cycles.study import CycleSeries, Pooled, pool, quantities
@@ -109,6 +109,34 @@ def limit_of(text: str, temperature_unit: str) -> WatchLimit:
     return WatchLimit(text, name, at, None, number, unit)
 
 
+def require_known(limit: WatchLimit, strands: Sequence[Strand]) -> None:
+    """Refuse a limit of something that was not fitted, or in a unit that is not its own, before a cycle is watched.
+
+    Raises
+    ------
+    SmaBayesError, QuantityError
+        Naming what was fitted, or the unit.
+    """
+    units = {s.channel: s.unit for s in strands}
+    if {"force", "displacement"} <= set(units):
+        force, displacement = units["force"], units["displacement"]
+        ratio = force if displacement == "1" else quotient(force, displacement)
+        units.setdefault("stiffness", ratio)
+    temperature = strands[0].record.units["temperature"]
+    of_sweeps = {"shift": ["K" if temperature == "degC" else temperature], "width": ["1"]}
+    known = {name: of_sweeps.get(name, [s.unit for s in strands]) for name in NUMBERS}
+    if limit.at is not None:
+        known = {channel: [unit] for channel, unit in units.items()}
+    if limit.name not in known:
+        raise SmaBayesError(
+            f"--limit {limit.asked!r}: nothing that was fitted has {limit.name!r}",
+            expected=f"one of {', '.join(NUMBERS)}, or a channel at a temperature: {', '.join(units)}",
+        )
+    if limit.share is None:
+        for unit in known[limit.name]:
+            _converted(limit, unit)
+
+
 def remaining_cycles(
     reference: Reference,
     later: Sequence[Sequence[MeasuredNumbers]],
@@ -174,7 +202,7 @@ def _fitting(pooled: Pooled, limit: WatchLimit) -> Iterator[CycleSeries]:
 def _reached(reference: Reference, pooled: Pooled, q: CycleSeries, limit: WatchLimit) -> Remaining:
     last = int(np.searchsorted(pooled.cycle, pooled.last))
     fitted = _as_fitted(reference, q)
-    target = fitted * (1.0 + limit.share) if limit.share is not None else _converted(limit, q)
+    target = fitted * (1.0 + limit.share) if limit.share is not None else _converted(limit, q.unit)
     now = q.draws[:, last]
     rises = target > fitted
     over = q.draws[:, last:] >= target if rises else q.draws[:, last:] <= target
@@ -213,12 +241,13 @@ def _as_fitted(reference: Reference, q: CycleSeries) -> float:
     return float(force / displacement)
 
 
-def _converted(limit: WatchLimit, q: CycleSeries) -> float:
+def _converted(limit: WatchLimit, unit: str) -> float:
+    """The limit in a unit."""
     value = limit.value if limit.value is not None else np.nan
     if not limit.unit:
-        if q.unit in ("1", ARBITRARY):
+        if unit in ("1", ARBITRARY):
             return value
-        raise SmaBayesError(f"--limit {limit.asked!r} has no unit", expected=f"its unit, such as {q.unit!r}")
-    if limit.unit == q.unit:
+        raise SmaBayesError(f"--limit {limit.asked!r} has no unit", expected=f"its unit, such as {unit!r}")
+    if limit.unit == unit:
         return value
-    return float(convert(value, limit.unit, q.unit, what=limit.name))
+    return float(convert(value, limit.unit, unit, what=limit.name))

@@ -249,8 +249,8 @@ def _statement(
         return "no whole cycle has been watched yet"
     if alarm is None:
         return (
-            f"still the spring that was fitted, as far as {many(watched, 'cycle')} tell: the evidence of a change came "
-            f"to {np.exp(min(greatest, 50.0)):.2g}, and {1.0 / alpha:.4g} is an alarm"
+            f"still the spring that was fitted, as far as {many(watched, 'watched cycle')} can tell: the evidence of a "
+            f"change came to {np.exp(min(greatest, 50.0)):.2g}, and {1.0 / alpha:.4g} is an alarm"
         )
     o = alarm.onset
     since = f"cycle {o.median}" + ("" if o.low == o.high else f" ({o.low} to {o.high})")

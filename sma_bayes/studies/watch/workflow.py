@@ -34,7 +34,7 @@ from sma_bayes.studies.watch.reading import (
     stored_declaration,
 )
 from sma_bayes.studies.watch.reference import WATCHED, MeasuredNumbers, Reference, reference_of
-from sma_bayes.studies.watch.remaining import WatchLimit, limit_of, remaining_cycles
+from sma_bayes.studies.watch.remaining import WatchLimit, limit_of, remaining_cycles, require_known
 from sma_bayes.studies.watch.schema import WatchFindings
 from sma_bayes.studies.watch.state import (
     CountedCycle,
@@ -146,6 +146,8 @@ def watching(
         work.tell(0, 1, "finding the curve that the fitted sweeps have in common")
         with work.account.timed("reference"):
             reference, reader = _reference(run, chosen, None if campaign is None else Path(campaign), seed)
+        for each in limits:
+            require_known(each, reference.strands)
         place = None if out is None else Path(out).absolute()
         identity = {
             "schema": "sma-bayes/run/1",
