@@ -2,9 +2,9 @@
 
 The exponent k of the fit tells whether the weights can be relied on: below 0.7 they can, above they can't. arviz-stats
 has the same, but (in 0.8 and 1.3) rounds the size of the tail down where the article and its authors' R package ``loo``
-round it up, and refuses tails whose values are all the same. Of 1,284 sets of weights from fits of real records its k
-differs by 0.004 in the median and up to 0.09, and 4 lie on the other side of 0.7. Where the root of the number of draws
-is whole, both agree to 1e-8, which a test holds.
+round it up, and refuses tails whose values are all the same. Of 1,284 sets of weights (1,261 of one comparison of
+models, 23 of fits; two real sets and the twin) its k differs by 0.004 in the median and up to 0.09, and 4 lie on the
+other side of 0.7. Where the root of the number of draws is whole, both agree to 1e-8, which a test holds.
 
 References
 ----------

@@ -149,6 +149,7 @@ def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], stud
         ("[fit]", '[fit]\n[plan]\nfor = "parameters"\nsetup = "5 N"', "key 'plan.setup'"),
         ("[fit]", '[fit]\n[plan]\nfor = "parameters"\nrate = "9**9**9**9 K/min"', "key 'plan.rate'"),
         ("[fit]", '[fit]\n[plan]\nfor = "parameters"\ncondition = "b"', "key 'plan.condition'"),
+        ("[fit]", '[fit]\n[plan]\nfor = "parameters"\ncandidates = "nowhere.toml"', "nowhere.toml"),
         ("[fit]", '[fit]\n[conditions]\nleave_out = ["b"]', "key 'conditions.leave_out, entry 1'"),
         ("[fit]", "[fit]\nextrapolate = 1e300", "key 'fit.extrapolate'"),
         ('"0.12 N/mm"', '"0.12 N/mm"\ncondition = "b"', "key 'ask 1.condition'"),

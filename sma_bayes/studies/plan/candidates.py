@@ -290,6 +290,29 @@ class CandidatesFile(StrictTable):
     candidate: Annotated[list[dict[str, object]], Field(min_length=1)]
 
 
+def candidate_tables(path: Path) -> list[CandidateTable]:
+    """Tables of a file of candidates, whatever has been fitted.
+
+    Raises
+    ------
+    StudyError
+        If the file can't be read or says something else, with the key.
+    """
+    try:
+        content = declared_bytes(path)
+    except OSError as error:
+        raise StudyError(
+            f"can't be read: {error.strerror}", file=path, expected="a file of candidates"
+        ) from None
+    whole = checked(
+        CandidatesFile, parsed_toml(content, path, StudyError), file=path, where="", kind=StudyError
+    )
+    return [
+        checked(CandidateTable, values, file=path, where=f"candidate {number}", kind=StudyError)
+        for number, values in enumerate(whole.candidate, 1)
+    ]
+
+
 def declared(
     path: Path, settings: Mapping[str, Setting], asked: Sequence[str], setup: float, rate: float | None
 ) -> list[CandidateExperiment]:
@@ -310,19 +333,9 @@ def declared(
     StudyError
         If the file can't be used, with the key.
     """
-    try:
-        content = declared_bytes(path)
-    except OSError as error:
-        raise StudyError(
-            f"can't be read: {error.strerror}", file=path, expected="a file of candidates"
-        ) from None
-    whole = checked(
-        CandidatesFile, parsed_toml(content, path, StudyError), file=path, where="", kind=StudyError
-    )
     out: list[CandidateExperiment] = []
-    for number, values in enumerate(whole.candidate, 1):
+    for number, table in enumerate(candidate_tables(path), 1):
         where = f"candidate {number}"
-        table = checked(CandidateTable, values, file=path, where=where, kind=StudyError)
         for condition in _list(table.condition) or list(asked):
             if condition not in settings:
                 raise StudyError(

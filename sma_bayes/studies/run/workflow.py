@@ -39,7 +39,7 @@ from sma_bayes.studies.options import (
     prior_set,
 )
 from sma_bayes.studies.plan.asked import TELL_APART, parse_asked
-from sma_bayes.studies.plan.candidates import hours_of, rate_of
+from sma_bayes.studies.plan.candidates import candidate_tables, hours_of, rate_of
 from sma_bayes.studies.plan.workflow import plan
 from sma_bayes.studies.run.schema import StatedStep, StudyDocument
 from sma_bayes.studies.run.study_file import Study, read_study
@@ -174,6 +174,8 @@ def _check(study: Study) -> None:
             parse_asked(study.steps["plan"]["asked"])
         with _place(study, "plan.setup"):
             hours_of(study.steps["plan"]["setup"], "setup")
+        if "candidates" in study.steps["plan"]:
+            candidate_tables(Path(study.steps["plan"]["candidates"]))
     for number, asked in enumerate(study.asks, start=1):
         for name in (*WANTED, "tolerance"):
             if asked[name] is not None:
