@@ -20,6 +20,7 @@ from .records.types import Condition as Condition
 from .records.types import Record as Record
 from .runs.jobs import cluster as cluster
 from .runs.stored_draws import stored_draws as stored_draws
+from .simulated.campaign import simulated_campaign as simulated_campaign
 from .studies.ask.workflow import ask as ask
 from .studies.card.workflow import card as card
 from .studies.compare.workflow import compare as compare

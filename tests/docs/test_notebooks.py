@@ -1,0 +1,115 @@
+"""The notebooks: every cell runs, as printed and in order, and what their text says of the outcome holds."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import io
+import json
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import pytest
+from matplotlib import pyplot
+
+FOLDER = Path(__file__).resolve().parents[2] / "docs" / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+notebooks = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+
+
+def cells(path: Path, kind: str) -> list[str]:
+    """Sources of the cells of a kind, in order."""
+    document = json.loads(path.read_text(encoding="utf-8"))
+    return ["".join(cell["source"]) for cell in document["cells"] if cell["cell_type"] == kind]
+
+
+def run(source: str, namespace: dict[str, Any], name: str) -> None:
+    """Run a cell, and look at its last expression as a notebook would."""
+    body = ast.parse(source, name).body
+    last = body.pop() if isinstance(body[-1], ast.Expr) else None
+    exec(compile(ast.Module(body, []), name, "exec"), namespace)
+    if isinstance(last, ast.Expr):
+        value = eval(compile(ast.Expression(last.value), name, "eval"), namespace)
+        repr(value)
+        getattr(value, "_repr_html_", str)()
+
+
+@pytest.fixture
+def outcome(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], dict[str, Any]]]:
+    """Run a notebook in an empty folder; what its names stand for then, and as `printed` what it printed."""
+    beside = Path(sys.executable).parent  # `sma-bayes` of the environment that runs the tests
+    monkeypatch.setenv("PATH", f"{beside}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("COLUMNS", "160")
+    monkeypatch.chdir(tmp_path)
+    mpl.use("agg")
+
+    def run_all(name: str) -> dict[str, Any]:
+        namespace: dict[str, Any] = {"__name__": "__main__"}
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            for number, source in enumerate(cells(FOLDER / f"{name}.ipynb", "code"), start=1):
+                run(source, namespace, f"<{name}, code cell {number}>")
+        return namespace | {"printed": printed.getvalue()}
+
+    with mpl.rc_context():
+        yield run_all
+    pyplot.close("all")
+
+
+@notebooks
+def test_it_is_a_notebook_without_outputs(path: Path) -> None:
+    document = json.loads(path.read_text(encoding="utf-8"))
+    assert (document["nbformat"], document["nbformat_minor"]) == (4, 5)
+    assert document["metadata"]["kernelspec"]["name"] == "python3"
+    ids = [cell["id"] for cell in document["cells"]]
+    assert len(set(ids)) == len(ids)
+    for cell in document["cells"]:
+        assert cell["cell_type"] in ("code", "markdown")
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            assert cell["execution_count"] is None
+
+
+@notebooks
+def test_it_begins_with_its_title_and_its_links_lead_somewhere(path: Path) -> None:
+    texts = cells(path, "markdown")
+    assert texts[0].startswith("# ")
+    for target in LINK.findall("\n".join(texts)):
+        assert target.startswith("https://") or (FOLDER / target.partition("#")[0]).exists(), target
+
+
+@notebooks
+def test_it_is_linked_from_the_documentation(path: Path) -> None:
+    for page in (FOLDER / "README.md", FOLDER.parent / "index.md"):
+        assert f"{path.name})" in page.read_text(encoding="utf-8"), page
+
+
+def test_every_notebook_has_a_test_of_its_outcome() -> None:
+    assert {f"test_{path.stem}" for path in NOTEBOOKS} <= set(globals())
+
+
+def test_first_fit(outcome: Callable[[str], dict[str, Any]]) -> None:
+    after = outcome("first_fit")
+    assert len(after["fits"]) == 6
+    assert all(fit.converged and fit.adequate for fit in after["fits"].values())
+    assert after["summary"].loc[("150g-heating", "B3"), "median"] == pytest.approx(59.6, abs=0.5)
+    assert after["printed"].count(" degC") == 2
+    stiffness = after["axes"][2]
+    assert [text.get_text() for text in stiffness.get_legend().get_texts()] == [
+        "150g-heating",
+        "150g-cooling",
+    ]
+    rising, falling = after["found"]["passages"]  # surely on the way up; perhaps again, far above
+    assert rising["probability"] > 0.99
+    assert after["heating"].stiffness(rising["median"])["median"].item() == pytest.approx(120.0, rel=0.02)
+    assert falling["probability"] < 0.6
+    assert falling["low"] > 70.0
+    band = after["heating"].band("stiffness")
+    width = (band["q95"] - band["q05"]) / band["q50"]
+    assert width.iloc[0] > 2.0 * width.min()
+    assert width.iloc[-1] > 2.0 * width.min()
