@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 from matplotlib import pyplot
 
@@ -113,3 +114,74 @@ def test_first_fit(outcome: Callable[[str], dict[str, Any]]) -> None:
     width = (band["q95"] - band["q05"]) / band["q50"]
     assert width.iloc[0] > 2.0 * width.min()
     assert width.iloc[-1] > 2.0 * width.min()
+
+
+def test_own_data(outcome: Callable[[str], dict[str, Any]]) -> None:
+    after = outcome("own_data")
+    printed = after["printed"]
+    assert "# columns not used: 'ch2 [V]'" in printed
+    assert printed.count("# GUESS") == 2
+    assert Path("results/report.html").is_file()
+    found = {f.kind: f.dropped for f in after["campaign"].findings}
+    assert {kind: n for kind, n in found.items() if n} == {"missing": 2, "drop-out": 1}
+    for record, midpoint in zip(after["summary"]["records"], (56.0, 48.0), strict=True):
+        assert record["converged"]
+        b3 = record["parameters"]["B3"]
+        assert b3["median"] == pytest.approx(midpoint, abs=0.2)
+        half_width = 0.5 * (b3["q95"] - b3["q05"])
+        assert half_width == pytest.approx(
+            1.645 * 0.5, rel=0.1
+        )  # 0.5 °C of the thermocouple, and little else
+        fit = after["fits"][record["key"]]
+        assert fit.document["parameters"]["A1"]["median"] == record["parameters"]["A1"]["median"]
+    assert printed.count("the same: True") == 2
+
+
+def test_paper_figures(outcome: Callable[[str], dict[str, Any]]) -> None:
+    after = outcome("paper_figures")
+    assert after["summary"]["converged"]
+    assert after["summary"]["adequate"]
+    files = {path.name for path in after["publication"].iterdir()}
+    assert files == {f"loop-150g.{kind}" for kind in ("pdf", "svg", "png", "csv")}
+    assert re.search(r'width="24[01]\.\d+pt"', (after["publication"] / "loop-150g.svg").read_text("utf-8"))
+    assert Path("stiffness.pdf").stat().st_size > 1000
+    assert r"\usepackage{array,booktabs,longtable,siunitx,textcomp}" in after["printed"]
+    assert after["printed"].count("150g & heating") == 2  # of displacement and of force
+    cited = set(re.findall(r"@(\w+)\]", Path("results/methods.md").read_text(encoding="utf-8")))
+    assert cited == set(re.findall(r"^@\w+\{(\w+),", after["references"], re.MULTILINE))
+
+
+def test_gap(outcome: Callable[[str], dict[str, Any]]) -> None:
+    after = outcome("gap")
+    found, nothing = after["found"], after["nothing"]
+    assert found["verdict"] == "named"
+    assert found["converged"]
+    assert after["effect"]["class"] == ["training_drift"]
+    drift = 0.6e-3 * (1.0 - np.exp(-7.0 / 3.0))  # until the eighth cycle [m]
+    for name, truth in (("d", drift), ("N0", 3.0)):
+        interval = after["effect"]["parameters"][name]
+        assert interval["q05"] < truth < interval["q95"]
+    assert {d["covariate"] for d in found["disagreement"]} <= {"time", "cycle"}
+    assert found["gap"]["before"] > 3.0
+    assert found["gap"]["after"] < 1.1
+    assert found["gap"]["shrink"] > 0.98
+    assert len(after["untestable"]) > 0
+    assert nothing["verdict"] == "none"
+    assert nothing["effects"] == []
+    assert nothing["gap"]["before"] == pytest.approx(1.0, abs=0.05)
+
+
+def test_pipeline(outcome: Callable[[str], dict[str, Any]]) -> None:
+    after = outcome("pipeline")
+    status = {name: after[name].returncode for name in ("done", "wrong", "resumed", "study")}
+    assert status == {"done": 0, "wrong": 2, "resumed": 0, "study": 1}
+    assert after["summary"]["converged"]
+    assert after["summary"]["adequate"]
+    assert not Path("broken").exists()
+    assert "'force_N'" in after["wrong"].stderr
+    assert "MeasurementError | broken.csv | force_N" in after["printed"]
+    assert after["same"]
+    assert [step["exit_status"] for step in after["document"]["steps"]] == [1, 0, 0]
+    assert "adequate: False" in after["printed"]
+    (passage,) = after["found"]["passages"]
+    assert passage["low"] < 55.0 < passage["high"]
