@@ -91,6 +91,15 @@ def test_every_command_shown_is_one_that_the_program_takes(page):
         assert context.params, call
 
 
+def test_the_page_of_questions_has_every_verb_and_calls_that_the_program_takes():
+    page = ROOT / "docs" / "which_command.md"
+    found = re.findall(r"`sma-bayes ([^`]+)`", page.read_text(encoding="utf-8"))
+    for call in found:
+        verb, *arguments = shlex.split(call)
+        assert COMMANDS[verb].make_context(verb, arguments).params, call
+    assert {call.split()[0] for call in found} == set(VERBS)
+
+
 @pages
 def test_every_option_and_verb_mentioned_exists(page):
     known = {o for c in COMMANDS.values() for p in c.params for o in (*p.opts, *p.secondary_opts)}
