@@ -110,7 +110,7 @@ def test_priors(run: Run, measured: Path, tmp_path: Path, what: str) -> None:
     name, new, told = PRIORS[what]
     text = SHIPPED.replace(table(name), new)
     if what.startswith("a fixed"):
-        text = SHIPPED[: SHIPPED.index(name)] + new + "\n" + SHIPPED[SHIPPED.index("\n[noise.phi]") :]
+        text = SHIPPED[: SHIPPED.index(name)] + new + "\n" + SHIPPED[SHIPPED.index("\n[[noise.phi]]") :]
     (tmp_path / "p.toml").write_text(text, encoding="utf-8")
     out = tmp_path / "out"
     message = refused(
