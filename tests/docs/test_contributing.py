@@ -23,7 +23,8 @@ def test_every_room_of_the_package_is_on_the_map():
 def test_every_page_is_in_the_navigation_once():
     nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
     listed = re.findall(r"([\w/]+\.md)$", nav, re.MULTILINE)
-    pages = {p.relative_to(ROOT / "docs").as_posix() for p in (ROOT / "docs").rglob("*.md")}
+    sources = [*(ROOT / "docs").rglob("*.md"), *(ROOT / "docs").rglob("*.ipynb")]  # each notebook has a page
+    pages = {p.relative_to(ROOT / "docs").with_suffix(".md").as_posix() for p in sources}
     assert sorted(listed) == sorted(pages)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import importlib.util
 import io
 import json
 import os
@@ -18,7 +19,8 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 
-FOLDER = Path(__file__).resolve().parents[2] / "docs" / "notebooks"
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "docs" / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 notebooks = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -88,6 +90,19 @@ def test_it_begins_with_its_title_and_its_links_lead_somewhere(path: Path) -> No
 def test_it_is_linked_from_the_documentation(path: Path) -> None:
     for page in (FOLDER / "README.md", FOLDER.parent / "index.md"):
         assert f"{path.name})" in page.read_text(encoding="utf-8"), page
+
+
+@notebooks
+def test_it_has_a_page_of_the_site(path: Path) -> None:
+    spec = importlib.util.spec_from_file_location("notebook_pages", ROOT / "scripts" / "notebook_pages.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    page = module.as_markdown(path.read_text(encoding="utf-8"), path.name)
+    assert re.findall(r"^```python\n(.*?)\n```$", page, re.DOTALL | re.MULTILINE) == cells(path, "code")
+    title, link = page.split("\n\n")[:2]
+    assert title == cells(path, "markdown")[0].splitlines()[0]
+    assert link.endswith(f"({path.name})")
+    assert page.count(".ipynb)") == 1, "links lead to pages"
 
 
 def test_every_notebook_has_a_test_of_its_outcome() -> None:
