@@ -319,7 +319,7 @@ def test_an_error_of_the_thermometer_that_the_scatter_contradicts_is_doubted(
 ) -> None:
     """What two thermometers differ by is an offset of all readings; as the error of each it made a fit take minutes.
 
-    Of 400 curves each whose temperature errs by what was declared, a tenth to a quarter of the change, at most one in
+    Of 400 sigmoids each whose temperature errs by what was declared, a tenth to a quarter of the change, at most one in
     300 was doubted; of 400 where it errs by a tenth of that, all from 40 readings on.
     """
     columns = {"temperature": f'{{ name = "T", unit = "degC", sd = {sd} }}'}
