@@ -195,18 +195,16 @@ def _series(
 def _four(pooled: Pooled, place: int) -> Iterator[CycleSeries]:
     strand = pooled.strands[place]
     draws, own, sds = pooled.numbers(place), strand.numbers, strand.sds
-    temperature = strand.record.units["temperature"]
     stroke = strand.span * np.exp(own[:, 1])
-    shift = "K" if temperature == "degC" else temperature
-    for i, (name, unit, value, sd, drawn) in enumerate((
-        ("offset", strand.unit, strand.level + strand.span * own[:, 0], strand.span * sds[:, 0],
+    for i, (name, value, sd, drawn) in enumerate((
+        ("offset", strand.level + strand.span * own[:, 0], strand.span * sds[:, 0],
          strand.level + strand.span * draws[..., 0]),
-        ("stroke", strand.unit, stroke, stroke * sds[:, 1], strand.span * np.exp(draws[..., 1])),
-        ("shift", shift, own[:, 2], sds[:, 2], draws[..., 2]),
-        ("width", "1", np.exp(own[:, 3]), np.exp(own[:, 3]) * sds[:, 3], np.exp(draws[..., 3])),
+        ("stroke", stroke, stroke * sds[:, 1], strand.span * np.exp(draws[..., 1])),
+        ("shift", own[:, 2], sds[:, 2], draws[..., 2]),
+        ("width", np.exp(own[:, 3]), np.exp(own[:, 3]) * sds[:, 3], np.exp(draws[..., 3])),
     )):  # fmt: skip
         assert name == NUMBERS[i]
-        yield _series(pooled, place, name, unit, None, value, sd, drawn)
+        yield _series(pooled, place, name, strand.units[name], None, value, sd, drawn)
 
 
 def _temperatures(pooled: Pooled, place: int) -> Iterator[CycleSeries]:
@@ -268,8 +266,13 @@ def _stiffness(pooled: Pooled, force: int, displacement: int, temperature: float
     seen = np.searchsorted(pooled.cycle, both)
     own, own_sd = np.full(pooled.cycle.size, np.nan), np.full(pooled.cycle.size, np.nan)
     own[seen], own_sd[seen] = k, sd
-    unit = quotient(f.unit, x.unit) if x.unit != "1" else f.unit
+    unit = stiffness_unit(f.unit, x.unit)
     return CycleSeries(f.record.branch.value, "stiffness", "stiffness", unit, temperature, own, own_sd, drawn)
+
+
+def stiffness_unit(force: str, displacement: str) -> str:
+    """Unit of the slope of one channel over the other; a strain has none."""
+    return quotient(force, displacement) if displacement != "1" else force
 
 
 def held_out(strands: Sequence[Strand], seed: int) -> list[Forecast]:

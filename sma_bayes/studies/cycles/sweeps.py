@@ -117,6 +117,13 @@ class Strand:
     root: Floats | None = None
 
     @property
+    def units(self) -> dict[str, str]:
+        """Unit of each of the numbers of a sweep."""
+        temperature = self.record.units["temperature"]
+        shift = "K" if temperature == "degC" else temperature
+        return dict(zip(NUMBERS, (self.unit, self.unit, shift, "1"), strict=True))
+
+    @property
     def unit(self) -> str:
         """Unit of the channel."""
         return self.record.units[self.channel]

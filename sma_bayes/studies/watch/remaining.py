@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.errors import SmaBayesError
-from sma_bayes.quantities import ARBITRARY, convert, number_and_unit, quotient
+from sma_bayes.quantities import ARBITRARY, convert, number_and_unit
 from sma_bayes.records.declaration import CHANNEL_OF
 from sma_bayes.studies.ask.workflow import asked_temperature
-from sma_bayes.studies.cycles.study import CycleSeries, Pooled, pool, quantities
+from sma_bayes.studies.cycles.study import CycleSeries, Pooled, pool, quantities, stiffness_unit
 from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand
 from sma_bayes.studies.watch.reference import MeasuredNumbers, Reference
 
@@ -119,12 +119,8 @@ def require_known(limit: WatchLimit, strands: Sequence[Strand]) -> None:
     """
     units = {s.channel: s.unit for s in strands}
     if {"force", "displacement"} <= set(units):
-        force, displacement = units["force"], units["displacement"]
-        ratio = force if displacement == "1" else quotient(force, displacement)
-        units.setdefault("stiffness", ratio)
-    temperature = strands[0].record.units["temperature"]
-    of_sweeps = {"shift": ["K" if temperature == "degC" else temperature], "width": ["1"]}
-    known = {name: of_sweeps.get(name, [s.unit for s in strands]) for name in NUMBERS}
+        units.setdefault("stiffness", stiffness_unit(units["force"], units["displacement"]))
+    known = {name: [s.units[name] for s in strands] for name in NUMBERS}
     if limit.at is not None:
         known = {channel: [unit] for channel, unit in units.items()}
     if limit.name not in known:

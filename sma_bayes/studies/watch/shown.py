@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from sma_bayes.quantities import quantity_of
 from sma_bayes.runs.declared_units import Shown, in_unit, shown_as, shown_product, units_of
+from sma_bayes.studies.cycles.shown import RATIO
 from sma_bayes.studies.watch.schema import AmountDocument, LimitDocument, WatchDocument, WatchedNumber
-
-RATIO = "width"
-"""A number that is a ratio whatever the unit of the channel."""
 
 
 def in_declared_units(found: WatchDocument) -> WatchDocument:

@@ -176,11 +176,7 @@ def normal_range(watched: Watched, base: int) -> tuple[Floats, Floats]:
 
 
 def _unit(strand: Strand, number: int) -> str:
-    temperature = strand.record.units["temperature"]
-    return {
-        "offset": strand.unit, "stroke": strand.unit, "shift": "K" if temperature == "degC" else temperature,
-        "width": "1", "noise": strand.unit,
-    }[WATCHED[number]]  # fmt: skip
+    return {**strand.units, "noise": strand.unit}[WATCHED[number]]
 
 
 def _physical(strand: Strand, number: int, value: Floats) -> Floats:
