@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -25,6 +26,9 @@ NEAR = 201
 _HALVINGS = 50
 
 
+Direction = Literal["rising", "falling"]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Passage:
     """Where curves pass a value.
@@ -37,7 +41,7 @@ class Passage:
         Temperature at which each curve does; NaN where it does not.
     """
 
-    direction: str
+    direction: Direction
     draws: Floats
 
     @property
@@ -136,10 +140,9 @@ def passages(curve: Curve, t: Floats, value: float) -> tuple[Passage, ...]:
     """
     above = curve(t) >= value
     out = []
-    for direction, change in (
-        ("rising", ~above[:, :-1] & above[:, 1:]),
-        ("falling", above[:, :-1] & ~above[:, 1:]),
-    ):
+    directions: tuple[Direction, Direction] = ("rising", "falling")
+    changes = (~above[:, :-1] & above[:, 1:], above[:, :-1] & ~above[:, 1:])
+    for direction, change in zip(directions, changes, strict=True):
         count = change.cumsum(axis=1)
         for number in range(1, int(count.max(initial=0)) + 1):
             here = change & (count == number)

@@ -32,9 +32,19 @@ from sma_bayes.records.types import Branch
 from sma_bayes.response.arrangement import ArrangedSpring, Arrangement, overall_stiffness
 from sma_bayes.runs.fit_document import FitFindings, RecordSummary
 from sma_bayes.runs.outputs import read_run
-from sma_bayes.runs.store import plain
 from sma_bayes.runs.stored_draws import draws_of
-from sma_bayes.studies.ask.schema import AnswersDocument, ValuesDocument
+from sma_bayes.studies.ask.schema import (
+    AnswersDocument,
+    BestTemperature,
+    CredibleInterval,
+    MetAt,
+    StatedAnswer,
+    StatedPassage,
+    StatedStretch,
+    ValuesAt,
+    ValuesDocument,
+    ValuesOfRecord,
+)
 
 SCHEMA: Final = "sma-bayes/ask/1"
 AT_SCHEMA: Final = "sma-bayes/ask-at/1"
@@ -250,22 +260,21 @@ def answer(
             expected=f"one of {', '.join(_has(run, records))}",
         )
     answers = [_answer(run, r, question) for r in able]
-    found = AnswersDocument.model_validate(plain({
-        "schema": SCHEMA,
-        "campaign": run.summary.campaign,
-        "seed": run.summary.seed,
-        "data_sha256": run.summary.data_sha256,
-        "quantity": answers[0]["quantity"],
-        "value": value,
-        "tolerance": tolerance,
-        "probability": probability,
-        "extrapolate": extrapolate,
-        "temperature_sd": temperature_sd,
-        "converged": all(a["converged"] for a in answers),
-        "answers": answers,
-        "without": {r.key: _lacking(run, r, channel) for r in records if r not in able},
-    }))  # fmt: skip
-    return found.as_json()
+    return AnswersDocument(
+        schema=SCHEMA,
+        campaign=run.summary.campaign,
+        seed=run.summary.seed,
+        data_sha256=run.summary.data_sha256,
+        quantity=answers[0].quantity,
+        value=value,
+        tolerance=tolerance,
+        probability=probability,
+        extrapolate=extrapolate,
+        temperature_sd=temperature_sd,
+        converged=all(a.converged for a in answers),
+        answers=tuple(answers),
+        without={r.key: _lacking(run, r, channel) for r in records if r not in able},
+    ).as_json()
 
 
 def _ask_at(
@@ -289,19 +298,18 @@ def _ask_at(
         _answer_at(run, r, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
         for r in records
     ]
-    found = ValuesDocument.model_validate(plain({
-        "schema": AT_SCHEMA,
-        "campaign": run.summary.campaign,
-        "seed": run.summary.seed,
-        "data_sha256": run.summary.data_sha256,
-        "at": list(asked),
-        "probability": probability,
-        "extrapolate": extrapolate,
-        "temperature_sd": temperature_sd,
-        "converged": all(a["converged"] for a in answers),
-        "answers": answers,
-    }))  # fmt: skip
-    return found.as_json()
+    return ValuesDocument(
+        schema=AT_SCHEMA,
+        campaign=run.summary.campaign,
+        seed=run.summary.seed,
+        data_sha256=run.summary.data_sha256,
+        at=tuple(asked),
+        probability=probability,
+        extrapolate=extrapolate,
+        temperature_sd=temperature_sd,
+        converged=all(a.converged for a in answers),
+        answers=tuple(answers),
+    ).as_json()
 
 
 def _answer_at(
@@ -313,7 +321,7 @@ def _answer_at(
     extrapolate: float,
     temperature_sd: float,
     temperature_unit: str | None,
-) -> dict[str, Any]:
+) -> ValuesOfRecord:
     """What one record gives at the temperatures: all of them, also those that it can't tell of, in the asked order."""
     draws = run.draws(summary)
     stored = summary.temperature.unit
@@ -331,26 +339,32 @@ def _answer_at(
         unit = next((u for u in units if can_convert(own, u)), own)
         curve = credible_at(_curve(run, draws, channel, own), at, level, error / step)
         new = predictive_at(draws.curves, channel, at, level, run.summary.seed, error / step)
-        quantities[channel] = {
-            "name": _name(summary, channel),
-            "unit": unit,
-            **_told(curve, own, unit, known, ""),
-            **_told(new, own, unit, known, "pred_"),
-        }
+        low_at, median_at, high_at = _where_known(curve, own, unit, known)
+        pred_low, pred_median, pred_high = _where_known(new, own, unit, known)
+        quantities[channel] = ValuesAt(
+            name=_name(summary, channel),
+            unit=unit,
+            low=low_at,
+            median=median_at,
+            high=high_at,
+            pred_low=pred_low,
+            pred_median=pred_median,
+            pred_high=pred_high,
+        )
     path = summary.path
-    return {
-        "key": summary.key,
-        "condition": summary.condition,
-        "branch": summary.branch,
-        "converged": summary.converged,
-        "adequate": summary.adequate,
-        "temperature_unit": degrees,
-        "temperature": given,
-        "measured": [low, high],
-        "extrapolated": beyond,
-        "quantities": quantities,
-        "caution": path.message if "stiffness" in quantities and path.kind != "path_slope" else None,
-    }
+    return ValuesOfRecord(
+        key=summary.key,
+        condition=summary.condition,
+        branch=summary.branch,
+        converged=summary.converged,
+        adequate=summary.adequate,
+        temperature_unit=degrees,
+        temperature=tuple(given.tolist()),
+        measured=(low, high),
+        extrapolated=tuple(beyond.tolist()),
+        quantities=quantities,
+        caution=path.message if "stiffness" in quantities and path.kind != "path_slope" else None,
+    )
 
 
 def asked_temperature(text: str, stored: str, degrees: str) -> float:
@@ -390,18 +404,16 @@ def _temperature_back(number: float, unit: str, stored: str) -> float:
     return _converted(number, unit, stored, "temperature")
 
 
-def _told(
-    found: IntervalAt | None, stored: str, unit: str, known: np.ndarray[Any, np.dtype[np.bool_]], prefix: str
-) -> dict[str, Any]:
-    """Interval in the unit of the answer; None at temperatures of which nothing is known."""
-    out: dict[str, list[float | None]] = {}
-    for name in ("low", "median", "high"):
-        if found is None:
-            out[prefix + name] = [None] * known.size
-        else:
-            values = convert(getattr(found, name), stored, unit)
-            out[prefix + name] = [float(v) if k else None for v, k in zip(values, known, strict=True)]
-    return out
+def _where_known(
+    found: IntervalAt | None, stored: str, unit: str, known: np.ndarray[Any, np.dtype[np.bool_]]
+) -> list[tuple[float | None, ...]]:
+    """Lower end, median and upper end in the unit of the answer; None at temperatures of which nothing is known."""
+    if found is None:
+        return [(None,) * known.size] * 3
+    return [
+        tuple(float(v) if k else None for v, k in zip(convert(values, stored, unit), known, strict=True))
+        for values in (found.low, found.median, found.high)
+    ]
 
 
 def _selected(run: FitSource, condition: str | None, branch: str | None) -> list[RecordSummary]:
@@ -463,7 +475,7 @@ def _lacking(run: FitSource, record: RecordSummary, channel: str) -> str:
     return ""
 
 
-def _answer(run: FitSource, summary: RecordSummary, question: _InverseQuestion) -> dict[str, Any]:
+def _answer(run: FitSource, summary: RecordSummary, question: _InverseQuestion) -> StatedAnswer:
     draws = run.draws(summary)
     channel = "stiffness" if question.channel == OVERALL else question.channel
     stored = (summary.temperature.unit, summary.quantities[channel].unit)
@@ -481,36 +493,40 @@ def _answer(run: FitSource, summary: RecordSummary, question: _InverseQuestion) 
     values = curve(grid)
     set_values = curve(grid + error[:, None]) if question.temperature_sd else values
 
-    def stretches(least: float, greatest: float) -> dict[str, Any]:
+    def met_between(least: float, greatest: float) -> MetAt:
         surely = met(grid, set_values, (least, greatest))
         best, top = surely.best
-        most = {"temperature": best, "probability": top, "extrapolated": not low <= best <= high}
-        return {
-            "intervals": [_stretch(s, low, high) for s in surely.at_least(level)],
-            "best": most if top > 0.0 else None,
-        }
+        most = BestTemperature(temperature=best, probability=top, extrapolated=not low <= best <= high)
+        return MetAt(
+            intervals=tuple(_stretch(s, low, high) for s in surely.at_least(level)),
+            best=most if top > 0.0 else None,
+        )
 
-    path = summary.path
-    return {
-        "key": summary.key,
-        "condition": summary.condition,
-        "branch": summary.branch,
-        "converged": summary.converged,
-        "quantity": _name(summary, question.channel),
-        "unit": unit,
-        "temperature_unit": degrees,
-        "measured": [low, high],
-        "searched": list(ends),
-        "target": target,
-        "bounds": list(bounds),
-        **_extremes(values[:, (grid >= low) & (grid <= high)], level),
-        **_reached(curve, found, target, (low, high), ends),
-        "passages": [_passage(p, level, low, high) for p in found],
-        "within": stretches(*bounds),
-        "at_least": stretches(target, np.inf),
-        "at_most": stretches(-np.inf, target),
-        "caution": path.message if channel == "stiffness" and path.kind != "path_slope" else None,
-    }
+    path, measured = summary.path, values[:, (grid >= low) & (grid <= high)]
+    reachable, stays_below, stays_above = _reached(curve, found, target, (low, high), ends)
+    return StatedAnswer(
+        key=summary.key,
+        condition=summary.condition,
+        branch=summary.branch,
+        converged=summary.converged,
+        quantity=_name(summary, question.channel),
+        unit=unit,
+        temperature_unit=degrees,
+        measured=(low, high),
+        searched=ends,
+        target=target,
+        bounds=bounds,
+        least=_interval(measured.min(axis=1), level),
+        greatest=_interval(measured.max(axis=1), level),
+        reachable=reachable,
+        stays_below=stays_below,
+        stays_above=stays_above,
+        passages=tuple(_passage(p, level, low, high) for p in found),
+        within=met_between(*bounds),
+        at_least=met_between(target, np.inf),
+        at_most=met_between(-np.inf, target),
+        caution=path.message if channel == "stiffness" and path.kind != "path_slope" else None,
+    )
 
 
 def wanted_value(
@@ -604,7 +620,7 @@ def _temperatures(found: Sequence[Passage], error: Floats) -> Floats:
 
 def _reached(
     curve: Curve, found: Sequence[Passage], target: float, measured: tuple[float, float], ends: tuple[float, float]
-) -> dict[str, float]:  # fmt: skip
+) -> tuple[float, float, float]:  # fmt: skip
     """Shares of the curves that pass the value where it was measured, and that stay below or above it all along."""
     above = curve(np.array(ends))[:, 0] >= target
     passing = np.zeros(above.shape, dtype=bool)
@@ -612,34 +628,34 @@ def _reached(
     for p in found:
         passing |= np.isfinite(p.draws)
         inside |= (p.draws >= measured[0]) & (p.draws <= measured[1])
-    return {
-        "reachable": float(np.mean(inside)),
-        "stays_below": float(np.mean(~passing & ~above)),
-        "stays_above": float(np.mean(~passing & above)),
-    }
+    shares = inside, ~passing & ~above, ~passing & above
+    reachable, below, over = (float(np.mean(s)) for s in shares)
+    return reachable, below, over
 
 
-def _extremes(values: Floats, level: float) -> dict[str, dict[str, float]]:
-    """Least and greatest value over the measured temperatures: what can be asked for at all."""
-    return {
-        "least": _interval(values.min(axis=1), level),
-        "greatest": _interval(values.max(axis=1), level),
-    }
+def _interval(draws: Floats, level: float) -> CredibleInterval:
+    low, median, high = _quantiles(draws, level)
+    return CredibleInterval(low=low, median=median, high=high)
 
 
-def _interval(draws: Floats, level: float) -> dict[str, float]:
-    """Median and equal-tailed interval of that level."""
+def _quantiles(draws: Floats, level: float) -> list[float]:
+    """Lower end of the equal-tailed interval of that level, median, and upper end."""
     tail = 0.5 * (1.0 - level)
-    return dict(
-        zip(("low", "median", "high"), quantiles(draws, (tail, 0.5, 1.0 - tail)).tolist(), strict=True)
+    found: list[float] = quantiles(draws, (tail, 0.5, 1.0 - tail)).tolist()
+    return found
+
+
+def _passage(p: Passage, level: float, low: float, high: float) -> StatedPassage:
+    first, median, last = _quantiles(p.draws[np.isfinite(p.draws)], level)
+    return StatedPassage(
+        direction=p.direction,
+        probability=p.probability,
+        low=first,
+        median=median,
+        high=last,
+        extrapolated=first < low or last > high,
     )
 
 
-def _passage(p: Passage, level: float, low: float, high: float) -> dict[str, Any]:
-    place = _interval(p.draws[np.isfinite(p.draws)], level)
-    beyond = place["low"] < low or place["high"] > high
-    return {"direction": p.direction, "probability": p.probability, **place, "extrapolated": beyond}
-
-
-def _stretch(s: Stretch, low: float, high: float) -> dict[str, Any]:
-    return {"low": s.low, "high": s.high, "extrapolated": bool(s.low < low or s.high > high)}
+def _stretch(s: Stretch, low: float, high: float) -> StatedStretch:
+    return StatedStretch(low=s.low, high=s.high, extrapolated=bool(s.low < low or s.high > high))

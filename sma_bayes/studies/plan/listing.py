@@ -1,18 +1,76 @@
-"""`candidates.csv`: every candidate of a plan, a row each."""
+"""Every candidate of a plan: as `plan.json` states it, and as a row of `candidates.csv`."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final
 
-from sma_bayes.runs.store import or_nan
-from sma_bayes.studies.plan.schema import PlanFindings
-from sma_bayes.studies.plan.words import pair_name, quantity_name
+from sma_bayes.runs.store import or_nan, write_csv
+from sma_bayes.studies.plan.candidates import CandidateExperiment
+from sma_bayes.studies.plan.schema import ExpectedQuantity, PlanFindings, PlannedCandidate, TellingApart
+from sma_bayes.studies.plan.words import advice, pair_name, quantity_name
 
 CANDIDATES: Final = "candidates.csv"
 SETTINGS: Final = (
     "rank", "name", "condition", "lowest", "peak", "rate", "load", "cycles", "samples", "setup", "hours",
 )  # fmt: skip
+
+
+def planned(
+    rank: int,
+    c: CandidateExperiment,
+    available: float | None,
+    *,
+    branches: Sequence[str],
+    other_load: bool = False,
+    nats: float | None = None,
+    probability: float | None = None,
+    expected: Sequence[ExpectedQuantity] = (),
+    pairs: Sequence[TellingApart] = (),
+) -> PlannedCandidate:
+    """A candidate with what is expected of it.
+
+    Parameters
+    ----------
+    rank : int
+    c : CandidateExperiment
+    available : float or None
+        Time that there is on the rig [h].
+    branches, other_load, nats, probability, expected, pairs
+        See `PlannedCandidate`.
+    """
+    return PlannedCandidate(
+        rank=rank,
+        name=c.name,
+        condition=c.condition,
+        lowest=c.lowest,
+        peak=c.peak,
+        rate=c.rate,
+        load=c.load,
+        other_load=other_load,
+        cycles=c.cycles,
+        samples=c.samples,
+        setup=c.setup,
+        hours=c.hours,
+        branches=tuple(branches),
+        beyond=c.beyond,
+        fits=available is None or c.hours <= available * (1.0 + 1e-9),
+        nats=nats,
+        nats_per_hour=None if nats is None else nats / c.hours,
+        probability=probability,
+        expected=tuple(expected),
+        pairs=tuple(pairs),
+    )
+
+
+def with_advice(found: PlanFindings, folder: Path | None) -> dict[str, Any]:
+    """What `plan.json` holds, advice included; the candidates are written to the folder, if there is one."""
+    found = found.model_copy(update={"advice": advice(found)})
+    if folder is not None:
+        write_csv(folder / CANDIDATES, columns(found))
+    return found.as_json()
 
 
 def columns(found: PlanFindings) -> dict[str, list[Any]]:

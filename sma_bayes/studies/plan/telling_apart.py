@@ -13,8 +13,6 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.errors import MeasurementError, SmaBayesError
 from sma_bayes.records.types import Campaign, Record
-from sma_bayes.runs.documents import PLAN
-from sma_bayes.runs.store import plain, write_csv
 from sma_bayes.studies.gap.schema import GapDocument
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.plan.apart import Discrimination, Prospect, further, told_apart
@@ -28,11 +26,10 @@ from sma_bayes.studies.plan.candidates import (
     require_condition,
     rounded,
 )
-from sma_bayes.studies.plan.listing import CANDIDATES, columns
+from sma_bayes.studies.plan.listing import planned, with_advice
 from sma_bayes.studies.plan.options import Options
 from sma_bayes.studies.plan.rivals import THRESHOLD, RivalExplanations, conditions_of, fitted_rivals
-from sma_bayes.studies.plan.schema import PlanFindings
-from sma_bayes.studies.plan.words import advice
+from sma_bayes.studies.plan.schema import PlanFindings, PlannedCandidate, RivalPair, TellingApart
 from sma_bayes.studies.run_context import RunContext
 
 RATES: Final = (1.0 / 3.0, 1.0, 3.0)
@@ -90,44 +87,40 @@ def planned_apart(
     if o.candidates is None:
         judged = without_needless(judged, settings)
     judged.sort(key=lambda x: _place(x[0], likely(x[1])))
-    found = {
-        "schema": PLAN.schema,
-        "campaign": gap.campaign,
-        "source": str(source),
-        "asked": TELL_APART,
-        "kind": "tell-apart",
-        "seed": o.seed,
-        "versions": all_versions(),
-        "data_sha256": gap.data_sha256,
-        "converged": gap.converged,
-        "temperature_unit": campaign.records[0].units["temperature"],
-        "available": o.hours,
-        "assumed_scatter": o.scatter,
-        "threshold": THRESHOLD,
-        "quantities": [],
-        "scatter": [],
-        "rivals": [
-            {
-                "first": rivals.explanations[a].name,
-                "second": rivals.explanations[b].name,
-                "ln_bayes_factor": rivals.ln_bayes_factor(a, b),
-                "told_apart": _apart(rivals, (a, b)),
-            }
+    found = PlanFindings(
+        schema="sma-bayes/plan/1",
+        campaign=gap.campaign,
+        source=str(source),
+        asked=TELL_APART,
+        kind="tell-apart",
+        seed=o.seed,
+        versions=all_versions(),
+        data_sha256=gap.data_sha256,
+        converged=gap.converged,
+        temperature_unit=campaign.records[0].units["temperature"],
+        available=o.hours,
+        assumed_scatter=o.scatter,
+        threshold=THRESHOLD,
+        quantities=(),
+        scatter=(),
+        rivals=tuple(
+            RivalPair(
+                first=rivals.explanations[a].name,
+                second=rivals.explanations[b].name,
+                ln_bayes_factor=rivals.ln_bayes_factor(a, b),
+                told_apart=_apart(rivals, (a, b)),
+            )
             for a, b in rivals.pairs
-        ],
-        "candidates": [
+        ),
+        candidates=tuple(
             _candidate(n, c, told, rivals, likely(told), o.hours, settings)
             for n, (c, told) in enumerate(judged, 1)
-        ],
-        "design": None,
-        "advice": "",
-        "remarks": [*rivals.remarks, *_remarks(settings, tried, gap)],
-    }
-    stated = PlanFindings.model_validate(plain(found))
-    stated = stated.model_copy(update={"advice": advice(stated)})
-    if folder is not None:
-        write_csv(folder / CANDIDATES, columns(stated))
-    return stated.as_json()
+        ),
+        design=None,
+        advice="",
+        remarks=(*rivals.remarks, *_remarks(settings, tried, gap)),
+    )
+    return with_advice(found, folder)
 
 
 def settings_of_campaign(records: Sequence[Record]) -> dict[str, Setting]:
@@ -232,22 +225,27 @@ def _candidate(
     probability: float,
     hours: float | None,
     settings: Mapping[str, Setting],
-) -> dict[str, Any]:
+) -> PlannedCandidate:
     names = [e.name for e in rivals.explanations]
-    return {
-        "rank": rank, "name": c.name, "condition": c.condition, "lowest": c.lowest, "peak": c.peak, "rate": c.rate,
-        "load": c.load, "other_load": c.load != settings[c.condition].load, "cycles": c.cycles, "samples": c.samples,
-        "setup": c.setup, "hours": c.hours, "branches": ["heating", "cooling"], "beyond": list(c.beyond),
-        "fits": hours is None or c.hours <= hours * (1.0 + 1e-9), "nats": None, "nats_per_hour": None,
-        "probability": probability, "expected": [],
-        "pairs": [
-            {
-                "first": names[a], "second": names[b], "separation": d.separation, "probability": d.probability,
-                "if_first": d.if_first, "if_second": d.if_second,
-            }
+    return planned(
+        rank,
+        c,
+        hours,
+        branches=("heating", "cooling"),
+        other_load=c.load != settings[c.condition].load,
+        probability=probability,
+        pairs=[
+            TellingApart(
+                first=names[a],
+                second=names[b],
+                separation=d.separation,
+                probability=d.probability,
+                if_first=d.if_first,
+                if_second=d.if_second,
+            )
             for (a, b), d in zip(rivals.pairs, told, strict=True)
         ],
-    }  # fmt: skip
+    )
 
 
 def _remarks(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -29,7 +29,6 @@ from sma_bayes.runs.declared_units import Shown, of_parameters, shown_units
 from sma_bayes.runs.documents import FIT, GAP, PLAN
 from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRun, read_run
-from sma_bayes.runs.store import plain, write_csv
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.identity import all_versions, fit_identity, study_identity
 from sma_bayes.studies.plan.asked import PARAMETERS, TELL_APART, Asked, able, parse_asked
@@ -47,13 +46,21 @@ from sma_bayes.studies.plan.candidates import (
 )
 from sma_bayes.studies.plan.design import Expectations, best_design, even_design, nats_of
 from sma_bayes.studies.plan.information import ExpectedGain, Knowledge, PlanTarget
-from sma_bayes.studies.plan.listing import CANDIDATES, columns
+from sma_bayes.studies.plan.listing import planned, with_advice
 from sma_bayes.studies.plan.options import LONGEST, Options, Scatter
 from sma_bayes.studies.plan.rivals import read_gap
 from sma_bayes.studies.plan.scatter import scatter_of
-from sma_bayes.studies.plan.schema import PlanFindings
+from sma_bayes.studies.plan.schema import (
+    DesignOutcome,
+    DesignStep,
+    ExpectedQuantity,
+    KnownQuantity,
+    PlanFindings,
+    PlannedCandidate,
+    PlannedDesign,
+    ScatterOfSweeps,
+)
 from sma_bayes.studies.plan.telling_apart import planned_apart
-from sma_bayes.studies.plan.words import advice
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.sensitivity.quantities import QuantityDraws, quantities_of
 
@@ -273,35 +280,31 @@ def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext)
     with work.account.timed("design"):
         design = None if o.hours is None else _design(expectations, tried, settings, q.conditions, o, rate)
     shown = {n: u for n, u in shown_units(summary.records).items() if n != TEMPERATURE.name}
-    found: dict[str, Any] = {
-        "schema": PLAN.schema,
-        "campaign": summary.campaign,
-        "source": str(q.run.folder),
-        "asked": q.asked.text,
-        "kind": "parameters" if q.asked.name == PARAMETERS else "quantity",
-        "seed": o.seed,
-        "versions": all_versions(),
-        "data_sha256": summary.data_sha256,
-        "converged": all(r.converged for r in q.chosen),
-        "temperature_unit": unit,
-        "available": o.hours,
-        "assumed_scatter": o.scatter,
-        "threshold": None,
-        "quantities": [k for t in targets for k in _known(t, q, shown)],
-        "scatter": [s for t in targets for s in _scatter(t)],
-        "rivals": [],
-        "candidates": [
+    found = PlanFindings(
+        schema="sma-bayes/plan/1",
+        campaign=summary.campaign,
+        source=str(q.run.folder),
+        asked=q.asked.text,
+        kind="parameters" if q.asked.name == PARAMETERS else "quantity",
+        seed=o.seed,
+        versions=all_versions(),
+        data_sha256=summary.data_sha256,
+        converged=all(r.converged for r in q.chosen),
+        temperature_unit=unit,
+        available=o.hours,
+        assumed_scatter=o.scatter,
+        threshold=None,
+        quantities=tuple(k for t in targets for k in _known(t, q, shown)),
+        scatter=tuple(s for t in targets for s in _scatter(t)),
+        rivals=(),
+        candidates=tuple(
             _candidate(n, c, gains, expectations, o.hours) for n, (c, gains) in enumerate(judged, 1)
-        ],
-        "design": design,
-        "advice": "",
-        "remarks": _remarks(q, o, targets, tried),
-    }
-    stated = PlanFindings.model_validate(plain(found))
-    stated = stated.model_copy(update={"advice": advice(stated)})
-    if folder is not None:
-        write_csv(folder / CANDIDATES, columns(stated))
-    return stated.as_json()
+        ),
+        design=design,
+        advice="",
+        remarks=tuple(_remarks(q, o, targets, tried)),
+    )
+    return with_advice(found, folder)
 
 
 def _candidates(
@@ -356,12 +359,11 @@ def _filled(found: Sequence[CandidateExperiment], hours: float) -> list[Candidat
     return list(out)
 
 
-def _known(target: PlanTarget, q: _FitQuestion, shown: Shown) -> list[dict[str, Any]]:
+def _known(target: PlanTarget, q: _FitQuestion, shown: Shown) -> Iterator[KnownQuantity]:
     draws = target.knowledge.draws
     summary = q.summary(draws.key)
     factors = of_parameters(summary, shown)
-    out = []
-    for quantity, sd in zip(target.quantities, target.sd, strict=True):
+    for quantity, sd in zip(target.quantities, target.sd.tolist(), strict=True):
         unit, factor = quantity.unit, 1.0
         own = (
             shown.get(summary.quantities[quantity.channel].name)
@@ -370,32 +372,36 @@ def _known(target: PlanTarget, q: _FitQuestion, shown: Shown) -> list[dict[str, 
         )
         if own is not None and (own.stored == unit or quantity.name in factors):
             unit, factor = own.of(unit), factors.get(quantity.name, own).factor
-        out.append({
-            "key": draws.key, "name": quantity.name, "unit": quantity.unit, **interval(quantity.draws),
-            "sd": sd, "shown_unit": unit, "shown_factor": factor,
-        })  # fmt: skip
-    return out
+        yield KnownQuantity(
+            key=draws.key,
+            name=quantity.name,
+            unit=quantity.unit,
+            **interval(quantity.draws),
+            sd=sd,
+            shown_unit=unit,
+            shown_factor=factor,
+        )
 
 
-def _scatter(target: PlanTarget) -> list[dict[str, Any]]:
+def _scatter(target: PlanTarget) -> list[ScatterOfSweeps]:
     key = target.knowledge.draws.key
     return [
-        {"key": key, "channel": channel, "sweeps": s.sweeps, **s.told()}
+        ScatterOfSweeps(key=key, channel=channel, sweeps=s.sweeps, **s.told())
         for channel, s in target.knowledge.scatter.items()
     ]
 
 
-def _expected(targets: Sequence[PlanTarget], gains: Mapping[str, ExpectedGain]) -> list[dict[str, Any]]:
-    out = []
-    for t in targets:
-        gain = gains.get(t.knowledge.draws.key)
-        if gain is not None:
-            key = t.knowledge.draws.key
-            out += [
-                {"key": key, "name": quantity.name, "sd": sd * math.sqrt(left), "shrinkage": 1.0 - left}
-                for quantity, sd, left in zip(t.quantities, t.sd, gain.left, strict=True)
-            ]  # fmt: skip
-    return out
+def _expected(
+    targets: Sequence[PlanTarget], gains: Mapping[str, ExpectedGain]
+) -> tuple[ExpectedQuantity, ...]:
+    return tuple(
+        ExpectedQuantity(
+            key=t.knowledge.draws.key, name=quantity.name, sd=sd * math.sqrt(left), shrinkage=1.0 - left
+        )
+        for t in targets
+        if (gain := gains.get(t.knowledge.draws.key)) is not None
+        for quantity, sd, left in zip(t.quantities, t.sd.tolist(), gain.left.tolist(), strict=True)
+    )
 
 
 def _candidate(
@@ -404,17 +410,15 @@ def _candidate(
     gains: Mapping[str, ExpectedGain],
     expectations: Expectations,
     hours: float | None,
-) -> dict[str, Any]:
-    nats = nats_of(gains)
-    followed = expectations.followed(c)
-    return {
-        "rank": rank, "name": c.name, "condition": c.condition, "lowest": c.lowest, "peak": c.peak, "rate": c.rate,
-        "load": c.load, "other_load": False, "cycles": c.cycles, "samples": c.samples, "setup": c.setup,
-        "hours": c.hours,
-        "branches": [t.knowledge.draws.branch.value for t in followed], "beyond": list(c.beyond),
-        "fits": hours is None or c.hours <= hours * (1.0 + 1e-9), "nats": nats, "nats_per_hour": nats / c.hours,
-        "probability": None, "expected": _expected(expectations.targets, gains), "pairs": [],
-    }  # fmt: skip
+) -> PlannedCandidate:
+    return planned(
+        rank,
+        c,
+        hours,
+        branches=[t.knowledge.draws.branch.value for t in expectations.followed(c)],
+        nats=nats_of(gains),
+        expected=_expected(expectations.targets, gains),
+    )
 
 
 def _design(
@@ -424,7 +428,7 @@ def _design(
     conditions: Sequence[str],
     o: Options,
     rate: float | None,
-) -> dict[str, Any] | None:
+) -> PlannedDesign | None:
     assert o.hours is not None
     parts = best_design(expectations, tried, o.hours)
     if not parts:
@@ -432,24 +436,29 @@ def _design(
     gains = expectations.of_design(parts)
     even = even_design([settings[c] for c in conditions], tried, o.hours, o.setup, rate)
     gains_of_even = expectations.of_design(even)
-    steps = [
-        {
-            "condition": c.condition, "lowest": c.lowest, "peak": c.peak, "rate": c.rate, "cycles": n,
-            "samples": c.samples, "hours": c.setup + n * c.cycle_hours,
-        }
+    steps = tuple(
+        DesignStep(
+            condition=c.condition,
+            lowest=c.lowest,
+            peak=c.peak,
+            rate=c.rate,
+            cycles=n,
+            samples=c.samples,
+            hours=c.setup + n * c.cycle_hours,
+        )
         for c, n in parts
-    ]  # fmt: skip
-    return {
-        "hours": sum(s["hours"] for s in steps),
-        "nats": nats_of(gains),
-        "expected": _expected(expectations.targets, gains),
-        "steps": steps,
-        "even": {
-            "hours": o.hours,
-            "nats": nats_of(gains_of_even),
-            "expected": _expected(expectations.targets, gains_of_even),
-        },
-    }
+    )
+    return PlannedDesign(
+        hours=sum(s.hours for s in steps),
+        nats=nats_of(gains),
+        expected=_expected(expectations.targets, gains),
+        steps=steps,
+        even=DesignOutcome(
+            hours=o.hours,
+            nats=nats_of(gains_of_even),
+            expected=_expected(expectations.targets, gains_of_even),
+        ),
+    )
 
 
 def _remarks(

@@ -16,19 +16,13 @@ from sma_bayes.runs.schema import (
     NumberOrNull,
     RunAccount,
 )
-
-
-class BalanceParameter(IntervalDocument):
-    """A parameter of the heat balance."""
-
-    unit: str = Field(description="its unit")
-    meaning: str = Field(description="in words")
+from sma_bayes.studies.gap.schema import HeatParameter
 
 
 class StatedBalance(DocumentPart):
     """The heat balance that was fitted to the temperatures of the campaign."""
 
-    parameters: dict[str, BalanceParameter] = Field(
+    parameters: dict[str, HeatParameter] = Field(
         description="gain, loss, time constant, ambient temperature where it was fitted, `effect.parameter`; of a "
         "condition `gain[id]`"
     )

@@ -12,8 +12,8 @@ from sma_bayes.errors import many
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.screen import screen, show_end
 from sma_bayes.runs.declared_units import in_unit, shown_as, shown_product, units_of
+from sma_bayes.studies.gap.schema import HeatParameter
 from sma_bayes.studies.simulate.schema import (
-    BalanceParameter,
     ReachDocument,
     ReachOfCondition,
     SimulatedRun,
@@ -55,7 +55,7 @@ def balance_text(document: SimulationFindings) -> str:
     return f"heat balance with {'; '.join(told)}" + (f"; with {effects.replace('_', ' ')}" if effects else "")
 
 
-def shown_parameters(document: SimulationFindings) -> dict[str, BalanceParameter]:
+def shown_parameters(document: SimulationFindings) -> dict[str, HeatParameter]:
     """Parameters of the heat balance as people see them."""
     units = units_of(document)
     return {

@@ -12,6 +12,7 @@ import numpy as np
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.inverse import Passage
 from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.fitting.curves import interval, quantiles
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors
@@ -24,7 +25,7 @@ from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import SIMULATION
 from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.outputs import StoredRun, read_run
-from sma_bayes.runs.store import plain, write_csv
+from sma_bayes.runs.store import write_csv
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.ask.workflow import PROBABILITY, TOLERANCE, asked_temperature, wanted_value
 from sma_bayes.studies.gap.heating import heat_parameter, heat_parameters
@@ -35,7 +36,19 @@ from sma_bayes.studies.simulate.balance import FittedBalance, HeatBalance, fitte
 from sma_bayes.studies.simulate.course import SimulatedCourse, Start, follow, require_length, temperatures
 from sma_bayes.studies.simulate.profile import Columns, CurrentProfile, read_profile
 from sma_bayes.studies.simulate.reach import reached, steady
-from sma_bayes.studies.simulate.schema import SimulationFindings
+from sma_bayes.studies.simulate.schema import (
+    BestCurrent,
+    CurrentPassage,
+    CurrentStretch,
+    OtherRule,
+    ReachDocument,
+    ReachOfCondition,
+    SimulatedRun,
+    SimulationFindings,
+    StatedBalance,
+    StatedProfile,
+    ValueAtEnd,
+)
 from sma_bayes.studies.simulate.spring import RULES, BothDraws, Rule, Spring, rule_named
 from sma_bayes.studies.simulate.starts import UNIT, starts_of
 
@@ -334,33 +347,32 @@ def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) ->
                 reaches.append(_reach(q.wanted, own, balance, balances, pair, rng))
     cautions += _said_of(runs)
     records = [r for pair in q.able for r in pair]
-    found = SimulationFindings.model_validate(plain({
-        "schema": SIMULATION.schema,
-        "campaign": q.run.summary.campaign,
-        "source": str(q.run.folder),
-        "seed": q.seed,
-        "draws": q.draws,
-        "rule": q.rule,
-        "versions": all_versions(),
-        "data_sha256": q.run.summary.data_sha256,
-        "converged": all(r.converged for r in records),
-        "adequate": all(r.adequate for r in records),
+    w = q.wanted
+    return SimulationFindings(
+        schema="sma-bayes/simulation/1",
+        campaign=q.run.summary.campaign,
+        source=str(q.run.folder),
+        seed=q.seed,
+        draws=q.draws,
+        rule=q.rule,
+        versions=all_versions(),
+        data_sha256=q.run.summary.data_sha256,
+        converged=all(r.converged for r in records),
+        adequate=all(r.adequate for r in records),
         **declared_parts(records),
-        "balance": _stated_balance(q, balances),
-        "profile": _stated_profile(q, balances),
-        "runs": runs,
-        "reach": None if q.wanted is None else {
-            "asked": q.wanted.asked,
-            "tolerance": q.wanted.tolerance,
-            "probability": q.wanted.probability,
-            "conditions": reaches,
-        },
-        "cautions": cautions,
-    }))  # fmt: skip
-    return found.as_json()
+        balance=_stated_balance(q, balances),
+        profile=_stated_profile(q, balances),
+        runs=tuple(runs),
+        reach=None
+        if w is None
+        else ReachDocument(
+            asked=w.asked, tolerance=w.tolerance, probability=w.probability, conditions=tuple(reaches)
+        ),
+        cautions=tuple(cautions),
+    ).as_json()
 
 
-def _stated_balance(q: _SimulationQuestion, balances: FittedBalance) -> dict[str, Any]:
+def _stated_balance(q: _SimulationQuestion, balances: FittedBalance) -> StatedBalance:
     study = balances.study
     space = study.final.hypothesis.space
     parameters = heat_parameters(study, balances.draws, q.seed)
@@ -368,18 +380,18 @@ def _stated_balance(q: _SimulationQuestion, balances: FittedBalance) -> dict[str
         for i in at:
             p = space.parameters[i]
             parameters[p.name] = heat_parameter(p.unit, p.meaning, balances.draws[:, i])
-    return {
-        "parameters": {name: p.as_json() for name, p in parameters.items()},
-        "effects": [e.id for e in study.effects],
-        "verdict": study.verdict,
-        "p_value": study.p_value,
-        "pool": q.pool,
-        "sd": {c: balances.sd(c) for c in q.followed},
-        "greatest_current": balances.greatest_current,
-    }
+    return StatedBalance(
+        parameters=parameters,
+        effects=tuple(e.id for e in study.effects),
+        verdict=study.verdict,
+        p_value=study.p_value,
+        pool=q.pool,
+        sd={c: balances.sd(c) for c in q.followed},
+        greatest_current=balances.greatest_current,
+    )
 
 
-def _stated_profile(q: _SimulationQuestion, balances: FittedBalance) -> dict[str, Any] | None:
+def _stated_profile(q: _SimulationQuestion, balances: FittedBalance) -> StatedProfile | None:
     p = q.profile
     if p is None:
         return None
@@ -389,14 +401,14 @@ def _stated_profile(q: _SimulationQuestion, balances: FittedBalance) -> dict[str
         ambient = f"{q.room:g} °C, as given"
     if p.ambient is not None:
         ambient = "a column of the profile"
-    return {
-        "file": p.name,
-        "rows": p.time.size,
-        "duration_s": p.duration,
-        "greatest_current": float(np.max(np.abs(p.current))),
-        "ambient": ambient,
-        "sha256": p.sha256,
-    }
+    return StatedProfile(
+        file=p.name,
+        rows=p.time.size,
+        duration_s=p.duration,
+        greatest_current=float(np.max(np.abs(p.current))),
+        ambient=ambient,
+        sha256=p.sha256,
+    )
 
 
 def _doubts(q: _SimulationQuestion, balances: FittedBalance) -> list[str]:
@@ -425,37 +437,35 @@ def _doubts(q: _SimulationQuestion, balances: FittedBalance) -> list[str]:
     return out
 
 
-def _said_of(runs: Sequence[Mapping[str, Any]]) -> list[str]:
+def _said_of(runs: Sequence[SimulatedRun]) -> list[str]:
     """What to doubt of the courses; what is so from every start is said once."""
     starts: dict[tuple[str, str], list[str]] = {}
     for r in runs:
         for text in _said_of_one(r):
-            starts.setdefault((r["condition"], text), []).append(r["start"])
+            starts.setdefault((r.condition, text), []).append(r.start)
     return [
         f"{condition}, {' and '.join(from_)} start: {text}" for (condition, text), from_ in starts.items()
     ]
 
 
-def _said_of_one(r: Mapping[str, Any]) -> list[str]:
+def _said_of_one(r: SimulatedRun) -> list[str]:
     out = []
-    if r["extrapolated_from"] is not None:
-        unit = r["declared_units"]["temperature"]
-        low, high = convert(np.array(r["measured"]), r["units"]["temperature"], unit)
+    if r.extrapolated_from is not None:
+        low, high = map(r.shown_temperature, r.measured)
         out.append(
-            f"from {r['extrapolated_from']:.3g} s on beyond the temperatures that were measured, {low:.3g} to "
-            f"{high:.3g} {unit_text(unit)}, in up to {r['extrapolated']:.0%} of the draws; curves are extrapolated "
-            "there."
+            f"from {r.extrapolated_from:.3g} s on beyond the temperatures that were measured, {low:.3g} to "
+            f"{high:.3g} {unit_text(r.temperature_unit)}, in up to {r.extrapolated:.0%} of the draws; curves are "
+            "extrapolated there."
         )
-    if r["other_rule"] is not None:
-        other = r["other_rule"]
-        shown = r["declared_units"]
+    if r.other_rule is not None:
         apart = ", ".join(
-            f"{r['names'][c]} {convert(v, r['units'][c], shown[c]):.2g} {unit_text(shown[c]) or '1'}"
-            for c, v in other["difference"].items()
+            f"{r.names[c]} {convert(v, r.units[c], r.declared_units[c]):.2g} "
+            f"{unit_text(r.declared_units[c]) or '1'}"
+            for c, v in r.other_rule.difference.items()
         )
         out.append(
-            f"loops inside the loop follow a rule that the campaign does not test; the rule {other['rule']!r} gives "
-            f"up to {apart} apart."
+            f"loops inside the loop follow a rule that the campaign does not test; the rule {r.other_rule.rule!r} "
+            f"gives up to {apart} apart."
         )
     return out
 
@@ -468,7 +478,7 @@ def _run(
     start: Start,
     folder: Path | None,
     rng: np.random.Generator,
-) -> dict[str, Any]:
+) -> SimulatedRun:
     """Simulate one condition from one start, and write its bands."""
     profile = q.profile
     assert profile is not None
@@ -487,24 +497,24 @@ def _run(
     peak = int(np.argmax(bands["temperature"]["q50"]))
     inside = float(np.mean(course.inside))
     path = pair[0].path
-    return {
-        "condition": own.condition,
-        "start": start.name,
-        "start_temperature": start.temperature,
-        "file": file,
-        "units": units,
-        "declared_units": _declared(q, units, names),
-        "names": names,
-        "measured": [coldest, hottest],
-        "hottest": _value_at(bands["temperature"], peak, names["temperature"], units["temperature"]),
-        "end": {c: _value_at(b, -1, names[c], units[c]) for c, b in bands.items()},
-        "extrapolated": float(outside.max()),
-        "extrapolated_from": float(course.time[often[0]]) if often.size else None,
-        "turns": float(np.mean(course.turns)),
-        "inside": inside,
-        "other_rule": _other_rule(spring, balance, profile, start, course) if inside > RARELY else None,
-        "caution": path.message if "stiffness" in names and path.kind != "path_slope" else None,
-    }
+    return SimulatedRun(
+        condition=own.condition,
+        start=start.name,
+        start_temperature=start.temperature,
+        file=file,
+        units=units,
+        declared_units=_declared(q, units, names),
+        names=names,
+        measured=(coldest, hottest),
+        hottest=_value_at(bands["temperature"], peak, names["temperature"], units["temperature"]),
+        end={c: _value_at(b, -1, names[c], units[c]) for c, b in bands.items()},
+        extrapolated=float(outside.max()),
+        extrapolated_from=float(course.time[often[0]]) if often.size else None,
+        turns=float(np.mean(course.turns)),
+        inside=inside,
+        other_rule=_other_rule(spring, balance, profile, start, course) if inside > RARELY else None,
+        caution=path.message if "stiffness" in names and path.kind != "path_slope" else None,
+    )
 
 
 def _declared(q: _SimulationQuestion, units: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
@@ -555,16 +565,18 @@ def _columns(
     return {**columns, "on_heating_branch": heating, "share_extrapolated": outside}
 
 
-def _value_at(band: Mapping[str, Floats], i: int, name: str, unit: str) -> dict[str, Any]:
-    told = {"q05": band["q05"][i], "median": band["q50"][i], "q95": band["q95"][i]}
-    return {
-        "name": name, "unit": unit, **told, "pred_q05": band["pred_q05"][i], "pred_q95": band["pred_q95"][i]
-    }  # fmt: skip
+def _value_at(band: Mapping[str, Floats], i: int, name: str, unit: str) -> ValueAtEnd:
+    q05, median, q95, pred_q05, pred_q95 = (
+        float(band[key][i]) for key in ("q05", "q50", "q95", "pred_q05", "pred_q95")
+    )
+    return ValueAtEnd(
+        name=name, unit=unit, q05=q05, median=median, q95=q95, pred_q05=pred_q05, pred_q95=pred_q95
+    )
 
 
 def _other_rule(
     spring: Spring, balance: HeatBalance, profile: CurrentProfile, start: Start, course: SimulatedCourse
-) -> dict[str, Any]:
+) -> OtherRule:
     """What the other rule for loops inside the loop would give, by some of the draws."""
     some = slice(0, min(OTHER_DRAWS, spring.size))
     rule: Rule = next(r for r in RULES if r != spring.rule)
@@ -573,16 +585,16 @@ def _other_rule(
     mine = spring.part(some, spring.rule)
     state = course.state.part(some)
     channels = [c for c in spring.draws.channels if not spring.draws.derived(c)]
-    return {
-        "rule": rule,
-        "difference": {
+    return OtherRule(
+        rule=rule,
+        difference={
             c: float(np.max(np.abs(
                 np.median(part.channel(c, other.temperature, other.state), axis=0)
                 - np.median(mine.channel(c, course.temperature[some], state), axis=0)
             )))
             for c in channels
         },
-    }  # fmt: skip
+    )  # fmt: skip
 
 
 def _reach(
@@ -592,30 +604,35 @@ def _reach(
     balances: FittedBalance,
     pair: Pair,
     rng: np.random.Generator,
-) -> dict[str, Any]:
+) -> ReachOfCondition:
     quantity = pair[0].quantities[wanted.channel]
     unit, target, bounds = wanted_value(wanted.value, wanted.tolerance, quantity.unit, quantity.name)
     states = steady(own.heating, balance)
     found = reached(states, balance.sd, wanted.channel, (quantity.unit, unit), target, bounds, rng)
     best, top = found.met.best
     path = pair[0].path
-    passing = []
-    for p in found.passages:
-        current = interval(p.draws[np.isfinite(p.draws)])
-        passing.append({
-            "direction": p.direction, "probability": p.probability, **current,
-            "beyond_measured": bool(current["q95"] > balances.greatest_current * (1.0 + 1e-9)),
-        })  # fmt: skip
-    return {
-        "condition": own.condition,
-        "quantity": quantity.name,
-        "unit": unit,
-        "target": target,
-        "bounds": list(bounds),
-        "reachable": found.reachable,
-        "passages": passing,
-        "intervals": [{"low": s.low, "high": s.high} for s in found.met.at_least(wanted.probability)],
-        "best": {"current": best, "probability": top} if top > 0.0 else None,
-        "searched": found.greatest,
-        "caution": path.message if wanted.channel == "stiffness" and path.kind != "path_slope" else None,
-    }
+    return ReachOfCondition(
+        condition=own.condition,
+        quantity=quantity.name,
+        unit=unit,
+        target=target,
+        bounds=bounds,
+        reachable=found.reachable,
+        passages=tuple(_passage(p, balances.greatest_current) for p in found.passages),
+        intervals=tuple(
+            CurrentStretch(low=s.low, high=s.high) for s in found.met.at_least(wanted.probability)
+        ),
+        best=BestCurrent(current=best, probability=top) if top > 0.0 else None,
+        searched=found.greatest,
+        caution=path.message if wanted.channel == "stiffness" and path.kind != "path_slope" else None,
+    )
+
+
+def _passage(p: Passage, greatest_measured: float) -> CurrentPassage:
+    current = interval(p.draws[np.isfinite(p.draws)])
+    return CurrentPassage(
+        direction=p.direction,
+        probability=p.probability,
+        **current,
+        beyond_measured=current["q95"] > greatest_measured * (1.0 + 1e-9),
+    )
