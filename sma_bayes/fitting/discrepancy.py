@@ -352,13 +352,19 @@ def _weighted_products(rows: Floats, weight: Floats) -> Floats:
 
 
 def safe_cholesky(information: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Cholesky factors (W, m, m) of ``1 + H``, and which are usable: `H` finite, within what rounding holds."""
+    """Cholesky factors (W, m, m) of ``1 + H``, and which are usable: `H` finite, positive definite beyond rounding."""
     diagonal = np.einsum("wmm->wm", information)
     usable = np.isfinite(information).all(axis=(1, 2)) & (diagonal.sum(axis=1) < GREATEST_INFORMATION)
     matrix = np.where(usable[:, None, None], information, 0.0)
     np.einsum("wmm->wm", matrix)[:] *= 1.0 + 1e-13
     np.einsum("wmm->wm", matrix)[:] += 1.0
-    return np.asarray(np.linalg.cholesky(matrix)), usable
+    try:
+        return np.asarray(np.linalg.cholesky(matrix)), usable
+    except np.linalg.LinAlgError:
+        least = np.linalg.eigvalsh(matrix)[:, 0]
+        usable &= least > 1e-15 * np.einsum("wmm->w", matrix)
+        matrix[~usable] = np.eye(matrix.shape[1])
+        return np.asarray(np.linalg.cholesky(matrix)), usable
 
 
 class _Weights:

@@ -7,7 +7,14 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from sma_bayes.fitting.discrepancy import NODES, DiscrepancyBasis, Whitened, build_basis, nodes_of
+from sma_bayes.fitting.discrepancy import (
+    NODES,
+    DiscrepancyBasis,
+    Whitened,
+    build_basis,
+    nodes_of,
+    safe_cholesky,
+)
 from sma_bayes.noise import NOISE_MODELS, Steps
 
 N = 40
@@ -272,3 +279,16 @@ def test_nothing_is_explained_twice_where_samples_leave_a_gap(seed: int) -> None
     assert seen.sum() >= 8
     unit = basis.rows[seen] / np.sqrt(power[seen])[:, None]
     assert np.linalg.eigvalsh(unit @ unit.T)[-1] < 1.1
+
+
+def test_information_that_rounding_leaves_indefinite_is_not_usable() -> None:
+    """Thousands of nearly noiseless samples: of 1e13 along one direction, rounding may take 2 from another."""
+    turn = np.linalg.qr(np.random.default_rng(1).standard_normal((4, 4)))[0]
+    sound = turn @ np.diag([0.0, 3e11, 4e12, 9e12]) @ turn.T
+    rounded = turn @ np.diag([-2.2, 3e11, 4e12, 9e12]) @ turn.T
+    factors, usable = safe_cholesky(
+        np.stack([0.5 * (h + h.T) for h in (np.eye(4), rounded, sound + np.eye(4))])
+    )
+    assert usable.tolist() == [True, False, True]
+    np.testing.assert_allclose(factors[0] @ factors[0].T, 2.0 * np.eye(4), rtol=1e-12)
+    assert np.isfinite(factors).all()
