@@ -14,6 +14,8 @@ import numpy as np
 KEY: Final = "content_sha256"
 """Under which a checksum stands: in a JSON document, in the attributes of a NetCDF file."""
 
+_OF_RUN: Final = frozenset({"figures", "stages_s", "stages_cpu_s", "workers", "wall_s", "self_check"})
+"""Keys of a document that say how a run went, or hold what may be added to a finished one."""
 _OF_HDF5: Final = {
     "CLASS",
     "NAME",
@@ -30,6 +32,18 @@ def document_checksum(document: Mapping[str, Any]) -> str:
     """SHA-256 of a document of values that JSON knows, besides its checksum and whatever the layout of the file."""
     content = {key: value for key, value in document.items() if key != KEY}
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def numbers_checksum(document: Mapping[str, Any]) -> str:
+    """SHA-256 of the numbers of a document, the same of a run that was made again: not of what the run took."""
+    return document_checksum(_without(document, _OF_RUN))
+
+
+def _without(value: Any, keys: frozenset[str]) -> Any:
+    """Values that JSON knows without some keys, however deep."""
+    if isinstance(value, Mapping):
+        return {name: _without(held, keys) for name, held in value.items() if name not in keys}
+    return [_without(held, keys) for held in value] if isinstance(value, list) else value
 
 
 def file_checksum(path: Path) -> str:

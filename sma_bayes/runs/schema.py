@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetPydanticSchema, Strict, Va
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core.core_schema import no_info_plain_validator_function
 
+from sma_bayes.checksum import numbers_checksum
 from sma_bayes.errors import OutputError
 from sma_bayes.runs.documents import Document
 from sma_bayes.runs.store import plain
@@ -144,6 +145,11 @@ class RunAccount(DocumentPart):
     content_sha256: str = Field(
         default="", description="checksum of all else in the document, which every reader compares"
     )
+
+    @property
+    def numbers_sha256(self) -> str:
+        """Checksum of what was found: the same where it was found again, by a run that was resumed."""
+        return numbers_checksum(self.model_dump(mode="json", by_alias=True))
 
 
 class FilesBeside(DocumentPart):

@@ -49,11 +49,11 @@ def fit_identity(verb: str, fit: FitSummary, asked: Mapping[str, object]) -> dic
     ----------
     verb : str
     fit : FitSummary
-        As its folder holds it, with its checksum.
+        As its folder holds it.
     asked : mapping of str to object
         All options that change a number.
     """
-    return study_identity(verb, fit.content_sha256, asked)
+    return study_identity(verb, fit.numbers_sha256, asked)
 
 
 def study_identity(verb: str, checksum: str | None, asked: Mapping[str, object]) -> dict[str, Any]:
@@ -63,7 +63,7 @@ def study_identity(verb: str, checksum: str | None, asked: Mapping[str, object])
     ----------
     verb : str
     checksum : str or None
-        Of the document of that run.
+        Of the numbers of that run.
     asked : mapping of str to object
     """
     return {

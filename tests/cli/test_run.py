@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 STUDY = """\
@@ -155,6 +158,20 @@ def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], stud
         ('"0.12 N/mm"', '"0.12 N/mm"\ncondition = "b"', "key 'ask 1.condition'"),
         ('"0.12 N/mm"', '"0.12 N/mm"\ntemperature_unit = "N"', "key 'ask 1.temperature_unit'"),
         ('"0.12 N/mm"', '"0.12 N/mm"\nextrapolate = 1e300', "key 'ask 1.extrapolate'"),
+        ("[fit]", '[fit]\n[simulate]\ncurrent = "no.csv"', "no.csv"),
+        ("[fit]", '[fit]\n[simulate]\nreach = "force=1 N"\nstart = ["warm"]', "key 'simulate.start'"),
+        ("[fit]", '[fit]\n[simulate]\nreach = "force=1 N"\ncondition = "b"', "key 'simulate.condition'"),
+        ("[fit]", '[fit]\n[watch]\nfiles = ["bench/a.csv", "no.csv"]', "key 'watch.files, entry 2'"),
+        (
+            "[fit]",
+            '[fit]\n[watch]\nfiles = ["bench/a.csv"]\nlimit = ["strok=-20%"]',
+            "key 'watch.limit, entry 1'",
+        ),
+        ("[fit]", '[fit]\n[modulus]\nfiles = ["no.csv"]', "key 'modulus.files, entry 1'"),
+        ("[fit]", '[fit]\n[card]\narea = "2 mm"', "key 'card'"),
+        ("[fit]", '[fit]\n[card]\nmodulus_austenite = "70"', "key 'card.modulus_austenite'"),
+        ("[fit]", '[fit]\n[cycles]\nmodel = "sigmiod"', "key 'cycles.model'"),
+        ("[fit]", '[fit]\n[sensitivity]\nat = ["50"]', "key 'sensitivity.at, entry 1'"),
         ('campaign = "bench"', 'campaign = "bunch"', "there is no such file or folder"),
         ("jobs = 1", "job = 1", "did you mean 'jobs'"),
     ],
@@ -175,3 +192,69 @@ def test_another_folder_can_be_named(run: Callable[..., Any], study: Path, tmp_p
     assert run("run", study, "--out", tmp_path / "else" / "where", "--quiet").status == 0
     assert (tmp_path / "else" / "where" / "fit" / "summary.json").is_file()
     assert not (tmp_path / "results").exists()
+
+
+SPRING = """\
+[study]
+campaign = "bench"
+out = "results"
+jobs = 1
+figures = "none"
+noise = "independent"
+[fit]
+[sensitivity]
+at = ["60 degC"]
+[cycles]
+ahead = 2
+[watch]
+files = ["quiet/1.csv"]
+limit = ["stroke=-20%"]
+[card]
+draws = 50
+"""
+
+
+@pytest.fixture(scope="module")
+def spring(tmp_path_factory: pytest.TempPathFactory, watched_spring: ModuleType) -> Path:
+    """A campaign of four cycles, one that is quiet and six whose displacement drifts."""
+    folder, rng, rig = (
+        tmp_path_factory.mktemp("spring"),
+        np.random.default_rng(0),
+        replace(watched_spring.PLAIN, channels=("force", "displacement")),
+    )
+    rig.campaign(folder / "bench", rng, 4)
+    watched_spring.write(folder / "quiet" / "1.csv", [rig.cycle(rng)])
+    watched_spring.write(
+        folder / "faulty" / "1.csv", [watched_spring.offset_drift(n, rig.cycle(rng)) for n in range(1, 7)]
+    )
+    return folder
+
+
+def test_what_starts_from_a_fit_is_declared_beside_it(run: Callable[..., Any], spring: Path) -> None:
+    """Each step leaves what its verb leaves; one without current fails, and an alarm is the exit status."""
+    study = written(spring / "study.toml", SPRING)
+    first = run("run", study)
+    found = document(spring)
+    assert first.status == 0, first.out
+    assert {s["step"]: (s["status"], s["summary"]) for s in found["steps"]} == {
+        "fit": ("done", "fit/summary.json"),
+        "sensitivity": ("done", "sensitivity/sensitivity.json"),
+        "cycles": ("done", "cycles/cycles.json"),
+        "watch": ("done", "watch/watch.json"),
+        "card": ("done", "card/card.json"),
+    }
+    alone = run("sensitivity", spring / "results" / "fit", "--at", "60 degC", "--json", "--quiet")
+    together = json.loads(
+        (spring / "results" / "sensitivity" / "sensitivity.json").read_text(encoding="utf-8")
+    )
+    assert json.loads(alone.out)["records"] == together["records"]
+    more = '[simulate]\nreach = "displacement=5 mm"\n'
+    written(study, SPRING.replace('"quiet/1.csv"', '"quiet/1.csv", "faulty/1.csv"') + more)
+    later = run("run", study, "--resume")
+    assert later.status == 2
+    found = document(spring)
+    status = {s["step"]: (s["status"], s["exit_status"]) for s in found["steps"]}
+    assert status["watch"] == ("alarm", 1)
+    assert status["simulate"] == ("failed", 2)
+    assert "no current was recorded" in later.out
+    assert not found["converged"]

@@ -155,7 +155,7 @@ def plan(
     if question.name == TELL_APART:
         with work.account.timed("read"):
             gap, campaign = read_gap(place, None if data is None else Path(data))
-        identity = study_identity(PLAN.verb, gap.content_sha256, stated)
+        identity = study_identity(PLAN.verb, gap.numbers_sha256, stated)
         return work.execute(
             out, identity, resume, lambda into: planned_apart(gap, campaign, place, options, into, work)
         )

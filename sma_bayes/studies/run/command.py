@@ -26,7 +26,7 @@ def command(
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
-    """Run all that a study file declares: fit, compare, gap, conditions, plan, questions, each in its own folder."""
+    """Run all that a study file declares, fit, compare, gap and what starts from them, each in its own folder."""
     from sma_bayes.studies.run.terminal import failures, study_text
     from sma_bayes.studies.run.workflow import run_study
 

@@ -12,14 +12,14 @@ from sma_bayes.runs.schema import DocumentPart, Items, Number
 class StatedStep(DocumentPart):
     """A step of a study."""
 
-    step: str = Field(description="`fit`, `compare`, `gap`, `conditions`, `plan`, `ask 1` and so on")
+    step: str = Field(description="verb of the step, such as `fit`; `ask 1` and so on")
     summary: str | None = Field(
         description="its JSON file, below the folder of the study; null where it failed"
     )
     schema_: str | None = Field(alias="schema", description="schema of that file; null where it failed")
     told: str | None = Field(description="what was found, in a few words; null where it failed")
     error: str | None = Field(description="the message where it failed; else null")
-    status: str = Field(description="`done`, `not converged`, `not adequate`, `failed` or `skipped`")
+    status: str = Field(description="`done`, `not converged`, `not adequate`, `alarm`, `failed` or `skipped`")
     exit_status: int = Field(description="0, 1 or 2, as on the command line")
     wall_s: Number = Field(description="time that it took [s]")
 

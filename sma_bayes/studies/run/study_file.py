@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import Field, model_validator
 
@@ -15,11 +15,19 @@ from sma_bayes.limits import SCATTER as SCATTER_LIMIT
 from sma_bayes.records.toml_table import StrictTable, as_toml, checked, declared_bytes, parsed_toml
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.studies.ask.workflow import PROBABILITY, TOLERANCE, WANTED
+from sma_bayes.studies.card.workflow import DRAWS as CARD_DRAWS
+from sma_bayes.studies.card.workflow import POINTS
 from sma_bayes.studies.conditions.population import SCATTER
+from sma_bayes.studies.cycles.workflow import AHEAD, SHARE
+from sma_bayes.studies.cycles.workflow import PROBABILITY as STABLE
 from sma_bayes.studies.plan.asked import TELL_APART
 from sma_bayes.studies.plan.options import LONGEST, Scatter
+from sma_bayes.studies.simulate.spring import Rule
+from sma_bayes.studies.simulate.workflow import DRAWS
+from sma_bayes.studies.watch.workflow import ALPHA
 
 Figures = Literal["report", "all", "none"]
+Texts = Annotated[tuple[str, ...], Field(strict=False)]
 
 
 class StudyTable(StrictTable):
@@ -63,9 +71,30 @@ class StudyTable(StrictTable):
 
 
 class DrawnTable(StrictTable):
-    """A step whose figures may be others than ``[study]`` says."""
+    """A step whose figures may be others than ``[study]`` says.
 
+    Attributes
+    ----------
+    paths : tuple of str
+        Keys of files, which are relative to the folder of the study file.
+    """
+
+    paths: ClassVar[tuple[str, ...]] = ()
     figures: Figures | None = None
+
+    @property
+    def reads(self) -> str:
+        """The step whose results it reads; empty where it reads the campaign, or files of its own."""
+        return ""
+
+
+class FromFitTable(DrawnTable):
+    """A step that reads the results of ``[fit]``."""
+
+    @property
+    def reads(self) -> str:
+        """The fit."""
+        return "fit"
 
 
 class StepTable(DrawnTable):
@@ -88,6 +117,7 @@ class FitTable(CompareTable):
     sampler: str = "independence"
     extrapolate: float = Field(default=0.0, ge=0.0, le=DEGREES.value)
     arrangement: str | None = None
+    self_check: bool = False
     bias: float | None = Field(default=None, gt=0.0)
     bias_sd: float | None = Field(default=None, ge=0.0)
 
@@ -102,15 +132,15 @@ class GapTable(StepTable):
     """``[gap]``."""
 
 
-class ConditionsTable(DrawnTable):
+class ConditionsTable(FromFitTable):
     """``[conditions]``: `at` and `leave_out` as the command line takes them.
 
     Where the fit takes the best supported model of each record, the study takes that of all records together.
     """
 
     model: str | None = None
-    at: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    leave_out: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    at: Texts = ()
+    leave_out: Texts = ()
     scatter: float = Field(default=SCATTER, gt=0.0, le=SCATTER_LIMIT.value)
 
 
@@ -120,6 +150,7 @@ class PlanTable(DrawnTable):
     It starts from ``[fit]``, or from ``[gap]`` where explanations are to be told apart.
     """
 
+    paths: ClassVar[tuple[str, ...]] = ("candidates",)
     asked: str = Field(alias="for")
     hours: float | None = Field(default=None, gt=0.0, le=LONGEST)
     candidates: str | None = None
@@ -130,16 +161,90 @@ class PlanTable(DrawnTable):
     scatter: Scatter = "none"
 
     @property
-    def start(self) -> str:
+    def reads(self) -> str:
         """The step whose results it reads."""
         return "gap" if self.asked.strip() == TELL_APART else "fit"
+
+
+class SensitivityTable(FromFitTable):
+    """``[sensitivity]``: what the numbers of the fit rest on."""
+
+    at: Texts = ()
+
+
+class CyclesTable(DrawnTable):
+    """``[cycles]``: how sweeps change from cycle to cycle."""
+
+    model: str | None = None
+    at: Texts = ()
+    share: float = Field(default=SHARE, gt=0.0, le=1.0)
+    probability: float = Field(default=STABLE, gt=0.0, lt=1.0)
+    ahead: int = Field(default=AHEAD, ge=0)
+
+
+class SimulateTable(FromFitTable):
+    """``[simulate]``: a heating current, or one that reaches a value. `pool` is that of the heat balance."""
+
+    paths: ClassVar[tuple[str, ...]] = ("current",)
+    current: str | None = None
+    reach: str | None = None
+    condition: str | None = None
+    start: Texts = ()
+    ambient: str | None = None
+    rule: Rule = "proportional"
+    pool: Literal["none", "campaign"] = "campaign"
+    tolerance: str = TOLERANCE
+    probability: float = Field(default=PROBABILITY, gt=0.0, le=1.0)
+    draws: int = Field(default=DRAWS, ge=20, le=10_000)
+
+    @model_validator(mode="after")
+    def _asked(self) -> SimulateTable:
+        if self.current is None and self.reach is None:
+            raise ValueError("current, reach, or both")
+        return self
+
+
+class ModulusTable(DrawnTable):
+    """``[modulus]``: exports of dynamic mechanical analysis of the material; the campaign has no part in it."""
+
+    paths: ClassVar[tuple[str, ...]] = ("files",)
+    files: Texts = Field(min_length=1)
+    at: Texts = ()
+    model: str = AUTO_MODEL
+    loss_model: str = AUTO_MODEL
+    columns: dict[str, str] = Field(default_factory=dict)
+    units: dict[str, str] = Field(default_factory=dict)
+    frequency: str = ""
+    encoding: str | None = None
+
+
+class WatchTable(FromFitTable):
+    """``[watch]``: whether cycles measured since are of the spring that was fitted."""
+
+    paths: ClassVar[tuple[str, ...]] = ("files",)
+    files: Texts = Field(min_length=1)
+    condition: str | None = None
+    limit: Texts = ()
+    alpha: float = Field(default=ALPHA, gt=0.0, lt=1.0)
+
+
+class CardTable(FromFitTable):
+    """``[card]``: constants for a solver, and a table of stiffness for a controller."""
+
+    area: str | None = None
+    length: str | None = None
+    modulus_austenite: str | None = None
+    modulus_martensite: str | None = None
+    reference_stress: str | None = None
+    points: int = Field(default=POINTS, ge=9, le=4097)
+    draws: int = Field(default=CARD_DRAWS, ge=50, le=10_000)
 
 
 class AskTable(StrictTable):
     """One ``[[ask]]``; values with their units, as `ask` takes them."""
 
-    at: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    unit: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    at: Texts = ()
+    unit: Texts = ()
     stiffness: str | None = None
     force: str | None = None
     displacement: str | None = None
@@ -166,6 +271,12 @@ _STEPS: Final[dict[str, type[DrawnTable]]] = {
     "compare": CompareTable,
     "gap": GapTable,
     "conditions": ConditionsTable,
+    "sensitivity": SensitivityTable,
+    "cycles": CyclesTable,
+    "simulate": SimulateTable,
+    "modulus": ModulusTable,
+    "watch": WatchTable,
+    "card": CardTable,
     "plan": PlanTable,
 }
 
@@ -182,8 +293,9 @@ class Study:
     seed : int
     jobs : int or None
     steps : mapping of str to mapping
-        Options of ``fit``, ``compare``, ``gap``, ``conditions`` and ``plan``, those of ``[study]`` filled in; a step
-        that is not there does not run.
+        Options of each step by its verb, those of ``[study]`` filled in; a step that is not there does not run.
+    needs : mapping of str to str
+        Verb to the step whose results it reads, where it reads any.
     asks : tuple of mapping
         Arguments of each `ask`.
     strict : bool
@@ -196,6 +308,7 @@ class Study:
     seed: int
     jobs: int | None
     steps: Mapping[str, Mapping[str, Any]]
+    needs: Mapping[str, str]
     asks: tuple[Mapping[str, Any], ...]
     strict: bool
 
@@ -232,11 +345,8 @@ def read_study(path: Path) -> Study:
     steps = {name: _options(study, table, path) for name, table in declared.items()}
     if not steps:
         raise StudyError("no step is declared", file=path, expected="at least one of [fit], [compare], [gap]")
-    plan = declared.get("plan")
-    starts = {"conditions": "fit", "plan": plan.start if isinstance(plan, PlanTable) else "fit"}
-    needs = {name: start for name, start in starts.items() if name in steps} | (
-        {"ask": "fit"} if asks else {}
-    )
+    needs = {name: table.reads for name, table in declared.items() if table.reads}
+    needs |= {"ask": "fit"} if asks else {}
     _refuse_without_start(steps, needs, path)
     if "conditions" in steps:
         own = tables["conditions"].get("model")
@@ -251,6 +361,7 @@ def read_study(path: Path) -> Study:
         seed=study.seed,
         jobs=study.jobs,
         steps=steps,
+        needs=needs,
         asks=asks,
         strict=study.strict,
     )
@@ -268,9 +379,11 @@ def _refuse_without_start(
                 column=name,
                 expected=f"a [{start}], from whose results it starts",
             )
-    if "conditions" in steps and steps["fit"]["pool"] != "none":
+    alone = ("conditions", "sensitivity", "card", "plan")
+    apart = next((name for name in alone if needs.get(name) == "fit"), None)
+    if apart and steps["fit"]["pool"] != "none":
         raise StudyError(
-            "conditions after a fit in which all conditions share A and B",
+            f"{apart} after a fit in which all conditions share A and B",
             file=path,
             column="fit.pool",
             expected='pool = "none" under [fit], so that conditions may differ',
@@ -306,6 +419,9 @@ def _options(study: StudyTable, table: DrawnTable, path: Path) -> dict[str, Any]
     priors = options.get("priors") or ""
     if priors.endswith(".toml") or Path(priors).name != priors:
         options["priors"] = str(path.parent / priors)
-    if options.get("candidates"):
-        options["candidates"] = str(path.parent / options["candidates"])
+    for name in table.paths:
+        told = options.get(name)
+        if told:
+            one = isinstance(told, str)
+            options[name] = str(path.parent / told) if one else [str(path.parent / t) for t in told]
     return options

@@ -1,4 +1,4 @@
-"""Running a whole study from one file: fit, comparison, gap, conditions, plan and questions, each in its folder."""
+"""Running a whole study from one file: steps and questions, each in its folder."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from inspect import signature
 from pathlib import Path
 from typing import Any, Final
 
 from sma_bayes.assess.bands import band_channels
-from sma_bayes.errors import ResumeError, SmaBayesError, UnknownNameError, near_matches
+from sma_bayes.errors import ResumeError, SmaBayesError, StudyError, UnknownNameError, near_matches
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.progress import Progress, silent
@@ -19,17 +20,35 @@ from sma_bayes.quantities import convert, number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
 from sma_bayes.response.modified_sigmoid import channel_unit
-from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, PLAN, STUDY, sealed
+from sma_bayes.runs.documents import (
+    CARD,
+    COMPARISON,
+    CONDITIONS,
+    CYCLES,
+    FIT,
+    GAP,
+    MODULUS,
+    PLAN,
+    SENSITIVITY,
+    SIMULATION,
+    STUDY,
+    WATCH,
+    sealed,
+)
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.store import write_json
 from sma_bayes.studies.ask.workflow import AT_SCHEMA, OVERALL, WANTED, ask, asked_temperature, wanted_value
+from sma_bayes.studies.card.specimen import modulus_of, size_of
+from sma_bayes.studies.card.workflow import card
 from sma_bayes.studies.compare.workflow import compare
 from sma_bayes.studies.condition_text import condition_at
 from sma_bayes.studies.conditions.study import EACH
 from sma_bayes.studies.conditions.workflow import study_conditions
+from sma_bayes.studies.cycles.workflow import cycles
 from sma_bayes.studies.fit.workflow import fit_campaign
 from sma_bayes.studies.gap.workflow import study_gap
 from sma_bayes.studies.identity import all_versions
+from sma_bayes.studies.modulus.workflow import modulus
 from sma_bayes.studies.options import (
     DEFAULT_SAMPLER,
     bias_spring,
@@ -38,26 +57,36 @@ from sma_bayes.studies.options import (
     plan_with,
     prior_set,
 )
-from sma_bayes.studies.plan.asked import TELL_APART, parse_asked
+from sma_bayes.studies.plan.asked import parse_asked
 from sma_bayes.studies.plan.candidates import candidate_tables, hours_of, rate_of
 from sma_bayes.studies.plan.workflow import plan
 from sma_bayes.studies.run.schema import StatedStep, StudyDocument
 from sma_bayes.studies.run.study_file import Study, read_study
+from sma_bayes.studies.sensitivity.workflow import sensitivity
+from sma_bayes.studies.simulate.profile import read_profile
+from sma_bayes.studies.simulate.starts import UNIT, starts_of
+from sma_bayes.studies.simulate.workflow import simulate
+from sma_bayes.studies.watch.remaining import limit_of
+from sma_bayes.studies.watch.workflow import watch
 
 DONE, NOT_CONVERGED, WRONG = 0, 1, 2
 """Exit statuses of a step; that of the study is the greatest of them."""
 STATUS: Final = {DONE: "done", NOT_CONVERGED: "not converged", WRONG: "failed"}
-SKIPPED, INADEQUATE = "skipped", "not adequate"
+SKIPPED, INADEQUATE, ALARM = "skipped", "not adequate", "alarm"
 
-FOLDERS: Final = {
-    "fit": "fit",
-    "compare": "comparison",
-    "gap": "gap",
-    "conditions": "conditions",
-    "plan": "plan",
-    "ask": "ask",
-}
-SUMMARIES: Final = {d.verb: d.file for d in (FIT, COMPARISON, GAP, CONDITIONS, PLAN)}
+FOLDERS: Final = {"compare": "comparison"}
+"""Folder of the results of a step, where it is not called as the step is."""
+SUMMARIES: Final = {
+    d.verb: d.file
+    for d in (
+        FIT, COMPARISON, GAP, CONDITIONS, SENSITIVITY, CYCLES, SIMULATION, MODULUS, WATCH, CARD, PLAN
+    )
+}  # fmt: skip
+_CALLS: Final[Mapping[str, Callable[..., dict[str, Any]]]] = {
+    "fit": fit_campaign, "compare": compare, "gap": study_gap, "conditions": study_conditions,
+    "sensitivity": sensitivity, "cycles": cycles, "simulate": simulate, "modulus": modulus, "watch": watch,
+    "card": card, "plan": plan,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,18 +198,60 @@ def _check(study: Study) -> None:
     for number, text in enumerate(study.steps.get("conditions", {}).get("at", ()), start=1):
         with _place(study, f"conditions.at, entry {number}"):
             condition_at(text, specimen="stress_MPa" in text)
-    if "plan" in study.steps:
-        with _place(study, "plan.for"):
-            parse_asked(study.steps["plan"]["asked"])
-        with _place(study, "plan.setup"):
-            hours_of(study.steps["plan"]["setup"], "setup")
-        if "candidates" in study.steps["plan"]:
-            candidate_tables(Path(study.steps["plan"]["candidates"]))
+    for kind, options in study.steps.items():
+        if kind in _CHECKS:
+            _CHECKS[kind](study, options)
     for number, asked in enumerate(study.asks, start=1):
         for name in (*WANTED, "tolerance"):
             if asked[name] is not None:
                 with _place(study, f"ask {number}.{name}"):
                     number_and_unit(asked[name].rstrip("% "), what=name)
+
+
+def _check_plan(study: Study, options: Mapping[str, Any]) -> None:
+    with _place(study, "plan.for"):
+        parse_asked(options["asked"])
+    with _place(study, "plan.setup"):
+        hours_of(options["setup"], "setup")
+    if "candidates" in options:
+        candidate_tables(Path(options["candidates"]))
+
+
+def _check_simulate(study: Study, options: Mapping[str, Any]) -> None:
+    if "current" in options:
+        read_profile(options["current"])
+    with _place(study, "simulate.start"):
+        starts_of(options["start"])
+    with _place(study, "simulate.ambient"):
+        asked_temperature(options.get("ambient", "20 degC"), UNIT, UNIT)
+
+
+def _check_card(study: Study, options: Mapping[str, Any]) -> None:
+    with _place(study, "card"):
+        size_of(options.get("area"), options.get("length"))
+    for key in ("modulus_austenite", "modulus_martensite", "reference_stress"):
+        with _place(study, f"card.{key}"):
+            modulus_of(options.get(key), key)
+
+
+def _check_files(kind: str, study: Study, options: Mapping[str, Any]) -> None:
+    for number, name in enumerate(options["files"], start=1):
+        if not Path(name).is_file():
+            raise StudyError(
+                f"there is no such file: {name}",
+                file=study.file,
+                column=f"{kind}.files, entry {number}",
+                expected="a file; paths are relative to the folder of the study file",
+            )
+
+
+_CHECKS: Final[Mapping[str, Callable[[Study, Mapping[str, Any]], None]]] = {
+    "plan": _check_plan,
+    "simulate": _check_simulate,
+    "card": _check_card,
+    "watch": partial(_check_files, "watch"),
+    "modulus": partial(_check_files, "modulus"),
+}
 
 
 def _check_questions(study: Study, campaign: Campaign) -> None:
@@ -189,6 +260,13 @@ def _check_questions(study: Study, campaign: Campaign) -> None:
     degrees = record.units["temperature"]
     for key, condition in _named_conditions(study):
         _require_condition(study, campaign, key, condition)
+    for kind in ("sensitivity", "cycles"):
+        for number, text in enumerate(study.steps.get(kind, {}).get("at", ()), start=1):
+            with _place(study, f"{kind}.at, entry {number}"):
+                asked_temperature(text, degrees, degrees)
+    for number, text in enumerate(study.steps.get("watch", {}).get("limit", ()), start=1):
+        with _place(study, f"watch.limit, entry {number}"):
+            limit_of(text, degrees)
     rate = study.steps.get("plan", {}).get("rate")
     if rate is not None:
         with _place(study, "plan.rate"):
@@ -214,7 +292,7 @@ def _named_conditions(study: Study) -> Iterator[tuple[str, str]]:
     for number, name in enumerate(left_out, start=1):
         if list(left_out) != [EACH]:
             yield f"conditions.leave_out, entry {number}", name
-    places = [("plan", study.steps.get("plan", {}))]
+    places = [(kind, study.steps.get(kind, {})) for kind in ("simulate", "watch", "plan")]
     places += [(f"ask {number}", asked) for number, asked in enumerate(study.asks, start=1)]
     for place, options in places:
         if options.get("condition") is not None:
@@ -253,30 +331,27 @@ def _bias(options: Mapping[str, Any]) -> Any:
 
 
 def _steps(study: Study, campaign: Campaign, folder: Path, jobs: int | None, resume: bool) -> list[_Step]:
-    shared: dict[str, Any] = {"seed": study.seed, "jobs": jobs, "resume": resume}
-    fit = folder / FOLDERS["fit"]
-    steps = []
+    shared: dict[str, Any] = {"seed": study.seed, "jobs": jobs, "resume": resume, "data": study.data}
+    steps: list[_Step] = []
     for kind, options in study.steps.items():
-        place = folder / FOLDERS[kind]
-        given = {**shared, **options}
-        needs = ""
-        call: Callable[..., dict[str, Any]]
+        place, needs, given = FOLDERS.get(kind, kind), study.needs.get(kind, ""), dict(options)
         if kind == "fit":
-            bias = _bias(options)
-            given = {k: v for k, v in given.items() if k not in ("arrangement", "bias", "bias_sd")}
-            call = partial(fit_campaign, campaign, place, bias=bias, **given)
-        elif kind == "conditions":
-            needs = "fit"
-            call = partial(study_conditions, fit, place, **given)
-        elif kind == "plan":
-            needs = "gap" if parse_asked(given["asked"]).name == TELL_APART else "fit"
-            call = partial(plan, folder / FOLDERS[needs], out=place, data=study.data, **given)
-        else:
-            call = partial({"compare": compare, "gap": study_gap}[kind], campaign, place, **given)
-        steps.append(_Step(kind, kind, f"{FOLDERS[kind]}/{SUMMARIES[kind]}", needs, partial(_called, call)))
+            given["bias"] = _bias(options)
+            given = {k: v for k, v in given.items() if k not in ("arrangement", "bias_sd")}
+        source = folder / FOLDERS.get(needs, needs) if needs else campaign
+        function = _CALLS[kind]
+        taken = {k: v for k, v in shared.items() if k in signature(function).parameters}
+        call = partial(
+            function,
+            given.pop("files") if kind == "modulus" else source,
+            out=folder / place,
+            **taken,
+            **given,
+        )
+        steps.append(_Step(kind, kind, f"{place}/{SUMMARIES[kind]}", needs, partial(_called, call)))
     for number, asked in enumerate(study.asks, start=1):
-        summary = f"{FOLDERS['ask']}/{number}.json"
-        run = partial(_asked, fit, folder / summary, asked)
+        summary = f"ask/{number}.json"
+        run = partial(_asked, folder / "fit", folder / summary, asked)
         steps.append(_Step(f"ask {number}", "ask", summary, "fit", run))
     return steps
 
@@ -309,6 +384,8 @@ def _result(step: _Step, before: Sequence[StatedStep], tell: Progress, *, strict
     else:
         stated |= {"summary": step.summary, "schema": found["schema"], "told": _told(step.kind, found)}
         status = DONE if found["converged"] else NOT_CONVERGED
+        if found["converged"] and found.get("exit_status", DONE) != DONE:
+            word, status = ALARM, found["exit_status"]
         if strict and found["converged"] and not found.get("adequate", True):
             word, status = INADEQUATE, NOT_CONVERGED
     return StatedStep(
@@ -335,6 +412,24 @@ def _told(kind: str, found: Mapping[str, Any]) -> str:
         return ", ".join(f"{len(found[key])} {what}" for key, what in counts.items())
     if kind == "plan":
         return f"{len(found['candidates'])} candidates for {found['asked']}"
+    if kind == "sensitivity":
+        return str(found["conclusion"])
+    if kind == "cycles":
+        return " ".join(c["stable"]["statement"] for c in found["conditions"])
+    if kind == "simulate":
+        places = dict.fromkeys(
+            r["condition"] for r in (*found["runs"], *(found["reach"] or {"conditions": ()})["conditions"])
+        )
+        return f"{len(found['runs'])} courses of {len(places)} conditions"
+    if kind == "modulus":
+        return f"{len(found['sweeps'])} sweeps"
+    if kind == "watch":
+        return str(found["statement"])
+    if kind == "card":
+        card = found["constitutive"]
+        return (
+            f"{len(card['constants']) if card else 0} constants, {len(found['stiffness'])} stiffness tables"
+        )
     if found["schema"] == AT_SCHEMA:
         return f"{len(found['answers'])} records at {', '.join(found['at'])}"
     sure = sum(bool(a["within"]["intervals"]) for a in found["answers"])
@@ -356,7 +451,7 @@ def _document(
         versions=all_versions(),
         data_sha256=campaign.sha256,
         finished=finished,
-        converged=all(r.status in (STATUS[DONE], INADEQUATE) for r in results),
+        converged=all(r.status in (STATUS[DONE], INADEQUATE, ALARM) for r in results),
         exit_status=max(r.exit_status for r in results),
         steps=tuple(results),
         wall_s=time.perf_counter() - clock,

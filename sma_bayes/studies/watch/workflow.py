@@ -152,7 +152,7 @@ def watching(
         identity = {
             "schema": "sma-bayes/run/1",
             "kind": WATCH.verb,
-            "fit": run.summary.content_sha256,
+            "fit": run.summary.numbers_sha256,
             "condition": chosen,
             "alpha": alpha,
             "seed": seed,

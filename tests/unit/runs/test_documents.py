@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from sma_bayes.checksum import numbers_checksum
 from sma_bayes.errors import OutputError
 from sma_bayes.runs.documents import (
     COMPARISON,
@@ -54,6 +55,18 @@ def test_the_mark_tells_what_is_not_finished(tmp_path: Path) -> None:
     assert [d.verb for d in DOCUMENTS if d.is_in(tmp_path)] == ["gap"]
     with pytest.raises(OutputError, match="holds a gap study that is not finished"):
         GAP.read(tmp_path)
+
+
+def test_numbers_are_the_same_whatever_a_run_took() -> None:
+    """Times, workers, figures and a self-check that came later don't count; any number does."""
+    found = {"records": [{"wall_s": 1.0, "n": 3, "parameters": {"B1": {"median": 2.5}}}], "wall_s": 2.0}
+    again = {
+        "records": [{"wall_s": 9.0, "n": 3, "parameters": {"B1": {"median": 2.5}}, "self_check": {"passes": True}}],
+        "wall_s": 8.0, "figures": "all", "workers": {"where": "here"}, "content_sha256": "x",
+    }  # fmt: skip
+    assert numbers_checksum(found) == numbers_checksum(again)
+    other = {"records": [{"n": 3, "parameters": {"B1": {"median": 2.4}}}]}
+    assert numbers_checksum(found) != numbers_checksum(other)
 
 
 @pytest.mark.parametrize("text", [None, "{ broken", "[]"])

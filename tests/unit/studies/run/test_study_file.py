@@ -59,6 +59,7 @@ def test_paths_are_relative_to_the_file_and_steps_inherit(tmp_path: Path) -> Non
         "fit": {
             "model": "modified_sigmoid", "priors": mine, "pool": "none", "figures": "report", "noise": "student_t",
             "sampler": "independence", "extrapolate": 0.0, "arrangement": "parallel", "bias": 120.0,
+            "self_check": False,
         },
         "compare": {
             "model": "modified_sigmoid", "priors": "paper", "pool": "campaign", "figures": "report", "noise": "ar1",
@@ -80,6 +81,40 @@ def test_a_plan_to_tell_apart_starts_from_the_gap_and_finds_its_candidates(tmp_p
     options = read_study(written(tmp_path, text)).steps["plan"]
     assert (options["asked"], options["figures"], options["setup"]) == ("tell-apart", "report", "0 min")
     assert options["candidates"] == str(tmp_path / "c.toml")
+
+
+def test_steps_of_files_find_them_and_keep_defaults_of_their_own(tmp_path: Path) -> None:
+    """The pool of a heat balance and the model of a modulus are not those of the fit."""
+    text = """\
+[study]
+campaign = "a"
+out = "b"
+pool = "none"
+model = "two_stage"
+[fit]
+[sensitivity]
+[cycles]
+[simulate]
+current = "profile.csv"
+start = ["hot"]
+[modulus]
+files = ["dmta.csv", "more/dmta.xlsx"]
+[watch]
+files = ["new.csv"]
+[card]
+"""
+    study = read_study(written(tmp_path, text))
+    assert study.needs == dict.fromkeys(("sensitivity", "simulate", "watch", "card"), "fit")
+    steps = study.steps
+    assert (steps["simulate"]["current"], steps["simulate"]["start"]) == (
+        str(tmp_path / "profile.csv"),
+        ("hot",),
+    )
+    assert (steps["simulate"]["pool"], steps["modulus"]["model"], steps["cycles"]["model"]) == (
+        "campaign", "auto", "two_stage"
+    )  # fmt: skip
+    assert steps["modulus"]["files"] == [str(tmp_path / "dmta.csv"), str(tmp_path / "more" / "dmta.xlsx")]
+    assert steps["watch"]["files"] == [str(tmp_path / "new.csv")]
 
 
 @pytest.mark.parametrize(
@@ -111,6 +146,15 @@ def test_a_plan_to_tell_apart_starts_from_the_gap_and_finds_its_candidates(tmp_p
             "plan.hours",
             "greater than 0",
         ),
+        (
+            "[[ask]]\nforce",
+            "[simulate]\nrule = 'play'\n[[ask]]\nforce",
+            "simulate",
+            "current, reach, or both",
+        ),
+        ("[[ask]]\nforce", "[watch]\n[[ask]]\nforce", "watch.files", "files = ..."),
+        ("[[ask]]\nforce", "[cycles]\nshare = 0.0\n[[ask]]\nforce", "cycles.share", "greater than 0"),
+        ("[[ask]]\nforce", "[card]\ndraws = 1\n[[ask]]\nforce", "card.draws", "greater than or equal to 50"),
         ("[[ask]]\nforce", "[fit2]\nforce", "fit2", "did you mean 'fit'"),
     ],
 )
@@ -136,6 +180,11 @@ def test_each_mistake_is_told_with_file_and_key(
         (
             '[study]\ncampaign = "a"\nout = "b"\n[fit]\n[ask]\nforce = "1 N"\n',
             r"each begins with \[\[ask\]\]",
+        ),
+        ('[study]\ncampaign = "a"\nout = "b"\n[gap]\n[card]\n', "card without a fit"),
+        (
+            '[study]\ncampaign = "a"\nout = "b"\npool = "campaign"\n[fit]\n[sensitivity]\n',
+            "sensitivity after a fit in which all conditions share",
         ),
         ("study = 3\n[fit]\n", r"a table: \[study\]"),
         ("[fit]\n", "campaign = ..."),
