@@ -35,6 +35,7 @@ from scipy.special import logit
 
 from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.unseen_misfit import with_unseen_misfit
 from sma_bayes.effects.transformation import SLOPED, ChannelCurve, curves
 from sma_bayes.errors import UnknownNameError, near_matches
 from sma_bayes.noise import Steps
@@ -111,6 +112,10 @@ class BothDraws:
     def drawn(self, size: int, rng: np.random.Generator) -> BothDraws:
         """So many of the draws of either branch, paired at random; some several times where there are fewer."""
         return BothDraws(*(_some(d, size, rng) for d in (self.heating, self.cooling)))
+
+    def with_unseen_misfit(self, rng: np.random.Generator) -> BothDraws:
+        """Curves that may miss what their readings do not show; see `sma_bayes.assess.unseen_misfit`."""
+        return BothDraws(*(with_unseen_misfit(d, rng) for d in (self.heating, self.cooling)))
 
     def derived(self, channel: str) -> bool:
         """Whether a channel follows from the slopes of two others."""

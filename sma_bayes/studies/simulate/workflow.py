@@ -337,7 +337,7 @@ def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) ->
     for n, (whole, pair) in enumerate(followed):
         work.tell(n + 1, stages, f"simulating {whole.condition}")
         rng = np.random.default_rng(np.random.SeedSequence([q.seed, 29, *whole.condition.encode()]))
-        own, balance = whole.drawn(q.draws, rng), balances.of(whole.condition, rng)
+        own, balance = whole.drawn(q.draws, rng).with_unseen_misfit(rng), balances.of(whole.condition, rng)
         if q.room is not None:
             balance = replace(balance, room=np.full(balance.size, q.room))
         with work.account.timed("simulate"):

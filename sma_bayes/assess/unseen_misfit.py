@@ -1,0 +1,85 @@
+"""What a curve may miss though its readings do not show it, for slopes of the curve.
+
+Beside a curve stands a discrepancy where the evidence is for one (`sma_bayes.fitting.noise_choice`). Where it is not,
+the readings allow for a small misfit still: one that force and displacement hardly feel, and that is seen in the
+stiffness, a ratio of their slopes. No curve with eight parameters is exactly that of a specimen, so there is one, of a
+size that is unknown, and it is drawn given the residuals. It is the discrepancy of the package with the prior of the
+cubic smoothing spline (G. Wahba, J. R. Stat. Soc. B 40 (1978) 364), whose eigenfunctions fall as 1/k**2: the slope of
+one that falls as 1/k has no bound. Everything is normal, and about the median curve, so that it takes no sampling.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from scipy.special import softmax
+
+from sma_bayes.arrays import Floats
+from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis
+from sma_bayes.fitting.noise_choice import discrepancy_bases
+
+MEDIAN: Final = 0.01
+"""Median of the size of a misfit a priori, over the range of the curve; that of `size_fact`."""
+SIGMA: Final = 1.5
+"""Standard deviation of its logarithm."""
+SIZES: Final = np.linspace(-2.5, 2.5, 41)
+"""Sizes on the grid, in those standard deviations."""
+
+
+def with_unseen_misfit(draws: RecordDraws, rng: np.random.Generator) -> RecordDraws:
+    """Draws whose curves miss what the readings may not show, in channels without a discrepancy.
+
+    Parameters
+    ----------
+    draws : RecordDraws
+    rng : numpy.random.Generator
+    """
+    posterior, record, theta = draws.posterior, draws.record, np.median(draws.theta, axis=0)
+    bases = {
+        channel: _smoother(basis)
+        for channel, basis in discrepancy_bases(posterior, theta[posterior.layout[0].model])[0].items()
+        if channel not in draws.weights
+    }
+    mean, relative = posterior.moments_of_noise(theta, 0)
+    weights = {}
+    for channel, basis in bases.items():
+        residual = record.observed[channel] - mean[channel]
+        at, noise = posterior.layout[0].noise[channel], posterior.noise
+        shape = posterior.noise_shape(theta, 0, channel)
+        pulled = posterior.working_residual(theta, 0, channel, residual, relative[channel])
+        variance = (theta[at[0]] * relative[channel]) ** 2 * noise.memory(shape, posterior.steps[0])
+        variance = variance / noise.location_information(shape)
+        weights[channel] = _weights(
+            basis.rows / np.sqrt(variance), pulled / np.sqrt(variance), np.ptp(mean[channel]), draws.size, rng
+        )
+    if not weights:
+        return draws
+    both = {**posterior.discrepancy[0], **bases}
+    return replace(
+        draws,
+        posterior=posterior.on([record], discrepancy=[both]),
+        weights={**draws.weights, **weights},
+    )
+
+
+def _smoother(basis: DiscrepancyBasis) -> DiscrepancyBasis:
+    """The same functions, falling as fast again, of the same mean square over the samples."""
+    power = np.sum(basis.rows**2, axis=1)
+    scale = np.sqrt(power)
+    scale = scale * np.sqrt(power.sum() / np.sum(scale**2 * power))
+    return DiscrepancyBasis(basis.temperature, basis.values * scale, basis.rows * scale[:, None])
+
+
+def _weights(rows: Floats, residual: Floats, span: float, count: int, rng: np.random.Generator) -> Floats:
+    """Weights (count, m) of functions (m, n) in residuals (n,) of unit variance."""
+    information, axes = np.linalg.eigh(rows @ rows.T)
+    information = np.maximum(information, 0.0)
+    pull = axes.T @ (rows @ residual)
+    size = MEDIAN * span * np.exp(SIGMA * SIZES)
+    gain = 1.0 / (information + size[:, None] ** -2)
+    log_density = 0.5 * np.sum(gain * pull**2 - np.log1p(size[:, None] ** 2 * information), axis=1)
+    drawn = gain[rng.choice(size.size, count, p=softmax(log_density - 0.5 * SIZES**2))]
+    return np.asarray((drawn * pull + np.sqrt(drawn) * rng.standard_normal(drawn.shape)) @ axes.T)
