@@ -14,7 +14,6 @@ from .paper.twin import twin_campaign as twin_campaign
 from .parameters.priors_file import read_priors as read_priors
 from .records.campaign import read_campaign as read_campaign
 from .records.memory import campaign_of as campaign_of
-from .records.starting_file import start_campaign as start_campaign
 from .records.types import Campaign as Campaign
 from .records.types import Condition as Condition
 from .records.types import Record as Record
@@ -34,6 +33,7 @@ from .studies.fit.fitted import RecordFit as RecordFit
 from .studies.fit.workflow import fit as fit
 from .studies.fit.workflow import fit_campaign as fit_campaign
 from .studies.gap.workflow import study_gap as study_gap
+from .studies.init.workflow import start_campaign as start_campaign
 from .studies.inspect.workflow import inspect_campaign as inspect_campaign
 from .studies.modulus.workflow import modulus as modulus
 from .studies.paper.build import reproduce_paper as reproduce_paper

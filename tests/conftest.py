@@ -41,16 +41,37 @@ def shared_data() -> Path:
     return folder
 
 
+SCHEMAS = ROOT / "docs" / "reference" / "schemas"
+
+
 @pytest.fixture(scope="session")
 def published() -> Callable[[str], Any]:
-    """Validator of another library with the published JSON Schema of what a verb writes or prints, by the verb."""
+    """Validator of another library with the published JSON Schema of a document, by its name.
+
+    Readers take keys of later versions; what this version writes must have no key that is not declared.
+    """
     from jsonschema import Draft202012Validator
 
-    def validator(verb: str) -> Any:
-        schema = ROOT / "docs" / "reference" / "schemas" / f"{verb}.schema.json"
-        return Draft202012Validator(json.loads(schema.read_text(encoding="utf-8")))
+    def validator(name: str) -> Any:
+        schema = json.loads((SCHEMAS / f"{name}.schema.json").read_text(encoding="utf-8"))
+        for part in (schema, *schema.get("$defs", {}).values()):
+            part["additionalProperties"] = False
+        return Draft202012Validator(schema)
 
     return validator
+
+
+@pytest.fixture(scope="session")
+def declared(published: Callable[[str], Any]) -> Callable[[Any], None]:
+    """Check a document by the published schema that it names."""
+    names = [path.name.removesuffix(".schema.json") for path in sorted(SCHEMAS.iterdir())]
+    validators = {v.schema["properties"]["schema"]["const"]: v for v in map(published, names)}
+
+    def check(document: Any) -> None:
+        assert document.get("schema") in validators, f"{document.get('schema')!r} is declared by no verb"
+        validators[document["schema"]].validate(document)
+
+    return check
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -63,32 +63,31 @@ class _Source:
         return self.file + (f", sheet {self.reading['sheet']}" if "sheet" in self.reading else "")
 
 
-def start_campaign(folder: str | Path) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True)
+class StartingFile:
+    """A campaign file that was written.
+
+    Attributes
+    ----------
+    path : Path
+    conditions : tuple of str
+        Their ids.
+    guesses : tuple of str
+        One sentence each.
+    left_out : mapping of str to str
+        Why, by file.
+    """
+
+    path: Path
+    conditions: tuple[str, ...]
+    guesses: tuple[str, ...]
+    left_out: Mapping[str, str]
+
+
+def write_starting_file(folder: str | Path) -> StartingFile:
     """Write a commented ``campaign.toml`` for the data files of a folder, with all guesses marked as such.
 
-    Headers tell quantities and units, file names and held forces what was set. Where there is no header, the way in
-    which the numbers run tells the thermometer from the channels. Every condition is read and split into branches
-    before it is declared; what fails stands in the file as a comment, with the reason.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Sub-folders are looked into where the folder itself has no file that can be used.
-
-    Returns
-    -------
-    dict
-        ``sma-bayes/init/1``: ``file``, ``conditions`` (ids), ``guesses`` (one sentence each), ``left_out`` (file:
-        reason).
-
-    Raises
-    ------
-    CampaignError
-        If there is no such folder.
-    OutputError
-        If it holds a ``campaign.toml`` already, or can't be written to.
-    MeasurementError
-        If no file in it can be fitted; the message says why, file by file.
+    See `sma_bayes.start_campaign`.
     """
     folder = Path(folder)
     path = folder / CAMPAIGN_FILE
@@ -111,13 +110,7 @@ def start_campaign(folder: str | Path) -> dict[str, Any]:
     writer = _Writer(folder, sources, ids, failed)
     with writing(path):
         path.write_text(writer.text() + _left_out_text(left_out, failed, sources), encoding="utf-8")
-    return {
-        "schema": "sma-bayes/init/1",
-        "file": str(path),
-        "conditions": [i for i in ids if i not in failed],
-        "guesses": writer.guesses,
-        "left_out": left_out,
-    }
+    return StartingFile(path, tuple(i for i in ids if i not in failed), tuple(writer.guesses), left_out)
 
 
 def _usable(folder: Path) -> tuple[list[_Source], dict[str, str]]:

@@ -15,8 +15,10 @@ from pydantic import BaseModel, ConfigDict, Field, GetPydanticSchema, Strict, Va
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core.core_schema import no_info_plain_validator_function
 
+from sma_bayes.arrays import Floats
 from sma_bayes.checksum import numbers_checksum
 from sma_bayes.errors import OutputError
+from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.runs.documents import Document
 from sma_bayes.runs.store import plain
 
@@ -204,6 +206,11 @@ class IntervalDocument(DocumentPart):
         """The three, least first; NaN where not told."""
         low, median, high = (math.nan if q is None else q for q in (self.q05, self.median, self.q95))
         return low, median, high
+
+
+def interval_document(draws: Floats) -> IntervalDocument:
+    """Median and 90 % interval of the draws that have a value."""
+    return IntervalDocument(**interval_where_defined(draws))
 
 
 class ModelChoiceDocument(DocumentPart):

@@ -13,6 +13,7 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import Drawn, ReportBuilder, ReportOptions
 from sma_bayes.runs.documents import FILES, Document, files_beside, sealed
 from sma_bayes.runs.output_folder import claimed_folder
+from sma_bayes.runs.schema import DocumentPart
 from sma_bayes.runs.store import nothing_unfinished, write_json
 
 
@@ -58,7 +59,7 @@ class RunContext:
         out: str | Path | None,
         identity: dict[str, Any],
         resume: bool,
-        find: Callable[[Path | None], dict[str, Any]],
+        find: Callable[[Path | None], DocumentPart],
     ) -> dict[str, Any]:
         """Find what is to be found and write it to a folder; what an earlier call has found there is read instead.
 
@@ -78,11 +79,11 @@ class RunContext:
             If the folder can't be used.
         """
         if out is None:
-            return self.with_account(find(None))
+            return self.with_account(find(None).as_json())
         folder = Path(out).absolute()  # workers of a cluster stand elsewhere
         with claimed_folder(folder, identity, resume):
             finished = (folder / self.document.file).is_file()
-            found = self.document.read(folder) if finished else find(folder)
+            found = self.document.read(folder) if finished else find(folder).as_json()
         if not finished:
             return self.end(folder, {**found, FILES: files_beside(folder)})
         if self.drawn != "none" and not (folder / "report.html").is_file():

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,9 +40,38 @@ def call(capture: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch, *argume
 
 
 @pytest.fixture
-def run(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
-    """Call the command line in this process; workers' output is seen, too."""
-    return lambda *arguments: call(capfd, monkeypatch, *arguments)
+def run(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, declared: Callable[[Any], None]
+) -> Callable[..., Outcome]:
+    """Call the command line in this process; workers' output is seen, too.
+
+    Whatever a verb prints as JSON, and every document in the folder that it names with --out, must be as declared.
+    """
+
+    def called(*arguments: object) -> Outcome:
+        outcome = call(capfd, monkeypatch, *arguments)
+        if "--json" in arguments and outcome.status in (0, 1):
+            declared(json.loads(outcome.out))
+        if "--out" in arguments and outcome.status in (0, 1):
+            _check_folder(Path(str(arguments[arguments.index("--out") + 1])), declared)
+        return outcome
+
+    return called
+
+
+MARK = "sma-bayes/run/1"
+"""Schema of the mark of a folder: what a run was asked, which no program reads but the same verb."""
+
+
+def _check_folder(folder: Path, declared: Callable[[Any], None]) -> None:
+    for path in folder.rglob("*.json"):
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if path.name not in OTHER_PROGRAMS and found.get("schema") != MARK:
+            declared(found)
+
+
+OTHER_PROGRAMS = {"simcoon.json", "sma_react.json"}
+"""Written in the formats of the programs that read them."""
 
 
 def sweep(n: int = 40, *, branches: int = 2, seed: int = 0) -> list[str]:

@@ -90,6 +90,25 @@ class StiffnessTable(DocumentPart):
     caution: str = Field(description="what the slope means on this rig; empty where it is that of the spring")
 
 
+class TabulatedQuantiles(StiffnessTable):
+    """The same with its numbers."""
+
+    temperature: Items[Number] = Field(description="evenly spaced [`temperature_unit`]")
+    q05: Items[Number] = Field(description="lower end of the 90 % interval at each [`unit`]")
+    median: Items[Number] = Field(description="median at each [`unit`]")
+    q95: Items[Number] = Field(description="upper end of the 90 % interval at each [`unit`]")
+
+
+class StiffnessTables(DocumentPart):
+    """What `stiffness.json` holds."""
+
+    schema_: Literal["sma-bayes/stiffness-table/1"] = Field(alias="schema", description="name and version")
+    campaign: str = Field(description="name of the campaign")
+    fit_sha256: str = Field(description="checksum that the summary of the fit states of itself")
+    interpolation: Literal["linear"] = Field(description="by which values between two temperatures are meant")
+    tables: Items[TabulatedQuantiles] = Field(description="one for each condition and branch")
+
+
 class CardFindings(DocumentPart):
     """What is handed on."""
 
@@ -114,4 +133,4 @@ class CardDocument(RunAccount, CardFindings, FilesBeside):
     """What `card.json` holds."""
 
 
-DOCUMENTS: Final = {"card": CardDocument}
+DOCUMENTS: Final = {"card": CardDocument, "stiffness-table": StiffnessTables}

@@ -20,7 +20,8 @@ from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
 from sma_bayes.runs.documents import CARD
 from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRun, read_run
-from sma_bayes.runs.store import plain, write_csv, write_json, write_text
+from sma_bayes.runs.schema import interval_document
+from sma_bayes.runs.store import write_csv, write_json, write_text
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.card.exports import covariance_text, simcoon_material, sma_react_solution
 from sma_bayes.studies.card.features import GRID, NAMES, curve_of, nearest_law
@@ -40,6 +41,8 @@ from sma_bayes.studies.card.schema import (
     CardSweep,
     ConstitutiveCard,
     StiffnessTable,
+    StiffnessTables,
+    TabulatedQuantiles,
 )
 from sma_bayes.studies.card.specimen import Loaded, Size, kelvin, loaded, modulus_of, size_of
 from sma_bayes.studies.card.stiffness import TabulatedStiffness, tabulated
@@ -175,7 +178,7 @@ class _Asked:
 Read = Callable[[RecordSummary], RecordDraws]
 
 
-def _handed_on(run: StoredRun, asked: _Asked, folder: Path | None, work: RunContext) -> dict[str, Any]:
+def _handed_on(run: StoredRun, asked: _Asked, folder: Path | None, work: RunContext) -> CardFindings:
     summary = run.summary
 
     def read(record: RecordSummary) -> RecordDraws:
@@ -211,7 +214,7 @@ def _handed_on(run: StoredRun, asked: _Asked, folder: Path | None, work: RunCont
         stiffness=tuple(_stated_table(t) for t in tables),
         no_stiffness=no_table,
         cautions=tuple(_cautions(made, tables)),
-    ).as_json()
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -345,10 +348,10 @@ def _stated_sweep(one: _Seen, law: PooledConstants, common: float) -> CardSweep:
         condition=one.condition,
         branch=one.sweep.branch.value,
         stress=one.sweep.stress,
-        middle=_interval(middle),
-        start=_interval(lower if heating else upper),
-        finish=_interval(upper if heating else lower),
-        strain=_interval(transformation_strains(one.sweep, law.constants, moduli, common)[1]),
+        middle=interval_document(middle),
+        start=interval_document(lower if heating else upper),
+        finish=interval_document(upper if heating else lower),
+        strain=interval_document(transformation_strains(one.sweep, law.constants, moduli, common)[1]),
         offset=offset,
         finished=f.finished,
         alone=f.miss,
@@ -357,16 +360,10 @@ def _stated_sweep(one: _Seen, law: PooledConstants, common: float) -> CardSweep:
     )
 
 
-def _interval(draws: Floats) -> Any:
-    from sma_bayes.runs.schema import IntervalDocument
-
-    return IntervalDocument(**plain(interval(draws)))
-
-
 def _stated(name: str, c: Constant, meaning: str = "") -> CardConstant:
     unit, words = UNITS[name]
     return CardConstant(
-        **plain(interval(c.draws)),
+        **interval(c.draws),
         name=name,
         unit=unit,
         meaning=meaning or words,
@@ -460,7 +457,7 @@ def _write(
         write_json(folder / made.stated.sma_react, sma_react_solution(made.law))
     if tables:
         write_csv(folder / "stiffness.csv", _table_columns(tables))
-        write_json(folder / "stiffness.json", _table_document(tables, campaign, checksum))
+        write_json(folder / "stiffness.json", _table_document(tables, campaign, checksum).as_json())
         write_text(folder / "stiffness.h", stiffness_header(tables, campaign, checksum))
 
 
@@ -478,20 +475,20 @@ def _table_columns(tables: Sequence[TabulatedStiffness]) -> dict[str, Sequence[o
     }
 
 
-def _table_document(tables: Sequence[TabulatedStiffness], campaign: str, checksum: str) -> dict[str, Any]:
-    return {
-        "schema": "sma-bayes/stiffness-table/1",
-        "campaign": campaign,
-        "fit_sha256": checksum,
-        "interpolation": "linear",
-        "tables": [
-            {
+def _table_document(tables: Sequence[TabulatedStiffness], campaign: str, checksum: str) -> StiffnessTables:
+    return StiffnessTables(
+        schema="sma-bayes/stiffness-table/1",
+        campaign=campaign,
+        fit_sha256=checksum,
+        interpolation="linear",
+        tables=tuple(
+            TabulatedQuantiles(
                 **_stated_table(t).as_json(),
-                "temperature": t.temperature.tolist(),
-                "q05": t.values[0].tolist(),
-                "median": t.values[1].tolist(),
-                "q95": t.values[2].tolist(),
-            }
+                temperature=tuple(t.temperature.tolist()),
+                q05=tuple(t.values[0].tolist()),
+                median=tuple(t.values[1].tolist()),
+                q95=tuple(t.values[2].tolist()),
+            )
             for t in tables
-        ],
-    }
+        ),
+    )

@@ -11,7 +11,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import Agreement, factors, joined
 from sma_bayes.assess.correlation_average import Scored, averages
-from sma_bayes.runs.schema import CorrelationFactors
+from sma_bayes.runs.schema import CorrelationAverage, CorrelationFactors
 from sma_bayes.sampling.pareto import RELIABLE
 from sma_bayes.sampling.weighted import weighted_quantiles
 from sma_bayes.studies.compare.comparison import Comparison, FittedContender
@@ -238,11 +238,11 @@ def _averages(name: str, group: Sequence[Comparison]) -> OverallAverages:
     """Averages of the correlation factors of one model over the records of a channel."""
     (contender,) = (c for c in group[0].entrants if c.name == name)
     found = [(c, f) for c in group if (f := _resolved(c, contender)) is not None]
-    return OverallAverages.model_validate(
-        {
-            "in_sample": averages([_scored(c, f, f.agreement) for c, f in found]),
-            "held_out": averages([_scored(c, f, joined(f.folds.agreements)) for c, f in found]),
-        }
+    in_sample = averages([_scored(c, f, f.agreement) for c, f in found])
+    held_out = averages([_scored(c, f, joined(f.folds.agreements)) for c, f in found])
+    return OverallAverages(
+        in_sample=tuple(CorrelationAverage(**average) for average in in_sample),
+        held_out=tuple(CorrelationAverage(**average) for average in held_out),
     )
 
 

@@ -190,7 +190,7 @@ def _compared(
     folder: Path | None,
     options: FitOptions,
     work: RunContext,
-) -> dict[str, Any]:
+) -> ComparisonFindings:
     work.tell(0, len(records), "choosing the model" if options.model == AUTO_MODEL else "comparing")
     chosen, choice = with_shared_model([(r,) for r in records], options, work.jobs, work.account)
     comparisons = []
@@ -221,4 +221,4 @@ def _compared(
     )
     if folder is not None:
         write_text(folder / "priors.toml", options.priors.whole_text)
-    return found.as_json()
+    return found

@@ -10,12 +10,12 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.fitting.curves import interval_where_defined, quantiles
+from sma_bayes.fitting.curves import quantiles
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.records.types import Condition, setting_unit
 from sma_bayes.runs.declared_units import in_unit_of_channel
-from sma_bayes.runs.schema import IntervalDocument
+from sma_bayes.runs.schema import IntervalDocument, interval_document
 from sma_bayes.studies.conditions.design import SETTINGS, Design
 from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.conditions.features import Feature
@@ -134,10 +134,6 @@ def _told(found: Mapping[str, float] | None) -> IntervalDocument | None:
     return None if found is None else IntervalDocument(**found)
 
 
-def _interval(draws: Floats) -> IntervalDocument:
-    return IntervalDocument(**interval_where_defined(draws))
-
-
 def _population(population: Population) -> StatedPopulation:
     density, sampling = population.density, population.sampling
     prior = np.exp(density.draw_prior(np.random.default_rng(0), 4000))
@@ -162,13 +158,13 @@ def _population(population: Population) -> StatedPopulation:
                 name=label,
                 unit="1" if logarithms[i] else facts[i].unit,
                 channel="" if logarithms[i] else _channel_of_unit(facts[i]),
-                level=_interval(population.coefficients[:, 0, i]),
+                level=interval_document(population.coefficients[:, 0, i]),
                 changes={
-                    v: _interval(population.coefficients[:, k, i])
+                    v: interval_document(population.coefficients[:, k, i])
                     for k, v in enumerate(population.design.varied, 1)
                 },
-                scatter=_interval(population.scatter[:, i]),
-                scatter_prior=_interval(prior[:, i]),
+                scatter=interval_document(population.scatter[:, i]),
+                scatter_prior=interval_document(prior[:, i]),
             )
             for i, label in enumerate(population.coordinates.labels)
         ),
@@ -178,8 +174,8 @@ def _population(population: Population) -> StatedPopulation:
                     unit=facts[i].unit,
                     channel=_channel_of_unit(facts[i]),
                     difference=facts[i].role is not Role.MIDPOINT,
-                    own=_interval(r.curve_theta[:, i]),
-                    pooled=_interval(pooled[:, i]),
+                    own=interval_document(r.curve_theta[:, i]),
+                    pooled=interval_document(pooled[:, i]),
                 )
                 for i, name in enumerate(r.names)
             }

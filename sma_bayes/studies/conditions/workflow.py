@@ -171,7 +171,7 @@ class _ConditionsQuestion:
         }
 
 
-def _studied(question: _ConditionsQuestion, folder: Path | None, work: RunContext) -> dict[str, Any]:
+def _studied(question: _ConditionsQuestion, folder: Path | None, work: RunContext) -> ConditionsFindings:
     q = question
     specimen = q.records[0].record.specimen
     records, choice, refitted = _of_one_model(q, work) if q.chooses else (q.records, None, [])
@@ -200,7 +200,7 @@ def _studied(question: _ConditionsQuestion, folder: Path | None, work: RunContex
         specimen=specimen,
         **declared_parts(q.run.summary.records),
         **study_parts(found, specimen=specimen),
-    ).as_json()
+    )
 
 
 def _of_one_model(

@@ -140,7 +140,7 @@ def cycles(
     identity = {**run_identity(campaign, options), "kind": CYCLES.verb, **stated.as_json()}
     tasks = [_Condition(tuple(records), tuple(told), asked, stated, seed) for records, told in groups]
 
-    def find(folder: Path | None) -> dict[str, Any]:
+    def find(folder: Path | None) -> CyclesFindings:
         found = []
         for parts in run(_studied, tasks, jobs, account=work.account, stage="study"):
             found.append(parts.document)
@@ -166,7 +166,7 @@ def cycles(
             conditions=tuple(found),
             left_out=tuple(left_out),
             findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
-        ).as_json()
+        )
 
     with threadpool_limits(limits=1):
         return work.execute(out, identity, resume, find)

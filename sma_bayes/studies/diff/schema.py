@@ -46,7 +46,9 @@ class ComparedRecords(DocumentPart):
 
     key: str = Field(description="the record")
     in_: Literal["a", "b", "both"] = Field(
-        alias="in", description="which has it: `both`, or `a` or `b` where the other has none"
+        validation_alias="in",
+        serialization_alias="in",
+        description="which has it: `both`, or `a` or `b` where the other has none",
     )
     same: bool = Field(
         description="converged, adequate, model and channels as in the other, all shifts within the tolerance"

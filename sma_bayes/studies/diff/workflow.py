@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,13 +11,23 @@ import numpy as np
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary
 from sma_bayes.runs.outputs import StoredBand, StoredRun, band_of, read_run
-from sma_bayes.studies.diff.schema import DifferenceDocument
+from sma_bayes.studies.diff.schema import (
+    ComparedBand,
+    ComparedParameter,
+    ComparedRecords,
+    DifferenceDocument,
+    ParameterOfRun,
+)
 
 TOLERANCE: Final = 0.25
 """Standard deviations of the posterior up to which two results are the same: draws of two seeds differ by less, as
 converged medians are known to some 0.05 of them."""
 NORMAL_90: Final = 3.28971
 """Width of the interval that holds 90 % of a normal distribution, in standard deviations."""
+COMPARED: Final = (
+    "converged", "adequate", "model", "n", "rows_averaged", "settings", "temperature", "channels",
+)  # fmt: skip
+"""Keys of a record of which is told what differs, beside noise and priors."""
 GRID: Final = 161
 """Temperatures at which bands are compared."""
 
@@ -51,27 +61,30 @@ def diff(a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE) -> dict[
     records = [{r.key: r for r in run.summary.records} for run in runs]
     keys = list(dict.fromkeys([*records[0], *records[1]]))
     compared = [_record(runs, key, records[0].get(key), records[1].get(key), tolerance) for key in keys]
-    return DifferenceDocument.model_validate({
-        "schema": "sma-bayes/diff/1",
-        "a": str(a),
-        "b": str(b),
-        "tolerance": tolerance,
-        "same": all(r["same"] for r in compared),
-        "inputs": _inputs(runs),
-        "converged": [run.summary.converged for run in runs],
-        "adequate": [run.summary.adequate for run in runs],
-        "records": compared,
-    }).as_json()  # fmt: skip
+    return DifferenceDocument(
+        schema="sma-bayes/diff/1",
+        a=str(a),
+        b=str(b),
+        tolerance=tolerance,
+        same=all(r.same for r in compared),
+        inputs=_inputs(runs),
+        converged=tuple(run.summary.converged for run in runs),
+        adequate=tuple(run.summary.adequate for run in runs),
+        records=tuple(compared),
+    ).as_json()
 
 
-def _inputs(runs: Sequence[StoredRun]) -> dict[str, Any]:
+def _inputs(runs: Sequence[StoredRun]) -> dict[str, tuple[Any, Any]]:
     """What went in differently: of each key that differs what either run had."""
-    first, second = (_stated(run) for run in runs)
-    return {
-        key: [first.get(key), second.get(key)]
-        for key in {**first, **second}
-        if first.get(key) != second.get(key)
-    }
+    return _different(*map(_stated, runs))
+
+
+def _different(
+    first: Mapping[str, Any], second: Mapping[str, Any], keys: Iterable[str] | None = None
+) -> dict[str, tuple[Any, Any]]:
+    """Both values of each key that differs."""
+    pairs = {key: (first.get(key), second.get(key)) for key in keys or {**first, **second}}
+    return {key: (a, b) for key, (a, b) in pairs.items() if a != b}
 
 
 def _stated(run: StoredRun) -> dict[str, Any]:
@@ -92,64 +105,47 @@ def _record(
     a: RecordSummary | None,
     b: RecordSummary | None,
     tolerance: float,
-) -> dict[str, Any]:
+) -> ComparedRecords:
     if a is None or b is None:
-        return {"key": key, "in": "b" if a is None else "a", "same": False}
+        return ComparedRecords(key=key, in_="b" if a is None else "a", same=False)
     names = list(dict.fromkeys([*a.parameters, *b.parameters]))
     parameters = {n: _parameter(a.parameters.get(n), b.parameters.get(n)) for n in names}
     bands = {c: _band(runs, (a, b), c) for c in a.quantities if c in b.quantities}
-    shifts = [p["shift"] for p in parameters.values() if p["shift"] is not None]
-    shifts += [band["shift"] for band in bands.values() if band is not None]
-    first, second = a.as_json(), b.as_json()
-    changed = {
-        name: [first[name], second[name]]
-        for name in (
-            "converged",
-            "adequate",
-            "model",
-            "n",
-            "rows_averaged",
-            "settings",
-            "temperature",
-            "channels",
-        )
-        if first[name] != second[name]
-    }
+    shifts = [p.shift for p in parameters.values()]
+    shifts += [band.shift for band in bands.values() if band is not None]
+    changed = _different(a.as_json(), b.as_json(), COMPARED)
     if a.noise.name != b.noise.name:
-        changed["noise"] = [a.noise.name, b.noise.name]
-    priors = [
-        n for n in names
-        if n in a.parameters and n in b.parameters
-        and a.parameters[n].prior != b.parameters[n].prior
-    ]  # fmt: skip
+        changed["noise"] = (a.noise.name, b.noise.name)
     alike = not {"converged", "adequate", "model", "channels"} & set(changed)
-    return {
-        "key": key,
-        "in": "both",
-        "same": alike and max(map(abs, shifts), default=0.0) <= tolerance,
-        "converged": [a.converged, b.converged],
-        "adequate": [a.adequate, b.adequate],
-        "why": [[reason.message for reason in r.why] for r in (a, b)],
-        "changed": changed,
-        "priors": priors,
-        "parameters": parameters,
-        "bands": bands,
-    }
+    return ComparedRecords(
+        key=key,
+        in_="both",
+        same=alike and max((abs(s) for s in shifts if s is not None), default=0.0) <= tolerance,
+        converged=(a.converged, b.converged),
+        adequate=(a.adequate, b.adequate),
+        why=tuple(tuple(reason.message for reason in r.why) for r in (a, b)),
+        changed=changed,
+        priors=tuple(
+            n for n in names
+            if n in a.parameters and n in b.parameters
+            and a.parameters[n].prior != b.parameters[n].prior
+        ),
+        parameters=parameters,
+        bands=bands,
+    )  # fmt: skip
 
 
-_SHOWN: Final = ("median", "q05", "q95", "sd")
-
-
-def _parameter(a: ParameterSummary | None, b: ParameterSummary | None) -> dict[str, Any]:
+def _parameter(a: ParameterSummary | None, b: ParameterSummary | None) -> ComparedParameter:
     """Medians with intervals of either run, and how far b is from a in standard deviations of the wider posterior."""
-    stated = {
-        name: None if p is None else {k: getattr(p, k) for k in _SHOWN} for name, p in (("a", a), ("b", b))
-    }
     known = a or b
     shift = None
     if a and b and a.unit == b.unit and a.median is not None and b.median is not None:
         shift = _shift(b.median - a.median, max(a.sd or 0.0, b.sd or 0.0))
-    return {"unit": known.unit if known else "", **stated, "shift": shift}
+    return ComparedParameter(unit=known.unit if known else "", a=_of_run(a), b=_of_run(b), shift=shift)
+
+
+def _of_run(p: ParameterSummary | None) -> ParameterOfRun | None:
+    return None if p is None else ParameterOfRun(median=p.median, q05=p.q05, q95=p.q95, sd=p.sd)
 
 
 def _shift(difference: float, sd: float) -> float:
@@ -158,7 +154,7 @@ def _shift(difference: float, sd: float) -> float:
     )
 
 
-def _band(runs: Sequence[StoredRun], records: Sequence[RecordSummary], channel: str) -> dict[str, Any] | None:
+def _band(runs: Sequence[StoredRun], records: Sequence[RecordSummary], channel: str) -> ComparedBand | None:
     """Where the medians of two bands are furthest apart, in standard deviations of the wider band, and in their unit.
 
     None where they share no temperature.
@@ -181,17 +177,15 @@ def _band(runs: Sequence[StoredRun], records: Sequence[RecordSummary], channel: 
     shift = np.array([_shift(float(d), float(s)) for d, s in zip(difference, sd, strict=True)])
     worst = int(np.argmax(np.abs(shift)))
     quantity = records[0].quantities[channel]
-    return {
-        "name": quantity.name,
-        "unit": quantity.unit,
-        "shift": float(shift[worst]),
-        "at": float(at[worst]),
-        "difference": float(difference[worst]),
-        "width_ratio": float(
-            np.nanmedian(_width(b, at) / np.where(_width(a, at) > 0.0, _width(a, at), np.nan))
-        ),
-        "compared": [low, high],
-    }
+    return ComparedBand(
+        name=quantity.name,
+        unit=quantity.unit,
+        shift=float(shift[worst]),
+        at=float(at[worst]),
+        difference=float(difference[worst]),
+        width_ratio=float(np.nanmedian(_width(b, at) / np.where(_width(a, at) > 0.0, _width(a, at), np.nan))),
+        compared=(low, high),
+    )
 
 
 def _at(band: StoredBand, name: str, temperature: np.ndarray[Any, np.dtype[np.float64]]) -> Any:

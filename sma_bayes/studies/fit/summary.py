@@ -179,7 +179,7 @@ def _audit(fit: Fit) -> SamplingSummary:
     """What the audit of a proposal found; nothing but null where there was none to be audited."""
     audit = fit.draws.audit
     found = dict.fromkeys((f.name for f in fields(Audit)), None) if audit is None else asdict(audit)
-    return SamplingSummary.model_validate({"method": fit.draws.method, **found})
+    return SamplingSummary(method=fit.draws.method, **found)
 
 
 def _parameters(fit: Fit, record: int) -> dict[str, ParameterSummary]:

@@ -299,7 +299,7 @@ def _fitted(
         lost = f" ({len(work.account.lost)} workers lost)" if work.account.lost else ""
         work.tell(len(records), total, f"sampled {', '.join(r.key for r in part.records)}{lost}")
     averaged = [
-        CorrelationAverage.model_validate({"data": data, **entry})
+        CorrelationAverage(data=data, **entry)
         for data, found in averages.items()
         for entry in found.entries()
     ]

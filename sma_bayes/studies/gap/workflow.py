@@ -110,7 +110,7 @@ def _studied(
     folder: Path | None,
     options: FitOptions,
     work: RunContext,
-) -> dict[str, Any]:
+) -> GapFindings:
     """Study a campaign, and write what was found except `gap.json`, which comes last."""
     campaign = can.campaign
     work.tell(0, STAGES, "choosing the model")
@@ -155,4 +155,4 @@ def _studied(
         with work.account.timed("write"):
             write_study(folder, outcome, seed=options.seed)
             write_text(folder / "priors.toml", options.priors.whole_text)
-    return found.as_json()
+    return found

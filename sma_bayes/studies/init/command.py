@@ -18,8 +18,8 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Write a campaign.toml for a folder of data files, with all guesses marked; nothing is overwritten."""
-    from sma_bayes.records.starting_file import start_campaign
     from sma_bayes.studies.init.terminal import show_start
+    from sma_bayes.studies.init.workflow import start_campaign
 
     found = start_campaign(folder)
     show_found(found, quiet, as_json, partial(show_start, found))

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sma_bayes.errors import many
 from sma_bayes.report.screen import SHOWN, screen
+from sma_bayes.studies.init.schema import StartDocument
 
 
 def show_start(found: Mapping[str, Any]) -> None:
     """Tell what was declared, what of it is a guess, what was left out, and what comes next."""
-    console = screen()
+    document, console = StartDocument.model_validate(found), screen()
 
-    def tell(lines: list[str]) -> None:
+    def tell(lines: Sequence[str]) -> None:
         for line in lines[:SHOWN]:
             console.print(f"  {line}", soft_wrap=True)
         if len(lines) > SHOWN:
             console.print(f"  and {len(lines) - SHOWN} more")
 
-    console.print(f"{found['file']}: {many(len(found['conditions']), 'condition')}", soft_wrap=True)
-    if found["guesses"]:
+    console.print(f"{document.file}: {many(len(document.conditions), 'condition')}", soft_wrap=True)
+    if document.guesses:
         console.print("guessed, please check:")
-        tell(list(found["guesses"]))
-    if found["left_out"]:
+        tell(document.guesses)
+    if document.left_out:
         console.print("left out:")
-        tell([f"{name}: {why}" for name, why in found["left_out"].items()])
-    console.print(f"next: sma-bayes inspect {Path(found['file']).parent}", soft_wrap=True)
+        tell([f"{name}: {why}" for name, why in document.left_out.items()])
+    console.print(f"next: sma-bayes inspect {Path(document.file).parent}", soft_wrap=True)

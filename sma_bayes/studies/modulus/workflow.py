@@ -150,7 +150,7 @@ def modulus(
     work = RunContext(MODULUS, _build_report, jobs, figures_for(figures), progress or silent, account)
     tasks = [SweepTask(s, models, told, seed) for s in campaign.sweeps]
 
-    def find(folder: Path | None) -> dict[str, Any]:
+    def find(folder: Path | None) -> ModulusFindings:
         sweeps = _sweeps(tasks, folder, work)
         shifts, damping = shifts_of(sweeps), _damping(campaign.sweeps)
         return ModulusFindings(
@@ -171,7 +171,7 @@ def modulus(
             remarks=_remarks(campaign, sweeps, told, damping, shifts),
             left_out=campaign.left_out,
             findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
-        ).as_json()
+        )
 
     found = work.execute(out, identity, resume, find)
     if out is not None:

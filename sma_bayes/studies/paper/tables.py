@@ -7,8 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.arrays import Floats
-from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.fitting.warm_start import GoodnessOfFit
 from sma_bayes.paper.errata import PRINTED_TABLES
 from sma_bayes.paper.extremes import EXTREME_TABLES
@@ -17,7 +15,7 @@ from sma_bayes.paper.specifications import TABLE_1, specification
 from sma_bayes.paper.tables import PARAMETER_TABLES, STATISTICS_TABLES, CellStatus, PrintedCell, PrintedTable
 from sma_bayes.paper.twin import FITTED_PARAMETERS
 from sma_bayes.quantities import convert
-from sma_bayes.runs.schema import IntervalDocument
+from sma_bayes.runs.schema import IntervalDocument, interval_document
 from sma_bayes.studies.conditions.features import BOTH
 from sma_bayes.studies.paper.export import printed_entry
 from sma_bayes.studies.paper.schema import RecomputedValue, ReproducedEntry
@@ -88,7 +86,11 @@ def _parameter(cell: PrintedCell, study: TwinStudy) -> Found:
     """A1 and B1 from force and displacement, the others from stiffness, as the paper fitted them."""
     fits = study.parts if cell.quantity in ("A1", "B1") else study.stiffness
     fitted = fits.get(_key(cell))
-    return None if fitted is None else _interval(fitted.flat[:, fitted.posterior.space.index(cell.quantity)])
+    return (
+        None
+        if fitted is None
+        else interval_document(fitted.flat[:, fitted.posterior.space.index(cell.quantity)])
+    )
 
 
 def _goodness(cell: PrintedCell, study: TwinStudy) -> GoodnessOfFit | None:
@@ -106,12 +108,8 @@ def _extreme(cell: PrintedCell, study: TwinStudy) -> Found:
     for f in study.features:
         if (f.name, f.branch, f.condition.id) == (name, BOTH, cell.condition):
             draws = convert(f.draws, f.unit, cell.unit, what=cell.quantity)
-            return _interval(np.asarray(draws))
+            return interval_document(np.asarray(draws))
     return None
-
-
-def _interval(draws: Floats) -> IntervalDocument:
-    return IntervalDocument(**interval_where_defined(draws))
 
 
 def _derived(table: PrintedTable, study: TwinStudy) -> Iterator[ReproducedEntry]:
@@ -126,7 +124,7 @@ def _derived(table: PrintedTable, study: TwinStudy) -> Iterator[ReproducedEntry]
         if table in PARAMETER_TABLES:
             draws = [fitted.flat[:, fitted.posterior.space.index(n)] for n in ("B1", "A1")]
             value = column["B1"].value / column["A1"].value
-            yield _implied(place, "B1/A1", "N/cm", value, _interval(draws[0] / draws[1]))
+            yield _implied(place, "B1/A1", "N/cm", value, interval_document(draws[0] / draws[1]))
         if table in STATISTICS_TABLES:
             y = fitted.records[0].observed["stiffness"]
             lost = column["r2"].status is CellStatus.DAMAGED

@@ -65,12 +65,12 @@ def planned(
     )
 
 
-def with_advice(found: PlanFindings, folder: Path | None) -> dict[str, Any]:
+def with_advice(found: PlanFindings, folder: Path | None) -> PlanFindings:
     """What `plan.json` holds, advice included; the candidates are written to the folder, if there is one."""
     found = found.model_copy(update={"advice": advice(found)})
     if folder is not None:
         write_csv(folder / CANDIDATES, columns(found))
-    return found.as_json()
+    return found
 
 
 def columns(found: PlanFindings) -> dict[str, list[Any]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -48,7 +48,7 @@ Judged = tuple[CandidateExperiment, Sequence[Discrimination]]
 
 def planned_apart(
     gap: GapDocument, campaign: Campaign, source: Path, o: Options, folder: Path | None, work: RunContext
-) -> dict[str, Any]:
+) -> PlanFindings:
     """Judge candidates by how surely they tell explanations apart; write all of them to a folder, if there is one.
 
     Parameters

@@ -262,7 +262,7 @@ class _FitQuestion:
         return PlanTarget(knowledge, (quantity,), knowledge.gradient(channel, at))
 
 
-def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext) -> dict[str, Any]:
+def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext) -> PlanFindings:
     summary = q.run.summary
     work.tell(0, 3, "linearising curves")
     with work.account.timed("linearise"):

@@ -370,29 +370,42 @@ def _asked(fit: Path, summary: Path, asked: Mapping[str, Any], tell: Progress) -
 def _result(step: _Step, before: Sequence[StatedStep], tell: Progress, *, strict: bool) -> StatedStep:
     clock = time.perf_counter()
     failed = next((r for r in before if r.step == step.needs and r.exit_status == WRONG), None)
-    word, status = "", WRONG
-    stated: dict[str, Any] = {"step": step.name, "summary": None, "schema": None, "told": None, "error": None}
     if failed:
-        stated["error"] = f"{failed.step} failed"
-        return StatedStep(**stated, status=SKIPPED, exit_status=WRONG, wall_s=0.0)
+        return _not_done(step, SKIPPED, f"{failed.step} failed", 0.0)
     try:
         found = step.run(lambda done, total, message: tell(done, total, f"{step.name}: {message}"))
     except ResumeError:  # options were changed under results that are there: the call is wrong, not the step
         raise
     except SmaBayesError as error:
-        stated["error"] = str(error)
-    else:
-        stated |= {"summary": step.summary, "schema": found["schema"], "told": _told(step.kind, found)}
-        status = DONE if found["converged"] else NOT_CONVERGED
-        if found["converged"] and found.get("exit_status", DONE) != DONE:
-            word, status = ALARM, found["exit_status"]
-        if strict and found["converged"] and not found.get("adequate", True):
-            word, status = INADEQUATE, NOT_CONVERGED
+        return _not_done(step, STATUS[WRONG], str(error), time.perf_counter() - clock)
+    status = DONE if found["converged"] else NOT_CONVERGED
+    word = STATUS[status]
+    if found["converged"] and found.get("exit_status", DONE) != DONE:
+        word, status = ALARM, found["exit_status"]
+    if strict and found["converged"] and not found.get("adequate", True):
+        word, status = INADEQUATE, NOT_CONVERGED
     return StatedStep(
-        **stated,
-        status=word or STATUS[status],
+        step=step.name,
+        summary=step.summary,
+        schema=found["schema"],
+        told=_told(step.kind, found),
+        error=None,
+        status=word,
         exit_status=status,
         wall_s=time.perf_counter() - clock,
+    )
+
+
+def _not_done(step: _Step, status: str, why: str, wall_s: float) -> StatedStep:
+    return StatedStep(
+        step=step.name,
+        summary=None,
+        schema=None,
+        told=None,
+        error=why,
+        status=status,
+        exit_status=WRONG,
+        wall_s=wall_s,
     )
 
 

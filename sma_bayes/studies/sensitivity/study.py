@@ -12,7 +12,6 @@ from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.sweeps import samples_of_sweeps
 from sma_bayes.fitting.curves import interval_where_defined
-from sma_bayes.runs.store import plain
 from sma_bayes.sampling.power_scaling import THRESHOLD, mean_gradient, power_sensitivity
 from sma_bayes.studies.sensitivity.bootstrap import SweepBootstrap, bootstrap_sweeps
 from sma_bayes.studies.sensitivity.influence import (
@@ -106,7 +105,7 @@ def studied(task: RecordTask) -> StudiedRecord:
                 sweep=i + 1,
                 first_row=int(record.row[s].min()),
                 readings=int(s.size),
-                pareto_k=plain(one.pareto_k),
+                pareto_k=one.pareto_k,
                 refitted=one.refitted,
             )
             for i, (s, one) in enumerate(zip(sweeps, left_out, strict=False))
@@ -144,13 +143,6 @@ def _quantities(
         finite = np.isfinite(q.draws)
         found = interval_where_defined(q.draws[finite])
         changes = [(one.mean[i] - mean[i]) * per_sd[i] for one in left_out]
-        numbers = plain({
-            **found,
-            "defined": float(finite.mean()), "mean": mean[i], "sd": sd[i],
-            "prior": of_prior[i], "likelihood": of_likelihood[i],
-            "prior_shift": prior_shift[i], "likelihood_shift": likelihood_shift[i],
-            "temperature": q.temperature,
-        })  # fmt: skip
         out.append(
             QuantitySensitivity(
                 name=q.name,
@@ -163,11 +155,17 @@ def _quantities(
                 diagnosis=diagnosis,
                 leading_prior=None if diagnosis == NONE else _leading(draws, q.draws, densities),
                 reading=readings[i] if np.isfinite(per_sd[i]) else None,
-                sweeps=tuple(
-                    LeftOutSweepChange(sweep=s + 1, change=plain(float(c))) for s, c in enumerate(changes)
-                ),
+                sweeps=tuple(LeftOutSweepChange(sweep=s + 1, change=float(c)) for s, c in enumerate(changes)),
                 bootstrap=_interval(again[q.name], found["q95"] - found["q05"]) if q.name in again else None,
-                **numbers,
+                **found,
+                defined=finite.mean(),
+                mean=mean[i],
+                sd=sd[i],
+                prior=of_prior[i],
+                likelihood=of_likelihood[i],
+                prior_shift=prior_shift[i],
+                likelihood_shift=likelihood_shift[i],
+                temperature=q.temperature,
             )
         )
     return tuple(out)
@@ -222,10 +220,10 @@ def _deciding(
             row=int(record.row[i]),
             sweep=int(number[i]) + 1,
             temperature=float(record.temperature[i]),
-            change=plain(float(joined[q, most[q]])),
-            change_by_weights=plain(float((without[q, q] - mean[q]) * per_sd[q])),
-            pareto_k=plain(float(k[q])),
-            readings_in_effect=plain(float(spread[q])),
+            change=float(joined[q, most[q]]),
+            change_by_weights=float((without[q, q] - mean[q]) * per_sd[q]),
+            pareto_k=float(k[q]),
+            readings_in_effect=float(spread[q]),
         )
         for q, (c, i) in enumerate(zip(channel, at.tolist(), strict=True))
     ]
@@ -235,7 +233,7 @@ def _interval(quantity: QuantityDraws, of_posterior: float) -> BootstrapInterval
     """Interval over the resampled sweeps, its width over that of the posterior."""
     found = interval_where_defined(quantity.draws[np.isfinite(quantity.draws)])
     width = (found["q95"] - found["q05"]) / of_posterior if of_posterior > 0.0 else np.nan
-    return BootstrapInterval(**plain({**found, "width": width}))
+    return BootstrapInterval(**found, width=width)
 
 
 def _columns(

@@ -105,7 +105,7 @@ def sensitivity_of(
     """Tell what the numbers of a fit rest on, wherever it is; see `sensitivity`."""
     asked = (at,) if isinstance(at, str) else tuple(at)
     check(source, asked)
-    return find(source, asked, seed, None, RunContext(SENSITIVITY, _build_report, jobs, "none"))
+    return find(source, asked, seed, None, RunContext(SENSITIVITY, _build_report, jobs, "none")).as_json()
 
 
 def check(source: FitSource, at: Sequence[str]) -> None:
@@ -144,7 +144,7 @@ def _measured(r: RecordSummary, text: str) -> bool:
 
 def find(
     source: FitSource, at: Sequence[str], seed: int, folder: Path | None, work: RunContext
-) -> dict[str, Any]:
+) -> SensitivityFindings:
     """Study all records; write the influence of their readings to a folder, if there is one."""
     summary = source.summary
     tasks = []
@@ -175,4 +175,4 @@ def find(
         records=tuple(found),
         **declared_parts(summary.records),
         conclusion=conclusion([record_shown(r, units) for r in found]),
-    ).as_json()
+    )

@@ -319,7 +319,7 @@ class _SimulationQuestion:
         return parse_priors(self.run.priors, str(self.run.folder / "priors.toml"))
 
 
-def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) -> dict[str, Any]:
+def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) -> SimulationFindings:
     stages = 1 + len(q.followed)
     work.tell(0, stages, "fitting the heat balance")
     with work.account.timed("heat balance"):
@@ -369,7 +369,7 @@ def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) ->
             asked=w.asked, tolerance=w.tolerance, probability=w.probability, conditions=tuple(reaches)
         ),
         cautions=tuple(cautions),
-    ).as_json()
+    )
 
 
 def _stated_balance(q: _SimulationQuestion, balances: FittedBalance) -> StatedBalance:
