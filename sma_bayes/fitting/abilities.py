@@ -13,8 +13,6 @@ from sma_bayes.fitting.posterior_coordinates import NoiseScaledCoordinates, Pred
 from sma_bayes.sampling.density import Linearised
 from sma_bayes.sampling.proposals import Coordinates, FactorisedMixture, PlainCoordinates
 
-PRIOR_LED = 0.5
-"""Posterior over prior sd from which a parameter is led by the prior: it lies on a ridge."""
 LED_BACK = 0.99
 """Least share of draws to which predictive coordinates must lead back."""
 
@@ -63,16 +61,3 @@ class LinearisedPosterior(LinearisedResponse, Linearised):
 
     def prior_proposal(self, covariance: Floats) -> PriorOfCurve:
         return PriorOfCurve.of(self.posterior, self.z, covariance)
-
-    def determined(self, covariance: Floats) -> bool:
-        sd = np.sqrt(np.diag(covariance)) / self.posterior.space.prior_sd()
-        return bool(np.all(sd[: self.count] <= PRIOR_LED))
-
-    @property
-    def joint(self) -> bool:
-        return len(self.posterior.records) > 1
-
-    @property
-    def shelved(self) -> bool:
-        """Where the size of a discrepancy goes down to nothing, in noise that is not normal."""
-        return self.posterior.has_discrepancy and not self.posterior.noise.is_gaussian

@@ -5,17 +5,12 @@ normal with precision ``H = J' R**-1 J + P`` and mean ``H**-1 b``, ``b = J' R**-
 of the response, r the residual at ``w0``, R the covariance of the noise, and P, p the prior's part.
 
 A discrepancy beside the curve is integrated out: what the samples tell of its weights is eliminated from the equations.
-
-For each value of the noise that is a system of its own (`Systems`). Where noise is without memory, the
-information of each channel is one matrix in changing amounts, and where these matrices have their axes in common,
-as when each parameter of the model belongs to one channel, one set of axes serves all values (`CommonAxes`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,38 +18,6 @@ from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.fitting.discrepancy import safe_cholesky
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.noise import Steps
-
-APART = 1e-6
-"""Greatest correlation, along common axes, that what one channel tells may have left."""
-
-_ONE = np.ones((1, 1))
-"""A series of one sample: noise without memory weighs all alike."""
-
-
-class Conditional(Protocol):
-    """Normal distributions of ``w - w0``, one for each of W values of the noise.
-
-    Attributes
-    ----------
-    usable : ndarray of bool, shape (W,)
-        Whether there is one; where not, `whiten` and `colour` leave finite numbers as they may be.
-    log_volume : ndarray, shape (W,)
-        ``ln |H|/2``.
-    pull_squared : ndarray, shape (W,)
-        ``b' H**-1 b``.
-    """
-
-    usable: Bools
-    log_volume: Floats
-    pull_squared: Floats
-
-    def whiten(self, x: Floats) -> Floats:
-        """Standard normal coordinates of points ``w - w0``, shape (W, m)."""
-        ...
-
-    def colour(self, v: Floats) -> Floats:
-        """Points ``w - w0`` at standard normal coordinates, shape (W, m)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +45,8 @@ class NormalEquations:
     bases: tuple[Mapping[str, Floats], ...]
     precision: Floats
     pull: Floats
-    _axes: _Axes | None = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_axes", _Axes.of(self))
-
-    def solved(self, theta: Floats) -> tuple[Conditional, Floats, Floats]:
+    def solved(self, theta: Floats) -> tuple[Systems, Floats, Floats]:
         """Solve for values of the noise.
 
         Parameters
@@ -97,15 +56,13 @@ class NormalEquations:
 
         Returns
         -------
-        Conditional
+        Systems
         squares : ndarray, shape (W,)
             ``r' R**-1 r``, with the covariance of discrepancies in R.
         log_volume : ndarray, shape (W,)
             Half the logarithm of the determinant by which discrepancies increase that of R.
         """
         with np.errstate(all="ignore"):
-            if self._axes is not None:
-                return *self._axes.given(theta), np.zeros(len(theta))
             total, log_volume = self._bordered(theta)
             return *Systems.of(total), log_volume
 
@@ -193,117 +150,24 @@ def _eliminated(gram: Floats, kept: int, ratio: Floats) -> tuple[Floats, Floats]
     return first - np.swapaxes(shared, 1, 2) @ shared, np.where(usable, log_volume, np.nan)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Axes:
-    """Axes in which the prior and what every channel tells are diagonal.
-
-    Attributes
-    ----------
-    equations : NormalEquations
-    vectors : ndarray, shape (m, m)
-        V, with ``V' P V`` the identity.
-    information : ndarray, shape (C, m)
-        Diagonal of ``V' J' J V`` of each channel.
-    pulls : ndarray, shape (C + 1, m)
-        ``V' J' r`` of each channel, then ``V' p``.
-    squares : ndarray, shape (C,)
-        ``r' r`` of each channel.
-    inverse : ndarray, shape (m, m)
-        Of V.
-    log_volume : float
-        ``-ln |V|``.
-    """
-
-    equations: NormalEquations
-    vectors: Floats
-    information: Floats
-    pulls: Floats
-    squares: Floats
-    inverse: Floats
-    log_volume: float
-
-    @staticmethod
-    def of(equations: NormalEquations) -> _Axes | None:
-        """Find them; None where noise remembers, or where there are none."""
-        if equations.posterior.noise.autocorrelated or equations.count == 0 or any(equations.bases):
-            return None
-        m = equations.count
-        grams = np.stack([rows @ rows.T for rows, _, _ in equations.channels()])
-        try:
-            root = np.linalg.cholesky(equations.precision)
-            to_prior = np.linalg.inv(root)
-            matrices = to_prior @ grams[:, :m, :m] @ to_prior.T
-            mix = np.arange(1.0, len(grams) + 1.0) / np.trace(matrices, axis1=1, axis2=2)
-            axes = np.linalg.eigh(np.tensordot(mix, matrices, axes=1))[1]
-        except np.linalg.LinAlgError:
-            return None
-        matrices = axes.T @ matrices @ axes
-        information = np.einsum("cii->ci", matrices).copy()
-        scale = np.sqrt(1.0 + np.abs(information))
-        rest = matrices / (scale[:, :, None] * scale[:, None, :])
-        np.einsum("cii->ci", rest)[:] = 0.0
-        if not np.abs(rest).max() < APART:  # not a number counts as too much
-            return None
-        vectors = to_prior.T @ axes
-        pulls = np.concatenate([grams[:, m, :m], equations.pull[None]]) @ vectors
-        squares, log_volume = grams[:, m, m], float(np.log(np.diag(root)).sum())
-        return _Axes(
-            equations, vectors, np.maximum(information, 0.0), pulls, squares, axes.T @ root.T, log_volume
-        )
-
-    def given(self, theta: Floats) -> tuple[Conditional, Floats]:
-        """Normal distributions and sums of squares; see `NormalEquations.solved`."""
-        equations = self.equations
-        noise = equations.posterior.noise
-        weights = np.empty((len(theta), len(self.squares)))
-        for c, (_, at, steps) in enumerate(equations.channels()):
-            of_one = noise.weighted_gram(_ONE, noise.shape_of(theta[:, at]), steps)[:, 0, 0]
-            np.divide(of_one, theta[:, at[0]] ** 2, out=weights[:, c])
-        pull = weights @ self.pulls[:-1] + self.pulls[-1]
-        precision = 1.0 + weights @ self.information
-        return CommonAxes(self, precision, pull), weights @ self.squares
-
-
-class CommonAxes:
-    """Normal distributions along axes that do not change.
-
-    Parameters
-    ----------
-    axes : _Axes
-        V.
-    precision : ndarray, shape (W, m)
-        Diagonal of ``V' H V``.
-    pull : ndarray, shape (W, m)
-        ``V' b``.
-    """
-
-    def __init__(self, axes: _Axes, precision: Floats, pull: Floats) -> None:
-        self.axes = axes
-        self.root = np.sqrt(precision)
-        self.centre = pull / self.root
-        self.log_volume = np.log(self.root).sum(axis=1) + axes.log_volume
-        self.pull_squared = np.einsum("wi,wi->w", self.centre, self.centre)
-        self.usable: Bools = np.isfinite(self.log_volume + self.pull_squared)
-        if not self.usable.all():
-            self.root[~self.usable], self.centre[~self.usable] = 1.0, 0.0
-
-    def whiten(self, x: Floats) -> Floats:
-        return np.asarray((x @ self.axes.inverse.T) * self.root - self.centre)
-
-    def colour(self, v: Floats) -> Floats:
-        return np.asarray(((v + self.centre) / self.root) @ self.axes.vectors.T)
-
-
 # There are thousands of small systems. A loop over their rows, each step for all systems at once, is several times
 # as fast as LAPACK one system after the other.
 class Systems:
-    """Normal distributions with precisions of their own.
+    """Normal distributions of ``w - w0``, one for each of W values of the noise.
 
     Parameters
     ----------
     factor : ndarray, shape (m + 1, m, W)
         Lower ``L`` with ``H = L L'``, and ``L**-1 b`` as its last row; that of the identity where it is not usable.
     usable : ndarray of bool, shape (W,)
+        Whether there is one; where not, `whiten` and `colour` leave finite numbers as they may be.
+
+    Attributes
+    ----------
+    log_volume : ndarray, shape (W,)
+        ``ln |H|/2``.
+    pull_squared : ndarray, shape (W,)
+        ``b' H**-1 b``.
     """
 
     def __init__(self, factor: Floats, usable: Bools) -> None:
@@ -333,9 +197,11 @@ class Systems:
         return Systems(factor, usable), total[-1, -1]
 
     def whiten(self, x: Floats) -> Floats:
+        """Standard normal coordinates of points ``w - w0``, shape (W, m)."""
         return np.asarray(np.einsum("jiw,jw->wi", self.factor[:-1], x.T) - self.factor[-1].T)
 
     def colour(self, v: Floats) -> Floats:
+        """Points ``w - w0`` at standard normal coordinates, shape (W, m)."""
         x = v.T + self.factor[-1]
         for i in reversed(range(len(x))):
             x[i] /= self.factor[i, i]

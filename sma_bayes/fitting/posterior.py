@@ -163,12 +163,6 @@ class Posterior:
         """Bottom of the observed range of a channel of a record, and its width [unit of the channel]."""
         return self._range[record][channel]
 
-    @property
-    def near_least_squares(self) -> bool:
-        """Whether the mode is all but the least-squares optimum: nothing beside the curve but noise without memory."""
-        alone = not (self.noise.autocorrelated or self.noise.feels_temperature or self.has_discrepancy)
-        return alone and self.noise.is_plain
-
     def linearised(self, z: Floats) -> LinearisedPosterior:
         """The posterior about a point (D,), its response linearised there."""
         from sma_bayes.fitting.abilities import LinearisedPosterior  # which stands on this module

@@ -28,8 +28,6 @@ ITERATIONS = 8
 """Of Newton's method for the parameters behind predictions, at most."""
 TOLERANCE = 1e-8
 """Step of Newton's method, in prior sds, after which no other is made; the next would be about its square."""
-PIVOT = 1e-3
-"""Least pivot, as a share of the greatest, with which elimination goes without changing rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +55,6 @@ class PredictiveCoordinates:
     _width: Floats = field(init=False, repr=False)
     _start: Floats = field(init=False, repr=False)
     _slope: Floats = field(init=False, repr=False)
-    _log_slope: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -65,7 +62,6 @@ class PredictiveCoordinates:
         value, jacobian = self._evaluate(self.centre[None, : self.count])
         set_(self, "_start", value[0])
         set_(self, "_slope", np.linalg.inv(jacobian[0]))
-        set_(self, "_log_slope", float(np.linalg.slogdet(self._slope)[1]))
 
     @property
     def count(self) -> int:
@@ -145,32 +141,13 @@ class PredictiveCoordinates:
         """Derivative of the model's coordinates ``z`` with respect to those of this map, at the centre (m, m)."""
         return self._slope
 
-    @np.errstate(all="ignore")  # what can't be solved is left out by who asks
     def _solve(self, slope: Floats, right: Floats) -> tuple[Floats, Floats]:
-        """Solutions (W, m) of systems with derivatives (W, m, m) on the left, and ``ln |det|`` of these (W,).
-
-        Multiplied by its inverse at the centre a derivative is not far from the unit matrix, and elimination needs no
-        change of rows, so that each step can be made for all systems at once. Where it would, LAPACK does it.
-        """
-        m = self.count
-        left = np.ascontiguousarray(np.moveaxis(slope @ self._slope, 0, -1))
-        y = right.T.copy()
-        pivots = np.empty_like(y)
-        for k in range(m):
-            pivots[k] = left[k, k]
-            share = left[k + 1 :, k] / pivots[k]
-            left[k + 1 :, k + 1 :] -= share[:, None] * left[k, k + 1 :]
-            y[k + 1 :] -= share * y[k]
-        for k in reversed(range(m)):
-            y[k] /= pivots[k]
-            y[:k] -= left[:k, k] * y[k]
-        x = y.T @ self._slope.T
-        log_determinant = np.log(np.abs(pivots)).sum(axis=0) - self._log_slope
-        size = np.abs(pivots)
-        poor = ~(size.min(axis=0) > PIVOT * size.max(axis=0)) & np.isfinite(slope).all(axis=(1, 2))
-        for w in np.flatnonzero(poor):
-            log_determinant[w] = np.linalg.slogdet(slope[w])[1]
-            x[w] = np.linalg.solve(slope[w], right[w]) if np.isfinite(log_determinant[w]) else np.nan
+        """Solutions (W, m) of systems with derivatives (W, m, m) on the left, and ``ln |det|`` of these (W,)."""
+        with np.errstate(all="ignore"):  # what can't be solved is left out by who asks
+            log_determinant = np.linalg.slogdet(slope)[1]
+        usable = np.isfinite(log_determinant)
+        x = np.full_like(right, np.nan)
+        x[usable] = np.linalg.solve(slope[usable], right[usable, :, None])[..., 0]
         return x, log_determinant
 
     def forward(self, z: Floats) -> tuple[Floats, Floats, Bools]:

@@ -108,11 +108,6 @@ class NoiseModel(ABC):
         """Whether the error of the thermometer is a parameter; see `sma_bayes.noise.temperature_error`."""
         return False
 
-    @property
-    def is_plain(self) -> bool:
-        """Whether all samples have the same standard deviation."""
-        return True
-
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
         """Facts about the parameters of one channel, ``sd`` first.
 

@@ -61,11 +61,6 @@ class Wrapped(OfSeries):
         """As the series."""
         return self.series.feels_temperature
 
-    @property
-    def is_plain(self) -> bool:
-        """As the series."""
-        return self.series.is_plain
-
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
         return self.series.parameters(channel, unit, time_unit)
 
@@ -129,11 +124,6 @@ class Growing(Wrapped):
 
     suffix = "growing"
     clause = " that grows with the response"
-
-    @property
-    def is_plain(self) -> bool:
-        """It is not."""
-        return False
 
     def parameters(self, channel: str, unit: str, time_unit: str) -> tuple[ParameterSpec, ...]:
         growth = ParameterSpec(

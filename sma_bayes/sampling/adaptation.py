@@ -25,22 +25,11 @@ from sma_bayes.sampling.weighted import LEAST, ImportanceSample, Weights, temper
 
 DRAWS = 500
 """Importance draws of one round."""
-SHELVED = 4 * DRAWS
-"""Those where the density is shelved: of a shelf a few tell nothing."""
 FIRST = 256
 """Those of a first look at a proposal as linearising gives it."""
-LINEAR, EVEN = 0.92, 2.0
-"""Efficiency of a first look at which no other coordinates are looked at, or the greatest weight, in mean weights.
-
-Where the response is linear the efficiency is 0.94, but 0.90 to 0.95 by how many draws happen to be wide; the greatest
-weight is 1.3 to 2.1. Where the response is bent and a look is as efficient, the greatest weight is 2.3 and more."""
-FAIR = 0.8
-"""Efficiency that does, too, where no parameter is led by the prior: one that is lies on a ridge, which may bend far
-beyond what a few draws show."""
-BETTER = 1.02
-"""Gain in efficiency, with the same draws, for which other coordinates are taken, whose draws cost more."""
-HELD = 100.0
-"""Draws for which the covariance that linearising gave counts beside those of a round."""
+LINEAR = 0.92
+"""Efficiency of a first look at which no other coordinates are looked at: 0.94 where the response is linear, but for
+chance."""
 ROUNDS = 6
 """Greatest number of rounds for one set of coordinates."""
 GOOD = 0.7
@@ -68,10 +57,6 @@ class Adapted:
         what the proposal would hardly ever draw shows there, not in its own draws. Zero where there are none.
     acceptance : float
         Share of independence moves from such draws that would be accepted; not a number where there are none.
-    own : bool
-        Whether the last round was drawn from this proposal, not from one before it was fitted once more.
-    spare : int
-        Draws at the end of the last round that were made so that a run may have them as its first proposals.
     """
 
     proposal: AnyProposal
@@ -79,8 +64,6 @@ class Adapted:
     evaluations: int
     greatest_seen: float = 0.0
     acceptance: float = math.nan
-    own: bool = True
-    spare: int = 0
 
     @property
     def weights(self) -> Weights:
@@ -131,18 +114,6 @@ def adapt(density: Density, modes: Sequence[Mode], rng: np.random.Generator) -> 
     return found if isinstance(density, Linearisable) else _looked_around(density, found, rng)
 
 
-@np.errstate(all="ignore")  # where the density is zero nothing of this is a number, and it is not good
-def screen_proposal(
-    density: Density, linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0
-) -> Adapted | None:
-    """Proposal as linearising a density at a mode, or near one, gives it, and draws that tell how good it is.
-
-    Where it is all but sure to be good, `ahead` more draws are made at once, for a run that begins with it. None where
-    nothing can be linearised.
-    """
-    return _looked_at(density, linearised, mode, rng, ahead)[1]
-
-
 def first_proposal(linearised: Linearised, mode: Mode, rng: np.random.Generator) -> Proposal | None:
     """Proposal in the first coordinates in which linearising a density at a mode gives one; None where none does."""
     for coordinates, narrow in linearised.proposals(mode.covariance, rng):
@@ -169,62 +140,49 @@ def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
         wider = replace(adapted.proposal, parts=parts)
     else:
         wider = replace(adapted.proposal, share=share)
-    return replace(adapted, proposal=wider, own=False, spare=0)
+    return replace(adapted, proposal=wider)
 
 
 def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapted:
     linearised = linearised_at(density, mode.z)
-    if linearised is None:
+    looks = [] if linearised is None else _screened(density, linearised, mode, rng)
+    if not looks:
         return _adapt_plain(density, mode, rng)
-    proposals, best = _looked_at(density, linearised, mode, rng)
-    if best is None:
-        return _adapt_plain(density, mode, rng)
-    if best.good:
-        # what a fit to draws would learn of the density is less than what it would lose by chance
-        return best
-    evaluations = best.evaluations
-    fitted: list[Adapted] = []
-    draws = SHELVED if linearised.shelved else DRAWS
-    for proposal in proposals:
-        fitted.append(_refine(density, proposal, rng, draws, HELD))
+    proposal, last = looks[0]
+    best = Adapted(proposal, last, 0)
+    evaluations = FIRST * len(looks)
+    if not best.good:  # what a fit to draws learns of a good one is less than what it would lose by chance
+        fitted: list[Adapted] = []
+        for proposal, _ in looks:
+            fitted.append(_refine(density, proposal, rng, DRAWS))
+            if fitted[-1].good:
+                break
         best = max(fitted, key=lambda f: f.weights.efficiency)
-        if best.good:
+        evaluations += sum(f.evaluations for f in fitted)
+    return replace(best, evaluations=evaluations)
+
+
+def _screened(
+    density: Density, linearised: Linearised, mode: Mode, rng: np.random.Generator
+) -> list[tuple[Proposal, ImportanceSample]]:
+    """Proposals as linearising gives them, best first, each with a few draws.
+
+    Other coordinates are looked at where those before do not do. What is drawn is the same in all of them, so that
+    they can be compared.
+    """
+    wide, seed = _wide(mode), rng.integers(2**63)
+    looks: list[tuple[Proposal, ImportanceSample]] = []
+    for coordinates, narrow in linearised.proposals(mode.covariance, rng):
+        proposal = Proposal(coordinates, narrow, wide)
+        looks.append((proposal, weigh(density, proposal, np.random.default_rng(seed), FIRST)))
+        if looks[-1][1].weights.efficiency >= LINEAR:
             break
-    return replace(best, evaluations=evaluations + sum(f.evaluations for f in fitted))
+    return sorted(looks, key=lambda look: -look[1].weights.efficiency)
 
 
 def _wide(mode: Mode) -> StudentMixture:
     """Component about a mode with twice its standard deviations, and heavy tails."""
     return StudentMixture.from_covariances(np.ones(1), mode.z[None], 4.0 * mode.covariance[None], 4.0)
-
-
-def _looked_at(
-    density: Density, linearised: Linearised, mode: Mode, rng: np.random.Generator, ahead: int = 0
-) -> tuple[list[Proposal], Adapted | None]:
-    """Proposals as linearising gives them, best first, and a few draws of the best; None where there is no proposal.
-
-    Other coordinates are looked at where those before do not do. What is drawn is the same in all of them, so that
-    they can be compared.
-    """
-    wide = _wide(mode)
-    determined = linearised.determined(mode.covariance)
-    enough = FAIR if determined else LINEAR
-    spare = ahead if determined and not linearised.joint else 0
-    size = FIRST + spare
-    seed = rng.integers(2**63)
-    best: Adapted | None = None
-    proposals: list[Proposal] = []
-    for coordinates, narrow in linearised.proposals(mode.covariance, rng):
-        proposal = Proposal(coordinates, narrow, wide)
-        last = weigh(density, proposal, np.random.default_rng(seed), size)
-        better = best is None or last.weights.efficiency > BETTER * best.weights.efficiency
-        proposals.insert(0 if better else len(proposals), proposal)
-        if better:
-            best = Adapted(proposal, last, size, spare=spare)
-            weights = best.weights
-            if best.carries and (weights.efficiency >= enough or weights.greatest <= EVEN):
-                break
-    return proposals, None if best is None else replace(best, evaluations=size * len(proposals))
 
 
 def _adapt_plain(density: Density, mode: Mode, rng: np.random.Generator) -> Adapted:
@@ -268,9 +226,7 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
     return replace(adapted, evaluations=evaluations, greatest_seen=met.greatest_seen)
 
 
-def _refine(
-    density: Density, proposal: Proposal, rng: np.random.Generator, draws: int, held: float = 0.0
-) -> Adapted:
+def _refine(density: Density, proposal: Proposal, rng: np.random.Generator, draws: int) -> Adapted:
     """Rounds of importance draws until the efficiency is good or stays, each fitting the proposal anew.
 
     A single component that is good is fitted once more, to all draws so far, which costs no evaluation. Several
@@ -294,11 +250,11 @@ def _refine(
         if (worse >= 2 and not good) or (good and several):
             break
         rounds.add(last, u, back, alone=several)
-        fitted = rounds.fit(proposal, held)
+        fitted = rounds.fit(proposal)
         if fitted is None:
             break
         if good:
-            return Adapted(fitted, last, evaluations, own=False)
+            return Adapted(fitted, last, evaluations)
         proposal = fitted
     return replace(best, evaluations=evaluations)
 
@@ -325,7 +281,7 @@ class _Rounds:
         # draws of a good proposal count for more
         self.weight.append(back[usable] * weight / np.sum(weight**2))
 
-    def fit(self, proposal: Proposal, held: float) -> Proposal | None:
+    def fit(self, proposal: Proposal) -> Proposal | None:
         """The proposal fitted to all draws; None where they are too few."""
         if sum(map(len, self.z)) < 2 * proposal.wide.dimension:
             return None
@@ -333,7 +289,7 @@ class _Rounds:
         if weight.sum() <= 0:
             return None
         weight = weight / weight.sum()
-        narrow = proposal.narrow.refitted(u, weight, rounds=3, held=held)
+        narrow = proposal.narrow.refitted(u, weight, rounds=3)
         return replace(proposal, narrow=narrow, wide=_widened(proposal.wide, z, weight))
 
 

@@ -89,29 +89,10 @@ class Linearised(ABC):
         """
         return None
 
-    def determined(self, covariance: Floats) -> bool:
-        """Whether no parameter of the response is led by the prior, where the density has a covariance (D, D)."""
-        return True
-
-    @property
-    def joint(self) -> bool:
-        """Whether it joins several data sets, each of which may bend it."""
-        return False
-
-    @property
-    def shelved(self) -> bool:
-        """Whether it goes on, nearly level, to where a parameter does nothing: of that linearising tells little."""
-        return False
-
 
 @runtime_checkable
 class Linearisable(Density, Protocol):
     """A density whose response can be linearised."""
-
-    @property
-    def near_least_squares(self) -> bool:
-        """Whether the least-squares optimum of the response is so near the mode that nothing is gained by going on."""
-        ...
 
     def linearised(self, z: Floats) -> Linearised:
         """The density linearised at a point (D,)."""

@@ -25,7 +25,6 @@ import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -35,11 +34,9 @@ from emcee.state import State
 from sma_bayes.arrays import Floats
 from sma_bayes.sampling.adaptation import (
     GREATEST_SHARE,
-    LINEAR,
     USABLE,
     Adapted,
     adapt,
-    screen_proposal,
     with_wide_share,
 )
 from sma_bayes.sampling.audit import Audit, Audited, audited, reaching_further
@@ -48,7 +45,7 @@ from sma_bayes.sampling.checkpoint import Checkpoint, StepBlock
 from sma_bayes.sampling.convergence import PUBLISHED, Convergence, Target, assess
 from sma_bayes.sampling.density import Density, Linearisable
 from sma_bayes.sampling.ensemble_sampler import EnsembleSampler
-from sma_bayes.sampling.laplace import Mode, find_mode, laplace_at
+from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.moves import (
     SAMPLERS,
     IndependenceMove,
@@ -57,7 +54,7 @@ from sma_bayes.sampling.moves import (
     differential_evolution,
 )
 from sma_bayes.sampling.refitting import adapt_to_draws
-from sma_bayes.sampling.weighted import ImportanceSample, Weights
+from sma_bayes.sampling.weighted import Weights
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +152,8 @@ MENDINGS = 3
 """How often a proposal that does not pass its audit is mended."""
 BRIDGED, FEWEST = 8000, 500
 """Draws, at most and at least, from which the evidence is bridged."""
-EXPLORED_BLOCKS, TRIED_AT = 4, (1, 2, 4)
-"""Blocks of steps that explore, at most, and after which of them a proposal is fitted to what they have met."""
+EXPLORED_BLOCKS = 4
+"""Blocks of steps that explore, at most."""
 EXPLORED_RHAT = 1.05
 """R-hat at which walkers have explored."""
 EXPLORED_TIMES, SEEN_TIMES, MIXED_TIMES = 10.0, 1.0, 20.0
@@ -171,8 +168,6 @@ further."""
 LONGEST = 384
 """Steps of independence moves, at most. Of skewed parameters the outer quantiles take some thirty thousand draws, which
 other moves would take a hundred times as long to make."""
-HEAVIER_FROM = 48
-"""Steps from which the greatest weight that is let pass grows with their number."""
 DRAWS_PER_EFFECTIVE = 1.37
 """Draws that must count for each effective one that is asked for, so that the first block of steps mostly does: each of
 some thirty effective sample sizes is an estimate, and the least of them decides."""
@@ -220,19 +215,7 @@ def sample(
     progress : callable, optional
         Told in a few words what is going on.
     """
-    _keep_freed_memory()
     return _Run(density, width, seed, plan or Plan(), checkpoint, fingerprint, progress).go(starts)
-
-
-@cache
-def _keep_freed_memory() -> None:
-    """Have the C library hand freed memory out again instead of giving it back to the system.
-
-    glibc gives back what is free beyond twice the largest block so far that it had by itself from the system, and
-    arrays of half a megabyte, asked for and freed thousands of times, then cost more than what is done with them.
-    An array of 16 MB that nobody writes to takes no memory. With other C libraries it does nothing.
-    """
-    np.empty(1 << 21)
 
 
 def _steps_hoped(efficiency: float, chains: int, plan: Plan) -> int:
@@ -302,11 +285,10 @@ class _Run:
             self.seed.spawn(9)
         )
         by_hand = self.plan.sampler
+        modes, adapted = self._at_the_modes(starts, first)
         if by_hand.moves is not None:
-            modes, adapted = self._at_the_modes(starts, first)
             moves = by_hand.moves(self.width.size)
             return self._by_moves(by_hand.title, moves, adapted, modes, groups_seed)
-        modes, adapted = self._near_a_mode(starts, first) or self._at_the_modes(starts, first)
         if adapted.carries:
             draws = self._audited_independence("independence", adapted, modes, run_first)
             if draws is not None:
@@ -319,29 +301,6 @@ class _Run:
                 return draws
         seeds_of_groups = groups_seed.spawn(self.plan.groups)
         return self._explore(adapted, modes, np.random.default_rng(explore_seed), seeds_of_groups)
-
-    def _near_a_mode(
-        self, starts: Sequence[Floats] | Sequence[Mode], seed: np.random.SeedSequence
-    ) -> tuple[tuple[Mode, ...], Adapted] | None:
-        """A least-squares optimum and the proposal linearised there; None where a look does not find it good.
-
-        Where noise has no memory that optimum is so near the mode that climbing to it makes no better proposal.
-        """
-        density = self.density
-        if len(starts) != 1 or not isinstance(density, Linearisable) or not density.near_least_squares:
-            return None
-        (start,) = starts
-        if isinstance(start, Mode):
-            return None
-        linearised = density.linearised(start)
-        mode = laplace_at(linearised, self.width)
-        chains = self.plan.groups * self.walkers
-        ahead = chains * _steps_hoped(LINEAR, chains, self.plan)
-        adapted = screen_proposal(density, linearised, mode, np.random.default_rng(seed), ahead)
-        if adapted is None:
-            return None
-        self.evaluations += adapted.evaluations
-        return ((mode,), adapted) if adapted.good else None
 
     def _at_the_modes(
         self, starts: Sequence[Floats] | Sequence[Mode], seed: np.random.SeedSequence
@@ -429,24 +388,24 @@ class _Run:
         plan = self.plan
         more = _steps_hoped(adapted.weights.efficiency, plan.groups * self.walkers, plan)
         group = _Ensemble(self, name, adapted, seed, None, more, copies=plan.groups)
-        let_pass = 0.0
-        # a great weight calls for an audit at once; after one that is passed they go on
+        let_pass = (
+            plan.greatest_weight
+        )  # a greater one calls for an audit at once; after one that is passed they go on
         while group.length < LONGEST and not (group.length and self.spent):
             self.tell(f"independence moves, from step {group.length + 1}")
             group.advance(more)
             weights = Weights(group.log_weight)
-            most = max(plan.greatest_weight * max(1.0, group.length / HEAVIER_FROM), let_pass)
             if weights.efficiency < USABLE:
                 return None
             convergence = assess(group.chains, plan.target)
-            if convergence.converged or weights.greatest > most:
+            if convergence.converged or weights.greatest > let_pass:
                 z = group.chain.reshape(-1, self.width.size)
                 rng = np.random.default_rng(self.audit_seed)
                 found = audited(self.density, adapted.proposal, group.log_weight, z, self.width, rng)
                 self.evaluations += found.evaluations
                 if not found.audit.passed:
                     return found
-                let_pass = 2.0 * weights.greatest
+                let_pass = max(let_pass, 2.0 * weights.greatest)
                 if convergence.converged:
                     return self._draws([group], 0, convergence, modes, method, found.evidence, found.audit)
             more = _steps_lacking(convergence, group.length, plan)
@@ -500,7 +459,7 @@ class _Run:
             if self.spent:
                 break
             explored = assess(np.concatenate([g.chains[:, half:] for g in groups]), enough).converged
-            if not (explored and block in TRIED_AT) and block < EXPLORED_BLOCKS:
+            if not explored and block < EXPLORED_BLOCKS:
                 continue
             fitted = adapt_to_draws(self.density, z, modes, rng)
             self.evaluations += fitted.evaluations
@@ -629,18 +588,13 @@ class _Ensemble:
             if independence > 0.0:
                 chosen.append((self.move, independence))
         self.sampler = EnsembleSampler(self.walkers, run.width.size, run.log_prob, chosen)
-        self._ready: ImportanceSample | None = None  # proposals of the first block, if they have been made
-        self._log_q: Floats | None = None  # log density of the proposal at the starts, if it is known
         start_seed, chain_seed = seed.spawn(2)
         self.sampler.seed_stream(chain_seed)
         if modes:
             coords, log_prob = self._dispersed(adapted, np.random.default_rng(start_seed), modes)
         elif start is None:
-            last, ready = adapted.last.split(len(adapted.last.z) - adapted.spare)
-            self._ready = ready if adapted.spare else None
-            chosen_starts = last.chosen(copies, run.walkers, np.random.default_rng(start_seed))
-            coords, log_prob, log_q = (np.concatenate(each) for each in chosen_starts)
-            self._log_q = log_q if adapted.own else None
+            chosen_starts = adapted.last.chosen(copies, run.walkers, np.random.default_rng(start_seed))
+            coords, log_prob = (np.concatenate(each) for each in chosen_starts)
         else:
             coords, log_prob = start, run.log_prob(start)
         # without a state of random numbers those of the sampler go on
@@ -688,8 +642,7 @@ class _Ensemble:
         self.state = State(block.chain[-1], log_prob=block.log_prob[-1], random_state=block.random_state)
 
     def _sample(self, steps: int) -> StepBlock:
-        known = (None, None) if self._blocks else (self._log_q, self._ready)
-        self.move.start_block(self.state.coords, *known)
+        self.move.start_block()
         self.move.log_weights.clear()
         self.sampler.reset()
         before = self.run.evaluations

@@ -28,15 +28,14 @@ against its promise tells how much is left. On a bend the two may agree by chanc
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mode:
-    """A local maximum, or a point near one (`laplace_at`).
+    """A local maximum.
 
     Attributes
     ----------
     z : ndarray, shape (D,)
     log_prob : float
-        Not a number where it was not asked for.
     covariance : ndarray, shape (D, D)
-        Inverse of the negative Hessian, or of the information, floored so that no direction is wider than the prior.
+        Inverse of the negative Hessian, floored so that no direction is wider than the prior.
     evaluations : int
     """
 
@@ -44,14 +43,6 @@ class Mode:
     log_prob: float
     covariance: Floats
     evaluations: int
-
-
-def laplace_at(linearised: Linearised, width: Floats) -> Mode:
-    """Normal approximation at a point near a mode, by the response linearised there; `width` is that of `find_mode`.
-
-    The density there is not asked for.
-    """
-    return Mode(linearised.z, np.nan, _covariance(linearised, width), 0)
 
 
 def find_mode(density: Density, start: Floats, width: Floats, *, steps: int = 40) -> Mode | None:

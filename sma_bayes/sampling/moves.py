@@ -38,29 +38,20 @@ class _Proposing(Move):  # type: ignore[misc]
         self.log_weights: list[Floats] = []
         self.start_block()
 
-    def start_block(
-        self, coords: Floats | None = None, log_q: Floats | None = None, ready: ImportanceSample | None = None
-    ) -> None:
-        """Forget what is left of the last batch, so that a block does not depend on how the run got here.
-
-        Where the log density `log_q` (W,) of the proposal is known at `coords` (W, D), it is not worked out again.
-        Draws of the proposal that are `ready`, as many for each walker, are the first of the next batch.
-        """
+    def start_block(self) -> None:
+        """Forget what is left of the last batch, so that a block does not depend on how the run got here."""
         self._ahead: list[Any] = []  # what is left of it, a step each
-        self._ready = [] if ready is None else [ready]
-        self._coords = None if log_q is None else coords
-        self._log_q: Floats = np.empty(0) if log_q is None else log_q
+        self._coords: Floats | None = None
+        self._log_q: Floats = np.empty(0)
 
     def _batch(self, model: Any, walkers: int) -> tuple[Floats, Floats, Floats]:
         """Proposals of all steps (S, W, D), their log-probability and the log density of their proposal (S, W)."""
-        parts, self._ready = self._ready, []
-        lacking = walkers * self.steps - sum(len(part.z) for part in parts)
-        if lacking > 0:
-            # what legacy streams draw takes three times as long
-            seed = model.random.randint(1 << 32, size=4, dtype=np.uint64)
-            z, log_q = self.proposal.draw(np.random.Generator(np.random.PCG64(seed)), lacking)
-            parts.append(ImportanceSample.of(model.log_prob_fn, z, log_q))
-        drawn = parts[0] if len(parts) == 1 else ImportanceSample.joined(parts)
+        # what legacy streams draw takes three times as long
+        seed = model.random.randint(1 << 32, size=4, dtype=np.uint64)
+        drawn = ImportanceSample.of(
+            model.log_prob_fn,
+            *self.proposal.draw(np.random.Generator(np.random.PCG64(seed)), walkers * self.steps),
+        )
         self.log_weights.append(drawn.log_weight)
         shape = (self.steps, walkers)
         return drawn.z.reshape(*shape, -1), drawn.log_prob.reshape(shape), drawn.log_q.reshape(shape)

@@ -129,7 +129,7 @@ class StudentMixture:
         parts[~np.isfinite(parts).any(axis=1)] = 0.0
         return np.asarray(np.exp(parts - _log_sum(parts)[:, None]))
 
-    def refitted(self, x: Floats, weight: Floats, *, rounds: int, held: float = 0.0) -> StudentMixture:
+    def refitted(self, x: Floats, weight: Floats, *, rounds: int) -> StudentMixture:
         """Fit to weighted points by expectation-maximisation; components that lose their points are dropped.
 
         Parameters
@@ -139,11 +139,9 @@ class StudentMixture:
             Importance weights that sum to one.
         rounds : int
             Iterations.
-        held : float
-            Number of draws for which the scale matrix before counts, where there is a single component.
         """
         if len(self.weight) == 1:
-            return self._refitted_alone(x, weight, rounds, held)
+            return self._refitted_alone(x, weight, rounds)
         mixture = self
         for _ in range(rounds):
             share = mixture._shares(x) * weight[:, None]
@@ -157,13 +155,12 @@ class StudentMixture:
             mixture = StudentMixture(w / w.sum(), np.stack(means), roots, self.df)
         return mixture
 
-    def _refitted_alone(self, x: Floats, weight: Floats, rounds: int, held: float) -> StudentMixture:
+    def _refitted_alone(self, x: Floats, weight: Floats, rounds: int) -> StudentMixture:
         """Fit of a single component, its degrees of freedom too (ECME; Liu and Rubin 1995, Statistica Sinica 5, 19)."""
         d, df = self.dimension, self.df
         effective = 1.0 / float(weight @ weight)
         if effective < 2.0 * d:
             return self
-        before = self.root[0] @ self.root[0].T
         mean = weight @ x
         centred = x - mean
         root, distance = self.root[0], self._distance(x, 0)
@@ -171,8 +168,7 @@ class StudentMixture:
             if effective >= TAILS_FROM_SHARE * len(x):
                 df = _likeliest_df(distance, weight, d)
             tail = (df + d) / (df + distance) * weight
-            scale = (centred * tail[:, None]).T @ centred
-            root = _root((effective * scale + held * before) / (effective + held))
+            root = _root((centred * tail[:, None]).T @ centred)
             y = centred @ np.linalg.inv(root).T
             distance = np.einsum("ij,ij->i", y, y)
         return StudentMixture(self.weight, mean[None], root[None], df)
@@ -224,10 +220,10 @@ class FactorisedMixture:
             total += part.log_density(x[:, block])
         return total
 
-    def refitted(self, x: Floats, weight: Floats, *, rounds: int, held: float = 0.0) -> FactorisedMixture:
+    def refitted(self, x: Floats, weight: Floats, *, rounds: int) -> FactorisedMixture:
         """Fit each block to weighted points, shape (W, D)."""
         parts = tuple(
-            part.refitted(x[:, block], weight, rounds=rounds, held=held)
+            part.refitted(x[:, block], weight, rounds=rounds)
             for block, part in zip(self.blocks, self.parts, strict=True)
         )
         return FactorisedMixture(self.blocks, parts)

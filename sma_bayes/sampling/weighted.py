@@ -82,12 +82,6 @@ class ImportanceSample:
             log_prob[usable] = density(z[usable])
         return ImportanceSample(z, log_prob, log_q)
 
-    @staticmethod
-    def joined(parts: Sequence[ImportanceSample]) -> ImportanceSample:
-        """Draws of one proposal that were made one after the other."""
-        z, log_prob, log_q = zip(*((p.z, p.log_prob, p.log_q) for p in parts), strict=True)
-        return ImportanceSample(np.concatenate(z), np.concatenate(log_prob), np.concatenate(log_q))
-
     @cached_property
     def log_weight(self) -> Floats:
         """Log of density over proposal, shape (n,)."""
@@ -99,20 +93,12 @@ class ImportanceSample:
         """Density over proposal."""
         return Weights(self.log_weight)
 
-    def split(self, count: int) -> tuple[ImportanceSample, ImportanceSample]:
-        """The first so many draws, and the rest."""
-        first, rest = (
-            ImportanceSample(self.z[part], self.log_prob[part], self.log_q[part])
-            for part in (slice(count), slice(count, None))
-        )
-        return first, rest
-
-    def chosen(self, groups: int, size: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-        """Points (groups, size, D) by weight, each group's out of a share of its own, `log_prob` and `log_q` there."""
+    def chosen(self, groups: int, size: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Points (groups, size, D) by weight, each group's out of a share of its own, and `log_prob` there."""
         count = len(self.z) // groups
         shares = self.log_weight[: count * groups].reshape(count, groups)
         at = (groups * resampled_columns(shares, size, rng) + np.arange(groups)).T
-        return self.z[at], self.log_prob[at], self.log_q[at]
+        return self.z[at], self.log_prob[at]
 
 
 def tempered(weights: Weights) -> Floats:

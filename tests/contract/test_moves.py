@@ -17,7 +17,6 @@ import sma_bayes
 from sma_bayes.sampling.convergence import ess_bulk
 from sma_bayes.sampling.moves import IndependenceMove, MultipleProposalMove, differential_evolution
 from sma_bayes.sampling.proposals import MixedProposal, PlainCoordinates, Proposal, StudentMixture
-from sma_bayes.sampling.weighted import ImportanceSample
 
 WALKERS = 64
 ENSEMBLES = 20
@@ -57,13 +56,6 @@ def multiple(make: Callable[[int], Proposal | MixedProposal], steps: int):
     return lambda d: [(MultipleProposalMove(make(d), steps), 1.0)]
 
 
-def begun(d: int):
-    """Five of six proposals are there before the first step."""
-    move = MultipleProposalMove(poor(d), 60)
-    move.start_block(ready=ImportanceSample.of(gaussian, *move.proposal.draw(STREAM, 50 * WALKERS)))
-    return [(move, 1.0)]
-
-
 def both_kinds(d: int):
     evolution = [(move, 0.5 * share) for move, share in differential_evolution(d)]
     return [*evolution, (IndependenceMove(good(d), 16), 0.5)]
@@ -76,7 +68,6 @@ MOVES = {
     "multiple proposals": (multiple(good, 7), 7, 210),
     "multiple proposals of a poor kind": (multiple(poor, 5), 3, 300),
     "multiple proposals of a mixed kind": (multiple(mixed, 12), 4, 204),
-    "multiple proposals that are ready": (begun, 3, 60),
     "one proposal of as many": (multiple(good, 1), 3, 200),
     "differential evolution": (differential_evolution, 7, 300),
     "both kinds": (both_kinds, 7, 200),
@@ -156,26 +147,6 @@ def test_proposals_are_evaluated_in_batches() -> None:
         sizes.clear()
         ensemble(moves, 3, 32, 0, counted)
         assert sizes == [WALKERS, 16 * WALKERS, 16 * WALKERS]
-
-
-@pytest.mark.parametrize("kind", [IndependenceMove, MultipleProposalMove])
-@pytest.mark.parametrize("ready", [5, 8])
-def test_proposals_that_are_ready_are_not_made_again(kind, ready: int) -> None:
-    """Only what lacks is evaluated, and all count in the weights, those that were ready first."""
-    sizes = []
-
-    def counted(z: np.ndarray) -> np.ndarray:
-        sizes.append(len(z))
-        return gaussian(z)
-
-    move = kind(good(3), 8)
-    made = ImportanceSample.of(gaussian, *move.proposal.draw(np.random.default_rng(0), ready * WALKERS))
-    move.start_block(ready=made)
-    ensemble(lambda _: [(move, 1.0)], 3, 16, 0, counted)
-    assert sizes == [size * WALKERS for size in (1, 8 - ready, 8) if size]
-    weights = np.concatenate(move.log_weights)
-    assert weights.size == 16 * WALKERS
-    np.testing.assert_array_equal(weights[: len(made.z)], made.log_weight)
 
 
 @pytest.mark.parametrize("kind", [IndependenceMove, MultipleProposalMove])

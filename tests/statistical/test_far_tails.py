@@ -12,7 +12,6 @@ hundredth of the posterior; in coordinates of the predictions it is not.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,12 +19,11 @@ from benchmark.problems import Case, Problem
 from scipy.special import logsumexp
 
 from sma_bayes.fitting.posterior import Posterior
-from sma_bayes.fitting.posterior_coordinates import NoiseScaledCoordinates, PredictiveCoordinates
-from sma_bayes.sampling.adaptation import adapt, screen_proposal, weigh
+from sma_bayes.sampling.adaptation import adapt, weigh
 from sma_bayes.sampling.audit import reaching_further
 from sma_bayes.sampling.ensembles import sample
-from sma_bayes.sampling.laplace import Mode, laplace_at
-from sma_bayes.sampling.proposals import AnyProposal, PlainCoordinates, Proposal
+from sma_bayes.sampling.laplace import Mode
+from sma_bayes.sampling.proposals import AnyProposal
 from sma_bayes.sampling.weighted import weighted_quantiles
 
 LEVELS = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
@@ -90,26 +88,3 @@ def test_the_tails_of_a_bent_posterior_are_not_short() -> None:
     level = np.array(levels)[:, None]
     error = np.sqrt(level * (1.0 - level) / 1000.0 / len(shares))
     assert np.abs(np.mean(shares, axis=0) / error).max() < 4.5
-
-
-@pytest.mark.parametrize(("channels", "record", "least", "most"), [("FX", 14, 0, 5), ("S", 12, 11, 20)])
-def test_what_is_bent_is_looked_at_in_predictions_where_the_prior_leads(
-    channels: str, record: int, least: int, most: int
-) -> None:
-    """In the parameters of both a look counts for 80 to 92 %; A1 and B1 of stiffness keep 0.7 of the prior's sd.
-
-    What 256 draws show is chance: of 200 sets 4 % have predictions taken in the one record, 88 % in the other, and
-    which sets these are hangs on where least squares ends. Of 20 sets, over 5 or under 11 are one test in 10,000.
-    """
-    problem = Problem.of(Case(channels, "independent").records()[record], "independent")
-    posterior, width = problem.posterior, problem.posterior.space.prior_sd()
-    linearised = posterior.linearised(problem.start)
-    mode = laplace_at(linearised, width)
-    plain = NoiseScaledCoordinates.about(linearised, PlainCoordinates())
-    looks = [screen_proposal(posterior, linearised, mode, np.random.default_rng(seed)) for seed in range(20)]
-    found = [look.proposal for look in looks if look is not None and isinstance(look.proposal, Proposal)]
-    taken = [proposal.coordinates.inner for proposal in found]
-    assert len(taken) == 20
-    assert least <= sum(isinstance(inner, PredictiveCoordinates) for inner in taken) <= most
-    in_parameters = weigh(posterior, replace(found[0], coordinates=plain), np.random.default_rng(1), 4000)
-    assert 0.8 < in_parameters.weights.efficiency < 0.92

@@ -154,23 +154,3 @@ def test_there_are_no_coordinates_without_parameters(make_record: Callable[..., 
         [make_record(("force",))], NOISE_MODELS["independent"], parse_priors(text, "fixed.toml")
     )
     assert PredictiveCoordinates.at(posterior.linearised(posterior.space.prior_centre())) is None
-
-
-def test_systems_are_solved_as_by_lapack(make_record: Callable[..., Record]) -> None:
-    """Near the derivative at the centre, far from it, where elimination needs other rows, and singular."""
-    posterior, mode = fitted(make_record(("stiffness",)), "independent")
-    predictive = PredictiveCoordinates.at(posterior.linearised(mode.z))
-    assert predictive is not None
-    m, rng = predictive.count, np.random.default_rng(0)
-    at_centre = np.linalg.inv(predictive.model_derivative)
-    near = at_centre @ (np.eye(m) + 0.1 * rng.standard_normal((50, m, m)))
-    turned = np.stack([np.roll(np.eye(m), k, axis=1) for k in range(m)])
-    far = (turned + 1e-9 * rng.standard_normal((m, m, m))) @ at_centre
-    slope, right = np.concatenate([near, far]), rng.standard_normal((50 + m, m))
-    x, log_determinant = predictive._solve(slope, right)
-    expected = np.linalg.solve(slope, right[..., None])[..., 0]
-    scale = np.abs(expected).max(axis=1, keepdims=True)
-    np.testing.assert_allclose(x / scale, expected / scale, atol=1e-6)
-    np.testing.assert_allclose(log_determinant, np.linalg.slogdet(slope)[1], atol=1e-6)
-    singular = np.stack([np.zeros((m, m)), np.full((m, m), np.nan)])
-    assert not np.isfinite(predictive._solve(singular, right[:2])[1]).any()

@@ -118,11 +118,10 @@ def test_points_are_chosen_by_weight_each_group_from_a_share_of_its_own() -> Non
     log_weight = np.where(np.arange(400) % 10 < 5, np.log(3.0), np.log(1.0))
     log_weight[::40] = -np.inf
     drawn = weighed(Weights(log_weight))
-    z, log_prob, log_q = drawn.chosen(4, 90, np.random.default_rng(0))
+    z, log_prob = drawn.chosen(4, 90, np.random.default_rng(0))
     assert (z.shape, log_prob.shape) == ((4, 90, 2), (4, 90))
     number = (z[..., 0] / 2.0).astype(int)
     np.testing.assert_array_equal(log_prob, number - 7.0)
-    np.testing.assert_allclose(log_prob - log_q, log_weight[number], atol=1e-12)
     for group, chosen in enumerate(number):
         assert set(chosen % 4) == {group}
         assert np.isfinite(log_weight[chosen]).all()

@@ -150,16 +150,6 @@ def test_uneven_weights_do_not_tell_degrees_of_freedom() -> None:
     assert one(3, 15.0).refitted(x, weight, rounds=5).df == 15.0
 
 
-def test_a_scale_that_is_held_counts_for_so_many_draws() -> None:
-    """The mean of the two scale matrices, by numbers of draws: 100 that are fitted, 300 for what was before."""
-    x = 4.0 * np.random.default_rng(10).standard_normal((100, 2))
-    weight = np.full(100, 0.01)
-    before = one(2)
-    fitted, held = before.refitted(x, weight, rounds=1), before.refitted(x, weight, rounds=1, held=300.0)
-    squares = [m.root[0] @ m.root[0].T for m in (fitted, before, held)]
-    np.testing.assert_allclose(squares[2], (100.0 * squares[0] + 300.0 * squares[1]) / 400.0)
-
-
 def test_a_component_without_points_is_dropped() -> None:
     x = np.random.default_rng(6).standard_normal((500, 2))
     start = StudentMixture(
