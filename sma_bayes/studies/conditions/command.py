@@ -7,24 +7,13 @@ from typing import Annotated
 
 import typer
 
+from sma_bayes.studies import command_options as opt
 from sma_bayes.studies.command_execution import finish, progress_shown, workers
-from sma_bayes.studies.command_options import (
-    Figures,
-    Jobs,
-    Json,
-    NoFigures,
-    Out,
-    Quiet,
-    Resume,
-    Scheduler,
-    Seed,
-    Verbose,
-)
 
 
 def command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
-    out: Out,
+    out: opt.Out,
     at: Annotated[
         list[str] | None,
         typer.Option(help="A condition to predict, such as current_A=2.2,load_g=150; may be repeated."),
@@ -49,15 +38,15 @@ def command(
             metavar="NAME",
         ),
     ] = None,
-    seed: Seed = 0,
-    jobs: Jobs = None,
-    figures: Figures = "report",
-    no_figures: NoFigures = False,
-    scheduler: Scheduler = None,
-    resume: Resume = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    as_json: Json = False,
+    seed: opt.Seed = 0,
+    jobs: opt.Jobs = None,
+    figures: opt.Figures = "report",
+    no_figures: opt.NoFigures = False,
+    scheduler: opt.Scheduler = None,
+    resume: opt.Resume = False,
+    quiet: opt.Quiet = False,
+    verbose: opt.Verbose = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Tell what current, load, frequency and duty cycle do, and predict conditions that were not measured."""
     from sma_bayes.report.screen import show_text

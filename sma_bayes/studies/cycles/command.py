@@ -7,27 +7,13 @@ from typing import Annotated
 
 import typer
 
+from sma_bayes.studies import command_options as opt
 from sma_bayes.studies.command_execution import finish, working_on
-from sma_bayes.studies.command_options import (
-    Data,
-    Figures,
-    Jobs,
-    Json,
-    Model,
-    NoFigures,
-    Out,
-    Quiet,
-    Resume,
-    Scheduler,
-    Seed,
-    SourceArgument,
-    Verbose,
-)
 
 
 def command(
-    path: SourceArgument,
-    out: Out,
+    path: opt.SourceArgument,
+    out: opt.Out,
     at: Annotated[
         list[str] | None,
         typer.Option(
@@ -40,17 +26,17 @@ def command(
     ] = 0.02,
     probability: Annotated[float, typer.Option(help="Probability with which it is to be stable.")] = 0.9,
     ahead: Annotated[int, typer.Option(help="Cycles to forecast.")] = 10,
-    data: Data = None,
-    seed: Seed = 0,
-    jobs: Jobs = None,
-    model: Model = "modified_sigmoid",
-    figures: Figures = "report",
-    no_figures: NoFigures = False,
-    scheduler: Scheduler = None,
-    resume: Resume = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    as_json: Json = False,
+    data: opt.Data = None,
+    seed: opt.Seed = 0,
+    jobs: opt.Jobs = None,
+    model: opt.Model = "modified_sigmoid",
+    figures: opt.Figures = "report",
+    no_figures: opt.NoFigures = False,
+    scheduler: opt.Scheduler = None,
+    resume: opt.Resume = False,
+    quiet: opt.Quiet = False,
+    verbose: opt.Verbose = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Tell cycle by cycle how sweeps change, by which law, when they are stable, and what later ones will be."""
     from sma_bayes.records.campaign import read_campaign

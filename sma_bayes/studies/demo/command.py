@@ -8,20 +8,8 @@ from typing import Annotated
 
 import typer
 
+from sma_bayes.studies import command_options as opt
 from sma_bayes.studies.command_execution import finish, working_on
-from sma_bayes.studies.command_options import (
-    Figures,
-    Jobs,
-    Json,
-    NoFigures,
-    Noise,
-    Quiet,
-    Resume,
-    Scheduler,
-    Seed,
-    Strict,
-    Verbose,
-)
 
 
 def command(
@@ -32,17 +20,17 @@ def command(
             "--paper", help="The twin of the published campaign instead: 18 records in its own units."
         ),
     ] = False,
-    seed: Seed = 0,
-    jobs: Jobs = None,
-    noise: Noise = "auto",
-    figures: Figures = "report",
-    no_figures: NoFigures = False,
-    scheduler: Scheduler = None,
-    resume: Resume = False,
-    strict: Strict = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    as_json: Json = False,
+    seed: opt.Seed = 0,
+    jobs: opt.Jobs = None,
+    noise: opt.Noise = "auto",
+    figures: opt.Figures = "report",
+    no_figures: opt.NoFigures = False,
+    scheduler: opt.Scheduler = None,
+    resume: opt.Resume = False,
+    strict: opt.Strict = False,
+    quiet: opt.Quiet = False,
+    verbose: opt.Verbose = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Fit measurements of a simulated rig, whose truth is known: no other file, no network."""
     from sma_bayes.paper.twin import twin_campaign

@@ -7,45 +7,29 @@ from typing import Annotated
 
 import typer
 
+from sma_bayes.studies import command_options as opt
 from sma_bayes.studies.command_execution import finish, working_on
-from sma_bayes.studies.command_options import (
-    Data,
-    Figures,
-    Jobs,
-    Json,
-    Model,
-    NoFigures,
-    Out,
-    PoolChoice,
-    Priors,
-    Quiet,
-    Resume,
-    Scheduler,
-    Seed,
-    SourceArgument,
-    Verbose,
-)
 
 
 def command(
-    path: SourceArgument,
-    out: Out,
-    data: Data = None,
-    seed: Seed = 0,
-    jobs: Jobs = None,
-    model: Model = "modified_sigmoid",
-    priors: Priors = None,
+    path: opt.SourceArgument,
+    out: opt.Out,
+    data: opt.Data = None,
+    seed: opt.Seed = 0,
+    jobs: opt.Jobs = None,
+    model: opt.Model = "modified_sigmoid",
+    priors: opt.Priors = None,
     noise: Annotated[
         str, typer.Option(help="Only 'auto': the study estimates the noise by itself.")
     ] = "auto",
-    pool: PoolChoice = "none",
-    figures: Figures = "report",
-    no_figures: NoFigures = False,
-    scheduler: Scheduler = None,
-    resume: Resume = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    as_json: Json = False,
+    pool: opt.PoolChoice = "none",
+    figures: opt.Figures = "report",
+    no_figures: opt.NoFigures = False,
+    scheduler: opt.Scheduler = None,
+    resume: opt.Resume = False,
+    quiet: opt.Quiet = False,
+    verbose: opt.Verbose = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink."""
     from sma_bayes.records.campaign import read_campaign

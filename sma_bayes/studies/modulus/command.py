@@ -8,19 +8,8 @@ from typing import Annotated
 
 import typer
 
+from sma_bayes.studies import command_options as opt
 from sma_bayes.studies.command_execution import finish, working_on
-from sma_bayes.studies.command_options import (
-    Figures,
-    Jobs,
-    Json,
-    NoFigures,
-    Out,
-    Quiet,
-    Resume,
-    Scheduler,
-    Seed,
-    Verbose,
-)
 
 
 def command(
@@ -30,7 +19,7 @@ def command(
             metavar="PATH...", help="Exports of dynamic mechanical analysis of one material: text or XLSX."
         ),
     ],
-    out: Out,
+    out: opt.Out,
     at: Annotated[
         list[str] | None,
         typer.Option(help="A temperature, such as '60 degC', at which to tell moduli; may be repeated."),
@@ -58,15 +47,15 @@ def command(
         str,
         typer.Option(metavar="NAME", help="Response model of the loss modulus; 'auto': the best supported."),
     ] = "auto",
-    seed: Seed = 0,
-    jobs: Jobs = None,
-    figures: Figures = "report",
-    no_figures: NoFigures = False,
-    scheduler: Scheduler = None,
-    resume: Resume = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    as_json: Json = False,
+    seed: opt.Seed = 0,
+    jobs: opt.Jobs = None,
+    figures: opt.Figures = "report",
+    no_figures: opt.NoFigures = False,
+    scheduler: opt.Scheduler = None,
+    resume: opt.Resume = False,
+    quiet: opt.Quiet = False,
+    verbose: opt.Verbose = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Fit storage and loss modulus against temperature, and tell how they shift with frequency (DMTA)."""
     from sma_bayes.studies.modulus.terminal import show_modulus

@@ -7,18 +7,8 @@ from typing import Annotated
 
 import typer
 
+from sma_bayes.studies import command_options as opt
 from sma_bayes.studies.command_execution import finish, progress_shown, workers
-from sma_bayes.studies.command_options import (
-    Figures,
-    Jobs,
-    Json,
-    NoFigures,
-    Quiet,
-    Resume,
-    Scheduler,
-    Seed,
-    Verbose,
-)
 
 
 def command(
@@ -30,15 +20,15 @@ def command(
         list[str] | None,
         typer.Option(help="A temperature, such as '60 degC', at which stiffness is told; may be repeated."),
     ] = None,
-    seed: Seed = 0,
-    jobs: Jobs = None,
-    figures: Figures = "report",
-    no_figures: NoFigures = False,
-    scheduler: Scheduler = None,
-    resume: Resume = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    as_json: Json = False,
+    seed: opt.Seed = 0,
+    jobs: opt.Jobs = None,
+    figures: opt.Figures = "report",
+    no_figures: opt.NoFigures = False,
+    scheduler: opt.Scheduler = None,
+    resume: opt.Resume = False,
+    quiet: opt.Quiet = False,
+    verbose: opt.Verbose = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Tell what the numbers of a fit rest on: prior, data, single sweeps and readings."""
     from sma_bayes.studies.sensitivity.terminal import show_sensitivity
