@@ -10,11 +10,12 @@ from typing import Any
 
 from sma_bayes.account import Account
 from sma_bayes.progress import Progress, silent
-from sma_bayes.report.choice import Drawn, ReportBuilder, ReportOptions
+from sma_bayes.report.choice import Drawn, ReportOptions
 from sma_bayes.runs.documents import FILES, Document, files_beside, sealed
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.schema import DocumentPart
 from sma_bayes.runs.store import nothing_unfinished, write_json
+from sma_bayes.studies.registry import report_builder
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +26,6 @@ class RunContext:
     ----------
     document : Document
         Of its results.
-    build_report : callable
-        Writes the report from what the folder holds.
     jobs : int or None
         See `sma_bayes.runs.jobs.run`.
     drawn : str
@@ -38,7 +37,6 @@ class RunContext:
     """
 
     document: Document
-    build_report: ReportBuilder
     jobs: int | None
     drawn: Drawn
     tell: Progress = silent
@@ -102,7 +100,6 @@ class RunContext:
         return stated
 
     def _report(self, folder: Path) -> None:
+        wanted = ReportOptions(self.drawn, jobs=self.jobs, tell=self.tell, account=self.account)
         with nothing_unfinished(folder):
-            self.build_report(
-                folder, ReportOptions(self.drawn, jobs=self.jobs, tell=self.tell, account=self.account)
-            )
+            report_builder(self.document.verb)(folder, wanted)

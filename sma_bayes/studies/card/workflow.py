@@ -16,7 +16,7 @@ from sma_bayes.errors import MeasurementError, SmaBayesError, many
 from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Branch
-from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.runs.documents import CARD
 from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRun, read_run
@@ -144,19 +144,13 @@ def card(
         seed,
     )
     drawn = figures_for(figures)
-    work = RunContext(CARD, _build_report, None, drawn, progress or silent, account or Account())
+    work = RunContext(CARD, None, drawn, progress or silent, account or Account())
     with work.account.timed("read"):
         run = read_run(Path(folder))
     shared = any(r.shares_parameters_with for r in run.summary.records)
     refuse_shared_parameters(shared, run.folder, "whose differences tell what stress does")
     identity = fit_identity(CARD.verb, run.summary, asked.told())
     return work.execute(out, identity, resume, lambda place: _handed_on(run, asked, place, work))
-
-
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.card.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, lines_about, lines_inside, silent
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Branch, Campaign, Record
-from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.runs.documents import COMPARISON
@@ -112,17 +112,11 @@ def compare(
     records = units_of(campaign, pool)
     check(records, options)
     drawn = figures_for(figures)
-    work = RunContext(COMPARISON, _build_report, jobs, drawn, progress or silent, account or Account())
+    work = RunContext(COMPARISON, jobs, drawn, progress or silent, account or Account())
     identity = {**run_identity(campaign, options), "kind": COMPARISON.verb}
     return work.execute(
         out, identity, resume, lambda folder: _compared(campaign, records, folder, options, work)
     )
-
-
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.compare.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
 
 
 def units_of(campaign: Campaign, pool: Pool) -> list[Record]:

@@ -16,7 +16,7 @@ from sma_bayes.limits import SCATTER as SCATTER_LIMIT
 from sma_bayes.parameters.priors_file import parse_priors
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Condition
-from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.runs.documents import CONDITIONS
@@ -126,14 +126,8 @@ def study_conditions(
     asked = tuple(condition_at(a, specimen=specimen) if isinstance(a, str) else a for a in at)
     question = _ConditionsQuestion(run, records, asked, tuple(leave_out), seed, scatter, wanted == AUTO_MODEL)
     drawn = figures_for(figures)
-    work = RunContext(CONDITIONS, _build_report, jobs, drawn, progress or silent, spent)
+    work = RunContext(CONDITIONS, jobs, drawn, progress or silent, spent)
     return work.execute(out, question.identity(), resume, lambda place: _studied(question, place, work))
-
-
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.conditions.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

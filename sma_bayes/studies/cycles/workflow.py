@@ -18,7 +18,7 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
-from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.declared_units import declared_parts, shown_as, shown_units
 from sma_bayes.runs.documents import CYCLES
@@ -133,9 +133,7 @@ def cycles(
     unit = campaign.records[0].units["temperature"]
     asked = tuple(asked_temperature(text, unit, unit) for text in at)
     options = FitOptions(prior_set(None, model), seed, model=model)
-    work = RunContext(
-        CYCLES, _build_report, jobs, figures_for(figures), progress or silent, account or Account()
-    )
+    work = RunContext(CYCLES, jobs, figures_for(figures), progress or silent, account or Account())
     stated = CyclesOptions(model=model, at=tuple(at), share=share, probability=probability, ahead=ahead)
     identity = {**run_identity(campaign, options), "kind": CYCLES.verb, **stated.as_json()}
     tasks = [_Condition(tuple(records), tuple(told), asked, stated, seed) for records, told in groups]
@@ -170,12 +168,6 @@ def cycles(
 
     with threadpool_limits(limits=1):
         return work.execute(out, identity, resume, find)
-
-
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.cycles.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
 
 
 def _check(share: float, probability: float, ahead: int) -> None:

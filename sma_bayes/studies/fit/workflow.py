@@ -20,7 +20,7 @@ from sma_bayes.records.declaration import CAMPAIGN_FILE
 from sma_bayes.records.plausibility import doubted_conditions
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
-from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.arrangement import ArrangedSpring
 from sma_bayes.runs.documents import FIT
@@ -213,7 +213,7 @@ def fit_campaign(
         model=model,
     )
     drawn = figures_for(figures)
-    work = RunContext(FIT, _build_report, jobs, drawn, progress or silent, account or Account())
+    work = RunContext(FIT, jobs, drawn, progress or silent, account or Account())
     groups = groups_of(campaign, pool)
     replicates = replicates_asked(self_check)
     check_self_check(options, replicates)
@@ -258,12 +258,6 @@ def fit_campaign(
     stated = work.end(folder, summary.as_json())
     remove_parts(folder)
     return stated
-
-
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.fit.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
 
 
 def _checked(

@@ -16,7 +16,7 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign
-from sma_bayes.report.choice import REPORT, Drawn, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, Drawn, figures_for
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import GAP
@@ -94,15 +94,9 @@ def study_gap(
     can = comparable(campaign)
     check_call(groups_of(can.campaign, pool), options)
     drawn: Drawn = "none" if figures_for(figures) == "none" else "all"
-    work = RunContext(GAP, _build_report, jobs, drawn, progress or silent, account or Account())
+    work = RunContext(GAP, jobs, drawn, progress or silent, account or Account())
     identity = {**run_identity(campaign, options), "kind": GAP.verb, "effects": sorted(EFFECTS)}
     return work.execute(out, identity, resume, lambda folder: _studied(can, folder, options, work))
-
-
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.gap.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
 
 
 def _studied(

@@ -20,7 +20,7 @@ from sma_bayes.fitting.posterior import versions
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.dmta import DmtaCampaign, DmtaOptions, DmtaSweep, read_dmta
 from sma_bayes.records.severity import finding_document
-from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, STORAGE_LADDER, ResponseModel
 from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.runs.documents import MODULUS
@@ -147,7 +147,7 @@ def modulus(
         "records": [s.id for s in campaign.sweeps], "seed": seed, **options.as_json(), "version": __version__,
         "versions": versions(),
     }  # fmt: skip
-    work = RunContext(MODULUS, _build_report, jobs, figures_for(figures), progress or silent, account)
+    work = RunContext(MODULUS, jobs, figures_for(figures), progress or silent, account)
     tasks = [SweepTask(s, models, told, seed) for s in campaign.sweeps]
 
     def find(folder: Path | None) -> ModulusFindings:
@@ -177,12 +177,6 @@ def modulus(
     if out is not None:
         _remove_parts(Path(out))
     return found
-
-
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.modulus.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
 
 
 def _model(name: str, ladder: Sequence[type[ResponseModel]]) -> str:

@@ -24,7 +24,7 @@ from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import TEMPERATURE, unit_text
 from sma_bayes.records.types import Branch
-from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.runs.declared_units import Shown, of_parameters, shown_units
 from sma_bayes.runs.documents import FIT, GAP, PLAN
 from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
@@ -146,9 +146,7 @@ def plan(
     question = parse_asked(asked)
     setup_hours = hours_of(setup, "setup")
     _require_options(hours, scatter, branch)
-    work = RunContext(
-        PLAN, _build_report, jobs, figures_for(figures), progress or silent, account or Account()
-    )
+    work = RunContext(PLAN, jobs, figures_for(figures), progress or silent, account or Account())
     place = Path(folder)
     options = Options(hours, candidates, rate, setup_hours, scatter, seed, condition, branch)
     stated = {"asked": question.text, **options.identity()}
@@ -165,12 +163,6 @@ def plan(
         asks = _FitQuestion.of(run, question, condition, branch)
     identity = fit_identity(PLAN.verb, run.summary, stated)
     return work.execute(out, identity, resume, lambda into: _planned(asks, options, into, work))
-
-
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.plan.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
 
 
 def _require_options(hours: float | None, scatter: str, branch: str | None) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from sma_bayes.account import Account
 from sma_bayes.errors import QuantityError
 from sma_bayes.progress import Progress, silent
-from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import SENSITIVITY
 from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
@@ -83,7 +83,7 @@ def sensitivity(
     bounds.
     """
     drawn = figures_for(figures)
-    work = RunContext(SENSITIVITY, _build_report, jobs, drawn, progress or silent, account or Account())
+    work = RunContext(SENSITIVITY, jobs, drawn, progress or silent, account or Account())
     with work.account.timed("read"):
         run = read_run(Path(folder))
     source = FitSource(run.folder, run.summary, partial(draws_of, run.folder, seed=run.summary.seed))
@@ -93,19 +93,13 @@ def sensitivity(
     return work.execute(out, identity, resume, lambda place: find(source, asked, seed, place, work))
 
 
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.sensitivity.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
-
-
 def sensitivity_of(
     source: FitSource, at: str | Sequence[str] = (), seed: int = 0, jobs: int | None = None
 ) -> dict[str, Any]:
     """Tell what the numbers of a fit rest on, wherever it is; see `sensitivity`."""
     asked = (at,) if isinstance(at, str) else tuple(at)
     check(source, asked)
-    return find(source, asked, seed, None, RunContext(SENSITIVITY, _build_report, jobs, "none")).as_json()
+    return find(source, asked, seed, None, RunContext(SENSITIVITY, jobs, "none")).as_json()
 
 
 def check(source: FitSource, at: Sequence[str]) -> None:

@@ -20,7 +20,7 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import convert, unit_text
 from sma_bayes.records.declaration import CHANNEL_OF
 from sma_bayes.records.types import Branch, Campaign
-from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import SIMULATION
 from sma_bayes.runs.fit_document import RecordSummary
@@ -153,14 +153,8 @@ def simulate(
     asked = _SimulationQuestion(
         run, able, springs, followed, profile, starts, room, rule, pool, wanted, draws, seed, left_out
     )
-    work = RunContext(SIMULATION, _build_report, None, figures_for(figures), progress or silent, spent)
+    work = RunContext(SIMULATION, None, figures_for(figures), progress or silent, spent)
     return work.execute(out, asked.identity(), resume, lambda place: _simulated(asked, place, work))
-
-
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.simulate.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
 
 
 def _require_options(

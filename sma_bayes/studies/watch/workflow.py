@@ -15,7 +15,7 @@ from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError, SmaBayesError, many
 from sma_bayes.progress import Progress, silent
-from sma_bayes.report.choice import REPORT, ReportOptions, figures_for
+from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import FILES, WATCH, files_beside
 from sma_bayes.runs.fit_document import RecordSummary
@@ -136,9 +136,7 @@ def watching(
     """Open a watch that takes files as they come; see `watch`."""
     if not 0.0 < alpha < 1.0:
         raise SmaBayesError(f"--alpha {alpha:g}", expected="a probability between 0 and 1")
-    work = RunContext(
-        WATCH, _build_report, None, figures_for(figures), progress or silent, account or Account()
-    )
+    work = RunContext(WATCH, None, figures_for(figures), progress or silent, account or Account())
     run = read_run(Path(folder))
     chosen = chosen_condition([r.condition for r in run.summary.records], condition, run.folder)
     limits = [limit_of(text, _temperature_unit(run, chosen)) for text in limit]
@@ -161,12 +159,6 @@ def watching(
             series = tuple(f"{s.record.branch.value} {s.channel}" for s in reference.strands)
             state = empty(series) if place is None else read_state(place, series)
             yield Watch(run, chosen, reference, reader, limits, alpha, seed, place, work, state)
-
-
-def _build_report(folder: Path, wanted: ReportOptions) -> None:
-    from sma_bayes.studies.watch.report import build_report  # what draws takes long to import
-
-    build_report(folder, wanted)
 
 
 def _temperature_unit(run: StoredRun, condition: str) -> str:
