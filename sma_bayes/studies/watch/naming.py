@@ -154,12 +154,13 @@ def _beside(change: Change, causes: tuple[Cause, ...]) -> NamedCause | None:
     y, x = np.linalg.solve(root, change.value), np.linalg.solve(root, b)
     if np.linalg.matrix_rank(x) < x.shape[1] or x.shape[1] >= y.size:
         return None
-    inverse = np.linalg.inv(x.T @ x)
-    amount = inverse @ x.T @ y
+    q, r = np.linalg.qr(x)
+    inverse = np.linalg.inv(r)
+    amount = inverse @ (q.T @ y)
     left, total = float(np.sum((y - x @ amount) ** 2)), float(y @ y)
     spare = y.size - x.shape[1]
     p = float(f_distribution.sf(left / spare, spare, change.spare))
-    return NamedCause(causes, left, p, 1.0 - left / total, amount, np.sqrt(np.diag(inverse)))
+    return NamedCause(causes, left, p, 1.0 - left / total, amount, np.linalg.norm(inverse, axis=1))
 
 
 def interval(n: NamedCause, spare: int) -> tuple[Floats, Floats]:
