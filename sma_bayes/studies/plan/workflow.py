@@ -460,8 +460,8 @@ def remarks_on_discrepancies(draws: Iterable[RecordDraws]) -> list[str]:
         return []
     return [
         f"a discrepancy stands beside the curve of {', '.join(beside)}, under noise with a memory: new sweeps also "
-        "tell how large it is, which the plan holds as it is. Less may be left than is said: where such a plan said 0.68 "
-        "of the variance, 0.50 was found"
+        "tell how large it is, which the plan holds as it is. Less may be left than is said: where such a plan said "
+        "0.68 of the variance, 0.50 was found"
     ]
 
 
