@@ -47,7 +47,7 @@ WORTH_TRYING = {
 """What may describe the data better, by the kind of reason."""
 REMEDIES = {
     "noise": "measure a greater response or with less noise",
-    "exact": "fit the readings as they were measured; of a computed curve least squares tells all",
+    "exact": "fit the readings as they were measured; of a computed curve least squares says all there is",
     "tempered": "leave out `--noise effective_samples`",
     "prior": "measure through the whole transformation, or say in a priors file what is known of it",
     "conflict": "check units and numbers of the priors file, and the units of the measurements",

@@ -228,14 +228,17 @@ def _reason(
     parts.append(f"neighbouring residuals of the least-squares fit are correlated by {correlations}")
     if coarse:
         steps = ", ".join(f"{value:.2g} ({quantity(channel)})" for channel, value in coarse.items())
-        parts.append(f"readings come in steps that are large for what is left, {steps} times as large")
+        parts.append(f"readings come in steps that are large beside the residuals, {steps} times as large")
     others = sorted(((v, k) for k, v in rivals.items() if k != name), reverse=True)
     if others:
         ahead = rivals[name] - others[0][0]
         less = "less" if ahead >= 0 else "more, which is too little to prefer it"
         parts.append(f"{NOISE_MODELS[others[0][1]].title} comes second, ln evidence {abs(ahead):.1f} {less}")
     elif name == SIMPLEST and not coarse:
-        parts.append("what is left shows neither memory, heavy tails, growth nor a trace of the slope")
+        parts.append(
+            "the residuals show neither autocorrelation, heavy tails, growth with the response nor an error of the "
+            "thermometer"
+        )
     taken = sorted({channel for bases in description.bases for channel in bases})
     if taken:
         gains = ", ".join(f"{description.gain[c]:.1f} ({quantity(c)})" for c in taken)

@@ -692,7 +692,7 @@ def build_posterior(
     model : ResponseModel, optional
         By default the modified sigmoid that predicts the observed channels.
     residual : sequence of mapping, optional
-        For each record, residual standard error of each channel at the least-squares fit: the yardstick of the
+        For each record, residual standard error of each channel at the least-squares fit: the scale of the
         noise. Without it the noise is measured by the span of the channel.
     memory : sequence of mapping, optional
         For each record, how many samples of each channel count as one; needed by `EffectiveSamples`.

@@ -129,7 +129,7 @@ class PriorSet:
         for beliefs in said:
             for belief in beliefs:
                 try:
-                    scale, shift = _yardstick(belief, fact, scales)
+                    scale, shift = _scale_and_shift(belief, fact, scales)
                 except KeyError:
                     continue
                 except PriorError as error:
@@ -421,5 +421,5 @@ def _refuse_unknown(file: str, where: str, belief: Mapping[str, Any], known: Seq
             )
 
 
-def _yardstick(belief: PriorEntry, fact: ParameterSpec, scales: RecordScales) -> tuple[float, float]:
+def _scale_and_shift(belief: PriorEntry, fact: ParameterSpec, scales: RecordScales) -> tuple[float, float]:
     return scales.resolve(belief.relative_to, fact.channel) if belief.relative_to else (1.0, 0.0)

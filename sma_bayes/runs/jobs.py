@@ -196,7 +196,7 @@ def _on_processes(
 
 def _signals(error: Exception) -> str:
     told = re.search(r"exit codes of the workers are (\{.*\})", str(error))
-    return told[1].strip("{}") if told else "no one knows why"
+    return told[1].strip("{}") if told else "the cause is not known"
 
 
 # --- on a cluster -------------------------------------------------------------------------------------

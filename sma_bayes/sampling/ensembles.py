@@ -306,7 +306,7 @@ class _Run:
         self, starts: Sequence[Floats] | Sequence[Mode], seed: np.random.SeedSequence
     ) -> tuple[tuple[Mode, ...], Adapted]:
         """The modes that are climbed to from the starts, and a proposal fitted there."""
-        self.tell("climbing to the modes")
+        self.tell("finding the modes")
         modes = self._modes(starts)
         adapted = adapt(self.density, modes, np.random.default_rng(seed))
         self.evaluations += adapted.evaluations
@@ -348,7 +348,7 @@ class _Run:
             return with_wide_share(again)
         best = None
         for _ in range(WIDENINGS):
-            self.tell("widening a proposal that does not carry a run")
+            self.tell("widening a proposal that is too narrow")
             adapted = reaching_further(self.density, adapted, self.width, rng)
             self.evaluations += adapted.evaluations
             if best is None or adapted.weights.efficiency > best.weights.efficiency:
@@ -366,7 +366,7 @@ class _Run:
         if not isinstance(draws, Audited):
             return draws
         for again, (mend_seed, run_seed) in enumerate((s.spawn(2) for s in seed.spawn(MENDINGS)), start=1):
-            self.tell("mending a proposal that did not pass its audit")
+            self.tell("improving a proposal that failed its audit")
             adapted = draws.mended(self.density, adapted.proposal, np.random.default_rng(mend_seed))
             self.evaluations += adapted.evaluations
             if not adapted.carries or self.spent:

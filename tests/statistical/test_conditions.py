@@ -73,20 +73,20 @@ def campaign(loads: Floats, rng: np.random.Generator) -> tuple[Design, Floats, F
     """Design, level and slope (2, 4), scatter (4,) and coordinates (C, 4), drawn from the priors of the model."""
     (design,) = designs([Condition(f"c{i}", load=float(w)) for i, w in enumerate(loads)])
     coefficients = np.array([CENTRE, np.zeros(4)]) + WIDTH * rng.standard_normal((2, 4))
-    tau = yardsticks() * SCATTER * np.exp(COMMON * rng.standard_normal() + OWN * rng.standard_normal(4))
+    tau = scales() * SCATTER * np.exp(COMMON * rng.standard_normal() + OWN * rng.standard_normal(4))
     phi = design.matrix @ coefficients + tau * rng.standard_normal((len(loads), 4))
     return design, coefficients, tau, phi
 
 
-def yardsticks() -> Floats:
+def scales() -> Floats:
     """Those of the curve in the middle of the prior."""
     return np.array([1.0, 1.0, 4.394 / 0.30, 0.02])
 
 
 @pytest.fixture(autouse=True)
-def _known_yardsticks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Take the yardsticks, the end for the level and thereby all priors from the law, not from the records."""
-    monkeypatch.setattr(CurveCoordinates, "yardsticks", lambda self, records: yardsticks())
+def _known_scales(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take the scales, the end for the level and thereby all priors from the law, not from the records."""
+    monkeypatch.setattr(CurveCoordinates, "characteristic_scales", lambda self, records: scales())
     monkeypatch.setattr("sma_bayes.studies.conditions.coordinates._spread", lambda records, *names: 0.0)
 
 
@@ -99,9 +99,7 @@ def of(population: Population) -> Floats:
 def joint_run(design: Design, records: list[RecordDraws], rng: np.random.Generator, steps: int) -> Floats:
     """The same by emcee on level, slopes, scatter and the curves of all conditions at once, shape (N, 12)."""
     count = len(records)
-    prior = multivariate_normal(
-        np.log(SCATTER * yardsticks()), COMMON**2 * np.ones((4, 4)) + OWN**2 * np.eye(4)
-    )
+    prior = multivariate_normal(np.log(SCATTER * scales()), COMMON**2 * np.ones((4, 4)) + OWN**2 * np.eye(4))
     start_of_level = np.array([CENTRE, np.zeros(4)])
 
     def log_prob(x: Floats) -> Floats:
@@ -125,7 +123,7 @@ def joint_run(design: Design, records: list[RecordDraws], rng: np.random.Generat
         phi = np.stack([r.posterior.space.unconstrain(r.theta[rng.integers(r.size)]) for r in records])
         x[w, :8] = ((np.linalg.lstsq(design.matrix, phi, rcond=None)[0] - start_of_level) / WIDTH).ravel()
         x[w, :8] += 0.1 * rng.standard_normal(8)
-        x[w, 8:12] = np.log(SCATTER * yardsticks()) + 0.5 * rng.standard_normal(4)
+        x[w, 8:12] = np.log(SCATTER * scales()) + 0.5 * rng.standard_normal(4)
         x[w, 12:] = phi.ravel()
     moves = [(emcee.moves.DEMove(), 0.9), (emcee.moves.DEMove(gamma0=1.0), 0.1)]
     sampler = emcee.EnsembleSampler(walkers, x.shape[1], log_prob, vectorize=True, moves=moves)

@@ -43,14 +43,19 @@ def command(
     condition: Annotated[str | None, typer.Option(help="Only this condition.")] = None,
     branch: Annotated[str | None, typer.Option(help="Only 'heating' or 'cooling'.")] = None,
     extrapolate: Annotated[
-        float, typer.Option(help="How far to search beyond the measured temperatures; marked there.", min=0.0)
+        float,
+        typer.Option(
+            help="How far to search beyond the measured temperatures; results there are marked.", min=0.0
+        ),
     ] = 0.0,
     temperature_sd: Annotated[
         float, typer.Option(help="Standard deviation of the error of the controller's temperature.", min=0.0)
     ] = 0.0,
     temperature_unit: Annotated[
         str | None,
-        typer.Option(help="Unit of temperatures, asked and answered, such as degF; that of the fit."),
+        typer.Option(
+            help="Unit of temperatures in question and answer, such as degF; by default that of the fit."
+        ),
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,

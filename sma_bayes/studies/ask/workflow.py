@@ -464,10 +464,10 @@ def _lacking(run: FitSource, record: RecordSummary, channel: str) -> str:
         if held:
             return f"the rig held it at {held.mean:.4g} {unit_text(held.unit)}"
         if channel == "stiffness":
-            return "neither was it measured, nor were the two of which it is the slope"
+            return "neither it nor both of force and displacement were measured"
         return "it was not measured"
     if not run.summary.options.bias_spring:
-        return "the fit was told of no bias spring (--arrangement)"
+        return "the fit was made without a bias spring (--arrangement)"
     if "stiffness" not in known:
         return "no stiffness follows from the record"
     if known["stiffness"].name != "stiffness" or ARBITRARY in known["stiffness"].unit:
@@ -562,7 +562,7 @@ def wanted_value(
     else:
         margin = _in_unit(text, stored, unit, "tolerance")
     if not margin > 0.0:
-        raise QuantityError(f"tolerance {tolerance!r} of {asked!r}", expected="more than nothing")
+        raise QuantityError(f"tolerance {tolerance!r} of {asked!r}", expected="more than 0")
     return unit, value, (value - margin, value + margin)
 
 
@@ -579,7 +579,11 @@ def _temperature(value: float, stored: str, unit: str) -> float:
     try:
         convert(0.0, unit, stored, what="temperature")
     except QuantityError as error:
-        known = "that of the fit, which nobody knows" if stored == ARBITRARY else "degC, degF or kelvin"
+        known = (
+            f"{ARBITRARY!r}, since the unit of the fit is not known"
+            if stored == ARBITRARY
+            else "degC, degF or kelvin"
+        )
         raise QuantityError(error.found, expected=known) from None
     return _converted(value, stored, unit, "temperature")
 

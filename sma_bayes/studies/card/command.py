@@ -31,7 +31,10 @@ def command(
         str | None, typer.Option(help="The same of martensite; that of austenite by default.")
     ] = None,
     reference_stress: Annotated[
-        str | None, typer.Option(help="Where C_A and C_M are told, such as '150 MPa'; the mean by default.")
+        str | None,
+        typer.Option(
+            help="Stress at which C_A and C_M are given, such as '150 MPa'; by default the mean of the sweeps."
+        ),
     ] = None,
     points: Annotated[int, typer.Option(help="Rows of a stiffness table.")] = 65,
     draws: Annotated[int, typer.Option(help="Posterior draws of the constants.")] = 400,

@@ -422,7 +422,9 @@ def _cautions(made: _Made | None, tables: Sequence[TabulatedStiffness]) -> list[
             )
         held = [c.name for c in stated.constants if not c.identified and c.name != "sigma_crit"]
         if held:
-            out.append(f"Not identified, and held at what `why` says: {', '.join(held)}.")
+            out.append(
+                f"Not identified by the data, and held at what card.json states under `why`: {', '.join(held)}."
+            )
         if stated.left_out:
             out.append(f"Left out: {', '.join(f'{k} ({w})' for k, w in stated.left_out.items())}.")
     coarse = [t for t in tables if t.relative > COARSE]

@@ -49,7 +49,7 @@ def headline(group: Overall) -> str:
     """The verdict over all records of a channel, as a sentence."""
     counts = ", ".join(f"{n} {name}" for name, n in group.verdicts.items())
     if group.verdict == CANNOT_TELL:
-        outcome = f"one can't tell: {group.why}"
+        outcome = f"the data do not tell: {group.why}"
     else:
         outcome = f"the {group.verdict.replace('_', ' ')} wins ({short(group.preferred)}): {group.why}"
     count = len(group.records)

@@ -111,19 +111,19 @@ class CurveCoordinates:
         phi = self.to_coordinates(theta)
         return phi.mean(axis=0), np.cov(phi.T).reshape(phi.shape[1], phi.shape[1])
 
-    def yardsticks(self, records: Sequence[RecordDraws]) -> Floats:
-        """What a curve has by itself to measure differences by, in each coordinate, shape (P,).
+    def characteristic_scales(self, records: Sequence[RecordDraws]) -> Floats:
+        """Scales of a curve in which differences are measured, in each coordinate, shape (P,).
 
         1 for logarithms, 4.4/rate (from 10 to 90 % of the transformation) for midpoints, the span for levels; medians
         over the conditions, and of A and B the geometric mean where they are joined.
         """
-        single = np.array([self._yardstick(fact, records) for fact in self.model.facts])
+        single = np.array([self._characteristic_scale(fact, records) for fact in self.model.facts])
         out = single.copy()
         for i, j in _joined(self.model):
             out[i] = out[j] = np.sqrt(single[i] * single[j])
         return out
 
-    def _yardstick(self, fact: ParameterSpec, records: Sequence[RecordDraws]) -> float:
+    def _characteristic_scale(self, fact: ParameterSpec, records: Sequence[RecordDraws]) -> float:
         def size(role: Role) -> float | None:
             name = self.model.with_role(role, fact.channel)
             return None if name is None else _typical(records, name)

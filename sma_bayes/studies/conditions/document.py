@@ -302,8 +302,7 @@ def _population_cautions(p: Population) -> Iterator[str]:
             p.design.spare, f"{p.design.spare} conditions are"
         )
         yield (
-            f"{count} left to tell the scatter once level and effects are known: the prior of the scatter decides how "
-            "wide the bands are"
+            f"{count} left to estimate the scatter beside level and effects: its prior decides how wide the bands are"
         )
     if not p.correction.applied:
         yield f"the Gaussian form of the posteriors was not corrected: {p.correction.why_not}"

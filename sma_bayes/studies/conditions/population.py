@@ -52,7 +52,7 @@ from sma_bayes.studies.conditions.design import Design
 from sma_bayes.studies.conditions.scatter import ScatterDensity, summary_of
 
 SCATTER: Final = 0.1
-"""Median of the scatter before the data, as a share of the curve's own yardsticks (`Coordinates.yardsticks`)."""
+"""Median of the scatter before the data, as a share of the curve's characteristic scales."""
 DRAWS: Final = 2000
 """Draws of level, slopes and scatter."""
 FEW_SPARE: Final = 3
@@ -112,7 +112,7 @@ def population_of(
         Of one branch, one for each condition of the design, with the same channels and units.
     seed : numpy.random.SeedSequence
     scatter : float
-        Median of the prior of the scatter, as a share of the curves' own yardsticks.
+        Median of the prior of the scatter, as a share of the curves' characteristic scales.
     """
     coordinates = coordinates_for(records)
     moments = [coordinates.prior_moments(r.priors) for r in records]
@@ -124,7 +124,7 @@ def population_of(
         ),
         centre=np.mean([m for m, _ in moments], axis=0),
         width=np.mean([np.sqrt(np.diag(c)) for _, c in moments], axis=0),
-        scale=scatter * coordinates.yardsticks(records),
+        scale=scatter * coordinates.characteristic_scales(records),
         labels=coordinates.labels,
     )
     sample_seed, draw_seed = seed.spawn(2)

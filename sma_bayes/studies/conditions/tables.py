@@ -112,7 +112,7 @@ def preferred_way(found: ConditionsDocument) -> str:
     )
     if good:
         return f"where predictions disagree use {best}: {told}"
-    return f"no way of predicting holds what was left out; the best is {best}: {told}"
+    return f"no method of prediction covers what was left out; the best is {best}: {told}"
 
 
 def design_table(stored: StoredConditions) -> Table:
@@ -185,7 +185,7 @@ def feature_table(stored: StoredConditions) -> Table:
         )  # fmt: skip
     return Table(
         "features",
-        "What sums up each condition",
+        "Features of each condition",
         "Median and 90 % interval; conditions.json says what each means. An extreme at an end of the sweep tells how "
         "far the temperature went.",
         (
@@ -319,7 +319,7 @@ def _warning(p: PredictedCondition | LeftOutCurve, specimen: bool) -> str:
     if p.extrapolates:
         said.append("extrapolates: " + ", ".join(setting_name(s, specimen) for s in p.extrapolates))
     if p.prior_led:
-        said.append("width led by the prior")
+        said.append("width dominated by the prior")
     return "; ".join(said)
 
 

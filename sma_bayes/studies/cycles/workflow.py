@@ -304,7 +304,7 @@ def _reason(pooled: Pooled, best: Law, n0: IntervalDocument | None) -> str:
     if p.chosen == NONE:
         return (
             f"no law: {best} gains {gain:.1f} in ln evidence over free changes of each sweep, "
-            f"and {EARNED:g} are asked"
+            f"and {EARNED:g} are needed"
         )
     low, middle, high = n0.quantiles
     other = max((form for form in FORMS if form != best), key=lambda form: p.ln_evidence[form])

@@ -22,7 +22,9 @@ def show_demo(summary: dict[str, Any], out: Path) -> None:
         for parts in [[k.within for k in known if k.name == name]]
     )
     console = screen()
-    console.print(f"truth known; at so many temperatures the 90 % bands hold it: {held}", soft_wrap=True)
+    console.print(
+        f"share of the temperatures at which the 90 % band contains the known truth: {held}", soft_wrap=True
+    )
     console.print(
         f"the measurements: {out / MEASUREMENTS}; `sma-bayes demo --paper` fits the paper's twin",
         soft_wrap=True,

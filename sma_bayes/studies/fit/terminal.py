@@ -124,10 +124,10 @@ def _columns_beside(keys: Sequence[str], width: int) -> list[str]:
 SUBJECTS = {
     "curve": "The curve does not describe {records}",
     "check": "Curve and noise do not give data like those of {records}",
-    "noise": "The noise has swallowed the response in {records}",
+    "noise": "The noise hides the response in {records}",
     "tempered": "The fit does not describe the data of {records}",
     "prior": "The data do not determine the curve of {records}",
-    "exact": "There is nothing to be unsure of in {records}",
+    "exact": "The data of {records} have no noise",
     "conflict": "The priors exclude what the data say of {records}",
 }
 """How a sentence on fits that are not adequate begins, by the kind of their first reason."""

@@ -86,8 +86,8 @@ THRESHOLDS: Final = GapThresholds(
 def gap_of_model(outcome: GapOutcome) -> GapOfModel:
     """What was found of one model.
 
-    Without a disagreement beyond chance ``disagreement`` is empty, and the stretches that lean most are under
-    ``within_chance``. Without a name ``effects`` is empty, and what was added on the way is under ``partial``.
+    Without a disagreement beyond chance ``disagreement`` is empty, and the stretches of the greatest mean residual are
+    under ``within_chance``. Without a name ``effects`` is empty, and what was added on the way is under ``partial``.
     """
     study = outcome.study
     found = tuple(_disagreement(d) for d in study.disagreements)

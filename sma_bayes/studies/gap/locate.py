@@ -32,7 +32,7 @@ BINS = 10
 
 @dataclass(frozen=True, slots=True)
 class Disagreement:
-    """A stretch of a covariate over which residuals lean to one side.
+    """A stretch of a covariate over which residuals lie to one side.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ def tail_probability(null: Floats, value: float) -> tuple[float, bool]:
 
 
 def disagreements(fitted: FittedHypothesis, covariates: Sequence[str], most: int = 6) -> list[Disagreement]:
-    """The stretches that lean most, no two of them overlapping.
+    """The stretches of the greatest mean residual, no two of them overlapping.
 
     Parameters
     ----------

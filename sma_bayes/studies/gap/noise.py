@@ -1,7 +1,7 @@
 """The noise that hypotheses are judged by.
 
 Noise of each history and channel is an AR(1) series, in sample index or in time. What a model misses looks like memory
-too: estimated from its residuals, the memory would swallow the very disagreement that is looked for. So it is
+too: estimated from its residuals, the memory would absorb the very disagreement that is looked for. So it is
 estimated from what is left after smooth functions of temperature on each branch, and a level of each cycle, have been
 taken out, by restricted likelihood, which counts the freedom that they use up; and smooth functions of time and of
 whatever else was recorded as well, where these describe more than noise does. Noise without any misfit is then

@@ -257,7 +257,7 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
         return "rejected", "it fits only with numbers that the mechanism cannot have"
     if not candidate.beats_flexible:
         return "rejected", (
-            f"a meaningless smooth function of {_called(study, candidate.guard_covariate)} explains more "
+            f"a smooth function of {_called(study, candidate.guard_covariate)}, without a mechanism, explains more "
             f"(ln Bayes factor {candidate.guard:.1f} against {candidate.ln_bayes_factor:.1f}), "
             f"{_beside_text(study, candidate)}"
         )

@@ -24,17 +24,17 @@ Verdict = Literal["named", "none", "unnamed"]
 
 
 class StatedDisagreement(DocumentPart):
-    """A stretch over which residuals lean."""
+    """A stretch over which residuals lie to one side."""
 
     condition: str = Field(description="id of the condition")
     branch: str = Field(description="`heating` or `cooling`")
     channel: str = Field(description="the channel")
-    covariate: str = Field(description="along which they lean")
+    covariate: str = Field(description="along which they do")
     from_: Number = Field(alias="from", description="where the stretch begins [`unit`]")
     to: Number = Field(description="where it ends [`unit`]")
     unit: str = Field(description="unit of the covariate")
     size_sigma: Number = Field(
-        description="how far residuals lean there in standard errors, once parameters have adapted and the "
+        description="mean residual there in standard errors, once parameters have adapted and the "
         "autocorrelation of the noise has been taken out [1]"
     )
     mean_residual: Number = Field(
@@ -399,7 +399,7 @@ class GapOfModel(DocumentPart):
         description="places, strongest first; empty with the verdict `none`"
     )
     within_chance: Items[StatedDisagreement] = Field(
-        description="with `none`: the places that lean most all the same"
+        description="with `none`: the stretches of the greatest mean residual all the same"
     )
     periodic: Items[StatedPeriodicity] = Field(
         description="lines of spectra that no covariate explains, strongest first"

@@ -129,13 +129,13 @@ def heat_balance_table(heating: HeatingFindings) -> Table:
 
 
 def disagreement_table(study: StoredStudy) -> Table:
-    """Stretches over which residuals lean, numbered as in the figure."""
+    """Stretches over which residuals lie to one side, numbered as in the figure."""
     found = study.part.disagreement or study.part.within_chance
     chance = bool(study.part.within_chance)
     return Table(
         "disagreement",
-        "Stretches that lean most, by chance" if chance else "Where model and measurement disagree",
-        "Size: how far residuals lean over the stretch, in standard errors, after the parameters have adapted as "
+        "Stretches of the greatest mean residual, by chance" if chance else "Where model and measurement disagree",
+        "Size: mean residual over the stretch, in standard errors, after the parameters have adapted as "
         "best they can. It tells the places apart; whether there is more than chance, the global p-value alone tells. "
         "Measured: on average above or below the model.",
         (
@@ -253,7 +253,7 @@ def untestable_table(study: StoredStudy) -> Table:
         if c.status == "untestable":
             there = NOT_THERE & set(c.unmet)
             todo = [ADVICE.get(n, n.replace("_", " ")) for n in c.unmet if n not in NOT_THERE]
-            advice = "nothing: its mark is not in these readings" if there else "; ".join(dict.fromkeys(todo))
+            advice = "nothing: these readings show no sign of it" if there else "; ".join(dict.fromkeys(todo))
             rows.append((c.id, c.title, c.why, advice))
     return Table(
         "untestable",

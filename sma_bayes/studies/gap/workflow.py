@@ -87,7 +87,7 @@ def study_gap(
         raise SmaBayesError(
             f"--noise {noise}",
             expected=f"{AUTO!r}: a gap study estimates AR(1) noise of each channel beside smooth functions, since "
-            "noise that is told from residuals would swallow the very disagreement that is looked for",
+            "noise that is told from residuals would absorb the very disagreement that is looked for",
             remedy="leave --noise out; gap.json states the noise that was found",
         )
     options = FitOptions(prior_set(priors, model), seed, pool=pool, model=model)

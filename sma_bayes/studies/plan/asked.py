@@ -106,6 +106,6 @@ def able(asked: Asked, records: Sequence[RecordSummary], folder: object) -> list
             f"temperature {asked.temperature!r} was measured by no record that tells the {asked.name}",
             file=str(folder),
             expected=f"a temperature that was measured: {ranges}{', ...' if len(having) > 3 else ''}",
-            remedy="ask within that range; what lies beyond it no curve of this fit tells",
+            remedy="ask within that range, over which the curves were fitted",
         )
     return found

@@ -355,7 +355,7 @@ def counts(sweep_from: float, record: Record, tolerance: float = 0.02) -> bool:
     """Whether a sweep that begins there follows the curve of the record.
 
     Heating follows it from where the measured sweeps began or colder, cooling from where they began or hotter; what
-    turns round before lies on a loop within the loop.
+    turns round before lies on a minor loop.
 
     Parameters
     ----------

@@ -252,20 +252,21 @@ def _remarks(
     settings: Mapping[str, Setting], tried: Sequence[CandidateExperiment], gap: GapDocument
 ) -> list[str]:
     out = [
-        "one of the explanations is taken to be true; that both are wrong no probability here allows for",
-        "inputs that a candidate does not speak of (room, current) are taken to be as they were",
+        "one of the explanations is taken to be true: no probability here allows for both being wrong",
+        "inputs that a candidate does not state (ambient temperature, current) are taken to be as they were measured",
     ]
     if gap.verdict == "unnamed":
         out.insert(0, "the gap study named nothing: what is compared are the explanations that came nearest")
     elif gap.verdict == "none":
         out.insert(
-            0, "the gap study found no disagreement beyond chance: compared is what came nearest with nothing"
+            0,
+            "the gap study found no disagreement beyond chance: what came nearest is compared with no effect",
         )
     if any(c.beyond for c in tried):
         out.append(
             "candidates that go beyond what the campaign measured are marked: effects are extrapolated there"
         )
     if any(c.peak < settings[c.condition].hottest - 0.02 * (c.peak - c.lowest) for c in tried):
-        out.append("loops that turn round before the transformation ends are reckoned along the curves of whole loops, "
-                   "but for what an explanation says of them")  # fmt: skip
+        out.append("loops that turn round before the transformation ends are predicted from the curves of whole "
+                   "loops, unless an explanation says otherwise")  # fmt: skip
     return out

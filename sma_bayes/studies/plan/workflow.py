@@ -477,18 +477,18 @@ def _remarks(
         found.append(
             f"one sweep only of {which}: it does not tell by how much sweeps differ. "
             + (
-                "Sweeps are assumed to repeat but for noise, so that more is promised than may be kept; "
-                "--scatter usual assumes what one specimen in one rig usually does"
+                "Sweeps are assumed to repeat but for noise, so that the expected gain may be too large; "
+                "--scatter usual assumes the usual scatter of one specimen in one rig"
                 if o.scatter == "none"
-                else "Assumed is what one specimen in one rig usually does"
+                else "The usual scatter of one specimen in one rig is assumed"
             )
         )
     found += remarks_on_discrepancies(t.knowledge.draws for t in targets)
     if len(alone) < len(targets):
         found.append("scatter from sweep to sweep is learnt from the sweeps of each record")
     found.append(
-        "a new set-up may differ from the old by more than one sweep from the next; "
-        "no run tells that until the same settings were measured twice"
+        "a new set-up may differ from the old by more than sweeps differ from each other; "
+        "only a repetition at the same settings tells by how much"
     )
     if len({c.rate for c in tried}) > 1:
         found.append("the curves of a fit do not depend on the rate: whether a faster sweep still follows them, a gap "
@@ -500,7 +500,7 @@ def _remarks(
             "candidates that go beyond what the campaign measured are marked: there the curve is extrapolated"
         )
     if any(t.knowledge.draws.calibration for t in targets):
-        found.append("what a calibration leaves open no further sweep narrows")
+        found.append("further sweeps do not narrow what is uncertain in a calibration")
     if any(not r.adequate for r in q.chosen):
         found.append("curve and noise do not describe all records (see the report of the fit): what is expected holds "
                      "as far as they do")  # fmt: skip

@@ -65,7 +65,6 @@ def _verb_of(folder: Path) -> str:
     raise OutputError(
         "holds no run of sma_bayes" if folder.is_dir() else "is not a folder",
         file=folder,
-        expected="a folder with summary.json, gap.json, comparison.json or conditions.json: what fit, gap, compare "
-        "and conditions write",
+        expected=f"a folder that one of these has written: {', '.join(filter(has_report, VERBS))}",
         remedy="name the folder that was given as --out; of a study one of its folders",
     )

@@ -14,7 +14,10 @@ from sma_bayes.studies.command_options import Figures, Jobs, Quiet, Scheduler, V
 
 def command(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder that fit, gap, compare or conditions has written.")
+        Path,
+        typer.Argument(
+            metavar="DIR", help="Folder that fit, gap, compare or another command with a report has written."
+        ),
     ],
     figures: Figures = "report",
     formats: Annotated[

@@ -12,7 +12,9 @@ from sma_bayes.studies.command_options import Json, Quiet, Resume, Scheduler, St
 
 
 def command(
-    study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="Campaign, folder and steps.")],
+    study: Annotated[
+        Path, typer.Argument(metavar="STUDY.toml", help="Study file: campaign, folder and steps.")
+    ],
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results, in place of the declared one.")
     ] = None,

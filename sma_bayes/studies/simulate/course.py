@@ -83,7 +83,7 @@ class SimulatedCourse:
 
 
 INSIDE: Final = 0.05
-"""Share from either end between which a turn makes a loop inside the loop."""
+"""Share from either end between which a turn makes a minor loop."""
 
 
 def instants(profile: CurrentProfile) -> Floats:

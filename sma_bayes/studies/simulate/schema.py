@@ -68,7 +68,7 @@ class ValueAtEnd(IntervalDocument):
 
 
 class OtherRule(DocumentPart):
-    """What another rule for loops inside the loop would give."""
+    """What another rule for minor loops would give."""
 
     rule: str = Field(description="its name")
     difference: dict[str, Number] = Field(
@@ -100,7 +100,7 @@ class SimulatedRun(DocumentPart):
     )
     turns: Number = Field(description="how often the temperature turned, mean over the draws")
     inside: Number = Field(
-        description="how often with 5 to 95 % of the transformation done, so that a loop inside the loop began"
+        description="how often with 5 to 95 % of the transformation done, so that a minor loop began"
     )
     other_rule: OtherRule | None = Field(description="null where no such loop began")
     caution: str | None = Field(
@@ -192,7 +192,7 @@ class SimulationFindings(DeclaredUnits):
     source: str = Field(description="folder of the fit")
     seed: int = Field(description="decides every draw")
     draws: int = Field(description="how many")
-    rule: str = Field(description="of loops inside the loop: `proportional` or `play`")
+    rule: str = Field(description="of minor loops: `proportional` or `play`")
     versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
     data_sha256: str | None = Field(description="SHA-256 of the measurements")
     converged: bool = Field(description="whether the fits that were used did")

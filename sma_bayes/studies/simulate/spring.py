@@ -46,7 +46,7 @@ RULES: Final[tuple[Rule, ...]] = ("proportional", "play")
 
 
 def rule_named(name: str) -> Rule:
-    """Check the name of a rule for loops inside the loop.
+    """Check the name of a rule for minor loops.
 
     Raises
     ------

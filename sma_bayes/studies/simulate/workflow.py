@@ -59,7 +59,7 @@ RARELY: Final = 0.05
 OUTSIDE: Final = 0.02
 """How far beyond what was measured, as a share of its range, does not count: readings have their noise."""
 OTHER_DRAWS: Final = 50
-"""Draws by which the other rule for loops inside the loop is told."""
+"""Draws by which the other rule for minor loops is told."""
 
 
 def simulate(
@@ -107,7 +107,7 @@ def simulate(
         Temperature of the surroundings, ``"23 degC"``, where the profile has none; by default as it was recorded or,
         where it was not, fitted.
     rule : str
-        Of loops inside the loop: ``proportional`` or ``play``, see `sma_bayes.studies.simulate.spring`.
+        Of minor loops: ``proportional`` or ``play``, see `sma_bayes.studies.simulate.spring`.
     pool : str
         ``campaign``: one gain and one loss for all conditions, and bands of another run that allow for what differs
         between runs; ``none``: own ones of each condition, for a repetition of it.
@@ -458,7 +458,7 @@ def _said_of_one(r: SimulatedRun) -> list[str]:
             for c, v in r.other_rule.difference.items()
         )
         out.append(
-            f"loops inside the loop follow a rule that the campaign does not test; the rule {r.other_rule.rule!r} "
+            f"minor loops follow a rule that the campaign does not test; the rule {r.other_rule.rule!r} "
             f"gives up to {apart} apart."
         )
     return out
@@ -571,7 +571,7 @@ def _value_at(band: Mapping[str, Floats], i: int, name: str, unit: str) -> Value
 def _other_rule(
     spring: Spring, balance: HeatBalance, profile: CurrentProfile, start: Start, course: SimulatedCourse
 ) -> OtherRule:
-    """What the other rule for loops inside the loop would give, by some of the draws."""
+    """What the other rule for minor loops would give, by some of the draws."""
     some = slice(0, min(OTHER_DRAWS, spring.size))
     rule: Rule = next(r for r in RULES if r != spring.rule)
     part = spring.part(some, rule)

@@ -162,7 +162,7 @@ def _told(fitted: int, law: str) -> list[str]:
         ]
     few = ["the fit has two cycles: how much sweeps scatter rests on few"] if fitted == 2 else []
     trained = (
-        [f"the fitted cycles train ({law}): that they go on so counts as no change"] if law != NONE else []
+        [f"the fitted cycles train ({law}): that this goes on counts as no change"] if law != NONE else []
     )
     return few + trained
 

@@ -93,7 +93,7 @@ def test_readings_in_coarse_steps_are_taken_as_intervals(make_record: Callable[.
     record = make_record(n=n, seed=4)
     choice = choice_for(rounded(record, 5.0))
     assert choice.name == "rounded"
-    assert "in steps that are large for what is left" in choice.reason
+    assert "in steps that are large beside the residuals" in choice.reason
     assert list(choice.ln_evidence) == ["rounded"]
     assert not choice.bases[0]
     fine = choice_for(rounded(record, 0.5))

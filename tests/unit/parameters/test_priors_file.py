@@ -109,7 +109,7 @@ def test_units_are_converted_once(make_record: Callable[..., Record]) -> None:
         assert numbers(found[name].prior) == pytest.approx(numbers(prior), rel=1e-9, abs=1e-9), name
 
 
-def test_yardsticks_scale_to_the_record(record: Record) -> None:
+def test_scales_follow_the_record(record: Record) -> None:
     body = (
         'family = "lognormal"\nmedian = 2.0\nsigma = 0.5\nrelative_to = "span(force)"\nsign = "trend(force)"'
     )
@@ -144,7 +144,7 @@ def test_a_branch_overrides_what_is_said_of_both(record: Record) -> None:
     assert parameters(priors(own), replace(record, branch=Branch.COOLING))["B3"].prior.mean == 40.0
 
 
-def test_the_first_belief_whose_yardstick_was_observed_is_used(make_record: Callable[..., Record]) -> None:
+def test_the_first_belief_whose_scale_was_observed_is_used(make_record: Callable[..., Record]) -> None:
     shipped = read_priors("modified_sigmoid")
     both = parameters(shipped, make_record(("displacement", "stiffness")))
     assert both["A1"].source.startswith("the sigmoid spans")
@@ -316,7 +316,7 @@ def test_the_default_priors_serve_every_model_and_noise(
     assert {f"{c}_sd" for c in channels} <= set(found)
 
 
-def test_numbers_without_a_unit_or_a_yardstick_are_refused(record: Record) -> None:
+def test_numbers_without_a_unit_or_a_scale_are_refused(record: Record) -> None:
     message = refusal(priors({"both.B2": 'family = "normal"\nmean = 0.3\nsd = 0.1'}), record)
     assert "both.B2" in message
     assert "neither a unit nor a scale" in message

@@ -1,4 +1,4 @@
-"""Yardsticks of a record, in which weakly informative priors are stated."""
+"""Scales of a record, in which weakly informative priors are stated."""
 
 from __future__ import annotations
 

@@ -476,7 +476,7 @@ def test_no_start_at_all_is_the_same_error(make_record: Callable[..., Record]) -
 def test_progress_is_told() -> None:
     said: list[str] = []
     run(banana(), seed=3, plan=QUICK, progress=said.append)
-    assert said[0] == "climbing to the modes"
+    assert said[0] == "finding the modes"
     assert any("exploring" in s for s in said)
 
 

@@ -54,7 +54,7 @@ SHOWN: Final = (
     "midpoint", "As", "Af", "Ms", "Mf", "Rs", "Rf", "hysteresis_width", "peak_temperature",
 )  # fmt: skip
 """Features whose effects are drawn, in this order."""
-PRIOR_LED: Final = " The scatter between conditions, and with it the width, is led by its prior."
+PRIOR_LED: Final = " The scatter between conditions, and with it the width, is dominated by its prior."
 NARROW: Final = 5.0
 """Ratio of the ends of a logarithmic axis up to which its ticks are as on a linear one."""
 FAR: Final = 3.0

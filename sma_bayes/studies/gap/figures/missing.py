@@ -89,7 +89,7 @@ def ladder_figure(study: StoredStudy) -> Drawing:
     handles = [
         Patch(color=ADDED, label="effect, added"), Patch(color="#8fa3b5", label="effect, not added"),
         Patch(facecolor="white", edgecolor=FAINT, hatch="////", lw=0.5, label="f(.): flexible term without meaning"),
-        Line2D([], [], color=GUARD, marker="|", ms=8, mew=1.6, ls="none", label="guard: flexible term in its place"),
+        Line2D([], [], color=GUARD, marker="|", ms=8, mew=1.6, ls="none", label="flexible term in its place"),
         Line2D([], [], color=INK, lw=0.8, ls="--", label=f"least that is added, {worth:g}"),
     ]  # fmt: skip
     figure.legend(
@@ -100,7 +100,7 @@ def ladder_figure(study: StoredStudy) -> Drawing:
         caption=(
             "The ladder of steps. Left: in each round the candidates that came nearest, by the logarithm of the Bayes "
             "factor for the model with the effect over the model without (linear up to the threshold, logarithmic "
-            "beyond). An effect is added if it beats the threshold and its guard, the best meaningless smooth function "
+            "beyond). An effect is added if it beats the threshold and the best smooth function without a mechanism "
             "that contains most of its signature; where none does, two at once may, each beside the other. Right: root "
             "mean square of held-out residuals; dotted: noise alone."
         ),
@@ -138,7 +138,7 @@ def _round_title(number: int, round_: StatedRound, least: float) -> str:
         return f"Round {number}: {seen}; {round_.added} added"
     if round_.p_value > least:
         return f"Round {number}: {seen}, no more than chance"
-    return f"Round {number}: {seen}; nothing deserved to be added"
+    return f"Round {number}: {seen}; nothing was added"
 
 
 def _round(ax: Axes, bars: Sequence[Bar], worth: float) -> None:

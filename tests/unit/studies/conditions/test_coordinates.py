@@ -66,10 +66,10 @@ def test_prior_moments_agree_with_closed_form(make_draws: Callable[..., RecordDr
     assert covariance[at, at] == pytest.approx(15.0**2 / 2, rel=0.03)
 
 
-def test_yardsticks(make_draws: Callable[..., RecordDraws]) -> None:
+def test_characteristic_scales(make_draws: Callable[..., RecordDraws]) -> None:
     record = make_draws(A, error=0.0)
     c = coordinates_for([record])
-    found = dict(zip(c.labels, c.yardsticks([record]), strict=True))
+    found = dict(zip(c.labels, c.characteristic_scales([record]), strict=True))
     assert found["ln B1 - ln A1"] == 1.0
     assert found["A4"] == pytest.approx(0.02)
     ten_to_ninety = np.sqrt(4.394 / 0.30 * 4.394 / 0.35)

@@ -62,5 +62,5 @@ def test_of_ways_that_hold_what_was_left_out_the_narrowest_is_advised() -> None:
 
 
 def test_where_no_way_holds_it_that_is_said() -> None:
-    assert advice(study(held(hierarchical=(0.5, HOPELESS)))).startswith("no way of predicting holds")
+    assert advice(study(held(hierarchical=(0.5, HOPELESS)))).startswith("no method of prediction covers")
     assert advice(study()) == ""

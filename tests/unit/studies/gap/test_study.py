@@ -110,7 +110,7 @@ def test_a_step_in_the_middle_has_no_name_since_a_smooth_function_does_as_well(s
     assert best.ln_bayes_factor <= best.guard
     status, why = judgement(found, best)
     assert status == "rejected"
-    assert f"a meaningless smooth function of {best.guard_covariate} explains more" in why
+    assert f"a smooth function of {best.guard_covariate}, without a mechanism, explains more" in why
     assert best.beside is not None
     assert best.beside.over > WORTH
     assert best.beside.carried < CARRIED_BESIDE
