@@ -23,7 +23,7 @@ from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.declared_units import declared_parts, shown_as, shown_units
 from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.schema import FindingDocument, IntervalDocument
+from sma_bayes.runs.schema import FindingDocument, IntervalDocument, interval_document
 from sma_bayes.runs.store import or_nan, write_csv
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.cycles.laws import EARNED, FORMS, NONE, PACES
@@ -326,8 +326,8 @@ def _changes(pooled: Pooled) -> Iterator[ChangeOfNumber]:
                 unit="K" if number == "shift" else "1",
                 probability=float(np.mean(d.moving)),
                 **interval(d.law[:, last] - d.law[:, 0]),
-                scatter=IntervalDocument(**interval(d.scatter)),
-                step=IntervalDocument(**interval(d.step)),
+                scatter=interval_document(d.scatter),
+                step=interval_document(d.step),
             )
 
 

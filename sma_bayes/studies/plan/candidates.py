@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.errors import QuantityError, StudyError, UnknownNameError, near_matches
+from sma_bayes.errors import MeasurementError, QuantityError, StudyError, UnknownNameError, near_matches
 from sma_bayes.quantities import ARBITRARY, STANDARD_GRAVITY, convert, number_and_unit, unit_text
 from sma_bayes.records.toml_table import StrictTable, checked, declared_bytes, parsed_toml
 from sma_bayes.records.types import Record, setting_unit
@@ -439,6 +439,22 @@ def settings_of(draws: Sequence[RecordDraws]) -> dict[str, Setting]:
     for d in draws:
         by_id.setdefault(d.condition.id, []).append(d.record)
     return {name: Setting.of(records) for name, records in by_id.items()}
+
+
+def require_rate(found: Sequence[CandidateExperiment], source: Path) -> None:
+    """Refuse to plan without candidates: there are none where nothing tells how fast the temperature changes.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    if not found:
+        raise MeasurementError(
+            "no time was recorded, so that nothing tells how long a sweep takes",
+            file=source,
+            expected="the rate of temperature of the rig",
+            remedy="give --rate '2 K/min', or a rate in the file of candidates",
+        )
 
 
 def require_condition(condition: str | None, settings: Mapping[str, Setting], folder: str | Path) -> None:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sma_bayes.errors import MeasurementError, SmaBayesError
+from sma_bayes.errors import SmaBayesError
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.studies.gap.schema import GapDocument
 from sma_bayes.studies.identity import all_versions
@@ -24,6 +24,7 @@ from sma_bayes.studies.plan.candidates import (
     marked,
     rate_of,
     require_condition,
+    require_rate,
     rounded,
 )
 from sma_bayes.studies.plan.listing import planned, with_advice
@@ -184,13 +185,7 @@ def _candidates(
         found = declared(Path(o.candidates), settings, asked, o.setup, rate)
     else:
         found = [c for name in asked for c in _grid(settings[name], o.setup, rate)]
-    if not found:
-        raise MeasurementError(
-            "no time was recorded, so that nothing tells how long a sweep takes",
-            file=source,
-            expected="the rate of temperature of the rig",
-            remedy="give --rate '2 K/min', or a rate in the file of candidates",
-        )
+    require_rate(found, source)
     return marked(found, settings)
 
 

@@ -42,6 +42,7 @@ from sma_bayes.studies.plan.candidates import (
     marked,
     rate_of,
     require_condition,
+    require_rate,
     settings_of,
 )
 from sma_bayes.studies.plan.design import Expectations, best_design, even_design, nats_of
@@ -320,13 +321,7 @@ def _candidates(
         found = default_grid([settings[c] for c in asked], at, o.setup, rate, cycles)
         if o.hours is not None:
             found = _filled(found, o.hours)
-    if not found:
-        raise MeasurementError(
-            "no time was recorded, so that nothing tells how long a sweep takes",
-            file=q.run.folder,
-            expected="the rate of temperature of the rig",
-            remedy="give --rate '2 K/min', or a rate in the file of candidates",
-        )
+    require_rate(found, q.run.folder)
     for c in found:
         load = settings[c.condition].load
         if c.load is not None and (load is None or abs(c.load - load) > 1e-6 * max(abs(load), 1e-12)):
