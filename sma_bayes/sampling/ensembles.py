@@ -45,7 +45,7 @@ from sma_bayes.sampling.checkpoint import Checkpoint, StepBlock
 from sma_bayes.sampling.convergence import PUBLISHED, Convergence, Target, assess
 from sma_bayes.sampling.density import Density, Linearisable
 from sma_bayes.sampling.ensemble_sampler import EnsembleSampler
-from sma_bayes.sampling.laplace import Mode, find_mode
+from sma_bayes.sampling.laplace import Mode, distinct_modes, find_mode
 from sma_bayes.sampling.moves import (
     SAMPLERS,
     IndependenceMove,
@@ -321,19 +321,7 @@ class _Run:
                 self.evaluations += mode.evaluations
         if not found:
             raise ValueError("the density is zero at every start")
-
-        def mass(mode: Mode) -> float:
-            return mode.log_prob + 0.5 * float(np.linalg.slogdet(mode.covariance)[1])
-
-        found.sort(key=mass, reverse=True)
-        kept: list[Mode] = []
-        for mode in found:
-            if mass(mode) < mass(found[0]) - 20.0:
-                continue
-            apart = (np.linalg.solve(m.covariance, mode.z - m.z) @ (mode.z - m.z) for m in kept)
-            if all(distance > 1.0 for distance in apart):
-                kept.append(mode)
-        return tuple(kept)
+        return distinct_modes(found)
 
     def _second_try(self, adapted: Adapted, modes: tuple[Mode, ...], rng: np.random.Generator) -> Adapted:
         """A proposal after one that did not carry a run, or seemed to.

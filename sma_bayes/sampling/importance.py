@@ -24,7 +24,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.sampling.adaptation import adapt, first_proposal
 from sma_bayes.sampling.bridge import Evidence, fitted_proposal
 from sma_bayes.sampling.density import Density, linearised_at
-from sma_bayes.sampling.laplace import Mode, find_mode
+from sma_bayes.sampling.laplace import Mode, distinct_modes, find_mode
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
 from sma_bayes.sampling.proposals import DrawSource
 from sma_bayes.sampling.weighted import ImportanceSample, Weights, tempered
@@ -38,8 +38,6 @@ COMPONENTS, ROUNDS, POPULATION, RESAMPLED = 12, 5, 8000, 2000
 them they are fitted to."""
 MOST_MODES: Final = 3
 """Modes that a proposal is fitted to."""
-LOWER: Final = 12.0
-"""A mode whose mass is lower than that of the best one by this power of e is left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +104,8 @@ def importance_draws(
         found = drawn(density, source, modes, rng, DRAWS)
         if found.converged:
             return found
-    modes = distinct_modes([m for m in (find_mode(density, s, width) for s in starts) if m is not None])
+    found_modes = (find_mode(density, start, width) for start in starts)
+    modes = distinct_modes([m for m in found_modes if m is not None])[:MOST_MODES]
     own = adapt(density, modes, np.random.default_rng(adapt_seed)).proposal
     found = drawn(density, own, modes, rng, DRAWS)
     return found if found.converged else _population(density, own, modes, rng, found)
@@ -206,17 +205,3 @@ class EqualMixture:
     def log_density(self, z: Floats) -> Floats:
         """Log density at any points, shape (W,)."""
         return np.asarray(np.logaddexp(self.one.log_density(z), self.other.log_density(z)) - np.log(2.0))
-
-
-def distinct_modes(modes: Sequence[Mode]) -> tuple[Mode, ...]:
-    """Modes that are apart and not without mass, best first."""
-
-    def mass(mode: Mode) -> float:
-        return mode.log_prob + 0.5 * float(np.linalg.slogdet(mode.covariance)[1])
-
-    kept: list[Mode] = []
-    for mode in sorted(modes, key=mass, reverse=True):
-        apart = (np.linalg.solve(m.covariance, mode.z - m.z) @ (mode.z - m.z) for m in kept)
-        if not kept or (mass(mode) > mass(kept[0]) - LOWER and all(d > 1.0 for d in apart)):
-            kept.append(mode)
-    return tuple(kept[:MOST_MODES])

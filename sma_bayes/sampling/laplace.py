@@ -7,6 +7,7 @@ begins, so that the first differences are of the right length: from a good start
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -24,6 +25,8 @@ LEFT = 5e-3
 ALIKE, SAME = 0.5, 0.05
 """Relative change of standard deviations from step to step with which a climb may end, and with which what a step gains
 against its promise tells how much is left. On a bend the two may agree by chance."""
+LOWER = 20.0
+"""A mode whose mass is lower than that of the best one by this power of e is left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +46,21 @@ class Mode:
     log_prob: float
     covariance: Floats
     evaluations: int
+
+    @property
+    def mass(self) -> float:
+        """Log of what the approximation integrates to, but for a constant."""
+        return self.log_prob + 0.5 * float(np.linalg.slogdet(self.covariance)[1])
+
+
+def distinct_modes(modes: Sequence[Mode]) -> tuple[Mode, ...]:
+    """Modes that are apart and not without mass, best first."""
+    kept: list[Mode] = []
+    for mode in sorted(modes, key=lambda m: m.mass, reverse=True):
+        apart = (np.linalg.solve(m.covariance, mode.z - m.z) @ (mode.z - m.z) for m in kept)
+        if not kept or (mode.mass > kept[0].mass - LOWER and all(d > 1.0 for d in apart)):
+            kept.append(mode)
+    return tuple(kept)
 
 
 def find_mode(density: Density, start: Floats, width: Floats, *, steps: int = 40) -> Mode | None:

@@ -16,7 +16,7 @@ from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.laplace import LEFT, find_mode
+from sma_bayes.sampling.laplace import LEFT, LOWER, Mode, distinct_modes, find_mode
 
 
 @dataclass
@@ -174,3 +174,16 @@ def test_a_start_on_a_ridge_that_rounding_makes_singular_is_climbed_from(
     assert mode is not None
     assert straight is not None
     assert mode.log_prob == pytest.approx(straight.log_prob, abs=0.02)
+
+
+def test_modes_are_kept_once_best_first_unless_without_mass() -> None:
+    """By the log of their volume, too: the lower of two is the better where it is wide enough."""
+
+    def at(x: float, log_prob: float, sd: float = 1.0) -> Mode:
+        return Mode(np.array([x, 0.0]), log_prob, sd**2 * np.eye(2), 1)
+
+    narrow, wide = at(0.0, 0.0), at(9.0, -1.0, 2.0)
+    again, faint = at(0.1, -0.1), at(-9.0, -LOWER - 1.0)
+    assert distinct_modes([again, faint, narrow, wide]) == (wide, narrow)
+    assert distinct_modes([faint]) == (faint,)
+    assert distinct_modes([]) == ()
