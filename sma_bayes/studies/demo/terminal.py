@@ -23,7 +23,7 @@ def show_demo(summary: dict[str, Any], out: Path) -> None:
     )
     console = screen()
     console.print(
-        f"share of the temperatures at which the 90 % band contains the known truth: {held}", soft_wrap=True
+        f"truth known; share of the temperatures at which the 90 % band contains it: {held}", soft_wrap=True
     )
     console.print(
         f"the measurements: {out / MEASUREMENTS}; `sma-bayes demo --paper` fits the paper's twin",
