@@ -136,6 +136,8 @@ def build_basis(
     tangents: Floats,
     tangents_at_nodes: Floats,
     functions: int = FUNCTIONS,
+    *,
+    with_response: bool = False,
 ) -> DiscrepancyBasis | None:
     """Basis for the samples of one channel of one record.
 
@@ -151,6 +153,8 @@ def build_basis(
         Derivatives of the response with respect to the parameters that are fitted, at samples and nodes.
     functions : int
         Number m of basis functions, at most.
+    with_response : bool
+        Whether they change only where the response does: their coordinate runs evenly through it alone.
 
     Returns
     -------
@@ -162,7 +166,9 @@ def build_basis(
     if m < 1:
         return None
     even, leading = _eigenfunctions()
-    raw = CubicSpline(even, leading[:, : m + 2], bc_type="natural")(_coordinate(nodes, curve))
+    raw = CubicSpline(even, leading[:, : m + 2], bc_type="natural")(
+        _passed(curve) if with_response else _coordinate(nodes, curve)
+    )
     at_samples = np.asarray(CubicSpline(nodes, raw, bc_type="natural")(temperature))
     scale = np.abs(tangents).max(axis=0)
     usable = np.isfinite(scale) & (scale > 0.0)
@@ -222,10 +228,16 @@ def _coordinate(temperature: Floats, curve: Floats) -> Floats:
     """Coordinate from 0 to 1: the mean of those that run evenly through temperatures, response and slope."""
     paths = [(temperature - temperature[0]) / (temperature[-1] - temperature[0])]
     for series in (curve, np.gradient(curve, temperature)):
-        passed = np.concatenate([np.zeros(1), np.cumsum(np.abs(np.diff(series)))])
-        if np.isfinite(passed[-1]) and passed[-1] > 0.0:
-            paths.append(passed / passed[-1])
+        passed = _passed(series)
+        if passed[-1] == 1.0:
+            paths.append(passed)
     return np.asarray(np.mean(paths, axis=0))
+
+
+def _passed(series: Floats) -> Floats:
+    """Share of all changes of a series that is behind each of its points; zero where it has none."""
+    passed = np.concatenate([np.zeros(1), np.cumsum(np.abs(np.diff(series)))])
+    return passed / passed[-1] if np.isfinite(passed[-1]) and passed[-1] > 0.0 else np.zeros(series.size)
 
 
 @cache

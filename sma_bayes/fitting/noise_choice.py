@@ -647,7 +647,11 @@ Curve = Callable[[Floats], Floats]
 
 
 def discrepancy_bases(
-    posterior: Posterior, theta: Floats, beside: Sequence[Mapping[str, Curve]] | None = None
+    posterior: Posterior,
+    theta: Floats,
+    beside: Sequence[Mapping[str, Curve]] | None = None,
+    *,
+    with_response: bool = False,
 ) -> Bases:
     """Basis of a discrepancy for each channel of each record, kept off the tangents of the curve at parameters (P,).
 
@@ -660,6 +664,8 @@ def discrepancy_bases(
     beside : sequence of mapping, optional
         For each record, channel to what is known already of its discrepancy: the basis lies closer where curve and
         discrepancy together change faster.
+    with_response : bool
+        Whether it changes only where the curve does; see `build_basis`.
     """
     model, free = posterior.model, posterior.sampled_model
     found = []
@@ -683,6 +689,7 @@ def discrepancy_bases(
                         np.interp(nodes, fine, whole),
                         tangents[channel][:, free],
                         model.jacobian(theta, at_nodes)[channel][:, free],
+                        with_response=with_response,
                     )
                 if basis is not None:
                     own[channel] = basis

@@ -331,12 +331,13 @@ def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) ->
     for n, (whole, pair) in enumerate(followed):
         work.tell(n + 1, stages, f"simulating {whole.condition}")
         rng = np.random.default_rng(np.random.SeedSequence([q.seed, 29, *whole.condition.encode()]))
-        own, balance = whole.drawn(q.draws, rng).with_unseen_misfit(rng), balances.of(whole.condition, rng)
+        own, balance = whole.drawn(q.draws, rng), balances.of(whole.condition, rng)
         if q.room is not None:
             balance = replace(balance, room=np.full(balance.size, q.room))
         with work.account.timed("simulate"):
             if q.profile is not None:
-                runs += [_run(q, own, balance, pair, s, folder, rng) for s in q.starts]
+                beside = own.with_unseen_misfit(rng)
+                runs += [_run(q, beside, balance, pair, s, folder, rng) for s in q.starts]
             if q.wanted is not None and q.wanted.channel in own.channels:
                 reaches.append(_reach(q.wanted, own, balance, balances, pair, rng))
     cautions += _said_of(runs)
