@@ -7,18 +7,8 @@ from typing import Annotated
 
 import typer
 
+from sma_bayes.studies import command_options as opt
 from sma_bayes.studies.command_execution import finish, progress_shown
-from sma_bayes.studies.command_options import (
-    Data,
-    Figures,
-    Jobs,
-    Json,
-    NoFigures,
-    Quiet,
-    Resume,
-    Seed,
-    Verbose,
-)
 
 
 def command(
@@ -58,15 +48,15 @@ def command(
             help="Scatter between sweeps, where a record has one only: 'none', or 'usual' of one specimen in one rig."
         ),
     ] = "none",
-    data: Data = None,
-    seed: Seed = 0,
-    jobs: Jobs = None,
-    figures: Figures = "report",
-    no_figures: NoFigures = False,
-    resume: Resume = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    as_json: Json = False,
+    data: opt.Data = None,
+    seed: opt.Seed = 0,
+    jobs: opt.Jobs = None,
+    figures: opt.Figures = "report",
+    no_figures: opt.NoFigures = False,
+    resume: opt.Resume = False,
+    quiet: opt.Quiet = False,
+    verbose: opt.Verbose = False,
+    as_json: opt.Json = False,
 ) -> None:
     """Tell what to measure next: experiments by the information expected per hour on the rig."""
     from sma_bayes.studies.plan.terminal import show_plan
