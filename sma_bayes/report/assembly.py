@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from sma_bayes.account import Account
 from sma_bayes.report.choice import ReportOptions
 from sma_bayes.report.drawn import OneFigure, draw_all
-from sma_bayes.report.figures.sheet import Drawing, FigureFiles
+from sma_bayes.report.figures.sheet import Drawing
+from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table, write_tables
 from sma_bayes.report.took import account_table
 from sma_bayes.report.workbook import write_workbook
@@ -32,30 +33,39 @@ S = TypeVar("S", bound=Stored)
 
 
 def assemble(
+    package: str,
     stored: S,
     wanted: ReportOptions,
     drawings: Sequence[Callable[[S], Drawing]],
     tables: Callable[[S], dict[str, Table]],
-    write_page: Callable[[S, Mapping[str, Table], Mapping[str, FigureFiles]], None],
+    words: Callable[[S, Mapping[str, Table], Sequence[str]], dict[str, Any]] | None = None,
 ) -> None:
     """Draw figures, write tables, and write the page that shows them.
 
     Parameters
     ----------
+    package : str
+        That has the template of the page, ``page.html.j2``.
     stored : Stored
     wanted : ReportOptions
     drawings : sequence of callable
         One for each figure.
     tables : callable
-    write_page : callable
-        Of the run, its tables and its figures by stem.
+    words : callable, optional
+        Of the run, its tables and the stems of its figures: what the template names besides ``found`` and ``tables``.
+
+    Raises
+    ------
+    OutputError
+        If the page can't be written, or a figure can't be read.
     """
     spent = wanted.account or Account()
     tasks = [OneFigure(stored.folder, partial(draw, stored)) for draw in drawings]
     figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         written = written_tables(tables(stored), stored.found, stored.folder, wanted)
-        write_page(stored, written, figures)
+        named = {} if words is None else words(stored, written, list(figures))
+        write_page(stored.folder, package, figures, found=stored.found, tables=written, **named)
     wanted.tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
 
 

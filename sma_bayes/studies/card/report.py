@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, ReportOptions
-from sma_bayes.report.figures.sheet import Drawing, FigureFiles
-from sma_bayes.report.html import write_page
+from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.report.tables import Table
 from sma_bayes.studies.card.figures.card import curves_figure, phase_figure, stiffness_figure, strain_figure
 from sma_bayes.studies.card.outputs import StoredCard, read_card
@@ -26,31 +26,9 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     conditions = list(dict.fromkeys(t.condition for t in stored.found.stiffness))
     if wanted.drawn != REPORT or len(conditions) <= MANY:
         drawings += [partial(stiffness_figure, condition=c) for c in conditions]
-    assemble(stored, wanted, drawings, card_tables, write_card_report)
+    assemble(__package__, stored, wanted, drawings, card_tables, page_words)
 
 
-def write_card_report(
-    stored: StoredCard, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
-) -> None:
-    """Write ``report.html`` of a card.
-
-    Parameters
-    ----------
-    stored : StoredCard
-    tables : mapping of str to Table
-    figures : mapping of str to FigureFiles
-        By stem; their PNG files are in ``figures/``.
-
-    Raises
-    ------
-    OutputError
-        If it can't be written, or a figure can't be read.
-    """
-    write_page(
-        stored.folder,
-        "sma_bayes.studies.card",
-        figures,
-        found=stored.found,
-        tables=tables,
-        headline=headline(stored.found),
-    )
+def page_words(stored: StoredCard, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:
+    """What the page of a card names, besides what was found and its tables; `figures` are stems."""
+    return {"headline": headline(stored.found)}

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from sma_bayes.report.content import PAPER_CORRELATION
-from sma_bayes.report.figures.sheet import FigureFiles
-from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.studies.compare.outputs import StoredComparison
@@ -15,34 +14,16 @@ from sma_bayes.studies.compare.tables import short
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
 
 
-def write_comparison_report(
-    stored: StoredComparison, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
-) -> None:
-    """Write ``report.html`` of a comparison.
-
-    Parameters
-    ----------
-    stored : StoredComparison
-    tables : mapping of str to Table
-    figures : mapping of str to FigureFiles
-        By stem; their PNG files are in ``figures/``.
-
-    Raises
-    ------
-    OutputError
-        If it can't be written, or a figure can't be read.
-    """
-    write_page(
-        stored.folder,
-        "sma_bayes.studies.compare",
-        figures,
-        found=stored.found,
-        headlines=[headline(group) for group in stored.found.overall],
-        command=command(stored.found),
-        tables=tables,
-        held_out=[s for s in figures if s.startswith("held-out")],
-        paper_correlation=PAPER_CORRELATION,
-    )
+def page_words(
+    stored: StoredComparison, tables: Mapping[str, Table], figures: Sequence[str]
+) -> dict[str, Any]:
+    """What the page of a comparison names, besides what was found and its tables; `figures` are stems."""
+    return {
+        "headlines": [headline(group) for group in stored.found.overall],
+        "command": command(stored.found),
+        "held_out": [s for s in figures if s.startswith("held-out")],
+        "paper_correlation": PAPER_CORRELATION,
+    }
 
 
 def headline(group: Overall) -> str:

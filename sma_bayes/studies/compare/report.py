@@ -12,7 +12,7 @@ from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.studies.compare.figures.averages import model_average_figure
 from sma_bayes.studies.compare.figures.models import curves_figure, differences_figure, pages
 from sma_bayes.studies.compare.outputs import StoredComparison, read_comparison
-from sma_bayes.studies.compare.page import write_comparison_report
+from sma_bayes.studies.compare.page import page_words
 from sma_bayes.studies.compare.shown import in_declared_units
 from sma_bayes.studies.compare.tables import comparison_tables, model_averages
 
@@ -20,7 +20,7 @@ from sma_bayes.studies.compare.tables import comparison_tables, model_averages
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a comparison; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = in_declared_units(read_comparison(folder))
-    assemble(stored, wanted, _drawings(stored, wanted.drawn), comparison_tables, write_comparison_report)
+    assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), comparison_tables, page_words)
 
 
 def _drawings(stored: StoredComparison, drawn: Drawn) -> list[Callable[[StoredComparison], Drawing]]:

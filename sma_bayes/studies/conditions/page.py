@@ -2,49 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sma_bayes.report.figures.sheet import FigureFiles
-from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
 from sma_bayes.studies.conditions.outputs import StoredConditions
 from sma_bayes.studies.conditions.schema import ConditionsDocument, StatedScore
 from sma_bayes.studies.conditions.tables import preferred_way, share_text
 
 
-def write_conditions_report(
-    stored: StoredConditions, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
-) -> None:
-    """Write ``report.html`` of a study of conditions.
-
-    Parameters
-    ----------
-    stored : StoredConditions
-    tables : mapping of str to Table
-    figures : mapping of str to FigureFiles
-        By stem; their PNG files are in ``figures/``.
-
-    Raises
-    ------
-    OutputError
-        If it can't be written, or a figure can't be read.
-    """
-    write_page(
-        stored.folder,
-        "sma_bayes.studies.conditions",
-        figures,
-        found=stored.found,
-        coverage=coverage(stored.found),
-        advised=preferred_way(stored.found),
-        share_text=share_text,
-        command=command(stored.found),
-        tables=tables,
-        stems={
+def page_words(
+    stored: StoredConditions, tables: Mapping[str, Table], figures: Sequence[str]
+) -> dict[str, Any]:
+    """What the page of a study of conditions names, besides what was found and its tables; `figures` are stems."""
+    return {
+        "coverage": coverage(stored.found),
+        "advised": preferred_way(stored.found),
+        "share_text": share_text,
+        "command": command(stored.found),
+        "stems": {
             part: [s for s in figures if s.startswith(part)]
             for part in ("measured", "effects", "predicted", "held-out")
         },
-    )
+    }
 
 
 def coverage(found: ConditionsDocument) -> list[dict[str, Any]]:

@@ -16,14 +16,14 @@ from sma_bayes.studies.conditions.figures.conditions import (
     predicted_figure,
 )
 from sma_bayes.studies.conditions.outputs import StoredConditions, read_conditions
-from sma_bayes.studies.conditions.page import write_conditions_report
+from sma_bayes.studies.conditions.page import page_words
 from sma_bayes.studies.conditions.tables import conditions_tables
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of conditions; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_conditions(folder)
-    assemble(stored, wanted, _drawings(stored, wanted.drawn), conditions_tables, write_conditions_report)
+    assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), conditions_tables, page_words)
 
 
 def _drawings(stored: StoredConditions, drawn: Drawn) -> list[Callable[[StoredConditions], Drawing]]:

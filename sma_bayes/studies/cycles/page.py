@@ -2,42 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from sma_bayes.report.figures.sheet import FigureFiles
-from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.studies.cycles.outputs import StoredCycles
 from sma_bayes.studies.cycles.schema import CyclesDocument
 
 
-def write_cycles_report(
-    stored: StoredCycles, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
-) -> None:
-    """Write ``report.html`` of a study of cycles.
-
-    Parameters
-    ----------
-    stored : StoredCycles
-    tables : mapping of str to Table
-    figures : mapping of str to FigureFiles
-        By stem; their PNG files are in ``figures/``.
-
-    Raises
-    ------
-    OutputError
-        If it can't be written, or a figure can't be read.
-    """
-    write_page(
-        stored.folder,
-        "sma_bayes.studies.cycles",
-        figures,
-        found=stored.found,
-        command=command(stored.found),
-        tables=tables,
-        stems={part: [s for s in figures if s.startswith(part)] for part in ("curves", "numbers", "values")},
-    )
+def page_words(stored: StoredCycles, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:
+    """What the page of a study of cycles names, besides what was found and its tables; `figures` are stems."""
+    return {
+        "command": command(stored.found),
+        "stems": {
+            part: [s for s in figures if s.startswith(part)] for part in ("curves", "numbers", "values")
+        },
+    }
 
 
 def command(found: CyclesDocument) -> str:

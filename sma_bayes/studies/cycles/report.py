@@ -11,14 +11,14 @@ from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.studies.cycles.figures.cycles import curves_figure, numbers_figure, values_figure
 from sma_bayes.studies.cycles.outputs import StoredCycles, read_cycles
-from sma_bayes.studies.cycles.page import write_cycles_report
+from sma_bayes.studies.cycles.page import page_words
 from sma_bayes.studies.cycles.tables import cycles_tables
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of cycles; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_cycles(folder)
-    assemble(stored, wanted, _drawings(stored, wanted.drawn), cycles_tables, write_cycles_report)
+    assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), cycles_tables, page_words)
 
 
 def _drawings(stored: StoredCycles, drawn: Drawn) -> list[Callable[[StoredCycles], Drawing]]:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from sma_bayes.report.figures.sheet import FigureFiles
-from sma_bayes.report.html import select, write_page
+from sma_bayes.report.html import select
 from sma_bayes.report.tables import Table
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.studies.gap.outcome import HEATING
@@ -24,46 +23,26 @@ from sma_bayes.studies.gap.words import (
 )
 
 
-def write_gap_report(
-    study: StoredStudy, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
-) -> None:
-    """Write ``report.html`` of a gap study.
-
-    Parameters
-    ----------
-    study : StoredStudy
-    tables : mapping of str to Table
-    figures : mapping of str to FigureFiles
-        By stem; their PNG files are in ``figures/``.
-
-    Raises
-    ------
-    OutputError
-        If it can't be written, or a figure can't be read.
-    """
+def page_words(study: StoredStudy, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:
+    """What the page of a gap study names, besides what was found and its tables; `figures` are stems."""
     found = study.found
-    write_page(
-        study.folder,
-        "sma_bayes.studies.gap",
-        figures,
-        found=found,
-        effects=study.effects,
-        p_text=p_text,
-        way=way_text(found.gap),
-        share=share_text(found.gap),
-        place=place_text(found),
-        remainder=remainder_text(found),
-        shape=shape_text(found),
-        folds=fold_texts(found.gap),
-        periodic=[periodic_text(found.channels, line) for line in found.periodic],
-        parameters=lambda name: _parameters(tables["effects"], name),
-        tested=_tested(tables["candidates"]),
-        heating=None if study.heating is None else _heating(study.heating, tables),
-        needs=by_single_need(tables["untestable"]),
-        command=command(found),
-        tables=tables,
-        priors=_priors(study),
-    )
+    return {
+        "effects": study.effects,
+        "p_text": p_text,
+        "way": way_text(found.gap),
+        "share": share_text(found.gap),
+        "place": place_text(found),
+        "remainder": remainder_text(found),
+        "shape": shape_text(found),
+        "folds": fold_texts(found.gap),
+        "periodic": [periodic_text(found.channels, line) for line in found.periodic],
+        "parameters": lambda name: _parameters(tables["effects"], name),
+        "tested": _tested(tables["candidates"]),
+        "heating": None if study.heating is None else _heating(study.heating, tables),
+        "needs": by_single_need(tables["untestable"]),
+        "command": command(found),
+        "priors": _priors(study),
+    }
 
 
 def _heating(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from sma_bayes.studies.gap.figures.disagreement import disagreement_loops, resid
 from sma_bayes.studies.gap.figures.missing import effect_figure, effect_parameter_figure, ladder_figure
 from sma_bayes.studies.gap.outcome import HEATING
 from sma_bayes.studies.gap.outputs import StoredStudy, read_study
-from sma_bayes.studies.gap.page import write_gap_report
+from sma_bayes.studies.gap.page import page_words
 from sma_bayes.studies.gap.shown import study_in_declared_units
 from sma_bayes.studies.gap.tables import gap_tables
 
@@ -22,7 +22,7 @@ from sma_bayes.studies.gap.tables import gap_tables
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a gap study; see `sma_bayes.report.choice.ReportBuilder`."""
     study = study_in_declared_units(read_study(folder))
-    assemble(study, wanted, _drawings(study), gap_tables, write_gap_report)
+    assemble(__package__, study, wanted, _drawings(study), gap_tables, page_words)
 
 
 def _drawings(study: StoredStudy) -> list[Callable[[StoredStudy], Drawing]]:

@@ -2,42 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from sma_bayes.report.figures.sheet import FigureFiles
-from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.studies.modulus.outputs import StoredModulus
 from sma_bayes.studies.modulus.schema import ModulusDocument
 
 
-def write_modulus_report(
-    stored: StoredModulus, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
-) -> None:
-    """Write ``report.html`` of a study of moduli.
-
-    Parameters
-    ----------
-    stored : StoredModulus
-    tables : mapping of str to Table
-    figures : mapping of str to FigureFiles
-        By stem; their PNG files are in ``figures/``.
-
-    Raises
-    ------
-    OutputError
-        If it can't be written, or a figure can't be read.
-    """
-    write_page(
-        stored.folder,
-        "sma_bayes.studies.modulus",
-        figures,
-        found=stored.found,
-        command=command(stored.found),
-        tables=tables,
-        stems={part: [s for s in figures if s.startswith(part)] for part in ("moduli", "shift")},
-    )
+def page_words(stored: StoredModulus, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:
+    """What the page of a study of moduli names, besides what was found and its tables; `figures` are stems."""
+    return {
+        "command": command(stored.found),
+        "stems": {part: [s for s in figures if s.startswith(part)] for part in ("moduli", "shift")},
+    }
 
 
 def command(found: ModulusDocument) -> str:

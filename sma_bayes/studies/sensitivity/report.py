@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
-from sma_bayes.report.figures.sheet import Drawing, FigureFiles
-from sma_bayes.report.html import write_page
+from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.report.tables import Table
 from sma_bayes.studies.sensitivity.figures.sensitivity import powers_figure, readings_figure
 from sma_bayes.studies.sensitivity.outputs import StoredSensitivity, read_sensitivity
@@ -20,7 +20,7 @@ from sma_bayes.studies.sensitivity.words import reported
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of sensitivity; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_sensitivity(folder)
-    assemble(stored, wanted, _drawings(stored, wanted.drawn), sensitivity_tables, write_sensitivity_report)
+    assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), sensitivity_tables, page_words)
 
 
 def _drawings(stored: StoredSensitivity, drawn: Drawn) -> list[Callable[[StoredSensitivity], Drawing]]:
@@ -34,31 +34,13 @@ def _drawings(stored: StoredSensitivity, drawn: Drawn) -> list[Callable[[StoredS
     return drawings + [partial(readings_figure, record=r) for r in told]
 
 
-def write_sensitivity_report(
-    stored: StoredSensitivity, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
-) -> None:
-    """Write ``report.html`` of a study of sensitivity.
-
-    Parameters
-    ----------
-    stored : StoredSensitivity
-    tables : mapping of str to Table
-    figures : mapping of str to FigureFiles
-        By stem; their PNG files are in ``figures/``.
-
-    Raises
-    ------
-    OutputError
-        If it can't be written, or a figure can't be read.
-    """
+def page_words(
+    stored: StoredSensitivity, tables: Mapping[str, Table], figures: Sequence[str]
+) -> dict[str, Any]:
+    """What the page of a study of sensitivity names, besides what was found and its tables; `figures` are stems."""
     found = stored.found
     at = "".join(f' --at "{t}"' for t in found.at)
-    write_page(
-        stored.folder,
-        "sma_bayes.studies.sensitivity",
-        figures,
-        found=found,
-        tables=tables,
-        keys=[r.key for r in found.records],
-        command=f'sma-bayes sensitivity "{found.source}" --out DIR --seed {found.seed}{at}',
-    )
+    return {
+        "keys": [r.key for r in found.records],
+        "command": f'sma-bayes sensitivity "{found.source}" --out DIR --seed {found.seed}{at}',
+    }

@@ -9,7 +9,7 @@ from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import ReportOptions
 from sma_bayes.studies.simulate.figures.course import course_figure
 from sma_bayes.studies.simulate.outputs import read_simulation
-from sma_bayes.studies.simulate.page import write_simulation_report
+from sma_bayes.studies.simulate.page import page_words
 from sma_bayes.studies.simulate.tables import simulation_tables
 
 
@@ -18,4 +18,4 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     stored = read_simulation(folder)
     conditions = dict.fromkeys(r.condition for r in stored.found.runs)
     drawings = [partial(course_figure, condition=condition) for condition in conditions]
-    assemble(stored, wanted, drawings, simulation_tables, write_simulation_report)
+    assemble(__package__, stored, wanted, drawings, simulation_tables, page_words)

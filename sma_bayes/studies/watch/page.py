@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from sma_bayes.report.figures.sheet import FigureFiles
-from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table
 from sma_bayes.studies.watch.outputs import StoredWatch
 from sma_bayes.studies.watch.schema import WatchDocument
 
 
-def write_watch_report(
-    stored: StoredWatch, tables: Mapping[str, Table], figures: Mapping[str, FigureFiles]
-) -> None:
-    """Write ``report.html`` of a watch.
-
-    Raises
-    ------
-    OutputError
-        If it can't be written, or a figure can't be read.
-    """
-    write_page(
-        stored.folder,
-        "sma_bayes.studies.watch",
-        figures,
-        found=stored.found,
-        command=command(stored.found),
-        tables=tables,
-    )
+def page_words(stored: StoredWatch, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:
+    """What the page of a watch names, besides what was found and its tables; `figures` are stems."""
+    return {
+        "command": command(stored.found),
+    }
 
 
 def command(found: WatchDocument) -> str:

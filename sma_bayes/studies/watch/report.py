@@ -8,7 +8,7 @@ from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import ReportOptions
 from sma_bayes.studies.watch.figures.watched import evidence_figure, numbers_figure
 from sma_bayes.studies.watch.outputs import read_watch
-from sma_bayes.studies.watch.page import write_watch_report
+from sma_bayes.studies.watch.page import page_words
 from sma_bayes.studies.watch.tables import watch_tables
 
 
@@ -16,4 +16,4 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a watch; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_watch(folder)
     drawings = [evidence_figure, numbers_figure] if wanted.drawn != "none" and stored.found.cycles else []
-    assemble(stored, wanted, drawings, watch_tables, write_watch_report)
+    assemble(__package__, stored, wanted, drawings, watch_tables, page_words)
