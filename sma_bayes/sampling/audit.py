@@ -17,7 +17,12 @@ covariance, stretched in one direction alone: that in which the others follow on
 out beyond its marginal tail, once in the coordinates of the first proposal and once in those of the parameters, where
 what the data hardly determine is stretched to the width of the prior. Of its draws 25 to 60 % count.
 
-What fails is mended: the needles, drawn about what the audit met as well, become a part of the proposal.
+How seldom is too seldom depends on how much is drawn: where a proposal draws fifteen times too rarely, half as long a
+run again goes as often as the run goes where it draws ten times too rarely. So the audit also says how much longer a
+run of the same proposal would have to be (`Audited.longer`).
+
+What fails by more is mended: a mixture is fitted to the draws of the run, which know the tails that its weights tell
+of, and the needles, drawn about what the audit met as well, become a part of the proposal.
 
 References
 ----------
@@ -49,7 +54,8 @@ from sma_bayes.sampling.proposals import (
 from sma_bayes.sampling.weighted import Weights, tempered
 
 RARELY: Final = 10.0
-"""Posterior over proposal, in mean weights, from which the proposal counts as hardly drawing there."""
+"""Posterior over proposal, in mean weights, from which the proposal counts as hardly drawing there, in a run that is
+just long enough for the target."""
 MOST_OUTSIDE: Final = 0.003
 """Greatest share of the posterior that may lie where the proposal hardly draws. So much more beyond a 97.5 % quantile
 moves that of a normal distribution by 0.05 standard deviations. The first proposals of the twin campaign leave none; a
@@ -57,7 +63,7 @@ false alarm costs one more set of proposals."""
 HIGHEST_K: Final = 0.5
 """Greatest Pareto exponent of the weights: beyond, their variance is infinite, and with it that of the evidence."""
 MOST_MET: Final = 30.0
-"""Greatest weight, in mean weights, that walkers of differential evolution may meet."""
+"""Greatest weight, in mean weights, that walkers of differential evolution may meet, in such a run."""
 NEEDLE: Final = 3.0
 """Factor by which a component of the wider proposal is stretched in its direction."""
 WEAK, LONGEST = 0.2, 5.0
@@ -74,10 +80,14 @@ LOOKED_AT: Final = 768
 """Draws of the run, at most, from which the shape of the posterior is taken."""
 WALKERS, STEPS = 96, 6
 """Of differential evolution from the outermost draws."""
+MENDED_COMPONENTS, MENDED_ROUNDS, MOST_FITTED = 8, 20, 8000
+"""Of the mixture that mends a proposal: components, rounds of fitting, draws of the run it is fitted to, at most."""
 MENDED_DRAWS: Final = 2048
-"""To which a mixture is fitted that mends a proposal; by as many the mended one is judged, and its run begins there."""
-MENDED_SHARES: Final = np.array([0.45, 0.35, 0.2])
-"""Of the proposal before, of that mixture, and of the needles, in a mended proposal."""
+"""By which a mended proposal is judged, and where its run begins; to as many one that reaches further is fitted."""
+MENDED_SHARES: Final = np.array([0.8, 0.2])
+"""Of the mixture and of the needles in a mended proposal."""
+FURTHER_SHARES: Final = np.array([0.45, 0.35, 0.2])
+"""Of the proposal before, of a mixture fitted to weighted draws, and of the needles, in one that reaches further."""
 FITTED_ROUNDS: Final = 6
 """Of fitting that mixture."""
 
@@ -115,6 +125,11 @@ class Audited:
     evidence : Evidence
     wider : Proposal
         Needles about the draws of the run and about what was met beyond them.
+    z : ndarray, shape (S, D)
+        Draws of the run, `MOST_FITTED` at most.
+    longer : float
+        By what factor longer the run must be for its proposal to pass as it is: 1 where it does, infinite where no
+        length of run does.
     evaluations : int
         Evaluations of the density that it took.
     """
@@ -122,11 +137,28 @@ class Audited:
     audit: Audit
     evidence: Evidence
     wider: Proposal
+    z: Floats
+    longer: float
     evaluations: int
 
     def mended(self, density: Density, proposal: AnyProposal, rng: np.random.Generator) -> Adapted:
-        """The proposal joined with the needles and with a mixture fitted to draws of both; its own draws judge it."""
-        return _joined(density, proposal, self.wider, rng)
+        """A mixture fitted to the draws of the run, joined with the needles; its own draws judge it."""
+        first = _first(proposal)
+        u, _, back = first.coordinates.forward(self.z)
+        count = np.count_nonzero(back)
+        if count < max(0.5 * len(u), 4 * u.shape[1]):
+            return _joined(density, proposal, self.wider, rng)
+        u = u[back]
+        means = u[rng.choice(count, MENDED_COMPONENTS, replace=False)]
+        covariances = np.repeat(np.cov(u.T).reshape(1, u.shape[1], -1), MENDED_COMPONENTS, axis=0)
+        start = StudentMixture.from_covariances(np.ones(MENDED_COMPONENTS), means, covariances, TAIL_DF)
+        narrow = start.refitted(u, np.full(count, 1.0 / count), rounds=MENDED_ROUNDS)
+        joined = MixedProposal(MENDED_SHARES, (replace(first, narrow=narrow), self.wider))
+        return Adapted(joined, weigh(density, joined, rng, MENDED_DRAWS), MENDED_DRAWS)
+
+
+def _first(proposal: AnyProposal) -> Proposal:
+    return proposal.parts[0] if isinstance(proposal, MixedProposal) else proposal
 
 
 def reaching_further(density: Density, adapted: Adapted, width: Floats, rng: np.random.Generator) -> Adapted:
@@ -162,7 +194,7 @@ def _joined(density: Density, proposal: AnyProposal, wider: Proposal, rng: np.ra
         narrow = wider.narrow.refitted(u[back], weight[back] / weight.sum(), rounds=FITTED_ROUNDS)
         fitted = replace(wider, narrow=narrow, share=0.05)
         joined = MixedProposal(
-            np.concatenate([MENDED_SHARES[0] * share, MENDED_SHARES[1:]]), (*parts, fitted, wider)
+            np.concatenate([FURTHER_SHARES[0] * share, FURTHER_SHARES[1:]]), (*parts, fitted, wider)
         )
     return Adapted(joined, weigh(density, joined, rng, MENDED_DRAWS), 2 * MENDED_DRAWS)
 
@@ -174,6 +206,7 @@ def audited(
     z: Floats,
     width: Floats,
     rng: np.random.Generator,
+    times: float = 1.0,
 ) -> Audited:
     """Audit the proposal of a run.
 
@@ -188,6 +221,8 @@ def audited(
     width : ndarray, shape (D,)
         Standard deviation of the prior of each coordinate.
     rng : numpy.random.Generator
+    times : float
+        How many times as long the run is as it would have to be for its target alone.
 
     Returns
     -------
@@ -200,30 +235,47 @@ def audited(
     wider = _needles(proposal, few, width)
     drawn = weigh(density, wider, rng, PROBES)
     over = _over(proposal, drawn.z, drawn.log_prob) - ln_evidence
-    rare = over > math.log(RARELY)
-    share = np.exp(np.clip(drawn.log_weight - ln_evidence, -700.0, 700.0)) * rare
-    outside, outside_sd = float(share.mean()), float(share.std() / math.sqrt(share.size))
+    rarely = RARELY * times
+    rare = over > math.log(rarely)
+    share = np.exp(np.clip(drawn.log_weight - ln_evidence, -700.0, 700.0))
+    outside = float((share * rare).mean())
+    outside_sd = float((share * rare).std() / math.sqrt(share.size))
 
     walked, log_prob = _walked(density, z, rng)
     met = _over(proposal, walked, log_prob) - ln_evidence
     greatest = math.exp(min(float(met.max(initial=0.0)), 700.0))
-    passed = k <= HIGHEST_K and outside <= MOST_OUTSIDE and greatest <= MOST_MET
+    longer = (
+        max(1.0, greatest / (MOST_MET * times), _reach(over, share) / rarely) if k <= HIGHEST_K else math.inf
+    )
+    passed = longer == 1.0
     if not passed:
         own = _over(proposal, few, density.log_prob(few)) - ln_evidence
-        found = np.concatenate([few[own > math.log(RARELY)], drawn.z[rare], walked[met > math.log(RARELY)]])
+        found = np.concatenate([few[own > math.log(rarely)], drawn.z[rare], walked[met > math.log(rarely)]])
         wider = _needles(proposal, few, width, found[rng.permutation(len(found))[:KERNELS]])
-    evidence = _evidence(weights, ln_evidence, outside, outside_sd)
+    evidence = _evidence(weights, ln_evidence, rarely, outside, outside_sd)
     evaluations = PROBES + WALKERS * (STEPS + 1) + (0 if passed else len(few))
-    return Audited(Audit(k, outside, outside_sd, greatest, passed), evidence, wider, evaluations)
+    fit_to = z[rng.permutation(len(z))[:MOST_FITTED]]
+    return Audited(
+        Audit(k, outside, outside_sd, greatest, passed), evidence, wider, fit_to, longer, evaluations
+    )
 
 
-def _evidence(weights: Weights, ln_evidence: float, outside: float, outside_sd: float) -> Evidence:
+def _reach(over: Floats, share: Floats) -> float:
+    """Posterior over proposal, in mean weights, beyond which no more than `MOST_OUTSIDE` of the posterior lies."""
+    order = np.argsort(-over)
+    beyond = np.cumsum(share[order]) > MOST_OUTSIDE * share.size
+    return float(np.exp(min(over[order][np.argmax(beyond)], 700.0))) if beyond.any() else 0.0
+
+
+def _evidence(
+    weights: Weights, ln_evidence: float, rarely: float, outside: float, outside_sd: float
+) -> Evidence:
     """Log evidence and its standard error: where the proposal draws by its own weights, elsewhere by the wider one's.
 
     Where the two disagree about the rest, half of the difference is part of the error.
     """
     relative = weights.normalised * weights.log_weight.size
-    rest = np.where(relative > RARELY, relative, 0.0)
+    rest = np.where(relative > rarely, relative, 0.0)
     inside = relative - rest
     value = float(inside.mean()) + outside
     variance = float(inside.var()) / inside.size + outside_sd**2
@@ -246,8 +298,7 @@ def _needles(proposal: AnyProposal, z: Floats, width: Floats, met: Floats | None
     """
     d = z.shape[1]
     met = np.empty((0, d)) if met is None else met
-    first = proposal.parts[0] if isinstance(proposal, MixedProposal) else proposal
-    coordinates: Coordinates = first.coordinates
+    coordinates: Coordinates = _first(proposal).coordinates
     u, _, back = coordinates.forward(z)
     if np.count_nonzero(back) < max(0.5 * len(z), 4 * d):
         coordinates, u, back = PlainCoordinates(), z, np.ones(len(z), dtype=bool)

@@ -168,6 +168,8 @@ further."""
 LONGEST = 384
 """Steps of independence moves, at most. Of skewed parameters the outer quantiles take some thirty thousand draws, which
 other moves would take a hundred times as long to make."""
+LONGER = 1.5
+"""How many times as long a run may become for the sake of its audit, before its proposal is mended instead."""
 DRAWS_PER_EFFECTIVE = 1.37
 """Draws that must count for each effective one that is asked for, so that the first block of steps mostly does: each of
 some thirty effective sample sizes is an estimate, and the least of them decides."""
@@ -376,27 +378,31 @@ class _Run:
         plan = self.plan
         more = _steps_hoped(adapted.weights.efficiency, plan.groups * self.walkers, plan)
         group = _Ensemble(self, name, adapted, seed, None, more, copies=plan.groups)
-        let_pass = (
-            plan.greatest_weight
-        )  # a greater one calls for an audit at once; after one that is passed they go on
-        while group.length < LONGEST and not (group.length and self.spent):
+        let_pass = plan.greatest_weight
+        asked, first = 0, 0  # steps that an audit asks for, and after which the target was first reached
+        # a great weight, or few that count, call for an audit at once; after one that is passed they go on
+        while group.length < max(LONGEST, asked) and not (group.length and self.spent):
             self.tell(f"independence moves, from step {group.length + 1}")
             group.advance(more)
             weights = Weights(group.log_weight)
-            if weights.efficiency < USABLE:
-                return None
             convergence = assess(group.chains, plan.target)
-            if convergence.converged or weights.greatest > let_pass:
+            doubtful = weights.greatest > let_pass or weights.efficiency < USABLE
+            if group.length >= asked and (convergence.converged or doubtful):
+                first = first or (group.length if convergence.converged else 0)
                 z = group.chain.reshape(-1, self.width.size)
                 rng = np.random.default_rng(self.audit_seed)
-                found = audited(self.density, adapted.proposal, group.log_weight, z, self.width, rng)
+                times = group.length / (first or group.length)
+                found = audited(self.density, adapted.proposal, group.log_weight, z, self.width, rng, times)
                 self.evaluations += found.evaluations
-                if not found.audit.passed:
+                asked = math.ceil(min(found.longer, LONGER + 1.0) * group.length)
+                if asked > LONGER * (first or group.length):
                     return found
                 let_pass = max(let_pass, 2.0 * weights.greatest)
-                if convergence.converged:
+                if found.audit.passed and convergence.converged:
                     return self._draws([group], 0, convergence, modes, method, found.evidence, found.audit)
-            more = _steps_lacking(convergence, group.length, plan)
+            more = max(
+                _steps_lacking(convergence, group.length, plan), min(asked - group.length, group.length)
+            )
         return None
 
     def _by_moves(

@@ -93,6 +93,29 @@ def test_evidence_has_what_the_proposal_missed() -> None:
     assert np.mean(np.abs(error) < 3.0 * np.array([e.sd for e in found])) >= 0.9
 
 
+def audit_after(times: float) -> Audited:
+    """Of a run so many times as long as its target asks, whose weights are even and whose draws lack a thin tail."""
+    density, rng = SlowTail(share=0.02, far=3.0), np.random.default_rng(1)
+    even = 0.1 * rng.standard_normal(4000)
+    return audited(density, proposal(), even, proposal().draw(rng, 4000)[0], WIDTH, rng, times)
+
+
+def test_a_longer_run_may_draw_more_rarely() -> None:
+    """What an audit asks for is just enough: the same looks pass with it, and do not with a hundredth less."""
+    longer = audit_after(1.0).longer
+    assert 1.0 < longer < np.inf
+    assert audit_after(1.001 * longer).audit.passed
+    assert not audit_after(0.99 * longer).audit.passed
+
+
+def test_no_length_of_run_makes_up_for_weights_without_a_variance() -> None:
+    found = audit_of(SlowTail(), 0)
+    rng = np.random.default_rng(0)
+    heavy = rng.standard_exponential(4000)  # Pareto exponent of the weights: 1
+    assert found.longer > 1.0
+    assert audited(SlowTail(), proposal(), heavy, found.z, WIDTH, rng).longer == np.inf
+
+
 def test_a_mended_proposal_draws_the_tail() -> None:
     density = SlowTail()
     rng = np.random.default_rng(3)
