@@ -21,9 +21,10 @@ def test_bands_of_the_stiffness_hold_it() -> None:
 
     Share of 13 temperatures within the middle of the transformation at which the 90 % band holds the true slope. That
     of one spring scatters by some 0.2, the mean of 40 by 0.032; 0.8 is three of these below 0.9, a false alarm once in
-    740 runs were the bands right, and the seeds are fixed. Bands of the curve alone hold some 0.8.
+    740 runs were the bands right, and the seeds are fixed. No choice was made by these springs. Bands of the curve
+    alone hold 0.86.
     """
-    rng, priors = np.random.default_rng(5), read_priors("modified_sigmoid")
+    rng, priors = np.random.default_rng(1000), read_priors("modified_sigmoid")
     covered: dict[str, list[float]] = {"alone": [], "beside": []}
     wider = []
     for seed in range(SPRINGS):

@@ -3,8 +3,9 @@
 The mode is found by a Levenberg-Marquardt of its own, which stops at the first step that gains less than `SETTLED` and
 takes the curvature of each prior as it is. That of `scipy.optimize.least_squares` (MINPACK), with a row for each prior,
 the signed root of twice the log density that is missing to its mode, gave the same verdicts on twelve campaigns (ten of
-the gap benchmark, a spring that grows, seven measured cycles) and ln evidence within 0.05, but asked for 1.6 times as
-many Jacobians (4601 and 2951) and took 1.16 times the processor time (87.8 and 75.6 s), with as many lines.
+the gap benchmark, a spring that grows, seven measured cycles) and ln evidence within 0.05 on the two where it was
+compared, but asked for 1.6 times as many Jacobians (4601 and 2951) and took 1.16 times the processor time (87.8 and
+75.6 s), with as many lines.
 """
 
 from __future__ import annotations
