@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import traceback
 from functools import cache
+from importlib.metadata import entry_points
 from inspect import getdoc
 from textwrap import shorten
 from typing import Annotated, Any
@@ -106,8 +107,24 @@ def main() -> None:
             print(f"error: {told}", file=sys.stderr)
             sys.exit(2)
         traceback.print_exc()  # Python's own status for it, 1, would say that the run did not converge
-        print("error: this is a mistake in sma_bayes, please report the lines above", file=sys.stderr)
+        whose = _package_at_fault(error)
+        print(f"error: this is a mistake in {whose}, please report the lines above", file=sys.stderr)
         sys.exit(MISTAKE)
+
+
+def _package_at_fault(error: Exception) -> str:
+    """Innermost package of a traceback among this one and those that join it by entry points."""
+    own = "sma_bayes"
+    groups = entry_points()
+    joined = {
+        point.module.partition(".")[0]
+        for group in groups.groups
+        if group.startswith(f"{own}.")
+        for point in groups.select(group=group)
+    }
+    frames = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__))
+    inside = [name.partition(".")[0] for name in frames]
+    return next((package for package in reversed(inside) if package in joined | {own}), own)
 
 
 def _of_the_system(error: Exception) -> SmaBayesError | None:

@@ -1,6 +1,6 @@
 """Physical effects that a plain modified sigmoid may miss."""
 
-from sma_bayes.catalogue import Catalogue
+from sma_bayes.catalogue import Catalogue, not_a
 from sma_bayes.effects.ambient_draught import AmbientDraught
 from sma_bayes.effects.amplitude_fatigue import AmplitudeFatigue
 from sma_bayes.effects.asymmetric_kinetics import AsymmetricKinetics
@@ -73,7 +73,10 @@ _SHIPPED: tuple[Effect, ...] = (
     CycleOffset(),
 )
 EFFECTS: Catalogue[Effect] = Catalogue(
-    "effect", {effect.id: effect for effect in _SHIPPED}, entry_point_group="sma_bayes.effects"
+    "effect",
+    {effect.id: effect for effect in _SHIPPED},
+    entry_point_group="sma_bayes.effects",
+    fault=not_a(object, "id"),
 )
 
 __all__ = ["EFFECTS", "Effect", "Parameter", "Scales", "with_effects"]

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
+from sma_bayes.catalogue import Catalogue
 from sma_bayes.effects.types import Effect, Scales
 from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.quantities import CHANNELS
@@ -242,43 +243,46 @@ def _flat_tops(histories: Sequence[History]) -> str:
     return "" if again or np.ptp(highest) < NEARLY * noise else "the greatest force is not cut off"
 
 
-NEEDS: Final[Mapping[str, Test]] = {
-    "channel": _any_channel,
-    "outcome": _any_outcome,
-    "share": _share,
-    "resistance_unknown": lambda histories: (
-        "resistance or voltage was recorded, and is used"
-        if any("resistance" in h.inputs for h in histories)
-        else ""
-    ),
-    "curve": _curve,
-    "force": _channel("force"),
-    "displacement": _channel("displacement"),
-    "stiffness": _channel("stiffness"),
-    "temperature_response": lambda histories: (
-        ""
-        if all("temperature" in h.observed for h in histories)
-        else "current and time were not both recorded"
-    ),
-    "time": _input("time", "time"),
-    "current": _input("current", "current"),
-    "load": _input("load", "the load"),
-    "frequency": _input("frequency", "the frequency of the drive"),
-    "ambient": _input("ambient_temperature", "the ambient temperature"),
-    "ambient_varies": _ambient_varies,
-    "cycles": _cycles,
-    "several_runs": _members("run", "run", LEAST_RUNS),
-    "several_cycles": lambda histories: (
-        _cycles(histories) or _members("cycle_of_all", "cycle", LEAST_CYCLES)(histories)
-    ),
-    "several_loads": _several("load", "the load"),
-    "several_rates": _several_rates,
-    "several_peaks": _several_peaks,
-    "both_branches": _both_branches,
-    "lattice": _lattice,
-    "reversals": _reversals,
-    "warming_cell": _warming_cell,
-    "plateaus": _plateaus,
-    "flat_tops": _flat_tops,
-}
+NEEDS: Final[Catalogue[Test]] = Catalogue(
+    "need of an effect",
+    {
+        "channel": _any_channel,
+        "outcome": _any_outcome,
+        "share": _share,
+        "resistance_unknown": lambda histories: (
+            "resistance or voltage was recorded, and is used"
+            if any("resistance" in h.inputs for h in histories)
+            else ""
+        ),
+        "curve": _curve,
+        "force": _channel("force"),
+        "displacement": _channel("displacement"),
+        "stiffness": _channel("stiffness"),
+        "temperature_response": lambda histories: (
+            ""
+            if all("temperature" in h.observed for h in histories)
+            else "current and time were not both recorded"
+        ),
+        "time": _input("time", "time"),
+        "current": _input("current", "current"),
+        "load": _input("load", "the load"),
+        "frequency": _input("frequency", "the frequency of the drive"),
+        "ambient": _input("ambient_temperature", "the ambient temperature"),
+        "ambient_varies": _ambient_varies,
+        "cycles": _cycles,
+        "several_runs": _members("run", "run", LEAST_RUNS),
+        "several_cycles": lambda histories: (
+            _cycles(histories) or _members("cycle_of_all", "cycle", LEAST_CYCLES)(histories)
+        ),
+        "several_loads": _several("load", "the load"),
+        "several_rates": _several_rates,
+        "several_peaks": _several_peaks,
+        "both_branches": _both_branches,
+        "lattice": _lattice,
+        "reversals": _reversals,
+        "warming_cell": _warming_cell,
+        "plateaus": _plateaus,
+        "flat_tops": _flat_tops,
+    },
+)
 """Needs that effects may name, each with its test."""

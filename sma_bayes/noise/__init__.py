@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sma_bayes.catalogue import Catalogue
+from sma_bayes.catalogue import Catalogue, not_a
 from sma_bayes.errors import UnknownNameError, near_matches
 from sma_bayes.noise.ar1 import AR1
 from sma_bayes.noise.ar1_time import AR1Time
@@ -59,6 +59,7 @@ NOISE_MODELS = NoiseCatalogue(
         )
     },
     entry_point_group="sma_bayes.noise",
+    fault=not_a(NoiseModel, "name"),
 )
 
 __all__ = ["NOISE_MODELS", "NoiseModel", "Steps"]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from sma_bayes.catalogue import Catalogue
+from sma_bayes.catalogue import Catalogue, not_a
 from sma_bayes.parameters.priors_file import PriorSet, read_priors, shipped_priors
 from sma_bayes.response.base import Asymptote, ResponseModel
 from sma_bayes.response.bounded_logistic import BoundedLogistic
@@ -46,6 +46,7 @@ RESPONSE_MODELS: Catalogue[type[ResponseModel]] = Catalogue(
         )
     },
     entry_point_group="sma_bayes.response",
+    fault=not_a(type, "name"),
 )
 
 DEFAULT_MODEL = ModifiedSigmoid.name

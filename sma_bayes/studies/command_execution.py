@@ -100,14 +100,15 @@ def finish(
 ) -> None:
     """Tell what was found, see `show_found`, and end with its exit status.
 
-    It is 1 where it has not converged, and with `strict` where it is not adequate.
+    It is ``exit_status`` where the document has one; else 1 where it has not ``converged``, and with `strict` where it
+    is not ``adequate``. What says nothing of these is good.
     """
     if as_json:
         from sma_bayes.runs.store import plain
 
         found = plain(found)
     show_found(found, quiet, as_json, show)
-    good = found["converged"] and (found["adequate"] if strict else True)
+    good = found.get("converged", True) and (found.get("adequate", True) if strict else True)
     status = found.get("exit_status", 0 if good else 1)
     if status:
         raise typer.Exit(status)

@@ -115,8 +115,9 @@ def verbs_listed(place: Path) -> list[str]:
 def test_it_is_in_the_help_and_its_call_is_checked(place: Path) -> None:
     listed, shipped = verbs_listed(place), verbs_listed(ROOT)
     assert [verb for verb in listed if verb != "hysteresis"] == shipped
-    at = shipped.index("diff") + 1 if (place / "sma_bayes").is_dir() else len(shipped)
-    assert listed.index("hysteresis") == at
+    at = listed.index("hysteresis")
+    last = [verb for verb, package in VERBS.items() if package.__name__.startswith("sma_bayes.")][-1]
+    assert at == listed.index("diff") + 1 if (place / "sma_bayes").is_dir() else at > listed.index(last)
     assert "--most" in call(place, "hysteresis", "--help").stdout
     assert call(place, "hysteresis", ".").returncode == 2
     nothing = call(place, "hysteresis", ".", *NARROW)
@@ -150,6 +151,29 @@ def test_its_folder_has_a_report_that_is_built_again(place: Path, fitted: Path) 
     assert (out / "tables" / "widths.csv").is_file()
     another = call(place, "hysteresis", str(fitted), *NARROW, "--out", str(out))
     assert another.returncode == 2
+
+
+def test_what_its_document_does_not_state_leaves_the_exit_status_0(place: Path, fitted: Path) -> None:
+    for name in ("schema.py", "workflow.py"):
+        (file,) = place.rglob(f"*hysteresis/{name}")
+        lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+        left = [line for line in lines if not re.match(r"\s+(converged|exit_status)\b", line)]
+        assert len(left) == len(lines) - 2
+        file.write_text("".join(left), encoding="utf-8")
+    wide = call(place, "hysteresis", str(fitted), *WIDE)
+    assert wide.returncode == 0, wide.stderr
+    assert "may be wider than allowed" in wide.stdout
+
+
+def test_a_mistake_in_it_is_told_as_that_of_its_package(place: Path, fitted: Path) -> None:
+    (file,) = place.rglob("*hysteresis/workflow.py")
+    text = file.read_text(encoding="utf-8")
+    assert "fit.loops" in text
+    file.write_text(text.replace("fit.loops", "fit.hoops"), encoding="utf-8")
+    failed = call(place, "hysteresis", str(fitted), *NARROW)
+    whose = "sma_bayes" if (place / "sma_bayes").is_dir() else "sma_hysteresis"
+    assert failed.returncode == 70
+    assert f"this is a mistake in {whose}, please report" in failed.stderr
 
 
 @pytest.mark.parametrize(

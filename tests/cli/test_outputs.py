@@ -187,7 +187,7 @@ def test_a_mistake_of_the_package_is_not_taken_for_a_run_that_did_not_converge(
     outcome = run("fit", measured, "--out", tmp_path / "out", "--jobs", 1)
     assert outcome.status == cli.MISTAKE == 70
     assert "ZeroDivisionError: planted" in outcome.err
-    assert outcome.err.splitlines()[-1].startswith("error: this is a mistake in sma_bayes")
+    assert outcome.err.splitlines()[-1].startswith("error: this is a mistake in sma_bayes, please")
 
 
 def test_a_campaign_folder_by_a_relative_path(

@@ -138,7 +138,8 @@ def test_every_toml_example_is_understood(page, tmp_path):
         elif document.get("schema", "").startswith("sma-bayes/priors"):
             assert parse_priors(text, name(page)).entries["both"]
         else:
-            assert set(document) == {"project"}, f"{name(page)}: {text}"
+            assert set(document) - {"tool"} == {"project"}, f"{name(page)}: {text}"
+            assert set(document.get("tool", ())) <= {"setuptools"}, f"{name(page)}: {text}"
 
 
 @pages

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from fractions import Fraction
 from importlib.metadata import EntryPoint
 
 import pytest
 
 from sma_bayes import catalogue as module
-from sma_bayes.catalogue import Catalogue
+from sma_bayes.catalogue import Catalogue, not_a
 from sma_bayes.errors import SmaBayesError, UnknownNameError
 
 GROUP = "sma_bayes.tests"
@@ -100,3 +101,25 @@ def test_an_entry_that_can_not_be_imported_is_told_with_its_package(provide) -> 
     ) as caught:
         Catalogue("shape", {"square": 4}, GROUP)["square"]
     assert "there_is_no_such_module:CIRCLE" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("fault", "value", "why"),
+    [
+        (not_a(float), "math:tau", ""),
+        (not_a(Fraction), "math:tau", "math:tau is a float, not a Fraction"),
+        (not_a(Fraction), "fractions:Fraction", r"is a class, not an instance: append \(\).*, Fraction\(\)"),
+        (not_a(type), "fractions:Fraction", ""),
+        (not_a(type), "math:tau", "is a float, not a class"),
+        (not_a(type, "__name__"), "fractions:Fraction", "has the __name__ 'Fraction', not .*, 'mine'"),
+        (not_a(object, "id"), "math:tau", "has the id None, not the name of its entry point, 'mine'"),
+    ],
+)
+def test_an_entry_of_another_kind_or_name_is_refused(provide, fault, value: str, why: str) -> None:
+    provide([EntryPoint("mine", value, GROUP)])
+    entries = Catalogue("thing", {}, GROUP, fault)
+    if not why:
+        assert list(entries) == ["mine"]
+        return
+    with pytest.raises(SmaBayesError, match=f"the thing 'mine' of another package can't be used: .*{why}"):
+        list(entries)

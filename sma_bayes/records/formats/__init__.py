@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sma_bayes.catalogue import Catalogue
+from sma_bayes.catalogue import Catalogue, not_a
 from sma_bayes.errors import MeasurementError
 from sma_bayes.records.formats import delimited, lvm, mat, tdms, xlsx
 from sma_bayes.records.formats.table import Format, RawTable, Reading, limited
@@ -21,6 +21,7 @@ FORMATS: Catalogue[Format] = Catalogue(
         "xlsx": xlsx.FORMAT,
     },
     entry_point_group="sma_bayes.formats",
+    fault=not_a(Format),
 )
 
 _HEAD = 4096

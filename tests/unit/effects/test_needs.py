@@ -8,6 +8,7 @@ import pytest
 
 from sma_bayes.effects import EFFECTS
 from sma_bayes.effects.needs import NEEDS, untestable
+from sma_bayes.errors import UnknownNameError
 from sma_bayes.records.history import History
 
 
@@ -56,6 +57,13 @@ UNMET = {
     "reversals": constant("branch", 1.0),
     "plateaus": changed("displacement", lambda h: h.inputs["temperature"].copy()),
 }
+
+
+def test_an_unknown_need_is_told_with_near_matches(measured: tuple[History, ...]) -> None:
+    with pytest.raises(
+        UnknownNameError, match=r"no need of an effect is called 'displacment'(.|\n)*'displacement'"
+    ):
+        untestable(("force", "displacment"), measured)
 
 
 @pytest.mark.parametrize("need", UNMET)

@@ -21,7 +21,7 @@ def test_every_file_of_the_folder_that_holds_a_format_is_in_the_table() -> None:
         for module in pkgutil.iter_modules(formats.__path__)
     ]
     held = {m.__name__.rpartition(".")[2]: m.FORMAT for m in modules if hasattr(m, "FORMAT")}
-    assert held == dict(FORMATS)
+    assert held == {n: f for n, f in FORMATS.items() if f.read.__module__.startswith("sma_bayes.")}
 
 
 def test_two_formats_that_recognise_a_file_are_an_error(
