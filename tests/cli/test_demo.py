@@ -49,6 +49,12 @@ def test_the_report_compares_with_the_truth(demo: tuple[Path, str]) -> None:
     assert 'id="truth"' in page
     assert "figures/truth.pdf" in page
     assert (folder / "report.html").stat().st_size < 3e6
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    leaning = [p["role"] for r in summary["records"] for p in r["parameters"].values() if not p["identified"]]
+    assert leaning
+    assert set(leaning) == {"noise"}
+    assert "<b>0</b> parameters of a curve that the data do not identify" in page
+    assert f"They identify {len(leaning)} of noise or discrepancy less well" in page
     assert "truth known" in screen
     assert "--paper" in screen
     with (folder / "tables" / "truth.csv").open(encoding="utf-8") as file:

@@ -62,6 +62,7 @@ def test_a_thermometer_that_is_off_shows_where_it_should(
     assert outcome.status == 1
     assert "data sha256" in outcome.out
     assert "DIFFERENT: 0 of 2 records agree" in outcome.out
+    assert "  temperature: lowest 30, highest 70 in a, lowest 31, highest 71 in b" in outcome.out
     heating = sma_bayes.diff(folders["a"], folders["warmer"])["records"][0]
     for name in ("A3", "B3"):
         p = heating["parameters"][name]
@@ -80,12 +81,14 @@ def test_a_record_that_is_in_one_only_is_a_difference(
     copy = Path(shutil.copytree(folders["a"], tmp_path / "copy"))
     summary = json.loads((copy / "summary.json").read_text(encoding="utf-8"))
     del summary["records"][1]
+    summary["records"][0]["settings"] = {"load": 1.5}
     summary["records"][0]["adequate"] = not summary["records"][0]["adequate"]
     (copy / "summary.json").write_text(json.dumps(sealed(summary)), encoding="utf-8")
     outcome = run("diff", folders["a"], copy)
     assert outcome.status == 1
     assert "a-cooling: only in a" in outcome.out
     assert "adequate: " in outcome.out
+    assert "settings: - in a, load 1.5 in b" in outcome.out
     assert run("diff", folders["a"], copy, "--quiet").out == ""
 
 

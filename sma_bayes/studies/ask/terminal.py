@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from rich.table import Table
 
+from sma_bayes.errors import many
 from sma_bayes.quantities import QUANTITIES, unit_text
 from sma_bayes.report.screen import screen
 from sma_bayes.studies.ask.schema import (
@@ -20,6 +21,9 @@ from sma_bayes.studies.ask.schema import (
     ValuesOfRecord,
 )
 from sma_bayes.studies.ask.workflow import OVERALL
+
+RARE: Final = 0.05
+"""Probability below which a passage is counted and not listed: a wavy band is passed up and down in few draws."""
 
 
 def show_values_at(found: Mapping[str, Any]) -> None:
@@ -113,7 +117,13 @@ def _answer_lines(a: StatedAnswer, level: float) -> list[str]:
         f"    {p.direction} at {p.median:.5g} {degrees} ({p.low:.5g} to {p.high:.5g}), "
         f"with probability {p.probability:.3f}{_mark(p)}"
         for p in a.passages
+        if p.probability >= RARE
     ]
+    if rare := sum(p.probability < RARE for p in a.passages):
+        each = "each " if rare > 1 else ""
+        lines.append(
+            f"    and {many(rare, 'passage')} with a probability {each}below {RARE:g}; --json lists all"
+        )
     least, most = a.bounds
     lines += [
         f"  {least:.4g} to {most:.4g} {unit}".rstrip() + f": {_stretches(a.within, level, degrees)}",

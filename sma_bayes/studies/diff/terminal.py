@@ -39,8 +39,15 @@ def show_diff(told: Mapping[str, Any]) -> None:
     console.print(f"{verdict}: {counted}, medians of parameters and bands within {level}", soft_wrap=True)
 
 
+def _differing(value: object, other: object) -> object:
+    """Of a mapping beside another, what differs."""
+    if not (isinstance(value, Mapping) and isinstance(other, Mapping)):
+        return value
+    return {k: v for k, v in value.items() if k not in other or other[k] != v}
+
+
 def _short(value: object) -> str:
-    if value is None:
+    if value is None or (isinstance(value, Mapping) and not value):
         return "-"
     if isinstance(value, Mapping):
         return ", ".join(f"{k} {_short(v)}" for k, v in value.items())
@@ -57,6 +64,7 @@ def _show_record(console: Console, r: ComparedRecords, tolerance: float) -> None
         return
     console.print(f"{r.key}:")
     for name, (a, b) in r.changed.items():
+        a, b = _differing(a, b), _differing(b, a)
         console.print(f"  {name.replace('_', ' ')}: {_short(a)} in a, {_short(b)} in b", soft_wrap=True)
     for side, why in zip("ab", r.why, strict=True):
         for message in why if r.adequate[0] != r.adequate[1] else ():

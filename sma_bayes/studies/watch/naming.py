@@ -169,9 +169,14 @@ def interval(n: NamedCause, spare: int) -> tuple[Floats, Floats]:
     return n.amount - by, n.amount + by
 
 
-def causes_of(strands: Sequence[Strand]) -> list[Cause]:
-    """What may happen to a spring and to the sensors that follow it, as far as the measured channels show it."""
-    table = _Table(strands)
+def causes_of(strands: Sequence[Strand], change: Change | None = None) -> list[Cause]:
+    """What may happen to a spring and to the sensors that follow it, as far as the measured channels show it.
+
+    Curves stretched about a level by exp(g) move by exp(g) - 1, of which g is the beginning. Beside a `change` the
+    moves are those of its stretches.
+    """
+    stretched = np.zeros(len(strands)) if change is None else change.value[STROKE :: len(NUMBERS)]
+    table = _Table(strands, tuple(float(np.expm1(g) / g) if g else 1.0 for g in stretched))
     out = []
     for channel in dict.fromkeys(s.channel for s in strands):
         own = [i for i, s in enumerate(strands) if s.channel == channel]
@@ -216,7 +221,10 @@ def _of_channel(table: _Table, channel: str, own: list[int]) -> list[Cause]:
         """Stretched by a unit of ln about a level."""
         return {
             **{(i, STROKE): 1.0 for i in own},
-            **{(i, OFFSET): (s.level - level(s)) / s.span for i, s in zip(own, strands, strict=True)},
+            **{
+                (i, OFFSET): table.moved[i] * (s.level - level(s)) / s.span
+                for i, s in zip(own, strands, strict=True)
+            },
         }
 
     moved = "the spring has set, or the zero of the sensor has moved" if channel == "displacement" else (
@@ -256,6 +264,8 @@ def _hot(strand: Strand) -> float:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Table:
     strands: Sequence[Strand]
+    moved: tuple[float, ...]
+    """By strand, how much a stretched curve moves for a unit of the logarithm."""
 
     def cause(
         self,

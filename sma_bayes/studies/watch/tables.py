@@ -59,7 +59,10 @@ def _causes(found: WatchDocument) -> Table:
         )
         for c in found.change.causes for a in c.amounts
     )  # fmt: skip
-    note = "Each may be the whole change; the data can't tell them apart. 90 % intervals."
+    note = (
+        "Each may be the whole change; the data can't tell them apart. 90 % intervals; of gain, stroke and width the "
+        "change of the logarithm."
+    )
     return Table("causes", "What may have changed", note, columns, rows)
 
 

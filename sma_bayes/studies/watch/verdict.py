@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -38,6 +39,8 @@ from sma_bayes.studies.watch.state import WatchState
 
 NORMAL: Final = 0.975
 LOG10: Final = float(np.log(10.0))
+STRETCHES: Final = ("gain", "stroke", "width")
+"""Amounts that are changes of a logarithm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +199,7 @@ def _no_change() -> ChangeDocument:
 
 def _change(reference: Reference, began: _Began, units: Shown) -> ChangeDocument:
     change = change_of(began.watched, began.onset)
-    found = [] if change is None else named(change, causes_of(reference.strands))
+    found = [] if change is None else named(change, causes_of(reference.strands, change))
     if change is None or not found:
         return ChangeDocument(
             verdict="unnamed",
@@ -231,11 +234,17 @@ def _cause(n: NamedCause, change: Change) -> CauseDocument:
 
 
 def _amounts(cause: CauseDocument, units: Shown, specimen: bool) -> str:
-    amounts = (amount_shown(a, units, specimen) for a in cause.amounts)
     return ", ".join(
-        f"{a.name.replace('_', ' ')} {interval_text(a.median, a.q05, a.q95)} {unit_label(a.unit)}".strip()
-        for a in amounts
+        f"{a.name.replace('_', ' ')} {_amount(amount_shown(a, units, specimen))}" for a in cause.amounts
     )
+
+
+def _amount(a: AmountDocument) -> str:
+    """A stretch, which is a logarithm in the document, in percent."""
+    ends = (a.median, a.q05, a.q95)
+    if a.name not in STRETCHES:
+        return f"{interval_text(*ends)} {unit_label(a.unit)}".strip()
+    return f"{interval_text(*(None if v is None else 100.0 * math.expm1(v) for v in ends))} %"
 
 
 def _statement(

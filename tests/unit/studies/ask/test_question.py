@@ -172,6 +172,18 @@ def test_the_answer_is_in_the_units_of_the_question(folder: Path) -> None:
     assert "°C" not in text
 
 
+def test_rare_passages_are_counted_and_not_listed(folder: Path) -> None:
+    found = sma_bayes.ask(folder, force="1.5 N", condition="c", branch="heating")
+    passages = found["answers"][0]["passages"]
+    (passage,) = passages
+    assert passage["probability"] > 0.9
+    assert "below 0.05" not in answer_text(found)
+    passages += [{**passage, "direction": "falling", "probability": p} for p in (0.05, 0.049, 0.001)]
+    text = answer_text(found)
+    assert (text.count(" rising at "), text.count(" falling at ")) == (1, 1)
+    assert "and 2 passages with a probability each below 0.05; --json lists all" in text
+
+
 def test_a_number_without_a_unit_is_in_that_of_the_fit(folder: Path) -> None:
     """A tolerance of 0.004 on a strain of -1.8 percent is 0.4 percent."""
     (answer,) = sma_bayes.ask(folder, displacement="-1.8 percent", tolerance="0.004", condition="wire")[
