@@ -1,6 +1,7 @@
 """What every response model promises: shapes, derivatives, pickling, parameters that a priors file can speak of.
 
 The cases come from the catalogue, each for every set of channels that the model takes, at the medians of its priors.
+Models of other installed packages are tried like those that ship; ``-k NAME`` tries one of them.
 """
 
 from __future__ import annotations
@@ -32,12 +33,18 @@ CHANNELS = (
     ("force", "displacement"),
     ("force", "displacement", "stiffness"),
 )
-SHIPPED = {name: make for name, make in RESPONSE_MODELS.items() if make.__module__.startswith("sma_bayes.")}
-"""Models of this package; what others have installed is theirs to test."""
+BY_DIFFERENCES = 1e-5
+"""Of its scale: how far a derivative by differences depends on what else is in a batch, which sets its steps."""
+
+
+def exact(model: ResponseModel, method: str) -> bool:
+    """Whether a model promises all digits: those that ship do, others of what they give by hand."""
+    own = getattr(type(model), method) is not getattr(ResponseModel, method)
+    return own or type(model).__module__.startswith("sma_bayes.")
 
 
 def cases() -> Iterator[tuple[str, tuple[str, ...]]]:
-    for name, make in SHIPPED.items():
+    for name, make in RESPONSE_MODELS.items():
         for channels in CHANNELS:
             if not make.refusal(channels):
                 yield name, channels
@@ -56,7 +63,7 @@ class Case:
         if "frequencies" in name:
             frequency = np.resize([10.0, 30.0, 50.0], self.record.n)
             self.record = replace(self.record, inputs={**self.record.inputs, FREQUENCY: frequency})
-        self.model = SHIPPED[name.partition(" ")[0]].made_for([self.record])
+        self.model = RESPONSE_MODELS[name.partition(" ")[0]].made_for([self.record])
         self.posterior = build_posterior(
             [self.record], NOISE_MODELS["independent"], self.model.default_priors(), model=self.model
         )
@@ -85,13 +92,14 @@ def test_one_vector_all_walkers_and_all_draws_use_one_code_path(it: Case) -> Non
     theta, n = it.draws(4, 5), it.inputs["temperature"].size
     for f in (it.model.predict, it.model.slope, it.model.curvature, it.model.jacobian):
         found, alone = f(theta, it.inputs), f(theta[2, 3], it.inputs)
+        near = 1e-12 if exact(it.model, f.__name__) else BY_DIFFERENCES
         assert tuple(found) == it.channels
         for channel in it.channels:
             tail = (theta.shape[-1],) if f == it.model.jacobian else ()
             assert found[channel].shape == (4, 5, n, *tail)
             scale = np.abs(alone[channel]).max() + 1e-300
             np.testing.assert_allclose(
-                found[channel][2, 3] / scale, alone[channel] / scale, rtol=1e-12, atol=1e-12
+                found[channel][2, 3] / scale, alone[channel] / scale, rtol=1e-12, atol=near
             )
 
 
@@ -112,12 +120,13 @@ def test_each_parameter_vector_may_have_temperatures_of_its_own(it: Case) -> Non
     inputs = it.inputs | {"temperature": it.inputs["temperature"] + off}
     for f in (it.model.predict, it.model.slope, it.model.curvature, it.model.jacobian):
         found = f(theta, inputs)
+        near = 1e-9 if exact(it.model, f.__name__) else BY_DIFFERENCES
         for i in range(3):
             alone = f(theta[i], inputs | {"temperature": inputs["temperature"][i]})
             for channel in it.channels:
                 scale = np.abs(alone[channel]).max() + 1e-300
                 np.testing.assert_allclose(
-                    found[channel][i] / scale, alone[channel] / scale, rtol=1e-9, atol=1e-9
+                    found[channel][i] / scale, alone[channel] / scale, rtol=1e-9, atol=near
                 )
 
 
@@ -146,7 +155,8 @@ def test_stiffness_is_the_slope_of_force_over_that_of_displacement(it: Case) -> 
         )
     else:
         slope = it.model.slope(it.theta, it.inputs)
-        found, wanted = it.model.stiffness(it.theta, it.inputs), slope["force"] / slope["displacement"]
+        with np.errstate(invalid="warn" if exact(it.model, "stiffness") else "ignore"):  # both may vanish
+            found, wanted = it.model.stiffness(it.theta, it.inputs), slope["force"] / slope["displacement"]
     np.testing.assert_allclose(found, wanted, rtol=1e-9)
 
 
@@ -160,7 +170,7 @@ def test_nothing_overflows_or_warns_far_away(it: Case) -> None:
             for channel, values in f(it.draws(20), inputs).items():
                 if channel != "stiffness":
                     assert np.isfinite(values).all(), (f, channel)
-        if set(it.channels) >= {"force", "displacement"}:
+        if set(it.channels) >= {"force", "displacement"} and exact(it.model, "stiffness"):
             assert not np.isnan(it.model.stiffness(it.draws(20), inputs)).any()
 
 
@@ -227,7 +237,7 @@ def test_linear_parameters_enter_their_channel_linearly_and_are_solved_for(it: C
             assert np.abs(left).max() < 0.1 * np.ptp(clean[channel])
 
 
-@pytest.mark.parametrize("make", SHIPPED.values(), ids=SHIPPED)
+@pytest.mark.parametrize("make", RESPONSE_MODELS.values(), ids=RESPONSE_MODELS)
 def test_it_refuses_channels_that_it_does_not_have(make: type[ResponseModel]) -> None:
     with pytest.raises(MeasurementError, match="has no temperature"):
         make(("temperature",))
