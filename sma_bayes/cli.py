@@ -6,11 +6,13 @@ mistake in this package; 128 and the number of the signal where one ended it, se
 
 from __future__ import annotations
 
+import re
 import sys
 import traceback
 from functools import cache
 from importlib.metadata import entry_points
 from inspect import getdoc
+from pathlib import Path
 from textwrap import shorten
 from typing import Annotated, Any
 
@@ -113,7 +115,7 @@ def main() -> None:
 
 
 def _package_at_fault(error: Exception) -> str:
-    """Innermost package of a traceback among this one and those that join it by entry points."""
+    """Innermost package of a traceback, that of a worker if one failed, among this one and those that join it."""
     own = "sma_bayes"
     groups = entry_points()
     joined = {
@@ -122,9 +124,15 @@ def _package_at_fault(error: Exception) -> str:
         if group.startswith(f"{own}.")
         for point in groups.select(group=group)
     }
-    frames = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__))
-    inside = [name.partition(".")[0] for name in frames]
-    return next((package for package in reversed(inside) if package in joined | {own}), own)
+    lines = "".join(traceback.format_exception(error, chain=False))
+    if type(error.__cause__).__name__ == "_RemoteTraceback":  # of joblib and concurrent.futures: text
+        lines = str(error.__cause__)
+    for file in reversed(re.findall(r'^ *File "(.+)", line \d+', lines, re.MULTILINE)):
+        path = Path(file)
+        for package in (*joined, own):
+            if package in (path.stem, *path.parent.parts):
+                return package
+    return own
 
 
 def _of_the_system(error: Exception) -> SmaBayesError | None:

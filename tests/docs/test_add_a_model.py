@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -166,6 +167,38 @@ def test_a_finished_fit_answers_and_tells_what_the_current_does(place: Path, fit
     run(place, "report", "results")
     page = (place / "results" / "report.html").read_text(encoding="utf-8")
     assert "force_midpoint" in page
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_mistake_in_it_is_told_as_that_of_its_package(place: Path, tmp_path: Path, jobs: str) -> None:
+    """A worker hands on its traceback as text."""
+    shutil.copytree(
+        place, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("results", "__pycache__")
+    )
+    module = tmp_path / "sma_model_gompertz.py"
+    module.write_text(
+        module.read_text(encoding="utf-8").replace("out[channel] =", "out[channle] ="), encoding="utf-8"
+    )
+    command = [
+        TOOL,
+        "fit",
+        "bench",
+        "--model",
+        "gompertz",
+        "--out",
+        "failed",
+        "--jobs",
+        jobs,
+        "--noise",
+        "independent",
+    ]
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    failed = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert failed.returncode == 70
+    assert "NameError: name 'channle'" in failed.stderr
+    assert failed.stderr.splitlines()[-1].startswith("error: this is a mistake in sma_model_gompertz, please")
 
 
 def test_it_takes_part_in_a_comparison(place: Path) -> None:
