@@ -59,7 +59,9 @@ def with_outliers(package: Path) -> str:
 
 
 def test_the_noise_model_keeps_the_contract_that_the_reader_is_told_to_ask(package):
-    (command,) = [text for kind, text in BLOCK.findall(GUIDE.read_text(encoding="utf-8")) if "pytest" in text]
+    (command,) = [
+        text for _, text in BLOCK.findall(GUIDE.read_text(encoding="utf-8")) if "test_noise" in text
+    ]
     arguments = command.split()[1:]
     options = ("-q", "-p", "no:cacheprovider")
     said = run(package, sys.executable, "-m", "pytest", *options, *arguments, cwd=ROOT)
@@ -68,6 +70,15 @@ def test_the_noise_model_keeps_the_contract_that_the_reader_is_told_to_ask(packa
     assert "contaminated+growing+temperature_error" in run(
         package, sys.executable, "-m", "pytest", *options, *arguments, "--collect-only", cwd=ROOT
     )
+
+
+def test_the_format_keeps_the_contract_that_the_reader_is_told_to_ask(package):
+    (command,) = [
+        text for _, text in BLOCK.findall(GUIDE.read_text(encoding="utf-8")) if "test_formats" in text
+    ]
+    options = ("-q", "-p", "no:cacheprovider")
+    said = run(package, sys.executable, "-m", "pytest", *options, *command.split()[1:], cwd=ROOT)
+    assert int(re.search(r"(\d+) passed", said)[1]) > 10
 
 
 def test_other_noise_models_keep_theirs_beside_it(package):

@@ -75,10 +75,14 @@ def _groups(path: Path) -> tuple[dict[str, dict[str, Cells]], tuple[Finding, ...
     from nptdms import TdmsFile
 
     try:
-        with TdmsFile.open(path) as file:  # reads what the file says of itself, no data
+        # npTDMS leaves a damaged file open that it has opened itself
+        with (
+            path.open("rb") as content,
+            TdmsFile.open(content) as file,
+        ):  # reads what it says of itself, no data
             if sum(len(c) for group in file.groups() for c in group.channels()) > BINARY_NUMBERS.value:
                 raise too_large(f"the file has more than {BINARY_NUMBERS.value} numbers", path)
-        with TdmsFile.read(path) as file:
+        with path.open("rb") as content, TdmsFile.read(content) as file:
             groups = {group.name: group.channels() for group in file.groups()}
             columns: dict[str, dict[str, Cells]] = {
                 name: {**{c.name: _cells(c[:]) for c in channels}, **_waveform_time(channels)}
