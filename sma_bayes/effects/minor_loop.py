@@ -1,4 +1,4 @@
-"""Loops inside the loop, after a transformation that was not completed."""
+"""Minor loops, after a transformation that was not completed."""
 
 from __future__ import annotations
 

@@ -351,7 +351,6 @@ def _answer_at(
             pred_median=pred_median,
             pred_high=pred_high,
         )
-    path = summary.path
     return ValuesOfRecord(
         key=summary.key,
         condition=summary.condition,
@@ -363,8 +362,18 @@ def _answer_at(
         measured=(low, high),
         extrapolated=tuple(beyond.tolist()),
         quantities=quantities,
-        caution=path.message if "stiffness" in quantities and path.kind != "path_slope" else None,
+        caution=_caution(summary) if "stiffness" in quantities else None,
     )
+
+
+def _caution(summary: RecordSummary) -> str | None:
+    """What is to be doubted of a stiffness."""
+    if summary.path.kind != "path_slope":
+        return summary.path.message
+    channel = summary.one_sided_discrepancy
+    if not channel:
+        return None
+    return f"{channel} alone has a discrepancy: where the curves are flat the stiffness is not to be believed"
 
 
 def asked_temperature(text: str, stored: str, degrees: str) -> float:
@@ -502,7 +511,7 @@ def _answer(run: FitSource, summary: RecordSummary, question: _InverseQuestion) 
             best=most if top > 0.0 else None,
         )
 
-    path, measured = summary.path, values[:, (grid >= low) & (grid <= high)]
+    measured = values[:, (grid >= low) & (grid <= high)]
     reachable, stays_below, stays_above = _reached(curve, found, target, (low, high), ends)
     return StatedAnswer(
         key=summary.key,
@@ -525,7 +534,7 @@ def _answer(run: FitSource, summary: RecordSummary, question: _InverseQuestion) 
         within=met_between(*bounds),
         at_least=met_between(target, np.inf),
         at_most=met_between(-np.inf, target),
-        caution=path.message if channel == "stiffness" and path.kind != "path_slope" else None,
+        caution=_caution(summary) if channel == "stiffness" else None,
     )
 
 
