@@ -168,8 +168,9 @@ further."""
 LONGEST = 384
 """Steps of independence moves, at most. Of skewed parameters the outer quantiles take some thirty thousand draws, which
 other moves would take a hundred times as long to make."""
-LONGER = 1.5
-"""How many times as long a run may become for the sake of its audit, before its proposal is mended instead."""
+LONGER, LONGER_MENDED = 1.5, 3.0
+"""How many times as long a run may become for the sake of its audit, before its proposal is mended instead: one that
+was mended already is hardly made better by mending it again."""
 DRAWS_PER_EFFECTIVE = 1.37
 """Draws that must count for each effective one that is asked for, so that the first block of steps mostly does: each of
 some thirty effective sample sizes is an estimate, and the least of them decides."""
@@ -362,15 +363,25 @@ class _Run:
             if not adapted.carries or self.spent:
                 return None
             method = method if name not in TRIES else "independence after an audit"
-            draws = self._independence(f"{name}-mended-{again}", adapted, modes, run_seed, method)
+            draws = self._independence(
+                f"{name}-mended-{again}", adapted, modes, run_seed, method, longest=LONGER_MENDED
+            )
             if not isinstance(draws, Audited):
                 return draws
         return None
 
     def _independence(
-        self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seed: np.random.SeedSequence, method: str
+        self,
+        name: str,
+        adapted: Adapted,
+        modes: tuple[Mode, ...],
+        seed: np.random.SeedSequence,
+        method: str,
+        longest: float = LONGER,
     ) -> Draws | Audited | None:
         """Independence moves alone; their audit if they don't pass it, None if they don't get so far.
+
+        For the sake of its audit a run becomes `longest` times as long as its target asks, at most.
 
         No walker's move looks at another walker, so that any of them are independent of the rest: all groups are
         run as one ensemble and told apart afterwards, which spares the work of a step for each of them.
@@ -394,8 +405,8 @@ class _Run:
                 times = group.length / (first or group.length)
                 found = audited(self.density, adapted.proposal, group.log_weight, z, self.width, rng, times)
                 self.evaluations += found.evaluations
-                asked = math.ceil(min(found.longer, LONGER + 1.0) * group.length)
-                if asked > LONGER * (first or group.length):
+                asked = math.ceil(min(found.longer, longest + 1.0) * group.length)
+                if asked > longest * (first or group.length):
                     return found
                 let_pass = max(let_pass, 2.0 * weights.greatest)
                 if found.audit.passed and convergence.converged:
