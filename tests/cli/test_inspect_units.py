@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from typer.testing import CliRunner
 
 from sma_bayes.cli import command_line
@@ -24,3 +25,25 @@ def test_inspect_shows_units(tmp_path: Path, published: Callable[[str], Any]) ->
     assert "force [N]" in shown.stdout
     told = CliRunner().invoke(command_line(), ["inspect", str(data), "--json"])
     published("inspect").validate(json.loads(told.stdout))
+
+
+def test_inspect_shows_declared_units_and_stores_si(tmp_path: Path) -> None:
+    t = np.linspace(68.0, 176.0, 40)
+    x = 23.0 / (1.0 + np.exp(-0.2 * (t - 120.0))) + 0.1 * np.sin(7.0 * t)
+    rows = "\n".join(f"{a:.3f},{b:.5f},1.96" for a, b in zip(t, x, strict=True))
+    (tmp_path / "run.csv").write_text(f"T,X,F\n{rows}\n", encoding="utf-8")
+    (tmp_path / "campaign.toml").write_text(
+        "[columns]\n"
+        'temperature = { name = "T", unit = "degF" }\n'
+        'displacement = { name = "X", unit = "mm" }\n'
+        'force = { name = "F", unit = "N" }\n'
+        '[[condition]]\nid = "1A"\nfile = "run.csv"\n',
+        encoding="utf-8",
+    )
+    call = ["inspect", str(tmp_path / "campaign.toml")]
+    shown = CliRunner().invoke(command_line(), call, env={"COLUMNS": "200"}).stdout
+    assert "68 to 176 °F" in shown
+    assert "displacement [mm]" in shown
+    (record,) = json.loads(CliRunner().invoke(command_line(), [*call, "--json"]).stdout)["records"]
+    assert record["temperature"]["highest"] == pytest.approx(80.0)
+    assert record["channels"]["displacement"]["unit"] == "m"

@@ -19,5 +19,6 @@ def command(
     from sma_bayes.studies.inspect.terminal import show_inspection
     from sma_bayes.studies.inspect.workflow import inspect_campaign
 
-    report = inspect_campaign(read_campaign(path, data_dir=data))
-    show_found(report, quiet, as_json, partial(show_inspection, report))
+    campaign = read_campaign(path, data_dir=data)
+    report = inspect_campaign(campaign)
+    show_found(report, quiet, as_json, partial(show_inspection, report, campaign))

@@ -7,27 +7,33 @@ from typing import Any
 from rich.table import Table
 
 from sma_bayes.quantities import unit_text
+from sma_bayes.records.types import Campaign
 from sma_bayes.report.screen import screen
+from sma_bayes.runs.declared_units import shown_as, shown_units
 from sma_bayes.studies.inspect.schema import InspectionDocument
 
 
-def show_inspection(report: dict[str, Any]) -> None:
-    """Tell what `inspect_campaign` found."""
-    found = InspectionDocument.model_validate(report)
+def show_inspection(report: dict[str, Any], campaign: Campaign) -> None:
+    """Tell what `inspect_campaign` found, in the units that the campaign declares."""
+    found, units = InspectionDocument.model_validate(report), shown_units(campaign.records)
     console = screen()
     table = Table(title=found.campaign, title_justify="left")
     for name in ("record", "file", "samples", "cycles", "temperature", "channels", "held constant", "noise"):
         table.add_column(name)
     for r in found.records:
         t = r.temperature
+        degrees = shown_as(t.unit, units)
+        channels = {c.name: shown_as(c.unit, units, c.name) for c in r.channels.values()}
+        held = {h.name: (h.mean, shown_as(h.unit, units, h.name)) for h in r.held.values()}
         table.add_row(
             r.key,
             r.source,
             str(r.n) + (f" (means of up to {r.rows_averaged} rows)" if r.rows_averaged > 1 else ""),
             str(r.segments),
-            f"{t.lowest:.4g} to {t.highest:.4g} {unit_text(t.unit)}",
-            ", ".join(f"{c.name} [{unit_text(c.unit) or '1'}]" for c in r.channels.values()),
-            ", ".join(f"{h.name} {h.mean:.4g} {unit_text(h.unit)}" for h in r.held.values()) or "-",
+            f"{degrees.value(t.lowest):.4g} to {degrees.value(t.highest):.4g} {unit_text(degrees.shown)}",
+            ", ".join(f"{name} [{unit_text(u.shown) or '1'}]" for name, u in channels.items()),
+            ", ".join(f"{name} {u.value(mean):.4g} {unit_text(u.shown)}" for name, (mean, u) in held.items())
+            or "-",
             f"{r.noise.name} (lag 1: {', '.join(f'{v:.2f}' for v in r.noise.lag1.values())})",
         )
     console.print(table)

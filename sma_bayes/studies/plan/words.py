@@ -124,8 +124,9 @@ def advice(found: PlanFindings) -> str:
         parts = "; then ".join(step_text(s, unit) for s in design.steps[:FEW])
         more = f"; and {len(design.steps) - FEW} more" if len(design.steps) > FEW else ""
         told = f"Measure {parts}{more}: {narrowed(design.expected, found)} in {hours_text(design.hours)}"
-        beside = f"whole loops, divided evenly, would bring {design.even.nats:.2g} instead of {design.nats:.2g} nats"
-        return f"{told}; {beside}."
+        even, planned = f"{design.even.nats:.2g}", f"{design.nats:.2g}"
+        brings = "as much" if even == planned else f"{even} instead of {planned} nats"
+        return f"{told}; whole loops, divided evenly, would bring {brings}."
     best = fitting[0]
     marked = f" ({', '.join(best.beyond)})" if best.beyond else ""
     if max((e.shrinkage for e in best.expected), default=0.0) < WORTH:

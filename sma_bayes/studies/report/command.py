@@ -46,6 +46,12 @@ def command(
 ) -> None:
     """Rebuild the HTML report, figures and LaTeX tables from what a folder holds."""
     if figure_width is not None:
+        if figures != "report" or workbook:
+            raise SmaBayesError(
+                f"--figure-width with {'--workbook' if workbook else '--figures'}",
+                expected="one of them",
+                remedy="call report twice: with --figure-width it draws the loops for a paper and nothing else",
+            )
         from sma_bayes.studies.fit.publication_figures import publication_figures
 
         files = publication_figures(

@@ -86,3 +86,11 @@ def test_one_command_draws_them(run_copy: Path) -> None:
     assert done.exit_code == 0, done.output
     assert done.output.split()[0].endswith(f"loop-{CONDITION}.pdf")
     assert not (run_copy / "report.html").exists()
+
+
+@pytest.mark.parametrize("other", [["--figures", "all"], ["--workbook"]])
+def test_what_would_not_be_drawn_is_not_ignored(run_copy: Path, other: list[str]) -> None:
+    done = CliRunner().invoke(command_line(), ["report", str(run_copy), "--figure-width", "85mm", *other])
+    assert isinstance(done.exception, SmaBayesError)
+    assert f"--figure-width with {other[0]}" in str(done.exception)
+    assert not (run_copy / "figures").exists()
