@@ -218,11 +218,9 @@ def reference(
             rng.chisquare(3.0, (20 * walkers, 1)) / 3.0
         )
         log_prob = posterior.log_prob(near)
-        usable = log_prob > posterior.log_prob(z[:500]).max() - NEAR * d
-        if np.count_nonzero(usable) < walkers:  # bent, or bounded: the draws themselves, as they come
-            near = np.concatenate([near[usable], rng.permutation(z)[: 2 * walkers]])
-        else:
-            near = near[usable]
+        near = near[log_prob > posterior.log_prob(z[:500]).max() - NEAR * d]
+        if len(near) < walkers:  # bent, or bounded: the draws themselves, as they come
+            near = np.concatenate([near, rng.permutation(z)[: 2 * walkers]])
         prior = posterior.draw_prior(rng, 4000)
         prior = prior[posterior.log_prob(prior) > log_prob.max() - NEAR * d][: walkers // 4]
         near = near[: walkers - len(prior)]

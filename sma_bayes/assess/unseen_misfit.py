@@ -24,17 +24,13 @@ from scipy.special import softmax
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.fitting.discrepancy import DiscrepancyBasis
+from sma_bayes.fitting.discrepancy import MEDIAN_SIZE, SIGMA_OF_SIZE, DiscrepancyBasis
 from sma_bayes.fitting.noise_choice import discrepancy_bases
 
-MEDIAN: Final = 0.01
-"""Median of the size of a misfit a priori, over the range of the curve; that of `size_fact`."""
-SIGMA: Final = 1.5
-"""Standard deviation of its logarithm."""
 SMOOTHER: Final = 3
 """Power of their number by which eigenfunctions are smaller than those of the discrepancy of a fit."""
 SIZES: Final = np.linspace(-2.5, 2.5, 41)
-"""Sizes on the grid, in those standard deviations."""
+"""Sizes on the grid, in standard deviations of the logarithm that a discrepancy has a priori."""
 
 
 def with_unseen_misfit(draws: RecordDraws, rng: np.random.Generator) -> RecordDraws:
@@ -88,7 +84,7 @@ def _weights(rows: Floats, residual: Floats, span: float, count: int, rng: np.ra
     information, axes = np.linalg.eigh(rows @ rows.T)
     information = np.maximum(information, 0.0)
     pull = axes.T @ (rows @ residual)
-    size = MEDIAN * span * np.exp(SIGMA * SIZES)
+    size = MEDIAN_SIZE * span * np.exp(SIGMA_OF_SIZE * SIZES)
     gain = 1.0 / (information + size[:, None] ** -2)
     log_density = 0.5 * np.sum(gain * pull**2 - np.log1p(size[:, None] ** 2 * information), axis=1)
     drawn = gain[rng.choice(size.size, count, p=softmax(log_density - 0.5 * SIZES**2))]

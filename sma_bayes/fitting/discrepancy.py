@@ -48,6 +48,8 @@ GREATEST_INFORMATION = 1e14
 """Information about weights, in units of that of their prior, beyond which a point counts as impossible."""
 STEPS = 6
 """Steps of Fisher scoring to the likeliest weights under noise that is not normal."""
+MEDIAN_SIZE, SIGMA_OF_SIZE = 0.01, 1.5
+"""Median of the size of a discrepancy a priori, over the span of its curve, and standard deviation of its logarithm."""
 
 
 def size_fact(channel: str, unit: str) -> ParameterSpec:
@@ -61,8 +63,8 @@ def size_fact(channel: str, unit: str) -> ParameterSpec:
         positive=True,
         prior={
             "family": "lognormal",
-            "median": 0.01,
-            "sigma": 1.5,
+            "median": MEDIAN_SIZE,
+            "sigma": SIGMA_OF_SIZE,
             "relative_to": "span(channel)",
             "source": "curves of real specimens miss by 0.3 to 3 % of the range; 90 % between 0.08 and 12 %",
         },

@@ -149,9 +149,8 @@ class Audited:
         if count < max(0.5 * len(u), 4 * u.shape[1]):
             return _joined(density, proposal, self.wider, rng)
         u = u[back]
-        means = u[rng.choice(count, MENDED_COMPONENTS, replace=False)]
-        covariances = np.repeat(np.cov(u.T).reshape(1, u.shape[1], -1), MENDED_COMPONENTS, axis=0)
-        start = StudentMixture.from_covariances(np.ones(MENDED_COMPONENTS), means, covariances, TAIL_DF)
+        covariance = np.cov(u.T).reshape(u.shape[1], -1)
+        start = StudentMixture.about(u, MENDED_COMPONENTS, covariance, TAIL_DF, rng)
         narrow = start.refitted(u, np.full(count, 1.0 / count), rounds=MENDED_ROUNDS)
         joined = MixedProposal(MENDED_SHARES, (replace(first, narrow=narrow), self.wider))
         return Adapted(joined, weigh(density, joined, rng, MENDED_DRAWS), MENDED_DRAWS)

@@ -390,7 +390,7 @@ class _Run:
         more = _steps_hoped(adapted.weights.efficiency, plan.groups * self.walkers, plan)
         group = _Ensemble(self, name, adapted, seed, None, more, copies=plan.groups)
         let_pass = plan.greatest_weight
-        asked, first = 0, 0  # steps that an audit asks for, and after which the target was first reached
+        asked, reached = 0, 0  # steps that an audit asks for, and after which the target was first reached
         # a great weight, or few that count, call for an audit at once; after one that is passed they go on
         while group.length < max(LONGEST, asked) and not (group.length and self.spent):
             self.tell(f"independence moves, from step {group.length + 1}")
@@ -399,14 +399,16 @@ class _Run:
             convergence = assess(group.chains, plan.target)
             doubtful = weights.greatest > let_pass or weights.efficiency < USABLE
             if group.length >= asked and (convergence.converged or doubtful):
-                first = first or (group.length if convergence.converged else 0)
+                if convergence.converged:
+                    reached = reached or group.length
+                enough = reached or group.length
                 z = group.chain.reshape(-1, self.width.size)
                 rng = np.random.default_rng(self.audit_seed)
-                times = group.length / (first or group.length)
+                times = group.length / enough
                 found = audited(self.density, adapted.proposal, group.log_weight, z, self.width, rng, times)
                 self.evaluations += found.evaluations
                 asked = math.ceil(min(found.longer, longest + 1.0) * group.length)
-                if asked > longest * (first or group.length):
+                if asked > longest * enough:
                     return found
                 let_pass = max(let_pass, 2.0 * weights.greatest)
                 if found.audit.passed and convergence.converged:

@@ -80,6 +80,16 @@ class StudentMixture:
         roots = np.stack([_root(c * (df - 2.0) / df) for c in covariance])
         return StudentMixture(np.asarray(weight) / np.sum(weight), np.asarray(mean), roots, df)
 
+    @staticmethod
+    def about(
+        x: Floats, components: int, covariance: Floats, df: float, rng: np.random.Generator
+    ) -> StudentMixture:
+        """Mixture of equal components of one covariance (D, D) about as many of some points, shape (W, D)."""
+        means = x[rng.choice(len(x), size=components, replace=False)]
+        return StudentMixture.from_covariances(
+            np.ones(components), means, np.repeat(covariance[None], components, axis=0), df
+        )
+
     @property
     def dimension(self) -> int:
         """D."""

@@ -90,9 +90,6 @@ def _fitted_mixture(shape: NormalShape, u: Floats, components: int, rng: np.rand
     """Mixture fitted to draws (N, D) in the coordinates of a shape, of several components for what is bent."""
     bent = shape.blocks()[-1]
     bend = np.cov(u[:, bent].T).reshape(bent.size, bent.size)
-    means = u[rng.choice(len(u), size=components, replace=False)][:, bent]
-    start = StudentMixture.from_covariances(
-        np.ones(components), means, np.repeat(bend[None] / components, components, axis=0), DF
-    )
+    start = StudentMixture.about(u[:, bent], components, bend / components, DF, rng)
     weight = np.full(len(u), 1.0 / len(u))
     return shape.mixture(u.mean(axis=0), [start]).refitted(u, weight, rounds=40)

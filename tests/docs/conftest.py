@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
+import re
 import shlex
+import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,6 +15,8 @@ from pathlib import Path
 import pytest
 
 from sma_bayes import cli
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="session")
@@ -24,6 +29,22 @@ def command() -> Callable[..., str]:
 def python() -> Callable[[Path, str], str]:
     """Run a script; what it prints."""
     return _python
+
+
+@pytest.fixture(scope="session")
+def contract_tests() -> Callable[[Path, Path], int]:
+    """Run the contract tests that a guide names, with the package of its reader; how many passed."""
+    return _contract_tests
+
+
+def _contract_tests(guide: Path, package: Path) -> int:
+    (arguments,) = re.findall(r"^pytest (.+)$", guide.read_text(encoding="utf-8"), re.MULTILINE)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(package), str(ROOT)])}
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments.split()]
+    done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    (passed,) = re.findall(r"(\d+) passed", done.stdout)
+    return int(passed)
 
 
 def _command(place: Path, line: str | Sequence[str], *options: str) -> str:

@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -126,13 +127,10 @@ def test_it_is_listed_and_its_priors_are_shown(place: Path) -> None:
     assert "[both.midpoint]" in (place / "mine.toml").read_text(encoding="utf-8")
 
 
-def test_it_keeps_the_contract_that_the_reader_is_told_to_ask(place: Path) -> None:
-    (arguments,) = re.findall(r"^pytest (.+)$", GUIDE.read_text(encoding="utf-8"), re.MULTILINE)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(place), str(ROOT)])}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments.split()]
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
-    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 20  # type: ignore[index]
+def test_it_keeps_the_contract_that_the_reader_is_told_to_ask(
+    place: Path, contract_tests: Callable[[Path, Path], int]
+) -> None:
+    assert contract_tests(GUIDE, place) > 20
 
 
 def test_a_fit_finds_the_parameters_that_made_the_data(fitted: dict[str, Any]) -> None:

@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -56,13 +57,10 @@ def measure(path: Path, *, run_out: float) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def test_the_effect_keeps_the_contract_that_the_reader_is_told_to_ask(package: Path) -> None:
-    (arguments,) = re.findall(r"^pytest (.+)$", GUIDE.read_text(encoding="utf-8"), re.MULTILINE)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(package), str(ROOT)])}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments.split()]
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
-    assert int(re.search(r"(\d+) passed", done.stdout)[1]) >= 8  # type: ignore[index]
+def test_the_effect_keeps_the_contract_that_the_reader_is_told_to_ask(
+    package: Path, contract_tests: Callable[[Path, Path], int]
+) -> None:
+    assert contract_tests(GUIDE, package) >= 8
 
 
 @pytest.mark.parametrize("run_out", [ERROR, 0.0], ids=["hidden", "absent"])
