@@ -11,15 +11,17 @@ from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.report.tables import Table
+from sma_bayes.runs.documents import CARD
+from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.card.figures.card import curves_figure, phase_figure, stiffness_figure, strain_figure
-from sma_bayes.studies.card.outputs import StoredCard, read_card
+from sma_bayes.studies.card.schema import CardDocument, StoredCard
 from sma_bayes.studies.card.tables import card_tables
 from sma_bayes.studies.card.terminal import headline
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a card; see `sma_bayes.report.choice.ReportBuilder`."""
-    stored = read_card(folder)
+    stored = read_finished(CARD, CardDocument, folder)
     drawings: list[Callable[[StoredCard], Drawing]] = []
     if stored.found.constitutive is not None:
         drawings += [phase_figure, strain_figure, curves_figure]

@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DocumentPart,
     FilesBeside,
@@ -133,4 +134,6 @@ class CardDocument(RunAccount, CardFindings, FilesBeside):
     """What `card.json` holds."""
 
 
+StoredCard = FinishedRun[CardDocument]
+"""A finished card, as its folder holds it."""
 DOCUMENTS: Final = {"card": CardDocument, "stiffness-table": StiffnessTables}

@@ -5,8 +5,7 @@ from __future__ import annotations
 from sma_bayes.report.content import INTERVAL, Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Column, Table
-from sma_bayes.studies.card.outputs import StoredCard
-from sma_bayes.studies.card.schema import CardDocument, ConstitutiveCard
+from sma_bayes.studies.card.schema import CardDocument, ConstitutiveCard, StoredCard
 
 
 def card_tables(stored: StoredCard) -> dict[str, Table]:

@@ -8,8 +8,7 @@ from typing import Any
 from sma_bayes.report.content import PAPER_CORRELATION
 from sma_bayes.report.tables import Table
 from sma_bayes.response import DEFAULT_MODEL
-from sma_bayes.studies.compare.outputs import StoredComparison
-from sma_bayes.studies.compare.schema import ComparisonDocument, Overall
+from sma_bayes.studies.compare.schema import ComparisonDocument, Overall, StoredComparison
 from sma_bayes.studies.compare.tables import short
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
 

@@ -9,17 +9,19 @@ from pathlib import Path
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
+from sma_bayes.runs.documents import COMPARISON
+from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.compare.figures.averages import model_average_figure
 from sma_bayes.studies.compare.figures.models import curves_figure, differences_figure, pages
-from sma_bayes.studies.compare.outputs import StoredComparison, read_comparison
 from sma_bayes.studies.compare.page import page_words
+from sma_bayes.studies.compare.schema import ComparisonDocument, StoredComparison
 from sma_bayes.studies.compare.shown import in_declared_units
 from sma_bayes.studies.compare.tables import comparison_tables, model_averages
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a comparison; see `sma_bayes.report.choice.ReportBuilder`."""
-    stored = in_declared_units(read_comparison(folder))
+    stored = read_finished(COMPARISON, ComparisonDocument, folder, in_declared_units)
     assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), comparison_tables, page_words)
 
 

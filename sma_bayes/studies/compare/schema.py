@@ -7,6 +7,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     CorrelationAverage,
     CorrelationFactors,
@@ -275,4 +276,6 @@ class ComparisonDocument(RunAccount, FilesBeside, ComparisonFindings):
     """What `comparison.json` holds."""
 
 
+StoredComparison = FinishedRun[ComparisonDocument]
+"""A finished comparison, as its folder holds it."""
 DOCUMENTS: Final = {"compare": ComparisonDocument}

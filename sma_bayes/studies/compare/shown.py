@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from sma_bayes.arrays import Floats
 from sma_bayes.runs.declared_units import (
     Shown,
     ShownUnit,
@@ -14,39 +13,38 @@ from sma_bayes.runs.declared_units import (
     units_of,
 )
 from sma_bayes.runs.schema import CorrelationFactors
-from sma_bayes.studies.compare.outputs import StoredComparison
 from sma_bayes.studies.compare.schema import (
     ComparedModel,
     ComparedRecord,
+    ComparisonDocument,
     ModelFactors,
     Overall,
     OverallModel,
+    StoredComparison,
 )
 
 DENSITIES = ("_ln_density", "_loo", "_k")
 """Ends of the names of columns that are no values of the channel."""
 
 
-def in_declared_units(stored: StoredComparison) -> StoredComparison:
-    """What was found, with numbers, units and series as people see them; parameters, which nobody is shown, stay."""
-    units = units_of(stored.found)
+def in_declared_units(found: ComparisonDocument) -> ComparisonDocument:
+    """What was found, with numbers and units as people see them; parameters, which nobody is shown, stay."""
+    units = units_of(found)
     if not units:
-        return stored
-    found = stored.found.model_copy(
+        return found
+    return found.model_copy(
         update={
-            "records": tuple(_record(r, units) for r in stored.found.records),
-            "overall": tuple(_overall(g, units) for g in stored.found.overall),
+            "records": tuple(_record(r, units) for r in found.records),
+            "overall": tuple(_overall(g, units) for g in found.overall),
         }
     )
-    quantities = {r.key: r.quantity for r in found.records}
-    samples = {
-        key: shown_columns(
-            columns, units, quantities[key], ["row", "fold", *(n for n in columns if n.endswith(DENSITIES))]
-        )
-        for key, columns in stored.samples.items()
-    }
-    curves = {key: shown_columns(columns, units, quantities[key]) for key, columns in stored.curves.items()}
-    return replace(stored, found=found, samples=samples, curves=curves)
+
+
+def series_columns(stored: StoredComparison, place: str, record: ComparedRecord) -> dict[str, Floats]:
+    """Columns of ``curves`` or ``samples`` of a record, as people see them."""
+    columns = stored.columns(f"{place}/{record.key}.csv")
+    kept = ["row", "fold", *(n for n in columns if n.endswith(DENSITIES))]
+    return shown_columns(columns, units_of(stored.found), record.quantity, kept)
 
 
 def _record(r: ComparedRecord, units: Shown) -> ComparedRecord:

@@ -9,8 +9,7 @@ from sma_bayes.report.averages import average_factors
 from sma_bayes.report.content import INTERVAL, PAPER_CORRELATION, AverageFactor, Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import AVERAGE_COLUMNS, OF_ROW, Cell, Column, Table, average_cells
-from sma_bayes.studies.compare.outputs import StoredComparison
-from sma_bayes.studies.compare.schema import ComparedRecord, StatedDifference
+from sma_bayes.studies.compare.schema import ComparedRecord, StatedDifference, StoredComparison
 
 SHORT: Final[Mapping[str, str]] = {
     "modified_sigmoid": "modified sigmoid",

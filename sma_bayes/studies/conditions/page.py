@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sma_bayes.report.tables import Table
-from sma_bayes.studies.conditions.outputs import StoredConditions
-from sma_bayes.studies.conditions.schema import ConditionsDocument, StatedScore
+from sma_bayes.studies.conditions.schema import ConditionsDocument, StatedScore, StoredConditions
 from sma_bayes.studies.conditions.tables import preferred_way, share_text
 
 

@@ -9,20 +9,23 @@ from pathlib import Path
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
+from sma_bayes.runs.documents import CONDITIONS
+from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.conditions.figures.conditions import (
     effects_figure,
     held_out_figure,
     measured_figure,
     predicted_figure,
 )
-from sma_bayes.studies.conditions.outputs import StoredConditions, read_conditions
 from sma_bayes.studies.conditions.page import page_words
+from sma_bayes.studies.conditions.schema import ConditionsDocument, StoredConditions
+from sma_bayes.studies.conditions.shown import in_declared_units
 from sma_bayes.studies.conditions.tables import conditions_tables
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of conditions; see `sma_bayes.report.choice.ReportBuilder`."""
-    stored = read_conditions(folder)
+    stored = read_finished(CONDITIONS, ConditionsDocument, folder, in_declared_units)
     assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), conditions_tables, page_words)
 
 

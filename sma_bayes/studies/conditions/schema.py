@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
     DocumentPart,
@@ -286,4 +287,6 @@ class ConditionsDocument(RunAccount, FilesBeside, ConditionsFindings):
     """What `conditions.json` holds."""
 
 
+StoredConditions = FinishedRun[ConditionsDocument]
+"""A finished study of conditions, as its folder holds it."""
 DOCUMENTS: Final = {"conditions": ConditionsDocument}

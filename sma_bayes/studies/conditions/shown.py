@@ -6,8 +6,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from sma_bayes.arrays import Floats
 from sma_bayes.quantities import quantity_of
-from sma_bayes.runs.declared_units import Shown, in_unit, shown_as, units_of
+from sma_bayes.runs.declared_units import Shown, in_unit, shown_as, shown_columns, units_of
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
@@ -19,6 +20,7 @@ from sma_bayes.studies.conditions.schema import (
     StatedFeature,
     StatedGroup,
     StatedPopulation,
+    StoredConditions,
 )
 
 F = TypeVar("F", StatedFeature, PredictedFeature)
@@ -44,6 +46,14 @@ def in_declared_units(found: ConditionsDocument) -> ConditionsDocument:
             "held_out": tuple(_held_out(h, units) for h in found.held_out),
         }
     )
+
+
+def series_columns(stored: StoredConditions, file: str, channel: str) -> dict[str, Floats]:
+    """Columns of a series of a channel, as people see them."""
+    specimen = stored.found.specimen
+    units = units_of(stored.found, specimen=specimen)
+    quantity = quantity_of(channel, specimen=specimen)
+    return shown_columns(stored.columns(file), units, quantity, kept=("row", "extrapolated"))
 
 
 def _group(g: StatedGroup, units: Shown) -> StatedGroup:

@@ -10,13 +10,13 @@ from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
 from sma_bayes.runs.schema import IntervalDocument
-from sma_bayes.studies.conditions.outputs import StoredConditions
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
     LeftOutCurve,
     PredictedCondition,
     StatedFeature,
     StatedGroup,
+    StoredConditions,
 )
 
 NAMES: Final[Mapping[str, str]] = {

@@ -7,8 +7,7 @@ from typing import Any
 
 from sma_bayes.report.tables import Table
 from sma_bayes.response import DEFAULT_MODEL
-from sma_bayes.studies.cycles.outputs import StoredCycles
-from sma_bayes.studies.cycles.schema import CyclesDocument
+from sma_bayes.studies.cycles.schema import CyclesDocument, StoredCycles
 
 
 def page_words(stored: StoredCycles, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:

@@ -9,15 +9,18 @@ from pathlib import Path
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
+from sma_bayes.runs.documents import CYCLES
+from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.cycles.figures.cycles import curves_figure, numbers_figure, values_figure
-from sma_bayes.studies.cycles.outputs import StoredCycles, read_cycles
 from sma_bayes.studies.cycles.page import page_words
+from sma_bayes.studies.cycles.schema import CyclesDocument, StoredCycles
+from sma_bayes.studies.cycles.shown import in_declared_units
 from sma_bayes.studies.cycles.tables import cycles_tables
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of cycles; see `sma_bayes.report.choice.ReportBuilder`."""
-    stored = read_cycles(folder)
+    stored = read_finished(CYCLES, CyclesDocument, folder, in_declared_units)
     assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), cycles_tables, page_words)
 
 

@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
     DocumentPart,
@@ -170,4 +171,6 @@ class CyclesDocument(RunAccount, FilesBeside, CyclesFindings):
     """What `sma-bayes cycles` writes: `cycles.json`."""
 
 
+StoredCycles = FinishedRun[CyclesDocument]
+"""A finished study of cycles, as its folder holds it."""
 DOCUMENTS: Final = {"cycles": CyclesDocument}

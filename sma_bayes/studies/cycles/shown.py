@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from sma_bayes.arrays import Floats
 from sma_bayes.quantities import quantity_of
-from sma_bayes.runs.declared_units import Shown, in_unit, shown_as, units_of
+from sma_bayes.runs.declared_units import Shown, in_unit, shown_as, shown_columns, units_of
 from sma_bayes.studies.cycles.schema import (
     ChangeOfNumber,
     CommonCurve,
     ConditionCycles,
     CyclesDocument,
     QuantityByCycle,
+    StoredCycles,
 )
 
 RATIO = "width"
@@ -30,6 +32,14 @@ def in_declared_units(found: CyclesDocument) -> CyclesDocument:
             ),
         }
     )
+
+
+def curve_columns(stored: StoredCycles, condition: str, branch: str, channel: str) -> dict[str, Floats]:
+    """Columns of the curves of a channel, cycle by cycle, as people see them."""
+    specimen = stored.found.specimen
+    columns = stored.columns(f"curves/{condition}-{branch}-{channel}.csv")
+    units = units_of(stored.found, specimen=specimen)
+    return shown_columns(columns, units, quantity_of(channel, specimen=specimen), kept=("cycle",))
 
 
 def _condition(c: ConditionCycles, units: Shown, temperature_unit: str, specimen: bool) -> ConditionCycles:

@@ -8,8 +8,7 @@ from typing import Any
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
-from sma_bayes.studies.cycles.outputs import StoredCycles
-from sma_bayes.studies.cycles.schema import ConditionCycles
+from sma_bayes.studies.cycles.schema import ConditionCycles, StoredCycles
 
 CONDITION = Column("condition", "condition")
 CURVE = (CONDITION, Column("branch", "branch"), Column("channel", "channel"))

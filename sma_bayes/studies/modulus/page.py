@@ -7,8 +7,7 @@ from typing import Any
 
 from sma_bayes.report.tables import Table
 from sma_bayes.response import AUTO_MODEL
-from sma_bayes.studies.modulus.outputs import StoredModulus
-from sma_bayes.studies.modulus.schema import ModulusDocument
+from sma_bayes.studies.modulus.schema import ModulusDocument, StoredModulus
 
 
 def page_words(stored: StoredModulus, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:

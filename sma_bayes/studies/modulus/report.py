@@ -9,15 +9,17 @@ from pathlib import Path
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
+from sma_bayes.runs.documents import MODULUS
+from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.modulus.figures.modulus import moduli_figure, shift_figure
-from sma_bayes.studies.modulus.outputs import StoredModulus, read_modulus
 from sma_bayes.studies.modulus.page import page_words
+from sma_bayes.studies.modulus.schema import ModulusDocument, StoredModulus
 from sma_bayes.studies.modulus.tables import modulus_tables
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of moduli; see `sma_bayes.report.choice.ReportBuilder`."""
-    stored = read_modulus(folder)
+    stored = read_finished(MODULUS, ModulusDocument, folder)
     assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), modulus_tables, page_words)
 
 

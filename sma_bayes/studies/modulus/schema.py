@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
     DocumentPart,
@@ -190,4 +191,6 @@ class ModulusDocument(RunAccount, FilesBeside, ModulusFindings):
     """What `sma-bayes modulus` writes: `modulus.json`."""
 
 
+StoredModulus = FinishedRun[ModulusDocument]
+"""A finished study of moduli, as its folder holds it."""
 DOCUMENTS: Final = {"modulus": ModulusDocument}

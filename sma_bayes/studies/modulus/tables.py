@@ -7,8 +7,7 @@ from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
 from sma_bayes.runs.declared_units import shown_as, shown_unit, units_of
-from sma_bayes.studies.modulus.outputs import StoredModulus
-from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep
+from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep, StoredModulus
 
 SHOWN_UNIT = "GPa"
 LARGE = 1e9

@@ -10,8 +10,7 @@ from sma_bayes.assess.correlation_average import Scored, averages
 from sma_bayes.paper.extremes import EXTREME_TABLES
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.runs.schema import CorrelationAverage, IntervalDocument
-from sma_bayes.studies.compare.outputs import StoredComparison
-from sma_bayes.studies.compare.schema import OverallModel
+from sma_bayes.studies.compare.schema import OverallModel, StoredComparison
 from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.paper.claims import claims

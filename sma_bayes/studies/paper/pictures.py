@@ -140,7 +140,7 @@ def _profile(study: TwinStudy, record: Record, title: str, rival: str) -> Profil
     quantiles = (_in_si(band.curve[q]) for q in ("q05", "q50", "q95"))
     curves = {"modified_sigmoid": BandedCurve(band.temperature, *quantiles)}
     if rival:
-        stored = study.comparison.curves[f"{record.key}-stiffness"]
+        stored = study.compared_curves[f"{record.key}-stiffness"]
         t = stored[f"temperature_{record.units['temperature']}"]
         curves = {
             name: BandedCurve(t, *(_in_si(stored[f"{name}_{q}"]) for q in ("q05", "q50", "q95")))

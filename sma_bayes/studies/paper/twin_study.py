@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import Band, credible_band
 from sma_bayes.assess.correlation import Agreement, agreement
 from sma_bayes.assess.draws import record_draws
@@ -15,7 +16,9 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.paper.twin import twin_campaign
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Campaign
-from sma_bayes.studies.compare.outputs import StoredComparison, read_comparison
+from sma_bayes.runs.documents import COMPARISON
+from sma_bayes.runs.finished_run import read_finished
+from sma_bayes.studies.compare.schema import ComparisonDocument, StoredComparison
 from sma_bayes.studies.compare.workflow import compare
 from sma_bayes.studies.conditions.features import Feature, condition_features
 from sma_bayes.studies.fit.workflow import fit
@@ -42,7 +45,9 @@ class TwinStudy:
     features : tuple of Feature
         Of each condition, from the stiffness fits.
     comparison : StoredComparison
-        Of the models on the same stiffness.
+        Of the models on the same stiffness; its folder is gone.
+    compared_curves : mapping of str to mapping of str to ndarray
+        Columns of the curves of the models, by the key of the record and channel.
     """
 
     seed: int
@@ -53,6 +58,7 @@ class TwinStudy:
     bands: Mapping[str, Band]
     features: tuple[Feature, ...]
     comparison: StoredComparison
+    compared_curves: Mapping[str, Mapping[str, Floats]]
 
     @property
     def converged(self) -> bool:
@@ -94,7 +100,8 @@ def study_twin(
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "comparison"
         compare(campaign, out, seed=seed, jobs=jobs, figures=False)
-        comparison = read_comparison(out)
+        comparison = read_finished(COMPARISON, ComparisonDocument, out)
+        curves = {r.key: comparison.columns(f"curves/{r.key}.csv") for r in comparison.found.records}
     tell(2, 3, "summing up")
     return TwinStudy(
         seed=seed,
@@ -105,6 +112,7 @@ def study_twin(
         bands={key: credible_band(f, "stiffness") for key, f in stiffness.items()},
         features=condition_features([record_draws(f) for f in stiffness.values()]),
         comparison=comparison,
+        compared_curves=curves,
     )
 
 

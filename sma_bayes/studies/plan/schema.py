@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DocumentPart,
     FilesBeside,
@@ -173,4 +174,6 @@ class PlanDocument(PlanFindings, RunAccount, FilesBeside):
     """What `plan.json` holds."""
 
 
+StoredPlan = FinishedRun[PlanDocument]
+"""A finished plan, as its folder holds it."""
 DOCUMENTS: Final = {"plan": PlanDocument}

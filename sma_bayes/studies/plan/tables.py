@@ -7,8 +7,13 @@ from collections.abc import Sequence
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
-from sma_bayes.studies.plan.outputs import StoredPlan
-from sma_bayes.studies.plan.schema import DesignStep, ExpectedQuantity, PlanDocument, PlannedCandidate
+from sma_bayes.studies.plan.schema import (
+    DesignStep,
+    ExpectedQuantity,
+    PlanDocument,
+    PlannedCandidate,
+    StoredPlan,
+)
 from sma_bayes.studies.plan.words import HALF_WIDTH, pair_name, quantity_name, rate_text
 
 SETTINGS = (

@@ -11,15 +11,18 @@ from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.report.tables import Table
+from sma_bayes.runs.documents import SENSITIVITY
+from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.sensitivity.figures.sensitivity import powers_figure, readings_figure
-from sma_bayes.studies.sensitivity.outputs import StoredSensitivity, read_sensitivity
+from sma_bayes.studies.sensitivity.schema import SensitivityDocument, StoredSensitivity
+from sma_bayes.studies.sensitivity.shown import in_declared_units
 from sma_bayes.studies.sensitivity.tables import sensitivity_tables
 from sma_bayes.studies.sensitivity.words import reported
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of sensitivity; see `sma_bayes.report.choice.ReportBuilder`."""
-    stored = read_sensitivity(folder)
+    stored = read_finished(SENSITIVITY, SensitivityDocument, folder, in_declared_units)
     assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), sensitivity_tables, page_words)
 
 

@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
     DocumentPart,
@@ -181,4 +182,6 @@ class SensitivityDocument(RunAccount, SensitivityFindings):
     )
 
 
+StoredSensitivity = FinishedRun[SensitivityDocument]
+"""A finished study of sensitivity, as its folder holds it."""
 DOCUMENTS: Final = {"sensitivity": SensitivityDocument}

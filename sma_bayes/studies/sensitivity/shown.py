@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from typing import TypeVar
 
+from sma_bayes.arrays import Floats
 from sma_bayes.quantities import unit_text
 from sma_bayes.runs.declared_units import Shown, in_unit, shown_as, units_of
-from sma_bayes.studies.sensitivity.schema import QuantitySensitivity, RecordSensitivity, SensitivityFindings
+from sma_bayes.runs.outputs import floats
+from sma_bayes.studies.sensitivity.schema import (
+    QuantitySensitivity,
+    RecordSensitivity,
+    SensitivityFindings,
+    StoredSensitivity,
+)
 
 S = TypeVar("S", bound=SensitivityFindings)
 
@@ -19,6 +26,22 @@ def in_declared_units(found: S) -> S:
     return found.model_copy(update={"records": tuple(record_shown(r, units) for r in found.records)})
 
 
+def reading_columns(
+    stored: StoredSensitivity, record: RecordSensitivity
+) -> tuple[tuple[str, ...], Floats, dict[str, Floats]]:
+    """Channel and temperature of each reading of a record, and its influence on each number, by the name shown."""
+    cells = stored.cells(f"readings/{record.key}.csv")
+    label, warm = next(item for item in cells.items() if item[0].startswith("temperature_"))
+    degrees = shown_as(label.removeprefix("temperature_"), units_of(stored.found))
+    influences = list(cells.values())[-len(record.quantities) :]
+    names = [q.name for q in record.quantities]
+    return (
+        cells["channel"],
+        degrees.values(floats(warm)),
+        dict(zip(names, map(floats, influences), strict=True)),
+    )
+
+
 def record_shown(r: RecordSensitivity, units: Shown) -> RecordSensitivity:
     """The same of one record."""
     return r.model_copy(
@@ -29,7 +52,7 @@ def record_shown(r: RecordSensitivity, units: Shown) -> RecordSensitivity:
     )
 
 
-def name_shown(q: QuantitySensitivity, temperature_unit: str, units: Shown) -> str:
+def _name(q: QuantitySensitivity, temperature_unit: str, units: Shown) -> str:
     """Name of a number; the temperature that is part of it is shown as the others are."""
     if q.temperature is None:
         return q.name
@@ -44,7 +67,7 @@ def _quantity(q: QuantitySensitivity, temperature_unit: str, units: Shown) -> Qu
     return in_unit(q, u, "q05", "median", "q95", "mean").model_copy(
         update={
             "sd": spread.value(q.sd),
-            "name": name_shown(q, temperature_unit, units),
+            "name": _name(q, temperature_unit, units),
             "temperature": degrees.value(q.temperature),
             "bootstrap": None if q.bootstrap is None else in_unit(q.bootstrap, u),
             "reading": None if q.reading is None else in_unit(q.reading, degrees, "temperature"),

@@ -5,8 +5,12 @@ from __future__ import annotations
 from sma_bayes.report.content import INTERVAL, Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
-from sma_bayes.studies.sensitivity.outputs import StoredSensitivity
-from sma_bayes.studies.sensitivity.schema import NONE, QuantitySensitivity, RecordSensitivity
+from sma_bayes.studies.sensitivity.schema import (
+    NONE,
+    QuantitySensitivity,
+    RecordSensitivity,
+    StoredSensitivity,
+)
 from sma_bayes.studies.sensitivity.words import reported, worst_sweep
 
 _OF_RECORD = (Column("condition", "condition"), Column("branch", "branch"))

@@ -8,7 +8,7 @@ from typing import Any
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import Table
 from sma_bayes.runs.declared_units import shown_product, units_of
-from sma_bayes.studies.simulate.outputs import StoredSimulation
+from sma_bayes.studies.simulate.schema import StoredSimulation
 from sma_bayes.studies.simulate.terminal import balance_text, closing, reach_lines
 
 

@@ -7,6 +7,7 @@ from typing import Final, Literal
 from pydantic import Field
 
 from sma_bayes.quantities import convert
+from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
     DocumentPart,
@@ -215,4 +216,6 @@ class SimulationDocument(RunAccount, SimulationFindings):
     )
 
 
+StoredSimulation = FinishedRun[SimulationDocument]
+"""A finished simulation, as its folder holds it."""
 DOCUMENTS: Final = {"simulate": SimulationDocument}

@@ -5,8 +5,7 @@ from __future__ import annotations
 from sma_bayes.report.content import Estimate
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import Column, Table
-from sma_bayes.studies.simulate.outputs import StoredSimulation
-from sma_bayes.studies.simulate.schema import SimulationDocument
+from sma_bayes.studies.simulate.schema import SimulationDocument, StoredSimulation
 from sma_bayes.studies.simulate.terminal import shown_parameters, start_text
 
 

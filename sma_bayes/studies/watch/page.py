@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sma_bayes.report.tables import Table
-from sma_bayes.studies.watch.outputs import StoredWatch
-from sma_bayes.studies.watch.schema import WatchDocument
+from sma_bayes.studies.watch.schema import StoredWatch, WatchDocument
 
 
 def page_words(stored: StoredWatch, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:

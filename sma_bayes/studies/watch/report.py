@@ -6,14 +6,17 @@ from pathlib import Path
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import ReportOptions
+from sma_bayes.runs.documents import WATCH
+from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.watch.figures.watched import evidence_figure, numbers_figure
-from sma_bayes.studies.watch.outputs import read_watch
 from sma_bayes.studies.watch.page import page_words
+from sma_bayes.studies.watch.schema import WatchDocument
+from sma_bayes.studies.watch.shown import in_declared_units
 from sma_bayes.studies.watch.tables import watch_tables
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a watch; see `sma_bayes.report.choice.ReportBuilder`."""
-    stored = read_watch(folder)
+    stored = read_finished(WATCH, WatchDocument, folder, in_declared_units)
     drawings = [evidence_figure, numbers_figure] if wanted.drawn != "none" and stored.found.cycles else []
     assemble(__package__, stored, wanted, drawings, watch_tables, page_words)

@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
     DocumentPart,
@@ -165,4 +166,6 @@ class WatchDocument(RunAccount, FilesBeside, WatchFindings):
     """What `sma-bayes watch` writes: `watch.json`."""
 
 
+StoredWatch = FinishedRun[WatchDocument]
+"""A watch, as its folder holds it."""
 DOCUMENTS: Final = {"watch": WatchDocument, "watch-state": WatchState}

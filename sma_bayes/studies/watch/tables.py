@@ -5,8 +5,7 @@ from __future__ import annotations
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
-from sma_bayes.studies.watch.outputs import StoredWatch
-from sma_bayes.studies.watch.schema import LimitDocument, WatchDocument
+from sma_bayes.studies.watch.schema import LimitDocument, StoredWatch, WatchDocument
 
 CURVE = (Column("branch", "branch"), Column("channel", "channel"))
 

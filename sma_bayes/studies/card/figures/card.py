@@ -24,8 +24,7 @@ from sma_bayes.report.figures.sheet import (
 )
 from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.card.law import Moduli, shift, transformation_strain
-from sma_bayes.studies.card.outputs import StoredCard
-from sma_bayes.studies.card.schema import CardSweep, ConstitutiveCard
+from sma_bayes.studies.card.schema import CardSweep, ConstitutiveCard, StoredCard
 
 COLOURS: Final = {"heating": "#c8501e", "cooling": "#1f6fb2"}
 _STRESSES: Final = 60
@@ -36,20 +35,26 @@ def _card(stored: StoredCard) -> ConstitutiveCard:
     return stored.found.constitutive
 
 
+def _draws(stored: StoredCard) -> dict[str, Floats]:
+    """Draws of the constants, by name."""
+    return {name.partition(" [")[0]: v for name, v in stored.columns("constitutive-draws.csv").items()}
+
+
 def _note(stored: StoredCard) -> str:
     return "" if stored.found.converged else "NOT CONVERGED"
 
 
-def _boundary(stored: StoredCard, name: str, stress: float) -> tuple[float, Floats]:
+def _boundary(
+    card: ConstitutiveCard, draws: dict[str, Floats], name: str, stress: float
+) -> tuple[float, Floats]:
     """Temperature of a phase boundary at a stress [K]: of the card, and draws."""
-    card = _card(stored)
     point = {c.name: np.asarray(c.value) for c in card.constants}
     moduli = Moduli(float(point["E_A"]), float(point["E_M"]))
     told = [
         c[name]
         + shift(stress, card.reference_stress, (c["H_min"], c["H_max"], c["k"]), (c["C_A"], c["C_M"]), moduli,
                 cooling=name.startswith("M"))
-        for c in (point, stored.draws)
+        for c in (point, draws)
     ]  # fmt: skip
     return float(told[0]), np.asarray(told[1])
 
@@ -61,14 +66,14 @@ def phase_figure(stored: StoredCard) -> Drawing:
     ----------
     stored : StoredCard
     """
-    card = _card(stored)
+    card, draws = _card(stored), _draws(stored)
     figure = empty_sheet(5.6, 3.9)
     ax = panels(figure, 1, 1, left=0.65, right=0.15, bottom=0.85, top=0.4)[0, 0]
     stress = np.linspace(0.0, 1.1 * max(card.stresses), _STRESSES)
     data: dict[str, Any] = {"stress_MPa": stress}
     for name in ("Mf", "Ms", "As", "Af"):
         colour = COLOURS["cooling" if name.startswith("M") else "heating"]
-        rows = [_boundary(stored, name, float(s)) for s in stress]
+        rows = [_boundary(card, draws, name, float(s)) for s in stress]
         low, high = (np.array([float(quantiles(d, (q,))[0]) for _, d in rows]) for q in (0.05, 0.95))
         middle = np.array([p for p, _ in rows])
         ax.fill_betweenx(stress, low, high, color=colour, alpha=0.18, linewidth=0.0)
@@ -117,14 +122,14 @@ def strain_figure(stored: StoredCard) -> Drawing:
     ----------
     stored : StoredCard
     """
-    card = _card(stored)
+    card, draws = _card(stored), _draws(stored)
     point = {c.name: np.asarray(c.value) for c in card.constants}
     figure = empty_sheet(5.2, 3.3)
     ax = panels(figure, 1, 1, left=0.75, right=0.15, bottom=0.8, top=0.4)[0, 0]
     stress = np.linspace(0.0, 1.1 * max(card.stresses), _STRESSES)
     middle = transformation_strain(stress, point["H_min"], point["H_max"], point["k"])
     drawn = np.stack([
-        transformation_strain(float(s), stored.draws["H_min"], stored.draws["H_max"], stored.draws["k"])
+        transformation_strain(float(s), draws["H_min"], draws["H_max"], draws["k"])
         for s in stress
     ])  # fmt: skip
     low, high = quantiles(drawn, (0.05, 0.95), axis=1)
@@ -161,7 +166,7 @@ def curves_figure(stored: StoredCard) -> Drawing:
     ----------
     stored : StoredCard
     """
-    columns = stored.curves
+    columns = stored.cells("constitutive-curves.csv")
     condition, branch = np.array(columns["condition"]), np.array(columns["branch"])
     stress, temperature, measured, law = (
         np.array(columns[n], dtype=float)
@@ -216,7 +221,7 @@ def stiffness_figure(stored: StoredCard, condition: str) -> Drawing:
     condition : str
         Its id.
     """
-    columns = stored.stiffness
+    columns = stored.cells("stiffness.csv")
     own = np.array(columns["condition"]) == condition
     branch = np.array(columns["branch"])[own]
     names = ("temperature", "stiffness_q05", "stiffness_median", "stiffness_q95")

@@ -6,7 +6,7 @@ from sma_bayes.report.content import PAPER_CORRELATION
 from sma_bayes.report.figures.averages import Mark, average_columns, correlation_axis, row_names, tell_apart
 from sma_bayes.report.figures.sheet import Drawing, dot_handle, empty_sheet, label_width, panels
 from sma_bayes.studies.compare.figures.models import drawn_order, look
-from sma_bayes.studies.compare.outputs import StoredComparison
+from sma_bayes.studies.compare.schema import StoredComparison
 from sma_bayes.studies.compare.tables import model_averages, short
 
 

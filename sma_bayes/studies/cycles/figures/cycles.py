@@ -25,8 +25,8 @@ from sma_bayes.report.figures.sheet import (
 )
 from sma_bayes.report.notation import unit_label
 from sma_bayes.runs.store import or_nan
-from sma_bayes.studies.cycles.outputs import StoredCycles
-from sma_bayes.studies.cycles.schema import ConditionCycles, QuantityByCycle
+from sma_bayes.studies.cycles.schema import ConditionCycles, QuantityByCycle, StoredCycles
+from sma_bayes.studies.cycles.shown import curve_columns
 
 NUMBERS: Final = ("offset", "stroke", "shift", "width")
 FORECAST: Final = "#eef1f4"
@@ -63,7 +63,7 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
     colours = colormaps["viridis"](np.linspace(0.0, 0.85, max(last - one.cycles[0] + 1, 2)))
     for curve in one.curves:
         ax = axes[channels.index(curve.channel)][branches.index(curve.branch)]
-        columns = stored.curves(one.condition, curve.branch, curve.channel)
+        columns = curve_columns(stored, one.condition, curve.branch, curve.channel)
         cycle, t = columns["cycle"], columns[f"temperature_{unit}"]
         for c in one.cycles:
             own = cycle == c

@@ -22,8 +22,7 @@ from sma_bayes.report.figures.sheet import (
     panels,
 )
 from sma_bayes.report.notation import unit_label
-from sma_bayes.studies.modulus.outputs import StoredModulus
-from sma_bayes.studies.modulus.schema import FrequencyShift
+from sma_bayes.studies.modulus.schema import FrequencyShift, StoredModulus
 from sma_bayes.studies.modulus.shift import LEVELS, SCATTER_K, ZERO_CELSIUS, fit_line
 from sma_bayes.studies.modulus.tables import modulus_unit
 
@@ -61,7 +60,7 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
     data: dict[str, list[Any]] = {k: [] for k in ("sweep", "channel", "temperature", "q05", "q50", "q95")}
     for s in own:
         colour = INK if s.frequency is None else colours[s.frequency]
-        bands, samples = stored.bands(s.id), stored.samples(s.id)
+        bands, samples = (stored.columns(f"{place}/{s.id}.csv") for place in ("bands", "samples"))
         for row, channel in enumerate(channels):
             if f"{channel}_q50" not in bands:
                 continue

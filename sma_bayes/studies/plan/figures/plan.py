@@ -25,8 +25,7 @@ from sma_bayes.report.figures.sheet import (
     panels,
     take_power,
 )
-from sma_bayes.studies.plan.outputs import StoredPlan
-from sma_bayes.studies.plan.schema import ExpectedQuantity, PlanDocument, PlannedCandidate
+from sma_bayes.studies.plan.schema import ExpectedQuantity, PlanDocument, PlannedCandidate, StoredPlan
 from sma_bayes.studies.plan.words import hours_text, quantity_name, range_text
 
 COLOURS: Final = 8

@@ -26,8 +26,8 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.report.notation import unit_label
-from sma_bayes.studies.sensitivity.outputs import StoredSensitivity
-from sma_bayes.studies.sensitivity.schema import QuantitySensitivity, RecordSensitivity
+from sma_bayes.studies.sensitivity.schema import QuantitySensitivity, RecordSensitivity, StoredSensitivity
+from sma_bayes.studies.sensitivity.shown import reading_columns
 from sma_bayes.studies.sensitivity.words import reported
 
 LEAST: Final = 1e-3
@@ -132,18 +132,14 @@ def readings_figure(stored: StoredSensitivity, record: RecordSensitivity) -> Dra
         Its entry in ``sensitivity.json``.
     """
     quantities = _headlines(record)
-    columns = stored.readings[record.key]
-    channel = np.array(columns["channel"])
-    temperature = np.array(
-        [float(t) for t in next(v for k, v in columns.items() if k.startswith("temperature_"))]
-    )
+    channels, temperature, influence = reading_columns(stored, record)
+    channel = np.array(channels)
     rows = max(1, math.ceil(len(quantities) / 2))
     figure = empty_sheet(7.2, 0.85 + 1.9 * rows)
     axes = panels(figure, rows, 2, left=0.75, right=0.15, bottom=0.5, top=0.62, gap_x=0.7, gap_y=0.5)
     data: dict[str, Any] = {"channel": channel, "temperature": temperature}
     for ax, q in zip(axes.flat, quantities, strict=False):
-        change = np.array([float(v) if v else math.nan for v in columns[q.name]])
-        data[q.name] = change
+        change = data[q.name] = influence[q.name]
         ax.axhline(0.0, color=FAINT, lw=0.6)
         for name in dict.fromkeys(channel.tolist()):
             own = channel == name

@@ -22,8 +22,7 @@ from sma_bayes.report.figures.sheet import (
     remark,
     take_power,
 )
-from sma_bayes.studies.simulate.outputs import StoredSimulation
-from sma_bayes.studies.simulate.schema import SimulatedRun
+from sma_bayes.studies.simulate.schema import SimulatedRun, StoredSimulation
 from sma_bayes.studies.simulate.terminal import start_text
 
 LOOKS: Final = {"cold": "#1f6fb2", "hot": "#c8501e", "heating": "#2f7d4f", "cooling": "#6a3d9a"}
@@ -40,21 +39,21 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
         Its id.
     """
     runs = [r for r in stored.found.runs if r.condition == condition]
-    first = runs[0]
+    first, bands = runs[0], {r.file: stored.columns(r.file) for r in runs}
     channels = list(first.units)
     figure = empty_sheet(6.8, 1.35 + 0.62 + 1.35 * len(channels))
     axes = panels(
         figure, 1 + len(channels), 1, left=0.75, right=0.15, bottom=0.75, top=0.35, gap_y=0.16,
         tall=(0.5, *[1.0] * len(channels)),
     )[:, 0]  # fmt: skip
-    time, current = (stored.bands[first.file][name] for name in ("time_s", "current_A"))
+    time, current = (bands[first.file][name] for name in ("time_s", "current_A"))
     axes[0].step(time, current, where="post", color=INK, linewidth=0.9)
     axes[0].set_ylabel("I [A]")
     for ax, channel in zip(axes[1:], channels, strict=True):
         for run in runs:
-            _draw(ax, run, channel, stored.bands[run.file])
+            _draw(ax, run, channel, bands[run.file])
         unit = first.declared_units.get(channel, first.units[channel])
-        _limit(ax, [(stored.bands[r.file], r) for r in runs], channel)
+        _limit(ax, [(bands[r.file], r) for r in runs], channel)
         symbol = QUANTITIES[first.names[channel]].symbol
         ax.set_ylabel(f"{symbol} [{in_units_of(take_power(ax.yaxis), unit)}]")
     low, high = map(first.shown_temperature, first.measured)
@@ -89,11 +88,8 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
         alt=f"current, temperature and response of {condition} in time, with bands",
         figure=figure,
         data={
-            "start": [r.start for r in runs for _ in stored.bands[r.file]["time_s"]],
-            **{
-                name: np.concatenate([stored.bands[r.file][name] for r in runs])
-                for name in stored.bands[first.file]
-            },
+            "start": [r.start for r in runs for _ in bands[r.file]["time_s"]],
+            **{name: np.concatenate([bands[r.file][name] for r in runs]) for name in bands[first.file]},
         },
     )
 

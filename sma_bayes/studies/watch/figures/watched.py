@@ -23,9 +23,8 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.runs.store import or_nan
-from sma_bayes.studies.watch.outputs import StoredWatch
 from sma_bayes.studies.watch.reference import WATCHED
-from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
+from sma_bayes.studies.watch.schema import StoredWatch, WatchDocument, WatchedNumber
 
 ALARM: Final = "#b3261e"
 
