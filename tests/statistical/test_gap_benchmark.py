@@ -13,7 +13,8 @@ the rates themselves.
 - One at 100 sigma, by another law than the catalogue's: the same. What no catalogue has is not named then, either.
 - Nothing hidden: nothing is named in 99 %, whatever the noise, the sampling, the calibration; and small p-values are no
   more frequent than they say. Curves are sigmoids here; other shapes are those of
-  `tests/unit/studies/gap/test_shape_nulls.py`.
+  `tests/unit/studies/gap/test_shape_nulls.py`, and, in records of one cycle, where nothing repeats, those of a test
+  of their own.
 - Something hidden that no catalogue has, or that was taken out of it: no name in 90 %, and a wrong name without any
   rival in at most 2 %.
 - Two effects: both named in 85 %; three: all in 70 %. Only where all are run.
@@ -98,6 +99,15 @@ def test_where_nothing_is_hidden_nothing_is_named(whole: bool) -> None:
     at_most(0.01, plain, lambda r: r.verdict == "named")
     for level in (0.02, 0.2):
         at_most(level, plain, lambda r, level=level: r.p_value <= level)
+
+
+@few_or_all
+def test_curves_of_another_shape_in_records_of_one_cycle_get_no_name(whole: bool) -> None:
+    """Phases with slopes under AR(1) noise of 0.8 are three campaigns in which effects had names once."""
+    known = [Trial("null", "none", 0.0, "ar1_0.8", "one_cycle", s, curve="slopes") for s in (20, 1022, 1122)]
+    others = [t for t in trials("null", 360) if t.design == "one_cycle" and t.curve != "sigmoid"]
+    rows = tried([*known, *(others if whole else others[::15])])
+    at_most(0.01, rows, lambda r: r.verdict == "named")
 
 
 @few_or_all

@@ -178,18 +178,25 @@ def climbed(
 
 
 def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> FittedHypothesis:
-    """Find mode and noise in turn."""
+    """Find mode and noise in turn.
+
+    Each fit is at the mode under its own noise, so that an effect gets no credit for bringing the other parameters
+    there. Where two noises follow each other for ever, as a short and a long memory may beside a strong misfit, the one
+    with the greater evidence is taken.
+    """
     problem = _PosteriorMode(hypothesis)
     z = np.asarray(start, dtype=float)
     noise = problem.noise(z)
+    tried = []
     for _ in range(ROUNDS):
         z = problem.climb(z, noise)
         before, noise = noise, problem.noise(z)
         if all(
             abs(a.log_scale - b.log_scale) < 0.01 * a.memory.size for a, b in zip(before, noise, strict=True)
         ):
-            break
-    return problem.fitted(z, noise)
+            return problem.fitted(problem.climb(z, noise), noise)
+        tried.append((z, before))
+    return max((problem.fitted(*last) for last in tried[-2:]), key=lambda f: f.ln_evidence)
 
 
 def nearest(fitted: FittedHypothesis) -> FittedHypothesis:

@@ -57,6 +57,24 @@ def test_the_mode_is_that_of_least_squares(rig, covariance_of) -> None:
     np.testing.assert_allclose(found.whitened, misfit(found.z)[: y.size], atol=1e-8)
 
 
+@pytest.mark.parametrize(("memory", "samples", "seed"), [(0.5, 100, 2), (0.8, 100, 0), (0.8, 40, 2)])
+def test_a_fit_with_its_noise_is_at_the_mode_that_this_noise_has(rig, memory, samples, seed) -> None:
+    """Phases with slopes beside a sigmoid: noise of short and of long memory may follow each other for ever.
+
+    Were the model not at its mode, any effect would gain what it lacks.
+    """
+
+    def sloped(x: Floats, rising: Floats) -> Floats:
+        return 1.0 / (1.0 + np.exp(-x)) + 0.01 * x
+
+    one_sweep = rig(
+        cycles=1, samples=samples, shape=sloped, sd=0.005, memory=memory, seed=seed, periods=(60.0,)
+    ).campaign()
+    hypothesis = baseline(one_sweep, histories(one_sweep), read_priors("modified_sigmoid"), pooled=True)
+    found = fit_with_noise(hypothesis, hypothesis.space.prior_centre())
+    assert fit_hypothesis(hypothesis, found.z, found.noise).ln_evidence - found.ln_evidence < CLOSE
+
+
 def solved(line) -> Floats:
     """Mode of a linear hypothesis, from the normal equations."""
     inverse = np.linalg.inv(line.covariance)
