@@ -2,7 +2,8 @@
 
 Formulae of A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Bürkner, "Rank-normalization, folding, and
 localization: an improved R-hat for assessing convergence of MCMC", Bayesian Analysis 16 (2021) 667,
-doi 10.1214/20-BA1221, as arviz-stats computes them.
+doi 10.1214/20-BA1221, with the choices of arviz-stats, which a test compares them with. All parameters are looked at
+at once, and what several diagnostics need is computed once: assessing draws takes half as long.
 
 A chain here is one *independent ensemble* with its walkers joined end to end. Walkers of one ensemble are not
 independent of each other, so they are never counted as chains.
@@ -12,9 +13,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import ndtri
 
 from sma_bayes.arrays import Floats
@@ -97,13 +98,22 @@ def assess(draws: Floats, target: Target) -> Convergence:
         a stuck walker nor a drift of the whole ensemble goes unseen. From `LONG` steps on, effective sample sizes
         are also estimated from the means over walkers, which sees walkers that move together; the lesser counts.
     """
-    groups, steps, _, d = draws.shape
-    by_walker, by_step = draws.swapaxes(1, 2).reshape(groups, -1, d), draws.reshape(groups, -1, d)
-    rhat = np.maximum(rank_rhat(by_walker), rank_rhat(by_step))
-    bulk, tail = ess_bulk(by_walker), ess_tail(by_walker)
-    if steps >= LONG:
-        bulk, tail = np.minimum((bulk, tail), _ess_of_means(draws))
-    error = _quantile_error(_flat(draws), tail)
+    groups, steps, walkers, d = draws.shape
+    values = _flat(draws)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scores, folded = _scores(values), _scores(_folded(values))
+        both = np.stack([scores, folded]).reshape(2, d, groups, steps, walkers)
+        by_step, by_walker = (x.reshape(2, d, groups, -1) for x in (both, both.swapaxes(3, 4)))
+        rhat = np.maximum(_rhat(by_step), _rhat(by_walker)).max(axis=0)
+        series = np.concatenate([scores[None], _in_tails(values)]).reshape(3, d, groups, steps, walkers)
+        bulk, *tails = _ess(series.swapaxes(3, 4).reshape(3, d, groups, -1))
+        tail = np.minimum(*tails)
+        if steps >= LONG:
+            means = series.mean(axis=4)
+            gain = series.var(axis=(2, 3, 4)) / means.var(axis=(2, 3))
+            of_bulk, *of_tails = _ess(means) * gain
+            bulk, tail = np.minimum(bulk, of_bulk), np.minimum(tail, np.minimum(*of_tails))
+    error = _quantile_error(values, tail)
     with np.errstate(invalid="ignore"):
         finite = bool(np.all(np.isfinite(draws)))
         reached = np.all(rhat <= target.rhat) and np.all(np.minimum(bulk, tail) >= target.ess)
@@ -113,45 +123,91 @@ def assess(draws: Floats, target: Target) -> Convergence:
 
 def rank_rhat(chains: Floats) -> Floats:
     """Rank-normalised split R-hat, the greater of bulk and folded; `chains` (C, N, D) gives (D,)."""
+    values, shape = _halves(chains)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(array_stats().rhat(chains, chain_axis=0, draw_axis=1))
+        both = np.stack([_scores(values), _scores(_folded(values))])
+        return np.asarray(_rhat(both.reshape(2, *shape)).max(axis=0))
 
 
 def ess_bulk(chains: Floats) -> Floats:
     """Effective sample size of the rank-normalised draws; `chains` (C, N, D) gives (D,)."""
-    return _ess(chains, method="bulk")
+    values, shape = _halves(chains)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return _ess(_scores(values).reshape(shape))
 
 
 def ess_tail(chains: Floats) -> Floats:
     """Lesser of the effective sample sizes of the 5 % and 95 % quantiles; `chains` (C, N, D) gives (D,)."""
-    return _ess(chains, method="tail", prob=TAILS)
-
-
-def _ess(chains: Floats, **how: Any) -> Floats:
+    values, shape = _halves(chains)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(array_stats().ess(chains, chain_axis=0, draw_axis=1, **how))
+        return np.asarray(_ess(_in_tails(values).reshape(2, *shape)).min(axis=0))
 
 
-def array_stats() -> Any:
-    """Functions of arviz-stats for arrays, imported only where draws are diagnosed."""
-    from arviz_stats.base import array_stats
+def _halves(chains: Floats) -> tuple[Floats, tuple[int, int, int]]:
+    """Draws of chains (C, N, D) of each parameter together, the middle one of an odd number left out; and (D, C, N)."""
+    half = chains.shape[1] // 2
+    even = np.concatenate([chains[:, :half], chains[:, chains.shape[1] - half :]], axis=1)
+    return _flat(even), (chains.shape[2], chains.shape[0], 2 * half)
 
-    return array_stats
 
-
-def _ess_of_means(draws: Floats) -> tuple[Floats, Floats]:
-    """Bulk and tail effective sample size of `draws` (G, S, W, D) from the means over the walkers of each ensemble."""
+def _scores(values: Floats) -> Floats:
+    """Normal scores of the ranks of each parameter's values (D, N)."""
     from scipy.stats import rankdata
 
-    values = _flat(draws)
-    scores = ndtri((rankdata(values, axis=1) - 0.375) / (values.shape[1] + 0.25))
-    in_tails = values <= np.quantile(values, TAILS, axis=1)[:, :, None]
-    series = np.concatenate([scores, *in_tails]).reshape(-1, *draws.shape[:3])
-    means = series.mean(axis=3)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        gain = series.var(axis=(1, 2, 3)) / means.var(axis=(1, 2))
-    bulk, low, high = np.split(_ess(np.moveaxis(means, 0, 2), method="mean") * gain, 3)
-    return bulk, np.minimum(low, high)
+    return np.asarray(ndtri((rankdata(values, axis=1) - 0.375) / (values.shape[1] + 0.25)))
+
+
+def _folded(values: Floats) -> Floats:
+    """Distance of values (D, N) from their median."""
+    return np.asarray(np.abs(values - np.median(values, axis=1, keepdims=True)))
+
+
+def _in_tails(values: Floats) -> Floats:
+    """Whether values (D, N) are at most each of the `TAILS`, shape (2, D, N); no numbers where a value is none."""
+    below = values <= np.quantile(values, TAILS, axis=1)[..., None]
+    return np.where(np.any(np.isnan(values), axis=1, keepdims=True), np.nan, below)
+
+
+def _split(chains: Floats) -> Floats:
+    """Halves of chains (..., C, N), shape (..., 2C, N/2)."""
+    half = chains.shape[-1] // 2
+    return np.concatenate([chains[..., :half], chains[..., chains.shape[-1] - half :]], axis=-2)
+
+
+def _rhat(chains: Floats) -> Floats:
+    """Split R-hat of chains (..., C, N), shape (...)."""
+    halves = _split(chains)
+    n = halves.shape[-1]
+    within = halves.var(axis=-1, ddof=1).mean(axis=-1)
+    between = halves.mean(axis=-1).var(axis=-1, ddof=1)
+    return np.asarray(np.sqrt(between / within + (n - 1) / n))
+
+
+def _ess(chains: Floats) -> Floats:
+    """Effective sample size of the mean of chains (..., C, N), shape (...): Geyer's initial monotone sequence."""
+    halves = _split(chains)
+    count, n = halves.shape[-2:]
+    mean = halves.mean(axis=-1, keepdims=True)
+    length = next_fast_len(2 * n, real=True)
+    spectrum = rfft(halves - mean, length)
+    power = (spectrum.real**2 + spectrum.imag**2).mean(axis=-2)
+    covariance = irfft(power, length)[..., :n] / n
+    variance = covariance[..., :1] + mean[..., 0].var(axis=-1, ddof=1, keepdims=True)
+    rho = 1.0 - (covariance[..., :1] * n / (n - 1.0) - covariance) / variance
+    rho[..., 0] = 1.0
+    last = max((n - 1) // 2 - 1, 0)
+    even = rho[..., 0 : 2 * last + 1 : 2]
+    pairs = even + rho[..., 1 : 2 * last + 2 : 2]
+    kept = np.logical_and.accumulate(pairs > 0.0, axis=-1)
+    kept[..., last] = False
+    first_left_out = np.where(pairs < 0.0, np.maximum(even, 0.0), even)
+    end = np.take_along_axis(first_left_out, kept.sum(axis=-1)[..., None], axis=-1)[..., 0]
+    monotone = np.minimum.accumulate(pairs, axis=-1)
+    time = -1.0 + 2.0 * np.where(kept, monotone, 0.0).sum(axis=-1) + end
+    size = count * n
+    ess = size / np.maximum(time, 1.0 / math.log10(size))
+    constant = np.ptp(halves, axis=(-2, -1)) < np.finfo(float).resolution
+    return np.asarray(np.where(constant, size, ess))
 
 
 def _flat(draws: Floats) -> Floats:

@@ -62,6 +62,26 @@ def test_diagnostics_are_those_of_arviz(name: str) -> None:
     assert found[2] == pytest.approx(expected[2], rel=1e-6)
 
 
+@pytest.mark.parametrize("shape", [(4, 18, 16), (4, 30, 7), (5, 7, 9)])
+def test_draws_of_ensembles_are_assessed_as_arviz_would(shape: tuple[int, int, int]) -> None:
+    """R-hat over walkers and over steps, effective sample sizes over walkers; with draws that repeat each other."""
+    rng = np.random.default_rng(12)
+    draws = np.cumsum(rng.standard_t(3.0, (*shape, 3)), axis=1)
+    draws[:, 1::3] = draws[:, 0::3][:, : draws[:, 1::3].shape[1]]
+    groups = len(draws)
+    by_step, by_walker = (x.reshape(groups, -1, 3) for x in (draws, draws.swapaxes(1, 2)))
+    found = assess(draws, Target())
+    tolerance = 1e-9 if by_step.shape[1] % 2 == 0 else 1e-2  # of an odd number one is ranked, too
+    for k in range(3):
+        rhat = max(float(az.rhat(x[..., k], method="rank")) for x in (by_step, by_walker))
+        assert found.rhat[k] == pytest.approx(rhat, rel=tolerance)
+        assert found.ess_bulk[k] == pytest.approx(
+            float(az.ess(by_walker[..., k], method="bulk")), rel=tolerance
+        )
+        tail = float(az.ess(by_walker[..., k], method="tail", prob=(0.05, 0.95)))
+        assert found.ess_tail[k] == pytest.approx(tail, rel=tolerance)
+
+
 def test_parameters_do_not_mix() -> None:
     together = np.stack([CHAINS["correlated"], np.exp(CHAINS["correlated"][:, ::-1])], axis=-1)
     for f in (rank_rhat, ess_bulk, ess_tail):
