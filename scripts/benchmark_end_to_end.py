@@ -72,7 +72,7 @@ def measured(command: list[str], checkout: Path, out: Path) -> tuple[float, floa
 
 def command_of(case: str, place: Path, out: Path) -> list[str]:
     """The command of a case."""
-    program = [sys.executable, "-c", "from sma_bayes.cli import main; main()"]
+    program = [sys.executable, "-m", "sma_bayes"]
     if case == "one":
         return [*program, "fit", str(place / "one.csv"), "--out", str(out), "--quiet"]
     if case == "demo":
