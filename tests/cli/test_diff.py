@@ -62,7 +62,7 @@ def test_a_thermometer_that_is_off_shows_where_it_should(
     assert outcome.status == 1
     assert "data sha256" in outcome.out
     assert "DIFFERENT: 0 of 2 records agree" in outcome.out
-    assert "  temperature: lowest 30, highest 70 in a, lowest 31, highest 71 in b" in outcome.out
+    assert "  temperature: lowest 30 °C, highest 70 °C in a, lowest 31 °C, highest 71 °C in b" in outcome.out
     heating = sma_bayes.diff(folders["a"], folders["warmer"])["records"][0]
     for name in ("A3", "B3"):
         p = heating["parameters"][name]
@@ -88,7 +88,7 @@ def test_a_record_that_is_in_one_only_is_a_difference(
     assert outcome.status == 1
     assert "a-cooling: only in a" in outcome.out
     assert "adequate: " in outcome.out
-    assert "settings: - in a, load 1.5 in b" in outcome.out
+    assert "settings: - in a, load 1.5 N in b" in outcome.out
     assert run("diff", folders["a"], copy, "--quiet").out == ""
 
 
@@ -105,3 +105,49 @@ def test_a_folder_without_a_fit(run: Callable[..., Any], folders: dict[str, Path
     outcome = run("diff", folders["a"], tmp_path)
     assert (outcome.status, outcome.out) == (2, "")
     assert outcome.err.count("error: ") == 1
+
+
+@pytest.fixture(scope="module")
+def two_units(make_campaign: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two fits of a spring whose thermometer is in °F, scale in mm and load in g; the second says mm as cm."""
+    place = tmp_path_factory.mktemp("declared")
+    for name, load, length in (("a", 100, "mm"), ("b", 150, "cm")):
+        changes = (
+            ("degC", "degF"),
+            ('unit = "mm"', f'unit = "{length}"'),
+            ("[[condition]]", f"[[condition]]\nload_g = {load}"),
+        )
+        bench = make_campaign(place / name, *changes)
+        fit_campaign(
+            sma_bayes.read_campaign(bench), place / f"out-{name}", noise="independent", jobs=1, figures="none"
+        )
+    return [place / f"out-{name}" for name in "ab"]
+
+
+def test_people_see_declared_units_and_programs_canonical_ones(
+    run: Callable[..., Any], two_units: list[Path]
+) -> None:
+    shown = run("diff", *two_units).out
+    assert "settings: load 100 g in a, load 150 g in b" in shown
+    assert "displacement is declared in mm and cm: shown in mm, which is the first" in shown
+    assert "[mm]" in shown
+    assert "°C" not in shown
+    assert "[m]" not in shown
+    stored = json.loads(run("diff", *two_units, "--json").out)
+    assert stored == sma_bayes.diff(*two_units)
+    assert (
+        stored["declared_units"] | {"temperature": "degF", "displacement": "mm", "load": "g"}
+        == stored["declared_units"]
+    )
+    told = sma_bayes.diff(*two_units, declared=True)
+    for r, t in zip(stored["records"], told["records"], strict=True):
+        assert t["changed"]["settings"] == [{"load": pytest.approx(100)}, {"load": pytest.approx(150)}]
+        for name, p in r["parameters"].items():
+            assert t["parameters"][name]["shift"] == pytest.approx(p["shift"], rel=1e-9)
+        a1, shown_a1 = (d["parameters"]["A1"] for d in (r, t))
+        assert (a1["unit"], shown_a1["unit"]) == ("m", "mm")
+        assert shown_a1["b"]["median"] == pytest.approx(1000.0 * a1["b"]["median"])
+        band, shown_band = (d["bands"]["displacement"] for d in (r, t))
+        assert (band["temperature_unit"], shown_band["temperature_unit"]) == ("degC", "degF")
+        assert shown_band["at"] == pytest.approx(1.8 * band["at"] + 32.0)
+        assert shown_band["difference"] == pytest.approx(1000.0 * band["difference"])

@@ -25,7 +25,7 @@ def command(
     from sma_bayes.studies.diff.terminal import show_diff
     from sma_bayes.studies.diff.workflow import diff
 
-    found = diff(a, b, tolerance=tolerance)
+    found = diff(a, b, tolerance=tolerance, declared=not as_json)
     show_found(found, quiet, as_json, partial(show_diff, found))
     if not found["same"]:
         raise typer.Exit(1)

@@ -6,7 +6,7 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from sma_bayes.runs.schema import DocumentPart, Items, Number, NumberOrNull
+from sma_bayes.runs.schema import DeclaredUnits, DocumentPart, Items, Number, NumberOrNull
 
 
 class ParameterOfRun(DocumentPart):
@@ -35,7 +35,8 @@ class ComparedBand(DocumentPart):
     name: str = Field(description="what the channel is called")
     unit: str = Field(description="its unit")
     shift: NumberOrNull = Field(description="b less a there [sd]")
-    at: Number = Field(description="temperature there [unit of the record]")
+    at: Number = Field(description="temperature there [`temperature_unit`]")
+    temperature_unit: str = Field(description="unit of temperatures")
     difference: Number = Field(description="b less a there [`unit`]")
     width_ratio: NumberOrNull = Field(description="how many times as wide b is [1]")
     compared: Items[Number] = Field(description="lowest and highest temperature that both have")
@@ -67,7 +68,7 @@ class ComparedRecords(DocumentPart):
     )
 
 
-class DifferenceDocument(DocumentPart):
+class DifferenceDocument(DeclaredUnits):
     """What `sma-bayes diff A B --json` prints; it writes nothing."""
 
     schema_: Literal["sma-bayes/diff/1"] = Field(alias="schema", description="name and version")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
-from sma_bayes.quantities import unit_text
+from sma_bayes.quantities import SPECIMEN_QUANTITY, unit_text
+from sma_bayes.records.types import setting_unit
 from sma_bayes.report.screen import SHOWN, screen
 from sma_bayes.studies.diff.schema import ComparedRecords, DifferenceDocument, ParameterOfRun
 
@@ -27,9 +28,11 @@ def show_diff(told: Mapping[str, Any]) -> None:
         console.print(table)
     else:
         console.print("the same data, options and versions")
+    for sentence in found.declared_differently:
+        console.print(sentence, soft_wrap=True)
     differing = [r for r in found.records if not r.same]
     for r in differing[:SHOWN]:
-        _show_record(console, r, found.tolerance)
+        _show_record(console, r, found)
     if len(differing) > SHOWN:
         console.print(f"and {len(differing) - SHOWN} more records that differ")
     alike = len(found.records) - len(differing)
@@ -46,6 +49,33 @@ def _differing(value: object, other: object) -> object:
     return {k: v for k, v in value.items() if k not in other or other[k] != v}
 
 
+def _with_units(part: object, units: Mapping[str, str]) -> object:
+    """Numbers of a part of a record with their units."""
+    if not isinstance(part, Mapping):
+        return part
+    return {
+        k: f"{v:.6g} {units[k]}".rstrip() if k in units and isinstance(v, float) else v
+        for k, v in part.items()
+    }
+
+
+def _units_of(
+    name: str, parts: Sequence[Any], r: ComparedRecords, declared: Mapping[str, str]
+) -> Mapping[str, str]:
+    """Units of the numbers of a part of a record."""
+    if name == "settings":
+        specimen = any(
+            band is not None and band.name in SPECIMEN_QUANTITY.values() for band in r.bands.values()
+        )
+        return {
+            s: unit_text(declared.get(s, setting_unit(s, specimen=specimen))) for part in parts for s in part
+        }
+    if name == "temperature":
+        unit = unit_text(declared.get(name, parts[0]["unit"]))
+        return {"lowest": unit, "highest": unit, "sd": unit}
+    return {}
+
+
 def _short(value: object) -> str:
     if value is None or (isinstance(value, Mapping) and not value):
         return "-"
@@ -57,14 +87,15 @@ def _short(value: object) -> str:
     return text if len(text) <= 60 else text[:12] + "..."
 
 
-def _show_record(console: Console, r: ComparedRecords, tolerance: float) -> None:
+def _show_record(console: Console, r: ComparedRecords, found: DifferenceDocument) -> None:
     console.print()
     if r.in_ != "both":
         console.print(f"{r.key}: only in {r.in_}")
         return
     console.print(f"{r.key}:")
     for name, (a, b) in r.changed.items():
-        a, b = _differing(a, b), _differing(b, a)
+        units = _units_of(name, (a, b), r, found.declared_units)
+        a, b = (_with_units(_differing(one, other), units) for one, other in ((a, b), (b, a)))
         console.print(f"  {name.replace('_', ' ')}: {_short(a)} in a, {_short(b)} in b", soft_wrap=True)
     for side, why in zip("ab", r.why, strict=True):
         for message in why if r.adequate[0] != r.adequate[1] else ():
@@ -75,12 +106,12 @@ def _show_record(console: Console, r: ComparedRecords, tolerance: float) -> None
     for name in ("", "a: median (90 %)", "b: median (90 %)", "b - a [sd]"):
         table.add_column(name, justify="left" if not name else "right")
     for name, p in r.parameters.items():
-        if p.shift is None or abs(p.shift) > tolerance:
+        if p.shift is None or abs(p.shift) > found.tolerance:
             title = f"{name} [{unit_text(p.unit) or '1'}]"
             table.add_row(title, _interval(p.a), _interval(p.b), _sds(p.shift))
     for band in (band for band in r.bands.values() if band is not None):
-        if band.shift is None or abs(band.shift) > tolerance:
-            title = f"{band.name} at {band.at:.4g} [{unit_text(band.unit) or '1'}]"
+        if band.shift is None or abs(band.shift) > found.tolerance:
+            title = f"{band.name} at {band.at:.4g} {unit_text(band.temperature_unit)} [{unit_text(band.unit) or '1'}]"
             table.add_row(title, "", f"a {band.difference:+.3g}", _sds(band.shift))
     if table.row_count:
         console.print(table)

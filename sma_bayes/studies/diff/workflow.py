@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from sma_bayes.errors import SmaBayesError
+from sma_bayes.runs.declared_units import Shown, declared_parts, in_shown_units, shown_as, shown_units
 from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary
 from sma_bayes.runs.outputs import StoredBand, StoredRun, band_of, read_run
 from sma_bayes.studies.diff.schema import (
@@ -32,7 +33,9 @@ GRID: Final = 161
 """Temperatures at which bands are compared."""
 
 
-def diff(a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE) -> dict[str, Any]:
+def diff(
+    a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE, declared: bool = False
+) -> dict[str, Any]:
     """Compare two finished fits.
 
     Parameters
@@ -41,6 +44,9 @@ def diff(a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE) -> dict[
         Output folders of `fit` or `demo`.
     tolerance : float
         Up to how many standard deviations of the wider posterior medians may differ and still be the same [1].
+    declared : bool
+        Whether numbers are in the units in which the measurements were declared, as the terminal shows them, and not in
+        those of the documents.
 
     Returns
     -------
@@ -58,9 +64,13 @@ def diff(a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE) -> dict[
     if not (np.isfinite(tolerance) and tolerance > 0.0):
         raise SmaBayesError(f"--tolerance {tolerance}", expected="a positive number of standard deviations")
     runs = (read_run(Path(a)), read_run(Path(b)))
-    records = [{r.key: r for r in run.summary.records} for run in runs]
+    everything = [r for run in runs for r in run.summary.records]
+    units = shown_units(everything) if declared else {}
+    records = [{r.key: r for r in in_shown_units(run.summary, units).records} for run in runs]
     keys = list(dict.fromkeys([*records[0], *records[1]]))
-    compared = [_record(runs, key, records[0].get(key), records[1].get(key), tolerance) for key in keys]
+    compared = [
+        _record(runs, units, key, records[0].get(key), records[1].get(key), tolerance) for key in keys
+    ]
     return DifferenceDocument(
         schema="sma-bayes/diff/1",
         a=str(a),
@@ -71,6 +81,7 @@ def diff(a: str | Path, b: str | Path, *, tolerance: float = TOLERANCE) -> dict[
         converged=tuple(run.summary.converged for run in runs),
         adequate=tuple(run.summary.adequate for run in runs),
         records=tuple(compared),
+        **declared_parts(everything),
     ).as_json()
 
 
@@ -101,6 +112,7 @@ def _stated(run: StoredRun) -> dict[str, Any]:
 
 def _record(
     runs: Sequence[StoredRun],
+    units: Shown,
     key: str,
     a: RecordSummary | None,
     b: RecordSummary | None,
@@ -110,10 +122,12 @@ def _record(
         return ComparedRecords(key=key, in_="b" if a is None else "a", same=False)
     names = list(dict.fromkeys([*a.parameters, *b.parameters]))
     parameters = {n: _parameter(a.parameters.get(n), b.parameters.get(n)) for n in names}
-    bands = {c: _band(runs, (a, b), c) for c in a.quantities if c in b.quantities}
+    bands = {c: _band(runs, units, (a, b), c) for c in a.quantities if c in b.quantities}
     shifts = [p.shift for p in parameters.values()]
     shifts += [band.shift for band in bands.values() if band is not None]
     changed = _different(a.as_json(), b.as_json(), COMPARED)
+    if "settings" in changed:
+        changed["settings"] = tuple(_settings(r, units) for r in (a, b))
     if a.noise.name != b.noise.name:
         changed["noise"] = (a.noise.name, b.noise.name)
     alike = not {"converged", "adequate", "model", "channels"} & set(changed)
@@ -135,6 +149,10 @@ def _record(
     )  # fmt: skip
 
 
+def _settings(r: RecordSummary, units: Shown) -> dict[str, float]:
+    return {name: units[name].factor * v if name in units else v for name, v in r.settings.items()}
+
+
 def _parameter(a: ParameterSummary | None, b: ParameterSummary | None) -> ComparedParameter:
     """Medians with intervals of either run, and how far b is from a in standard deviations of the wider posterior."""
     known = a or b
@@ -154,7 +172,9 @@ def _shift(difference: float, sd: float) -> float:
     )
 
 
-def _band(runs: Sequence[StoredRun], records: Sequence[RecordSummary], channel: str) -> ComparedBand | None:
+def _band(
+    runs: Sequence[StoredRun], units: Shown, records: Sequence[RecordSummary], channel: str
+) -> ComparedBand | None:
     """Where the medians of two bands are furthest apart, in standard deviations of the wider band, and in their unit.
 
     None where they share no temperature.
@@ -176,15 +196,19 @@ def _band(runs: Sequence[StoredRun], records: Sequence[RecordSummary], channel: 
     at, difference, sd = at[known], difference[known], sd[known]
     shift = np.array([_shift(float(d), float(s)) for d, s in zip(difference, sd, strict=True)])
     worst = int(np.argmax(np.abs(shift)))
-    quantity = records[0].quantities[channel]
+    stored = next(r for r in runs[0].summary.records if r.key == records[0].key)
+    quantity = stored.quantities[channel]
+    u = shown_as(quantity.unit, units, quantity.name, difference=True)
+    degrees = shown_as(stored.temperature.unit, units)
     return ComparedBand(
         name=quantity.name,
-        unit=quantity.unit,
+        unit=u.shown,
         shift=float(shift[worst]),
-        at=float(at[worst]),
-        difference=float(difference[worst]),
+        at=degrees.value(float(at[worst])),
+        temperature_unit=degrees.shown,
+        difference=u.value(float(difference[worst])),
         width_ratio=float(np.nanmedian(_width(b, at) / np.where(_width(a, at) > 0.0, _width(a, at), np.nan))),
-        compared=(low, high),
+        compared=tuple(degrees.value(t) for t in (low, high)),
     )
 
 
