@@ -127,7 +127,7 @@ def _record(
     shifts += [band.shift for band in bands.values() if band is not None]
     changed = _different(a.as_json(), b.as_json(), COMPARED)
     if "settings" in changed:
-        changed["settings"] = tuple(_settings(r, units) for r in (a, b))
+        changed["settings"] = (_settings(a, units), _settings(b, units))
     if a.noise.name != b.noise.name:
         changed["noise"] = (a.noise.name, b.noise.name)
     alike = not {"converged", "adequate", "model", "channels"} & set(changed)
@@ -200,15 +200,16 @@ def _band(
     quantity = stored.quantities[channel]
     u = shown_as(quantity.unit, units, quantity.name, difference=True)
     degrees = shown_as(stored.temperature.unit, units)
+    place, lowest, highest = (float(t) for t in degrees.values(np.array([at[worst], low, high])))
     return ComparedBand(
         name=quantity.name,
         unit=u.shown,
         shift=float(shift[worst]),
-        at=degrees.value(float(at[worst])),
+        at=place,
         temperature_unit=degrees.shown,
-        difference=u.value(float(difference[worst])),
+        difference=u.factor * float(difference[worst]),
         width_ratio=float(np.nanmedian(_width(b, at) / np.where(_width(a, at) > 0.0, _width(a, at), np.nan))),
-        compared=tuple(degrees.value(t) for t in (low, high)),
+        compared=(lowest, highest),
     )
 
 
