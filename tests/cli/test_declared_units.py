@@ -422,3 +422,48 @@ def test_findings_and_remarks_are_in_declared_units(bench: Path, fitted: Path) -
     force, displacement = (campaign.records[0].observed[c] for c in ("force", "displacement"))
     slope = in_unit(float(np.polyfit(displacement, force, 1)[0]), "N/m", "mN/mm")
     assert f"with slope {slope:.4g} mN/mm:" in record["path"]["message"]
+
+
+def test_a_plan_is_in_declared_units(run: Any, fitted: Path, tmp_path: Path) -> None:
+    """Temperatures, rates, loads and what is asked; also those of the sentence that its document holds."""
+    out = tmp_path / "plan"
+    outcome = run("plan", fitted, "--for", "stiffness@122degF", "--out", out, "--hours", "2", "--jobs", "1")
+    assert outcome.status == 0, outcome.err
+    document = json.loads((out / "plan.json").read_text(encoding="utf-8"))
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert document["temperature_unit"] == "degC"
+    assert document["declared_units"]["temperature"] == "degF"
+    for text in (outcome.out, page, document["advice"]):
+        assert "stiffness at 122 °F" in text
+        assert "°F/min" in text
+        assert "°C" not in text
+        assert "K/min" not in text
+    best = document["candidates"][0]
+    shown = table(out, "candidates")[0]
+    for name in ("lowest", "peak"):
+        value, unit = shown[name].split(" ")
+        assert (float(value), unit) == (pytest.approx(1.8 * best[name] + 32.0, rel=1e-5), "°F")
+    assert shown["rate"] == f"{60.0 * 1.8 * best['rate']:.3g} °F/min"
+    known = document["quantities"][0]
+    assert (known["at"], known["unit"]) == (pytest.approx(50.0), "N/m")
+    told = table(out, "quantities")[0]
+    assert told["unit"] == "mN/mm"
+    assert float(told["now_median [unit]"]) == pytest.approx(known["median"], rel=1e-6)
+
+
+def test_a_plan_for_parameters_is_in_declared_units(run: Any, fitted: Path, tmp_path: Path) -> None:
+    out = tmp_path / "plan"
+    assert run("plan", fitted, "--for", "parameters", "--out", out, "--jobs", "1", "--quiet").status == 0
+    document = json.loads((out / "plan.json").read_text(encoding="utf-8"))
+    known = {(k["name"], k["key"]): k for k in document["quantities"]}
+    shown = {r["quantity"]: r for r in table(out, "quantities")}
+    for name, stored, unit, factor, zero in (
+        ("A1", "m", "mm", 1000.0, 0.0),
+        ("B1", "N", "mN", 1000.0, 0.0),
+        ("A3", "degC", "°F", 1.8, 32.0),
+        ("B2", "1/degC", "1/°F", 1.0 / 1.8, 0.0),
+    ):
+        k, row = known[(name, "w100-heating")], shown[f"{name}, w100-heating"]
+        assert (k["unit"], row["unit"]) == (stored, unit)
+        assert float(row["now_median [unit]"]) == pytest.approx(factor * k["median"] + zero, rel=1e-6)
+        assert float(row["half_width [unit]"]) == pytest.approx(1.6449 * factor * k["sd"], rel=1e-4)

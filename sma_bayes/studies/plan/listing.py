@@ -10,6 +10,7 @@ from typing import Any, Final
 from sma_bayes.runs.store import or_nan, write_csv
 from sma_bayes.studies.plan.candidates import CandidateExperiment
 from sma_bayes.studies.plan.schema import ExpectedQuantity, PlanFindings, PlannedCandidate, TellingApart
+from sma_bayes.studies.plan.shown import in_declared_units
 from sma_bayes.studies.plan.words import advice, pair_name, quantity_name
 
 CANDIDATES: Final = "candidates.csv"
@@ -67,7 +68,7 @@ def planned(
 
 def with_advice(found: PlanFindings, folder: Path | None) -> PlanFindings:
     """What `plan.json` holds, advice included; the candidates are written to the folder, if there is one."""
-    found = found.model_copy(update={"advice": advice(found)})
+    found = found.model_copy(update={"advice": advice(in_declared_units(found))})
     if folder is not None:
         write_csv(folder / CANDIDATES, columns(found))
     return found

@@ -14,12 +14,13 @@ from sma_bayes.runs.documents import PLAN
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.plan.figures.plan import candidates_figure, narrowing_figure
 from sma_bayes.studies.plan.schema import PlanDocument, StoredPlan
+from sma_bayes.studies.plan.shown import in_declared_units
 from sma_bayes.studies.plan.tables import plan_tables
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a plan; see `sma_bayes.report.choice.ReportBuilder`."""
-    stored = read_finished(PLAN, PlanDocument, folder)
+    stored = read_finished(PLAN, PlanDocument, folder, in_declared_units)
     drawings: list[Callable[[StoredPlan], Drawing]] = [] if wanted.drawn == "none" else [candidates_figure]
     if drawings and stored.found.kind != "tell-apart":
         drawings.append(narrowing_figure)

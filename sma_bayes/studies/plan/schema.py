@@ -8,6 +8,7 @@ from pydantic import Field
 
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
+    DeclaredUnits,
     DocumentPart,
     FilesBeside,
     IntervalDocument,
@@ -27,6 +28,12 @@ class KnownQuantity(IntervalDocument):
     sd: Number = Field(description="width of its 90 % interval over that of a standard normal [`unit`]")
     shown_unit: str = Field(description="unit in which people see it")
     shown_factor: Number = Field(description="shown units in one of `unit` [1]")
+    shown_zero: Number = Field(
+        default=0.0, description="what 0 is shown as, other than 0 only of temperatures [`shown_unit`]"
+    )
+    at: NumberOrNull = Field(
+        default=None, description="temperature at which it is [`temperature_unit`]; null for a parameter"
+    )
 
 
 class ExpectedQuantity(DocumentPart):
@@ -139,7 +146,7 @@ class RivalPair(DocumentPart):
     told_apart: bool = Field(description="whether these tell them apart already")
 
 
-class PlanFindings(DocumentPart):
+class PlanFindings(DeclaredUnits):
     """What is asked, what is known, and what each candidate is expected to tell."""
 
     schema_: Literal["sma-bayes/plan/1"] = Field(alias="schema", description="name and version")

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.records.types import Campaign, Record
+from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.studies.gap.schema import GapDocument
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.plan.apart import Discrimination, Prospect, further, told_apart
@@ -120,6 +121,7 @@ def planned_apart(
         design=None,
         advice="",
         remarks=(*rivals.remarks, *_remarks(settings, tried, gap)),
+        **declared_parts(campaign.records),
     )
     return with_advice(found, folder)
 

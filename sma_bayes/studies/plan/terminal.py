@@ -11,6 +11,7 @@ from rich.table import Table
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.screen import screen, show_end
 from sma_bayes.studies.plan.schema import PlanFindings, PlannedCandidate
+from sma_bayes.studies.plan.shown import in_declared_units
 from sma_bayes.studies.plan.words import (
     half_width,
     hours_text,
@@ -27,7 +28,7 @@ SHOWN: Final = 8
 
 def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
     """What `plan.json` says, for a terminal."""
-    found = PlanFindings.model_validate(told)
+    found = in_declared_units(PlanFindings.model_validate(told))
     console = screen()
     console.print(f"{found.campaign}: what to measure next for {found.asked}", soft_wrap=True)
     for k in found.quantities if found.kind == "quantity" else ():
@@ -41,7 +42,7 @@ def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
         state = "told apart already" if p.told_apart else "not told apart"
         console.print(f"{pair_name(p)}: {state}, ln Bayes factor {p.ln_bayes_factor:.1f}", soft_wrap=True)
     console.print(_table(found))
-    for remark in found.remarks:
+    for remark in (*found.declared_differently, *found.remarks):
         console.print(f"remark: {remark}", soft_wrap=True)
     if not found.converged:
         console.print("NOT CONVERGED: these numbers must not be relied on.")

@@ -15,6 +15,7 @@ from sma_bayes.studies.plan.schema import (
     PlannedCandidate,
     RivalPair,
 )
+from sma_bayes.studies.plan.shown import load_unit
 
 HALF_WIDTH: Final = 1.6449
 """Half of a 90 % interval [sd]."""
@@ -62,18 +63,21 @@ def range_text(step: PlannedCandidate | DesignStep, unit: str) -> str:
     return f"{step.lowest:g} to {step.peak:g} {unit_text(unit)}"
 
 
-def step_text(step: PlannedCandidate | DesignStep, unit: str) -> str:
+def step_text(step: PlannedCandidate | DesignStep, found: PlanFindings) -> str:
     """What to measure, in words."""
+    unit = found.temperature_unit
     return (
-        f"condition {step.condition} from {range_text(step, unit)}{_load(step)}, {many(step.cycles, 'cycle')} "
+        f"condition {step.condition} from {range_text(step, unit)}{_load(step, found)}, {many(step.cycles, 'cycle')} "
         f"at {rate_text(step.rate, unit)} with {step.samples} samples a sweep"
     )
 
 
-def _load(step: PlannedCandidate | DesignStep) -> str:
+def _load(step: PlannedCandidate | DesignStep, found: PlanFindings) -> str:
     """The load, where it is another than that of the condition."""
     beyond = isinstance(step, PlannedCandidate) and step.other_load and step.load is not None
-    return f" under a load of {step.load:.4g}" if beyond and isinstance(step, PlannedCandidate) else ""
+    if not (beyond and isinstance(step, PlannedCandidate)):
+        return ""
+    return f" under a load of {step.load:.4g} {unit_text(load_unit(found))}"
 
 
 def known_of(expected: ExpectedQuantity, found: PlanFindings) -> KnownQuantity:
@@ -111,7 +115,6 @@ def _share(shrinkage: float) -> str:
 
 def advice(found: PlanFindings) -> str:
     """What to measure, in a sentence."""
-    unit = found.temperature_unit
     if found.kind == "tell-apart":
         return _advice_apart(found)
     fitting = [c for c in found.candidates if c.fits]
@@ -121,7 +124,7 @@ def advice(found: PlanFindings) -> str:
         return f"No candidate fits into {there}: the shortest takes {hours_text(shortest.hours)}."
     design = found.design
     if design is not None:
-        parts = "; then ".join(step_text(s, unit) for s in design.steps[:FEW])
+        parts = "; then ".join(step_text(s, found) for s in design.steps[:FEW])
         more = f"; and {len(design.steps) - FEW} more" if len(design.steps) > FEW else ""
         told = f"Measure {parts}{more}: {narrowed(design.expected, found)} in {hours_text(design.hours)}"
         even, planned = f"{design.even.nats:.2g}", f"{design.nats:.2g}"
@@ -132,13 +135,12 @@ def advice(found: PlanFindings) -> str:
     if max((e.shrinkage for e in best.expected), default=0.0) < WORTH:
         return (
             f"No candidate narrows what is asked by more than {WORTH:.0%} of its variance per experiment; the best, "
-            f"{step_text(best, unit)}{marked}, is {narrowed(best.expected, found)} in {hours_text(best.hours)}."
+            f"{step_text(best, found)}{marked}, is {narrowed(best.expected, found)} in {hours_text(best.hours)}."
         )
-    return f"Measure {step_text(best, unit)}{marked}: {narrowed(best.expected, found)} in {hours_text(best.hours)}."
+    return f"Measure {step_text(best, found)}{marked}: {narrowed(best.expected, found)} in {hours_text(best.hours)}."
 
 
 def _advice_apart(found: PlanFindings) -> str:
-    unit = found.temperature_unit
     fitting = [c for c in found.candidates if c.fits and c.probability is not None]
     if not fitting:
         shortest = min((c.hours for c in found.candidates), default=0.0)
@@ -153,6 +155,4 @@ def _advice_apart(found: PlanFindings) -> str:
         )
     told = "; ".join(f"{pair_name(p)} with probability {c.probability:.2f}" for p, c in open_pairs)
     marked = f" ({', '.join(best.beyond)})" if best.beyond else ""
-    return (
-        f"Measure {step_text(best, unit)}{marked}: expected to tell apart {told} in {hours_text(best.hours)}."
-    )
+    return f"Measure {step_text(best, found)}{marked}: expected to tell apart {told} in {hours_text(best.hours)}."

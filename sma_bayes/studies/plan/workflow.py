@@ -22,10 +22,10 @@ from sma_bayes.errors import (
 )
 from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
-from sma_bayes.quantities import TEMPERATURE, unit_text
+from sma_bayes.quantities import unit_text
 from sma_bayes.records.types import Branch
 from sma_bayes.report.choice import REPORT, figures_for
-from sma_bayes.runs.declared_units import Shown, of_parameters, shown_units
+from sma_bayes.runs.declared_units import Shown, ShownUnit, declared_parts, of_parameters, shown_units
 from sma_bayes.runs.documents import FIT, GAP, PLAN
 from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRun, read_run
@@ -272,7 +272,7 @@ def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext)
     work.tell(2, 3, "putting a design together")
     with work.account.timed("design"):
         design = None if o.hours is None else _design(expectations, tried, settings, q.conditions, o, rate)
-    shown = {n: u for n, u in shown_units(summary.records).items() if n != TEMPERATURE.name}
+    shown = shown_units(summary.records)
     found = PlanFindings(
         schema="sma-bayes/plan/1",
         campaign=summary.campaign,
@@ -296,6 +296,7 @@ def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext)
         design=design,
         advice="",
         remarks=tuple(_remarks(q, o, targets, tried)),
+        **declared_parts(summary.records),
     )
     return with_advice(found, folder)
 
@@ -351,22 +352,21 @@ def _known(target: PlanTarget, q: _FitQuestion, shown: Shown) -> Iterator[KnownQ
     summary = q.summary(draws.key)
     factors = of_parameters(summary, shown)
     for quantity, sd in zip(target.quantities, target.sd.tolist(), strict=True):
-        unit, factor = quantity.unit, 1.0
-        own = (
-            shown.get(summary.quantities[quantity.channel].name)
-            if quantity.channel in summary.quantities
-            else None
-        )
-        if own is not None and (own.stored == unit or quantity.name in factors):
-            unit, factor = own.of(unit), factors.get(quantity.name, own).factor
+        measured = summary.quantities.get(quantity.channel)
+        own = None if measured is None else shown.get(measured.name)
+        u = factors.get(quantity.name) or ShownUnit(quantity.unit, quantity.unit, 1.0)
+        if own is not None and own.stored == quantity.unit:
+            u = own
         yield KnownQuantity(
             key=draws.key,
             name=quantity.name,
             unit=quantity.unit,
             **interval(quantity.draws),
             sd=sd,
-            shown_unit=unit,
-            shown_factor=factor,
+            shown_unit=u.shown,
+            shown_factor=u.factor,
+            shown_zero=u.zero,
+            at=quantity.temperature,
         )
 
 
