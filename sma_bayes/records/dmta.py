@@ -692,8 +692,8 @@ def _run_of(test: _Test, name: str, frequency: float | None, rows: Ints, modulus
     MeasurementError
         If a value can't have been measured.
     """
-    temperature = next(c.values for c in test.columns if c.quantity == "temperature")[rows]
-    columns = {"temperature": temperature, "stiffness": modulus}
+    warm = next(c for c in test.columns if c.quantity == "temperature")
+    columns = {"temperature": warm.values[rows], "stiffness": modulus}
     units = {"temperature": "degC", "stiffness": "Pa"}
     time = test.values("time")
     if time is not None and np.isfinite(time).all():
@@ -701,7 +701,7 @@ def _run_of(test: _Test, name: str, frequency: float | None, rows: Ints, modulus
     declared = next(c.unit for c in test.columns if c.quantity == "storage_modulus")
     run = Run(
         Condition(name, frequency=frequency), test.path.name, test.row[rows], columns, units, specimen=True,
-        declared_units={"stiffness": declared},
+        declared_units={"stiffness": declared, "temperature": warm.unit},
     )  # fmt: skip
     require_possible(run)
     return run

@@ -117,6 +117,71 @@ def test_moduli_that_are_declared_in_megapascals_stay_so(out: Path) -> None:
     assert 27e3 < min(drawn) < max(drawn) < 67e3
 
 
+@pytest.mark.parametrize(
+    ("unit", "shown", "factor", "zero"), [("°F", "°F", 1.8, 32.0), ("K", "K", 1.0, 273.15)]
+)
+def test_temperatures_are_shown_as_they_are_declared(
+    run: Callable[..., Any],
+    export: Path,
+    out: Path,
+    tmp_path: Path,
+    unit: str,
+    shown: str,
+    factor: float,
+    zero: float,
+) -> None:
+    """The same export in another unit of temperature: people read that unit, the document is in degC."""
+    names, _, *rows = export.read_text(encoding="utf-8").splitlines()
+    lines = [names, f"{unit},MPa,MPa,,Hz"]
+    for row in rows:
+        t, rest = row.split(",", 1)
+        lines.append(f"{factor * float(t) + zero:.6f},{rest}")
+    path = tmp_path / "strip.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    place = tmp_path / "out"
+    outcome = run("modulus", path, "--out", place, "--at", "20 degC", *MODELS, "--jobs", "1")
+    assert outcome.status == 0, outcome.err
+    found, before = found_in(place), found_in(out)
+    assert found["temperature_unit"] == "degC"
+    page = (place / "report.html").read_text(encoding="utf-8")
+    for text in (outcome.out, page):
+        assert "°C" not in text
+    (pages,) = (s for s in found["shifts"] if s["temperature"] == "midpoint")
+    middle = factor * pages["shift"]["median"]
+    assert f"midpoint: shift of {middle:+.2g} {shown} per decade" in outcome.out
+    assert f"midpoint: shift of {middle:+.2g} {shown} per decade" in page
+    assert f"storage modulus at {factor * 20.0 + zero:.6g} {shown}: times" in outcome.out
+    stored = {(s["frequency"], t["name"]): t for s in found["sweeps"] for t in s["temperatures"]}
+    original = {(s["frequency"], t["name"]): t for s in before["sweeps"] for t in s["temperatures"]}
+    with (place / "tables" / "temperatures.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            key = float(row["frequency"].removesuffix(" Hz")), row["temperature"].replace(" ", "_")
+            told = float(row[f"value_median [{shown}]"])
+            assert told == pytest.approx(factor * stored[key]["median"] + zero, rel=1e-8)
+            assert stored[key]["median"] == pytest.approx(original[key]["median"], abs=0.3)
+    parameters = {
+        (s["frequency"], c["channel"], n): p
+        for s in found["sweeps"] for c in s["curves"] for n, p in c["parameters"].items()
+    }  # fmt: skip
+    with (place / "tables" / "parameters.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            key = (
+                float(row["frequency"].removesuffix(" Hz")),
+                row["curve"].replace(" ", "_"),
+                row["parameter"],
+            )
+            expected = {"midpoint": (shown, factor, zero), "rate": (f"1/{shown}", 1.0 / factor, 0.0)}
+            if row["parameter"] in expected:
+                name, times, plus = expected[row["parameter"]]
+                assert row["unit"] == name
+                assert float(row["value_median [unit]"]) == pytest.approx(
+                    times * parameters[key]["median"] + plus, rel=1e-8
+                )
+    with (place / "figures" / "shift.csv").open(encoding="utf-8") as file:
+        drawn = {(float(r["frequency"]), r["temperature"]): float(r["value"]) for r in csv.DictReader(file)}
+    assert drawn[1.0, "midpoint"] == pytest.approx(factor * stored[1.0, "midpoint"]["mean"] + zero, rel=1e-8)
+
+
 def test_resuming_and_reporting_change_nothing(run: Callable[..., Any], export: Path, out: Path) -> None:
     before = found_in(out)
     (out / "report.html").unlink()

@@ -14,12 +14,13 @@ from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.modulus.figures.modulus import moduli_figure, shift_figure
 from sma_bayes.studies.modulus.page import page_words
 from sma_bayes.studies.modulus.schema import ModulusDocument, StoredModulus
+from sma_bayes.studies.modulus.shown import in_declared_units
 from sma_bayes.studies.modulus.tables import modulus_tables
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of moduli; see `sma_bayes.report.choice.ReportBuilder`."""
-    stored = read_finished(MODULUS, ModulusDocument, folder)
+    stored = read_finished(MODULUS, ModulusDocument, folder, in_declared_units)
     assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), modulus_tables, page_words)
 
 

@@ -6,8 +6,9 @@ from sma_bayes.quantities import convert
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
-from sma_bayes.runs.declared_units import shown_as, shown_unit, units_of
+from sma_bayes.runs.declared_units import shown_unit, units_of
 from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep, StoredModulus
+from sma_bayes.studies.modulus.shown import degrees_of, parameter_unit
 
 SHOWN_UNIT = "GPa"
 LARGE = 1e9
@@ -44,12 +45,12 @@ def _frequency(value: float | None) -> Cell:
 def _temperatures(found: ModulusDocument) -> Table:
     columns = (
         *SWEEP, Column("temperature", "temperature"), Column("meaning", "meaning", brief=False),
-        Column("value", "value", "degC"), Column("draws that have it", "defined", "1"),
+        Column("value", "value", found.temperature_unit), Column("draws that have it", "defined", "1"),
         Column("identified", "identified"),
     )  # fmt: skip
     rows = tuple(
         (
-            *_head(s), t.name.replace("_", " "), t.meaning, Estimate.of(t, "degC"),
+            *_head(s), t.name.replace("_", " "), t.meaning, Estimate.of(t, found.temperature_unit),
             Number(t.defined, "1", 0.01), "yes" if t.identified else "no",
         )
         for s in found.sweeps for t in s.temperatures
@@ -62,17 +63,18 @@ def _temperatures(found: ModulusDocument) -> Table:
 
 
 def _shifts(found: ModulusDocument) -> Table:
+    degrees = degrees_of(found, difference=True).shown
     columns = (
         Column("branch", "branch"), Column("temperature", "temperature"), Column("sweeps", "sweeps"),
-        Column("shift per decade", "shift", "K"), Column("P(rises)", "rises", "1"),
-        Column("scatter", "scatter", "K"), Column("apparent activation energy", "energy", "kJ/mol"),
+        Column("shift per decade", "shift", degrees), Column("P(rises)", "rises", "1"),
+        Column("scatter", "scatter", degrees), Column("apparent activation energy", "energy", "kJ/mol"),
         Column("lower bound, if positive", "least", "kJ/mol"), Column("identified", "identified"),
     )  # fmt: skip
     rows = tuple(
         (
-            s.branch, s.temperature.replace("_", " "), len(s.points), Estimate.where_told(s.shift, "K"),
+            s.branch, s.temperature.replace("_", " "), len(s.points), Estimate.where_told(s.shift, degrees),
             None if s.probability_rises is None else Number(s.probability_rises, "1", 0.01),
-            Estimate.where_told(s.scatter, "K"), Estimate.where_told(s.activation_energy, "kJ/mol", 1e-3),
+            Estimate.where_told(s.scatter, degrees), Estimate.where_told(s.activation_energy, "kJ/mol", 1e-3),
             None if s.least_energy is None else Number(1e-3 * s.least_energy, "kJ/mol", 1e-4 * s.least_energy),
             "yes" if s.identified else "no",
         )
@@ -89,12 +91,12 @@ def _values(found: ModulusDocument) -> Table:
     unit = modulus_unit(found)
     per = float(convert(1.0, "Pa", unit))
     columns = (
-        *SWEEP, Column("at", "at", "degC"), Column("quantity", "quantity"), Column("unit", "unit"),
+        *SWEEP, Column("at", "at", found.temperature_unit), Column("quantity", "quantity"), Column("unit", "unit"),
         Column("value", "value", OF_ROW),
     )  # fmt: skip
     rows = tuple(
         (
-            *_head(s), Number(v.at, "degC", 0.1), v.channel.replace("_", " "),
+            *_head(s), Number(v.at, found.temperature_unit, 0.1), v.channel.replace("_", " "),
             "1" if v.unit == "1" else unit_label(unit),
             Estimate.of(v) if v.unit == "1" else Estimate.of(v, unit, per),
         )
@@ -107,12 +109,12 @@ def _values(found: ModulusDocument) -> Table:
 
 def _by_frequency(found: ModulusDocument) -> Table:
     columns = (
-        Column("branch", "branch"), Column("at", "at", "degC"), Column("sweeps", "sweeps"),
+        Column("branch", "branch"), Column("at", "at", found.temperature_unit), Column("sweeps", "sweeps"),
         Column("factor per decade", "factor", "1"), Column("P(rises)", "rises", "1"),
     )  # fmt: skip
     rows = tuple(
         (
-            b.branch, Number(b.at, "degC", 0.1), len(b.sweeps), Estimate.where_told(b.factor, "1"),
+            b.branch, Number(b.at, found.temperature_unit, 0.1), len(b.sweeps), Estimate.where_told(b.factor, "1"),
             Number(b.probability_rises, "1", 0.01),
         )
         for b in found.by_frequency
@@ -143,15 +145,14 @@ def _parameters(found: ModulusDocument) -> Table:
         *SWEEP, Column("curve", "curve"), Column("parameter", "parameter"), Column("meaning", "meaning", brief=False),
         Column("unit", "unit"), Column("value", "value", OF_ROW),
     )  # fmt: skip
-    unit = shown_unit("Pa", modulus_unit(found))
-    units = {} if unit is None else {"modulus": unit}
+    modulus = shown_unit("Pa", modulus_unit(found))
     rows = tuple(
         (
             *_head(s), c.channel.replace("_", " "), name, p.meaning, unit_label(u.shown) or "1",
-            Estimate.of(p, u.shown, u.factor),
+            Estimate(u.value(p.median), u.value(p.q05), u.value(p.q95), u.shown),
         )
         for s in found.sweeps for c in s.curves for name, p in c.parameters.items()
-        for u in [shown_as(p.unit, units, "modulus")]
+        for u in [parameter_unit(name, p, found, modulus)]
     )  # fmt: skip
     return Table("parameters", "Parameters of the curves", "Median and 90 % interval.", columns, rows, 4)
 

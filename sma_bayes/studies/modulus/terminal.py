@@ -9,14 +9,16 @@ from typing import Any
 from rich.table import Table
 
 from sma_bayes.errors import many
+from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.screen import SHOWN, screen, show_end
 from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep
+from sma_bayes.studies.modulus.shown import in_declared_units
 
 
 def show_modulus(told: Mapping[str, Any], out: Path) -> None:
     """Tell what was found of each sweep and of the shift with frequency."""
-    found = ModulusDocument.model_validate(told)
+    found = in_declared_units(ModulusDocument.model_validate(told))
     console = screen()
     console.print(f"{many(len(found.sweeps), 'sweep')}, seed {found.seed}", soft_wrap=True)
     console.print(_table(found))
@@ -26,8 +28,8 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
     for b in found.by_frequency:
         f = b.factor
         console.print(
-            f"{b.branch}, storage modulus at {b.at:g} °C: times {interval_text(f.median, f.q05, f.q95)} per decade of "
-            "frequency",
+            f"{b.branch}, storage modulus at {b.at:.6g} {unit_text(found.temperature_unit)}: times "
+            f"{interval_text(f.median, f.q05, f.q95)} per decade of frequency",
             soft_wrap=True,
         )
     for text in (*found.declared_differently, *found.remarks, *(f"left out {t}" for t in found.left_out)):
@@ -39,7 +41,9 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
 
 def _table(found: ModulusDocument) -> Table:
     names = list(dict.fromkeys(t.name for s in found.sweeps for t in s.temperatures if t.identified))
-    table = Table(title="temperatures [°C]: median (90 %)", title_justify="left")
+    table = Table(
+        title=f"temperatures [{unit_text(found.temperature_unit)}]: median (90 %)", title_justify="left"
+    )
     table.add_column("sweep")
     for name in names:
         table.add_column(name.replace("_", " "), justify="right")

@@ -18,14 +18,15 @@ from sma_bayes.errors import UnknownNameError, near_matches
 from sma_bayes.fitting.curves import as_interval
 from sma_bayes.fitting.posterior import versions
 from sma_bayes.progress import Progress, silent
+from sma_bayes.quantities import unit_text
 from sma_bayes.records.dmta import DmtaCampaign, DmtaOptions, DmtaSweep, read_dmta
 from sma_bayes.records.severity import finding_document
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, STORAGE_LADDER, ResponseModel
-from sma_bayes.runs.declared_units import declared_parts
+from sma_bayes.runs.declared_units import ShownUnit, declared_parts
 from sma_bayes.runs.documents import MODULUS
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.schema import FindingDocument, IntervalDocument
+from sma_bayes.runs.schema import DeclaredUnits, FindingDocument, IntervalDocument
 from sma_bayes.runs.store import write_csv, write_json
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.identity import all_versions
@@ -46,6 +47,7 @@ from sma_bayes.studies.modulus.shift import (
     arrhenius,
     fit_line,
 )
+from sma_bayes.studies.modulus.shown import degrees_of
 from sma_bayes.studies.modulus.sweep import LOSS, STORAGE, SweepTask, study_sweep
 from sma_bayes.studies.run_context import RunContext
 
@@ -150,9 +152,13 @@ def modulus(
     work = RunContext(MODULUS, jobs, figures_for(figures), progress or silent, account)
     tasks = [SweepTask(s, models, told, seed) for s in campaign.sweeps]
 
+    units_declared = declared_parts([s.storage for s in campaign.sweeps])
+    declared = DeclaredUnits(**units_declared)
+    degrees = degrees_of(declared, difference=True)
+
     def find(folder: Path | None) -> ModulusFindings:
         sweeps = _sweeps(tasks, folder, work)
-        shifts, damping = shifts_of(sweeps), _damping(campaign.sweeps)
+        shifts, damping = shifts_of(sweeps, degrees), _damping(campaign.sweeps)
         return ModulusFindings(
             schema="sma-bayes/modulus/1",
             source=campaign.source,
@@ -160,7 +166,7 @@ def modulus(
             options=options,
             temperature_unit="degC",
             modulus_unit="Pa",
-            **declared_parts([s.storage for s in campaign.sweeps]),
+            **units_declared,
             versions=all_versions(),
             data_sha256=campaign.sha256,
             converged=all(c.converged for s in sweeps for c in s.curves),
@@ -168,7 +174,7 @@ def modulus(
             damping=damping,
             shifts=shifts,
             by_frequency=_by_frequency(sweeps, told),
-            remarks=_remarks(campaign, sweeps, told, damping, shifts),
+            remarks=_remarks(campaign, sweeps, told, damping, shifts, degrees_of(declared)),
             left_out=campaign.left_out,
             findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
         )
@@ -248,12 +254,14 @@ def _interval(values: Sequence[float]) -> IntervalDocument:
     return IntervalDocument(**as_interval(values))
 
 
-def shifts_of(sweeps: Sequence[ModulusSweep]) -> tuple[FrequencyShift, ...]:
+def shifts_of(sweeps: Sequence[ModulusSweep], degrees: ShownUnit) -> tuple[FrequencyShift, ...]:
     """Shift with frequency of each temperature of a branch, where at least one sweep states a frequency.
 
     Parameters
     ----------
     sweeps : sequence of ModulusSweep
+    degrees : ShownUnit
+        How the statements show differences of temperature.
     """
     out = []
     for branch in dict.fromkeys(s.branch for s in sweeps):
@@ -265,7 +273,7 @@ def shifts_of(sweeps: Sequence[ModulusSweep]) -> tuple[FrequencyShift, ...]:
                 if t.name == name and t.identified and t.mean is not None and t.sd is not None
             ]
             if points:
-                out.append(_shift(branch, name, points))
+                out.append(_shift(branch, name, points, degrees))
     return tuple(out)
 
 
@@ -275,7 +283,7 @@ def _by_rising_frequency(sweeps: Sequence[ModulusSweep], branch: str) -> list[tu
     return sorted(own, key=lambda pair: pair[0])
 
 
-def _shift(branch: str, name: str, points: Sequence[ShiftPoint]) -> FrequencyShift:
+def _shift(branch: str, name: str, points: Sequence[ShiftPoint], degrees: ShownUnit) -> FrequencyShift:
     frequency, temperature, sd = (
         np.array(values) for values in zip(*((p.frequency, p.temperature, p.sd) for p in points), strict=True)
     )
@@ -294,8 +302,8 @@ def _shift(branch: str, name: str, points: Sequence[ShiftPoint]) -> FrequencyShi
             statement=f"{title}: one frequency, no shift can be told",
         )
     found = arrhenius(frequency, temperature, sd)
-    low, middle, high = found.shift
-    shift = f"{middle:+.2g} K per decade of frequency ({low:+.2g} to {high:+.2g})"
+    low, middle, high = (degrees.factor * q for q in found.shift)
+    shift = f"{middle:+.2g} {unit_text(degrees.shown)} per decade of frequency ({low:+.2g} to {high:+.2g})"
     if found.energy is None:
         told = (
             f"{title}: shift of {shift}; the interval holds zero, at which the apparent activation energy is infinite: "
@@ -363,6 +371,7 @@ def _remarks(
     at: Sequence[float],
     damping: Sequence[DeclaredDamping],
     shifts: Sequence[FrequencyShift],
+    degrees: ShownUnit,
 ) -> tuple[str, ...]:
     out = []
     for d in damping:
@@ -378,7 +387,8 @@ def _remarks(
         out.append("a frequency is not stated: no shift follows from such sweeps; --frequency states it")
     for s in sweeps:
         out += [
-            f"{s.id}: {t:g} degC is beyond the measured temperatures, what is told there is an extrapolation"
+            f"{s.id}: {degrees.value(t):.6g} {unit_text(degrees.shown)} is beyond the measured temperatures, what is "
+            "told there is an extrapolation"
             for t in at if not s.temperature_from <= t <= s.temperature_to
         ]  # fmt: skip
         for c in s.curves:

@@ -22,8 +22,10 @@ from sma_bayes.report.figures.sheet import (
     panels,
 )
 from sma_bayes.report.notation import unit_label
+from sma_bayes.runs.declared_units import ShownUnit
 from sma_bayes.studies.modulus.schema import FrequencyShift, StoredModulus
 from sma_bayes.studies.modulus.shift import LEVELS, SCATTER_K, ZERO_CELSIUS, fit_line
+from sma_bayes.studies.modulus.shown import degrees_of
 from sma_bayes.studies.modulus.tables import modulus_unit
 
 SYMBOLS: Final = {"storage_modulus": "E′", "loss_modulus": "E″", "tan_delta": "tan δ"}
@@ -57,6 +59,7 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
     )
     unit = modulus_unit(found)
     per = float(convert(1.0, "Pa", unit))
+    degrees = degrees_of(found)
     data: dict[str, list[Any]] = {k: [] for k in ("sweep", "channel", "temperature", "q05", "q50", "q95")}
     for s in own:
         colour = INK if s.frequency is None else colours[s.frequency]
@@ -66,11 +69,11 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
                 continue
             ax = axes[row][branches.index(s.branch)]
             factor = 1.0 if channel == "tan_delta" else per
-            _draw(ax, bands, samples, channel, factor, colour)
+            _draw(ax, bands, samples, channel, factor, degrees, colour)
             size = bands["temperature_degC"].size
             data["sweep"] += [s.id] * size
             data["channel"] += [channel] * size
-            data["temperature"] += bands["temperature_degC"].tolist()
+            data["temperature"] += degrees.values(bands["temperature_degC"]).tolist()
             for q in ("q05", "q50", "q95"):
                 data[q] += (factor * bands[f"{channel}_{q}"]).tolist()
     for row, channel in enumerate(channels):
@@ -81,7 +84,7 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
             )
             if row == 0:
                 ax.set_title(branch, color=COLOURS[branch])
-            ax.set_xlabel("temperature [°C]")
+            ax.set_xlabel(f"temperature [{unit_label(degrees.shown)}]")
     heading(figure, f"{test}: moduli by temperature", "")
     if frequencies:
         figure.legend(
@@ -97,15 +100,17 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
     return Drawing(numbered("moduli", number), caption, caption, figure, data)
 
 
-def _draw(ax: Axes, bands: Any, samples: Any, channel: str, factor: float, colour: Any) -> None:
+def _draw(
+    ax: Axes, bands: Any, samples: Any, channel: str, factor: float, degrees: ShownUnit, colour: Any
+) -> None:
     name = f"{channel}_Pa"
     if name in samples:
         seen = np.isfinite(samples[name])
         ax.plot(
-            samples[f"{channel}_temperature_degC"][seen], factor * samples[name][seen], "o", ms=1.8, color=colour,
-            alpha=0.45, mew=0, rasterized=True,
+            degrees.values(samples[f"{channel}_temperature_degC"][seen]), factor * samples[name][seen], "o",
+            ms=1.8, color=colour, alpha=0.45, mew=0, rasterized=True,
         )  # fmt: skip
-    t = bands["temperature_degC"]
+    t = degrees.values(bands["temperature_degC"])
     ax.fill_between(
         t, factor * bands[f"{channel}_q05"], factor * bands[f"{channel}_q95"], color=colour, alpha=0.3, lw=0
     )
@@ -122,7 +127,7 @@ def shift_figure(stored: StoredModulus) -> Drawing:
         k: [] for k in ("branch", "temperature", "sweep", "frequency", "value", "sd")
     }
     for s in shifts:
-        _draw_shift(axes[0][names.index(s.temperature)], s)
+        _draw_shift(axes[0][names.index(s.temperature)], s, degrees_of(stored.found))
         for p in s.points:
             for key, value in zip(
                 data, (s.branch, s.temperature, p.sweep, p.frequency, p.temperature, p.sd), strict=True
@@ -134,7 +139,7 @@ def shift_figure(stored: StoredModulus) -> Drawing:
         ax.xaxis.set_minor_formatter(NullFormatter())
         ax.set_title(name.replace("_", " "), fontsize=7.5)
         ax.set_xlabel("frequency [Hz]")
-        ax.set_ylabel("temperature [°C]")
+        ax.set_ylabel(f"temperature [{unit_label(degrees_of(stored.found).shown)}]")
     heading(figure, "Shift with frequency", "")
     branch_legend(figure, (s.branch for s in shifts))
     caption = (
@@ -144,14 +149,16 @@ def shift_figure(stored: StoredModulus) -> Drawing:
     return Drawing("shift", caption, caption, figure, data)
 
 
-def _draw_shift(ax: Axes, s: FrequencyShift) -> None:
+def _draw_shift(ax: Axes, s: FrequencyShift, degrees: ShownUnit) -> None:
     colour = COLOURS[s.branch]
     f, t, sd = (np.array([getattr(p, k) for p in s.points]) for k in ("frequency", "temperature", "sd"))
-    kelvin = t + ZERO_CELSIUS
-    line = fit_line(np.log(f), 1.0 / kelvin, sd / kelvin**2, SCATTER_K / float(np.mean(kelvin)) ** 2)
+    kelvin = (t - degrees.zero) / degrees.factor + ZERO_CELSIUS
+    line = fit_line(
+        np.log(f), 1.0 / kelvin, sd / degrees.factor / kelvin**2, SCATTER_K / float(np.mean(kelvin)) ** 2
+    )
     at = np.geomspace(f.min(), f.max(), CURVES)
     low, middle, high = (
-        1.0 / np.array(v) - ZERO_CELSIUS
+        degrees.values(1.0 / np.array(v) - ZERO_CELSIUS)
         for v in zip(*(line.at(float(np.log(x)), LEVELS) for x in at), strict=True)
     )
     ax.fill_between(at, low, high, color=colour, alpha=0.2, lw=0)
