@@ -299,16 +299,21 @@ def number_and_unit(text: str, *, what: str = "value") -> tuple[float, str]:
 
 
 def unit_text(unit: str) -> str:
-    """Unit as shown to people: ``degC`` becomes ``°C``, ``arbitrary`` stays a word.
+    """Unit as shown to people: ``degC`` becomes ``°C``, ``percent`` ``%``, ``arbitrary`` stays a word.
 
     Examples
     --------
-    >>> unit_text("1/degC"), unit_text("degF"), unit_text("1"), unit_text("arbitrary")
-    ('1/°C', '°F', '', 'arbitrary unit')
+    >>> unit_text("1/degC"), unit_text("percent"), unit_text("1"), unit_text("arbitrary")
+    ('1/°C', '%', '', 'arbitrary unit')
     """
     if unit == "1":
         return ""
-    return unit.replace("degC", "°C").replace("degF", "°F").replace(ARBITRARY, "arbitrary unit")
+    return (
+        unit.replace("degC", "°C")
+        .replace("degF", "°F")
+        .replace("percent", "%")
+        .replace(ARBITRARY, "arbitrary unit")
+    )
 
 
 def per(unit: str) -> str:

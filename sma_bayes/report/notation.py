@@ -170,11 +170,7 @@ def unit_label(unit: str) -> str:
     >>> unit_label("N/cm degC"), unit_label("1"), unit_label("cm arbitrary")
     ('N/cm · °C', '', 'cm · arbitrary unit')
     """
-    return (
-        " · ".join(unit_text(part) for part in unit.replace("percent", "%").split(" ") if part)
-        if unit != "1"
-        else ""
-    )
+    return " · ".join(unit_text(part) for part in unit.split(" ") if part) if unit != "1" else ""
 
 
 def squared(unit: str) -> str:

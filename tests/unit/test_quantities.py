@@ -162,6 +162,7 @@ def test_units_as_people_read_them() -> None:
     assert unit_text("1/degC") == "1/°C"
     assert unit_text("1/arbitrary") == "1/arbitrary unit"
     assert unit_text("N/m") == "N/m"
+    assert (unit_text("percent"), unit_text("percent/degC")) == ("%", "%/°C")
     assert unit_text("1") == ""
 
 
