@@ -16,6 +16,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis, Whitened, build_basis, nodes_of, size_fact
+from sma_bayes.fitting.expected_response import fitted_moments
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import WarmStart
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
@@ -73,7 +74,7 @@ class NoiseChoice:
         Of each noise model that was looked at, with discrepancies where they earn their place, less that of the best.
     discrepancy : mapping of str to float
         What a discrepancy gains in ln evidence, by channel (the sum over records), under the chosen noise model;
-        one is taken where it gains.
+        they are taken where all channels together gain.
     bases : tuple of mapping
         For each record, channel to the basis of its discrepancy, where one is taken.
     estimate : tuple of mapping
@@ -103,14 +104,15 @@ def choose_noise(
     noise: str | None = None,
     discrepancy: bool = True,
 ) -> NoiseChoice:
-    """Choose a noise model, and for each channel whether a discrepancy stands beside the curve.
+    """Choose a noise model, and whether discrepancies stand beside the curves.
 
     Noise models that are a density of the data compete; those that need time are left out where time was not recorded
     or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth
     with the response and an error of the thermometer are looked at only where what it leaves shows a sign of such a
     thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; beside growth or an
-    error of the thermometer only what still earns its place stays. A discrepancy is taken where its evidence is greater
-    than that of the curve alone.
+    error of the thermometer only what still earns its place stays. Discrepancies are taken where the evidence of all
+    channels together is greater with them: force and displacement are of one specimen, and where the curve fails in one
+    of them the other, in more noise, is no better known.
 
     Parameters
     ----------
@@ -278,20 +280,29 @@ class _Signs:
         )
 
     @staticmethod
-    def of(e: Floats, steps: Steps, response: Floats, slope: Floats, declared: float) -> _Signs:
-        """Signs in one series (n,): neighbours alike, tails, squares that follow the response or the squared slope."""
+    def of(e: Floats, steps: Steps, response: Floats, slope: Floats, felt: Floats) -> _Signs:
+        """Signs in one series (n,): neighbours alike, tails, squares that follow the response or the squared slope.
+
+        `felt` (n,) is the variance that a declared error of the thermometer makes over that of the noise. Memory and
+        growth are those of readings in which it is not more than the noise: in the others it is not normal, nor in a
+        steady sweep the same at all instants. Where one is declared no other is looked for.
+        """
         n, square = e.size, float(np.mean(e**2))
         if not (np.isfinite(square) and square > 0.0 and n > 3):
             return _Signs()
-        root = np.sqrt(n)
+        own = felt <= 1.0
+        joined = ~steps.first & own
+        joined[1:] &= own[:-1]
         spread = float(np.std(e))
         kurtosis = float(np.mean(((e - e.mean()) / spread) ** 4)) - 3.0 if spread > 0.0 else 0.0
         size = np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(square)))
+        memory = float(lag1(np.where(own, e, 0.0), ~joined)) * np.sqrt(own.sum())
+        growth = _correlation(size[own], response[own]) * np.sqrt(own.sum())
         return _Signs(
-            abs(float(lag1(e, steps.first))) * root > SIGN,
+            abs(memory) > SIGN,
             kurtosis > SIGN * float(np.sqrt(24.0 / n)),
-            abs(_correlation(size, response)) * root > SIGN,
-            declared == 0.0 and _correlation(size, slope**2) * root > SIGN,
+            abs(growth) > SIGN,
+            not felt.any() and _correlation(size, slope**2) * np.sqrt(n) > SIGN,
         )
 
 
@@ -309,11 +320,14 @@ class _Residuals:
         self.posterior = posterior
         self.start = start
         self.priors = priors
-        model, theta = posterior.model, start.theta
+        theta = start.theta
         with np.errstate(all="ignore"):
-            self.slope = [model.slope(theta, r.inputs) for r in posterior.records]
-            self.mean = [model.predict(theta, r.inputs) for r in posterior.records]
-            self.tangents = [model.jacobian(theta, r.inputs) for r in posterior.records]
+            self.slope = [posterior.model.slope(theta, r.inputs) for r in posterior.records]
+        self.moments = fitted_moments(posterior, start)
+        self.residual = [
+            {c: r.observed[c] - m.mean[c] for c in r.channels}
+            for r, m in zip(posterior.records, self.moments, strict=True)
+        ]
         self.bases: Bases = tuple({} for _ in posterior.records)
         if discrepancy:
             self.bases = discrepancy_bases(posterior, theta)
@@ -327,11 +341,10 @@ class _Residuals:
         for i, record in enumerate(self.posterior.records):
             steps = self.posterior.steps[i]
             for channel in record.channels:
-                for e in (description.innovations[i][channel], self.start.residual[i][channel]):
+                felt = self.moments[i].variance[channel] / description.estimate[i][channel][0] ** 2
+                for e in (description.innovations[i][channel], self.residual[i][channel]):
                     found = found.joined(
-                        _Signs.of(
-                            e, steps, self.response(i, channel), self.slope[i][channel], record.temperature_sd
-                        )
+                        _Signs.of(e, steps, self.response(i, channel), self.slope[i][channel], felt)
                     )
         return found
 
@@ -363,7 +376,7 @@ class _Residuals:
     def response(self, i: int, channel: str) -> Floats:
         """Response of the curve as a share of its observed range, shape (n,)."""
         low, span = self.posterior.observed_range(i, channel)
-        return np.asarray((self.mean[i][channel] - low) / span)
+        return np.asarray((self.moments[i].mean[channel] - low) / span)
 
     def _smooth(self) -> tuple[Mapping[str, Curve], ...]:
         """What the first bases find the curves to miss: the second lie closer where it changes."""
@@ -391,6 +404,7 @@ class _Residuals:
                     alone = self._look(noise, i, channel, None, bound)
                 found[i, channel] = (alone, beside)
                 gain[channel] += -np.inf if beside is None else beside.ln_evidence - alone.ln_evidence
+        stands = sum(g for g in gain.values() if np.isfinite(g)) > 0.0
         bases: list[dict[str, DiscrepancyBasis]] = []
         estimate: list[dict[str, Floats]] = []
         innovations: list[dict[str, Floats]] = []
@@ -400,7 +414,7 @@ class _Residuals:
             for channel in record.channels:
                 alone, beside = found[i, channel]
                 taken = alone
-                if beside is not None and gain[channel] > 0.0:
+                if beside is not None and stands and np.isfinite(gain[channel]):
                     taken = beside
                     own[channel] = self.bases[i][channel]
                 total += taken.ln_evidence if self._is_noise(noise, i, taken) else -np.inf
@@ -445,11 +459,11 @@ class _Residuals:
             scales = scales.with_longest_memory({channel: longest_memory}, self.posterior.steps[i].typical)
         space, slots = _space(self.priors, noise, record, channel, basis, scales)
         _, span = self.posterior.observed_range(i, channel)
-        residual = _solid(self.start.residual[i][channel], record.observed[channel])
-        tangents = self.tangents[i][channel][:, self.posterior.sampled_model]
+        residual = _solid(self.residual[i][channel], record.observed[channel])
+        tangents = self.moments[i].jacobian[channel][:, self.posterior.sampled_model]
         density = _ResidualDensity(
             space, noise, self.posterior.steps[i], residual, _orthonormal(tangents), basis, slots,
-            self.slope[i][channel], record.temperature_sd, self.response(i, channel),
+            self.slope[i][channel], self.moments[i].variance[channel], self.response(i, channel),
             REACH * span * np.sqrt(record.n),
         )  # fmt: skip
         best: _FittedNoise | None = None
@@ -531,8 +545,8 @@ class _ResidualDensity:
     slots : _Slots
     slope : ndarray, shape (n,)
         Of the response with respect to temperature.
-    declared : float
-        Standard deviation of the error of the thermometer that was declared.
+    declared : ndarray, shape (n,)
+        Variance that the declared error of the thermometer makes.
     response : ndarray, shape (n,)
         Response as a share of its observed range.
     reach : float
@@ -547,7 +561,7 @@ class _ResidualDensity:
     basis: DiscrepancyBasis | None
     slots: _Slots
     slope: Floats
-    declared: float
+    declared: Floats
     response: Floats
     reach: float
 
@@ -586,9 +600,10 @@ class _ResidualDensity:
         if relative is not None:
             scale = scale * relative
         felt = self.slots.temperature_sd
-        spread = self.declared if felt is None else theta[:, felt, None]
-        if felt is not None or self.declared > 0.0:
-            scale = np.sqrt(scale * scale + (spread * self.slope) ** 2)
+        if felt is not None:
+            scale = np.sqrt(scale * scale + (theta[:, felt, None] * self.slope) ** 2)
+        elif self.declared.any():
+            scale = np.sqrt(scale * scale + self.declared)
         rows, sizes = self.tangents, np.full((len(theta), len(self.tangents)), self.reach)
         if self.basis is not None and self.slots.size is not None:
             rows = np.concatenate([self.basis.rows, rows])

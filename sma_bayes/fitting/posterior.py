@@ -52,8 +52,10 @@ CHUNK = 1 << 15
 QUADRATURE = np.polynomial.hermite_e.hermegauss(7)
 """Nodes and weights under a standard normal (up to a factor); exact for polynomials of degree 13."""
 
-LATENT_STEPS = 5
+LATENT_STEPS = 4
 """Steps of reweighted least squares to the likeliest true temperature of each sample."""
+LATENT_NODES = tuple(np.roll(x, -2) for x in np.polynomial.hermite_e.hermegauss(5))
+"""Nodes about the likeliest true temperature, in its standard deviations, and their weights; zero comes first."""
 
 Weights = tuple[Mapping[str, Floats], ...]
 """For each record, channel to weights (W, m) of its discrepancy; channels without one are left out."""
@@ -503,7 +505,11 @@ class Posterior:
         )
 
     def _latent_log_density(self, theta: Floats, record: int) -> tuple[Floats, dict[str, Floats]]:
-        """Log density of the samples of a record with their true temperatures integrated out, by Laplace's method.
+        """Log density of the samples of a record with their true temperatures integrated out.
+
+        By Gauss-Hermite quadrature about the likeliest temperature of each sample. The middle node alone would be
+        Laplace's method, which moves parameters by half a standard deviation and more where the error is as wide as the
+        transformation.
 
         Parameters
         ----------
@@ -543,10 +549,20 @@ class Posterior:
                     densities[channel] = self.noise.log_density(e, shapes[channel], steps) - np.log(scale)
             if step < LATENT_STEPS:
                 xi = xi + np.clip(pull / firm, -1.0, 1.0)
-        total = -0.5 * xi * xi - 0.5 * np.log(held)
-        for density in densities.values():
-            total = total + density
-        return total, densities
+        at_nodes = [sum(densities.values(), start=-0.5 * xi * xi)]
+        for x in LATENT_NODES[0][1:]:
+            at = xi + x / np.sqrt(held)
+            inputs = {**r.inputs, "temperature": r.temperature + spread[:, None] * at}
+            mean = self.model.predict(model_theta, inputs)
+            integrand: Floats = 0.5 * (x * x - at * at)
+            for channel in r.channels:
+                scale = self.noise_scale(theta, record, channel, mean[channel])
+                e = (r.observed[channel] - mean[channel]) / scale
+                integrand = integrand + self.noise.log_density(e, shapes[channel], steps) - np.log(scale)
+            at_nodes.append(integrand)
+        highest = np.maximum.reduce(at_nodes)
+        whole = _products(list(LATENT_NODES[1]), [np.exp(y - highest) for y in at_nodes])
+        return highest + np.log(whole) - 0.5 * np.log(2.0 * np.pi * held), densities
 
     def _standardised(
         self, theta: Floats, record: int, weights: Weights = ()

@@ -38,13 +38,14 @@ def with_outliers(record: Record) -> Record:
 
 
 def test_white_residuals_are_independent_without_a_discrepancy(make_record: Callable[..., Record]) -> None:
-    """Of 60 other records 56 were; and 7 of their 120 channels got a discrepancy.
+    """Of 60 other records 58 were, and none got a discrepancy (95 %: fewer than 1 in 20).
 
-    At such rates fewer than 8 of 12, or more than 6 of 24, happen once in 1,500 runs each; seeds are fixed.
+    At 56 of 60 fewer than 8 of 12 happen once in 1,500 runs, and at 1 in 20 more than 3 of 12 once in 450; seeds are
+    fixed.
     """
     choices = [choice_for(make_record(n=150, seed=100 + seed)) for seed in range(12)]
     assert sum(c.name == "independent" for c in choices) >= 8
-    assert sum(len(c.bases[0]) for c in choices) <= 6
+    assert sum(bool(c.bases[0]) for c in choices) <= 3
     assert all(abs(r) < 0.35 for c in choices for r in c.lag1.values())
 
 
@@ -228,6 +229,41 @@ def test_noise_that_grows_with_the_response_is_seen(make_record: Callable[..., R
     choice = choice_for(noisy)
     assert choice.name == "independent+growing"
     assert choice.estimate[0]["force"][1] == pytest.approx(2.0, abs=0.6)
+
+
+def test_a_great_declared_error_of_the_thermometer_is_no_memory_and_no_misfit(
+    make_record: Callable[..., Record],
+) -> None:
+    """As wide as the transformation: of 40 other records one got a memory and one a discrepancy (95 %: up to 1 in 8).
+
+    At 1 in 8 more than 4 of 12 happen once in 90 runs each; seeds are fixed. Moments by the slope of the plain
+    least-squares curve gave 12 of the 40 growth, a memory or a discrepancy.
+    """
+    choices = [
+        choice_for(make_record(n=100, noise=0.005, temperature_sd=3.5, span=(10.0, 90.0), seed=seed))
+        for seed in range(12)
+    ]
+    assert sum(c.name.startswith("ar1") for c in choices) <= 4
+    assert sum(bool(c.bases[0]) for c in choices) <= 4
+
+
+def test_where_the_curve_fails_in_one_channel_the_other_is_not_trusted(
+    make_record: Callable[..., Record],
+) -> None:
+    """Slopes of both phases, seen in one channel and hidden by six times the noise in the other."""
+    for noisy in ("force", "displacement"):
+        record = make_record(n=150, noise=0.0025)
+        rng = np.random.default_rng(8)
+        tilt = 0.08 * (record.temperature - 50.0) / 40.0
+        observed = {}
+        for channel, y in record.observed.items():
+            more = np.sqrt(35.0) * 0.0025 * rng.standard_normal(record.n) * (channel == noisy)
+            observed[channel] = y + np.ptp(y) * (tilt * (record.temperature > 52.0) + more)
+        choice = choice_for(replace(record, observed=observed))
+        assert set(choice.bases[0]) == {"force", "displacement"}
+        assert set(choice.discrepancy) == {"force", "displacement"}
+    alone = choice_for(replace(record, observed={"force": observed["force"]}))
+    assert set(alone.bases[0]) == {"force"}
 
 
 @pytest.mark.parametrize("seed", [0, 1])

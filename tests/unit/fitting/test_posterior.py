@@ -82,15 +82,15 @@ def test_the_likelihood_is_the_dense_normal_over_channels_and_samples(
 
 
 @pytest.mark.parametrize("noise", ["independent", "student_t", "independent+growing"])
-@pytest.mark.parametrize(("spread", "apart"), [(0.3, 0.01), (0.9, 0.03), (2.0, 0.06)])
+@pytest.mark.parametrize(("spread", "apart"), [(0.3, 1e-4), (0.9, 3e-4), (2.0, 0.005), (3.5, 0.02)])
 def test_true_temperatures_are_integrated_out(
     make_record: Callable[..., Record], noise: str, spread: float, apart: float
 ) -> None:
-    """Against a fine sum over the error of each sample: s_T B2 from 0.1 to 0.7, mean error in ln of a sample.
+    """Against a fine sum over the error of each sample: s_T B2 from 0.1 to 1.2, mean error in ln of a sample.
 
-    Laplace's method with expected information costs heavy tails 0.1 more.
+    The nodes lie where expected information puts them, which is further off under heavy tails.
     """
-    apart += 0.1 * (not NOISE_MODELS[noise].is_gaussian)
+    apart += 0.02 * (not NOISE_MODELS[noise].is_gaussian)
     record = make_record(n=60, noise=0.02, temperature_sd=spread)
     p = build(record, noise)
     theta = p.space.constrain(_shaped(p))
@@ -111,7 +111,7 @@ def test_true_temperatures_are_integrated_out(
     found = sum(v[0] for v in found.values())
     assert p.log_likelihood(theta[None])[0] == pytest.approx(found.sum(), rel=1e-12)
     assert np.abs(found - expected).mean() < apart
-    assert abs(found.sum() - expected.sum()) < 0.5 * apart * record.n
+    assert abs(found.sum() - expected.sum()) < apart * record.n
 
 
 def test_a_small_error_of_temperature_is_the_slope_times_it(make_record: Callable[..., Record]) -> None:
