@@ -15,13 +15,15 @@ from typing import Final
 import numpy as np
 from scipy.optimize import least_squares
 
-from sma_bayes.arrays import Floats
+from sma_bayes.arrays import Bools, Floats
 from sma_bayes.fitting.posterior import QUADRATURE, Posterior
 from sma_bayes.fitting.warm_start import BOUND_SD, OVERFLOW, WarmStart
 from sma_bayes.records.types import Record
 
 ROUNDS: Final = 4
 """Rounds in which the variance of the readings follows the parameters."""
+QUIET: Final = 0.1
+"""Variance that the error of the thermometer makes, over that of the noise, up to which it hardly shows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,6 +112,12 @@ def fitted_moments(posterior: Posterior, start: WarmStart) -> tuple[Moments, ...
 
         z = least_squares(vector, z, jac=jacobian, bounds=(low, high), x_scale=scale, max_nfev=50).x
     return moments_at(z)
+
+
+def quiet(record: Record, moments: Moments) -> dict[str, Bools]:
+    """Channel to the readings (n,) in which the error of the thermometer makes little beside the noise."""
+    sd = _deviation(record, moments)
+    return {c: v <= QUIET * (sd[c] ** 2 - v) for c, v in moments.variance.items()}
 
 
 def _deviation(record: Record, moments: Moments) -> dict[str, Floats]:

@@ -14,9 +14,9 @@ from functools import partial
 
 import numpy as np
 
-from sma_bayes.arrays import Floats
+from sma_bayes.arrays import Bools, Floats
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis, Whitened, build_basis, nodes_of, size_fact
-from sma_bayes.fitting.expected_response import fitted_moments
+from sma_bayes.fitting.expected_response import fitted_moments, quiet
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import WarmStart
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
@@ -152,7 +152,7 @@ def choose_noise(
             and not model.stands_alone
             and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
             and (signs.memory or not model.autocorrelated)
-            and (model.is_gaussian or (signs.tails and not residuals.bent))
+            and (model.is_gaussian or signs.tails)
         ]
         best = max(names, key=lambda n: look(n).ln_evidence - EARNED * _features(NOISE_MODELS[n]))
         signs = signs.joined(residuals.signs(look(best)))
@@ -280,34 +280,29 @@ class _Signs:
         )
 
     @staticmethod
-    def of(e: Floats, steps: Steps, response: Floats, slope: Floats, felt: Floats) -> _Signs:
+    def of(e: Floats, steps: Steps, response: Floats, slope: Floats, at: Bools) -> _Signs:
         """Signs in one series (n,): neighbours alike, tails, squares that follow the response or the squared slope.
 
-        `felt` (n,) is the variance that a declared error of the thermometer makes over that of the noise. Memory and
-        growth are those of readings in which it is not more than the noise: in the others it is not normal, nor in a
-        steady sweep the same at all instants. Where one is declared no other is looked for.
+        Memory and growth are sought in the readings `at` (n,).
         """
         n, square = e.size, float(np.mean(e**2))
         if not (np.isfinite(square) and square > 0.0 and n > 3):
             return _Signs()
-        own = felt <= 1.0
-        joined = ~steps.first & own
-        joined[1:] &= own[:-1]
-        spread = float(np.std(e))
+        spread, root = float(np.std(e)), np.sqrt(at.sum())
         kurtosis = float(np.mean(((e - e.mean()) / spread) ** 4)) - 3.0 if spread > 0.0 else 0.0
         size = np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(square)))
-        memory = float(lag1(np.where(own, e, 0.0), ~joined)) * np.sqrt(own.sum())
-        growth = _correlation(size[own], response[own]) * np.sqrt(own.sum())
         return _Signs(
-            abs(memory) > SIGN,
+            abs(float(lag1(np.where(at, e, 0.0), steps.first))) * root > SIGN,
             kurtosis > SIGN * float(np.sqrt(24.0 / n)),
-            abs(growth) > SIGN,
-            not felt.any() and _correlation(size, slope**2) * np.sqrt(n) > SIGN,
+            abs(_correlation(size[at], response[at])) * root > SIGN,
+            _correlation(size, slope**2) * np.sqrt(n) > SIGN,
         )
 
 
 def _correlation(x: Floats, y: Floats) -> float:
-    """Pearson's correlation; zero where one of the two does not vary or is not finite."""
+    """Pearson's correlation; zero of none, and where one of the two does not vary or is not finite."""
+    if not x.size:
+        return 0.0
     a, b = x - x.mean(), y - y.mean()
     size = float(np.sqrt((a @ a) * (b @ b)))
     return float(a @ b) / size if np.isfinite(size) and size > 0.0 else 0.0
@@ -328,6 +323,7 @@ class _Residuals:
             {c: r.observed[c] - m.mean[c] for c in r.channels}
             for r, m in zip(posterior.records, self.moments, strict=True)
         ]
+        self.quiet = [quiet(r, m) for r, m in zip(posterior.records, self.moments, strict=True)]
         self.bases: Bases = tuple({} for _ in posterior.records)
         if discrepancy:
             self.bases = discrepancy_bases(posterior, theta)
@@ -339,14 +335,20 @@ class _Residuals:
         """What the innovations of a description, and the plain residuals, show."""
         found = _Signs()
         for i, record in enumerate(self.posterior.records):
-            steps = self.posterior.steps[i]
             for channel in record.channels:
-                felt = self.moments[i].variance[channel] / description.estimate[i][channel][0] ** 2
+                steps, slope = self.steps(i, channel), self.slope[i][channel]
                 for e in (description.innovations[i][channel], self.residual[i][channel]):
-                    found = found.joined(
-                        _Signs.of(e, steps, self.response(i, channel), self.slope[i][channel], felt)
-                    )
-        return found
+                    at = self.quiet[i][channel]
+                    found = found.joined(_Signs.of(e, steps, self.response(i, channel), slope, at))
+        return found if not self.bent else replace(found, tails=False, slope=False)
+
+    def steps(self, i: int, channel: str) -> Steps:
+        """How samples follow each other: none remembers a loud one, in which the error of the thermometer shows.
+
+        That error is skewed there, and in a steady sweep its mean at one instant is not its mean at one reading.
+        """
+        steps, loud = self.posterior.steps[i], ~self.quiet[i][channel]
+        return replace(steps, first=steps.first | loud | np.concatenate([[False], loud[:-1]]))
 
     def coarse(self, description: _Description) -> dict[str, float]:
         """Channels with readings in steps of more than `COARSE` standard deviations of the noise before rounding.
@@ -462,7 +464,7 @@ class _Residuals:
         residual = _solid(self.residual[i][channel], record.observed[channel])
         tangents = self.moments[i].jacobian[channel][:, self.posterior.sampled_model]
         density = _ResidualDensity(
-            space, noise, self.posterior.steps[i], residual, _orthonormal(tangents), basis, slots,
+            space, noise, self.steps(i, channel), residual, _orthonormal(tangents), basis, slots,
             self.slope[i][channel], self.moments[i].variance[channel], self.response(i, channel),
             REACH * span * np.sqrt(record.n),
         )  # fmt: skip

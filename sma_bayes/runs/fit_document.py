@@ -482,17 +482,6 @@ class RecordSummary(DocumentPart):
         default_factory=dict, description="the same of the files of its bands, by channel"
     )
 
-    @property
-    def one_sided_discrepancy(self) -> str:
-        """What one of force and displacement alone is called that has a discrepancy; else empty.
-
-        Where both stand still the slope of the other vanishes as its curve says, and the stiffness looks surer than
-        it is.
-        """
-        both = {"force", "displacement"}.issubset(self.channels)
-        own = [self.quantities[c].name for c in self.discrepancy]
-        return own[0] if both and len(own) == 1 else ""
-
 
 class BiasSpringSummary(DocumentPart):
     """A bias spring and how it is arranged."""

@@ -368,12 +368,7 @@ def _answer_at(
 
 def _caution(summary: RecordSummary) -> str | None:
     """What is to be doubted of a stiffness."""
-    if summary.path.kind != "path_slope":
-        return summary.path.message
-    channel = summary.one_sided_discrepancy
-    if not channel:
-        return None
-    return f"{channel} alone has a discrepancy: where the curves are flat the stiffness is not to be believed"
+    return None if summary.path.kind == "path_slope" else summary.path.message
 
 
 def asked_temperature(text: str, stored: str, degrees: str) -> float:

@@ -98,8 +98,6 @@ def belief(r: RecordContent) -> str:
         return f"with care: {r.document.why[0].message}" if r.document.why else "with care"
     if r.document.path.kind in TRIVIAL:
         return "yes, but the slope is that of the rig"
-    if channel := r.document.one_sided_discrepancy:
-        return f"yes, but no stiffness where the curves are flat: {channel} alone has a discrepancy"
     beyond = [name for name, t in r.document.transformation.items() if not t.within_data]
     return f"yes; {' and '.join(beyond)} extrapolated" if beyond else "yes"
 

@@ -129,14 +129,15 @@ def test_the_figure_shows_what_is_missed(run: StoredRun, steps: Content, tmp_pat
         assert {p.suffix for p in tmp_path.glob(f"{files.stem}.*")} == {".pdf", ".png", ".csv"}
         with (tmp_path / f"{files.stem}.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        assert sum(row["what"] == "measured" for row in rows) == content.document.n
-        curve = [row for row in rows if row["what"] == "curve"]
+        assert set(content.document.discrepancy) == {"force", "displacement"}
+        assert sum(row["what"] == "measured" for row in rows) == 2 * content.document.n
+        curve = [row for row in rows if row["what"] == "curve" and row["channel"] == "displacement"]
         unit = "[unit]"
         middle = np.array([float(row[f"discrepancy_q50 {unit}"]) for row in curve])
         model, total = (
             np.array([float(row[f"{name} {unit}"]) for row in curve]) for name in ("model_q50", "total_q50")
         )
-        (missed,) = content.document.discrepancy.values()
+        missed = content.document.discrepancy["displacement"]
         assert np.abs(middle).max() == pytest.approx(abs(missed.largest), rel=0.02)
         np.testing.assert_allclose(model + middle, total, atol=0.1 * np.abs(middle).max())
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from sma_bayes.report.content import Content, Estimate, RecordContent
-from sma_bayes.runs.fit_document import DiscrepancySummary, PathSummary, ReasonSummary
+from sma_bayes.runs.fit_document import PathSummary, ReasonSummary
 from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.studies.fit.answer import answer_tables, belief, next_steps
 from sma_bayes.studies.fit.findings import finding_groups, severity
@@ -60,20 +60,6 @@ def test_an_inadequate_record_is_named_with_its_reason_and_a_remedy(content: Con
     (step,) = (s for s in next_steps(bad) if reason.message in s)
     assert step.startswith(first.key)
     assert "`sma-bayes gap`" in step
-
-
-def test_a_discrepancy_of_one_channel_alone_is_told_of(content: Content) -> None:
-    """Where both curves are flat only the slope of one vanishes, and their ratio looks surer than it is."""
-    missed = DiscrepancySummary(unit="m", rms=1e-4, largest=2e-4, at=50.0, share=0.01, ln_bayes_factor=3.0)
-    first = content.records[0]
-    assert belief(first) == "yes"
-    both = told(first, discrepancy={"force": missed, "displacement": missed})
-    one = told(first, discrepancy={"displacement": missed})
-    assert belief(both) == "yes"
-    assert (
-        belief(one) == "yes, but no stiffness where the curves are flat: displacement alone has a discrepancy"
-    )
-    assert not told(one, channels=("displacement",)).document.one_sided_discrepancy
 
 
 def test_a_slope_that_is_the_rigs_is_said_to_be_and_no_temperature_is_looked_for(content: Content) -> None:

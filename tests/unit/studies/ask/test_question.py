@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +24,6 @@ from sma_bayes.errors import (
 from sma_bayes.quantities import convert
 from sma_bayes.records.types import Branch, Calibration, Campaign, Record
 from sma_bayes.response.arrangement import ArrangedSpring, Arrangement
-from sma_bayes.runs.documents import sealed
 from sma_bayes.studies.ask.terminal import answer_text
 
 
@@ -172,21 +170,6 @@ def test_the_answer_is_in_the_units_of_the_question(folder: Path) -> None:
     assert "temperature set to within 1.8 °F (sd)" in text
     assert "F = 0.35 lbf" in text
     assert "°C" not in text
-
-
-def test_a_stiffness_beside_a_discrepancy_of_one_channel_has_a_caution(folder: Path, tmp_path: Path) -> None:
-    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
-    summary = json.loads((copy / "summary.json").read_text(encoding="utf-8"))
-    missed = {"unit": "m", "rms": 1e-4, "largest": 2e-4, "at": 50.0, "share": 0.01, "ln_bayes_factor": 3.0}
-    (record,) = (r for r in summary["records"] if r["key"] == "c-heating")
-    record["discrepancy"]["displacement"] = missed
-    (copy / "summary.json").write_text(json.dumps(sealed(summary)), encoding="utf-8")
-    one: dict[str, Any] = {"condition": "c", "branch": "heating"}
-    found = sma_bayes.ask(copy, stiffness="150 N/m", **one)
-    assert "caution: displacement alone has a discrepancy" in answer_text(found)
-    assert "flat" in sma_bayes.ask(copy, at="50 degC", **one)["answers"][0]["caution"]
-    assert sma_bayes.ask(copy, force="1.5 N", **one)["answers"][0]["caution"] is None
-    assert sma_bayes.ask(folder, stiffness="150 N/m", **one)["answers"][0]["caution"] is None
 
 
 def test_rare_passages_are_counted_and_not_listed(folder: Path) -> None:
