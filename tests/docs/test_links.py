@@ -105,6 +105,7 @@ def test_every_option_and_verb_mentioned_exists(page):
     known = {o for c in COMMANDS.values() for p in c.params for o in (*p.opts, *p.secondary_opts)}
     known |= {"--help", "--version", "--install-completion", "--show-completion"}
     known |= {"--slow", "--thorough", "--ignore"}  # of scripts/test, and of pytest by way of it
+    known |= {"--against", "--cases", "--runs"}  # of scripts/benchmark_end_to_end.py
     known |= {"--most"}  # of the verb in docs/howto/add_a_verb.md
     known |= {"--nthreads", "--nworkers", "--memory-limit", "--host", "--no-dashboard"}  # of dask
     text = page.read_text(encoding="utf-8")
