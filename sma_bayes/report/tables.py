@@ -898,9 +898,13 @@ def _tex_cell(column: Column, cell: Cell, power: int | None) -> str:
 
 
 def group_text(table: Table, group: Sequence[Cell]) -> str:
-    """Words over a group of rows: ``2A-10mHz, heating``, and that it did not converge where it did not."""
-    words = [
-        "" if value is True else "not converged" if value is False else cell_text(value)
-        for value in group
-    ]  # fmt: skip
+    """Words over a group of rows: ``2A-10mHz, heating, 60 °C``, and that it did not converge where it did not."""
+    words = [_group_word(column, value) for column, value in zip(table.columns, group, strict=False)]
     return ", ".join(w for w in words if w)
+
+
+def _group_word(column: Column, value: Cell) -> str:
+    if isinstance(value, bool):
+        return "" if value else "not converged"
+    unit = "" if value is None or column.unit == OF_ROW else unit_label(column.unit)
+    return f"{cell_text(value)} {unit}".rstrip()

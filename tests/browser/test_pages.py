@@ -16,7 +16,7 @@ from typing import Any, TextIO
 import numpy as np
 import pytest
 
-from sma_bayes import compare, fit_campaign, study_gap
+from sma_bayes import compare, fit_campaign, modulus, study_gap
 from sma_bayes.paper.twin import twin_campaign
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -94,6 +94,34 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_nothing_is_cut_and_nothing_overlaps(report: Path, tmp_path: Path) -> None:
     for found in looked_at(report, tmp_path):
+        assert found["cut"] == []
+        assert found["over"] == []
+        assert found["beyond"] <= 0
+        assert found["blank"] == []
+
+
+@pytest.fixture(scope="module")
+def moduli(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Page of a study of moduli, of one heating at two frequencies."""
+    place, rng = tmp_path_factory.mktemp("moduli"), np.random.default_rng(0)
+    lines = ["Temperature,Storage modulus,Loss modulus,Frequency", "°F,MPa,MPa,Hz"]
+    for t in np.linspace(0.0, 110.0, 50):
+        for f, middle in {1.0: 50.0, 10.0: 54.0}.items():
+            s = 1.0 / (1.0 + np.exp(-0.25 * (t - middle)))
+            storage = 28e3 + 38e3 * s + 250.0 * rng.standard_normal()
+            loss = 700.0 + 6000.0 * s * (1.0 - s) + 25.0 * rng.standard_normal()
+            lines.append(f"{1.8 * t + 32.0:.3f},{storage:.6g},{loss:.6g},{f:g}")
+    (place / "strip.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    modulus(place / "strip.csv", place / "out", model="bounded_logistic", loss_model="modulus_peak", jobs=1)
+    return place / "out" / "report.html"
+
+
+def test_moduli_are_seen_first_and_nothing_is_cut(moduli: Path, tmp_path: Path) -> None:
+    page = moduli.read_text(encoding="utf-8")
+    assert page.index("<figure") < page.index("<table")
+    head = page[page.index("<thead>") : page.index("</thead>")]
+    assert head.index("value [°F]") < head.index("meaning"), "the number is seen without scrolling"
+    for found in looked_at(moduli, tmp_path):
         assert found["cut"] == []
         assert found["over"] == []
         assert found["beyond"] <= 0

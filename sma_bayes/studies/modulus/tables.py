@@ -44,14 +44,14 @@ def _frequency(value: float | None) -> Cell:
 
 def _temperatures(found: ModulusDocument) -> Table:
     columns = (
-        *SWEEP, Column("temperature", "temperature"), Column("meaning", "meaning", brief=False),
-        Column("value", "value", found.temperature_unit), Column("draws that have it", "defined", "1"),
-        Column("identified", "identified"),
+        *SWEEP, Column("temperature", "temperature"), Column("value", "value", found.temperature_unit),
+        Column("draws that have it", "defined", "1"), Column("identified", "identified"),
+        Column("meaning", "meaning", brief=False),
     )  # fmt: skip
     rows = tuple(
         (
-            *_head(s), t.name.replace("_", " "), t.meaning, Estimate.of(t, found.temperature_unit),
-            Number(t.defined, "1", 0.01), "yes" if t.identified else "no",
+            *_head(s), t.name.replace("_", " "), Estimate.of(t, found.temperature_unit),
+            Number(t.defined, "1", 0.01), "yes" if t.identified else "no", t.meaning,
         )
         for s in found.sweeps for t in s.temperatures
     )  # fmt: skip

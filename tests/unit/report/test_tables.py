@@ -138,6 +138,18 @@ def test_groups_of_rows_are_named_once(content: Content) -> None:
     assert group_text(table, ("c", "heating", False)) == "c, heating, not converged"
 
 
+def test_a_number_over_a_group_of_rows_has_its_unit() -> None:
+    columns = (
+        Column("sweep", "sweep"),
+        Column("at", "at", "degF"),
+        Column("share", "share", "1"),
+        Column("x", "x"),
+    )
+    table = Table("t", "T", "", columns, (), 3)
+    assert group_text(table, ("a", Number(68.0, "degF", 0.1), Number(0.5, "1", 0.1))) == "a, 68.00 °F, 0.50"
+    assert group_text(table, ("a", None, None)) == "a, –, –"
+
+
 def test_rows_are_listed_in_runs() -> None:
     assert rows_text((), 0) == ""
     assert rows_text((7,), 1) == "7"
