@@ -15,6 +15,7 @@ from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.identifiability import contraction
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import exact_channels
+from sma_bayes.fitting.noise_choice import LONGEST_MEMORY
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import unit_text
 
@@ -34,6 +35,7 @@ SENTENCES = {
     "curve": "the curve misses {what}",
     "check": "{what}",
     "noise": "the noise of a reading is {what}",
+    "memory": "the noise of {what}: what the curve misses passes for it",
     "exact": "{what} has no noise: it was computed, not measured, and no interval follows from it",
     "tempered": "samples are counted as fewer than they are: no density of the data",
     "prior": "the data hardly tell {what}: its prior does",
@@ -43,6 +45,12 @@ SENTENCES = {
 WORTH_TRYING = {
     "curve": ("`--model auto`", "`sma-bayes gap`"),
     "check": ("`--model auto`", "`--noise auto`", "`sma-bayes gap`"),
+    "memory": (
+        "`--model auto`",
+        "`--noise auto`",
+        "parameters of their own for each condition",
+        "`sma-bayes gap`",
+    ),
 }
 """What may describe the data better, by the kind of reason."""
 REMEDIES = {
@@ -183,6 +191,14 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
     if not posterior.noise.is_density:
         out.append(_reason("tempered", "", ""))
     for channel, own in sd.items():
+        shape = posterior.noise_shape(median, record, channel)
+        remembered, sweep = (
+            posterior.noise.memory(shape, posterior.steps[record]),
+            posterior.steps[record].longest,
+        )
+        if posterior.noise.autocorrelated and remembered > LONGEST_MEMORY * sweep:
+            what = f"{r.quantity(channel)} remembers over {remembered:.0f} samples of a sweep of {sweep}"
+            out.append(_reason("memory", channel, what))
         response = _response(fit, record, channel)
         if own > SWALLOWED * response:
             share = f"{own / response:.0%} of" if own < MOST_SHOWN * response else "more than ten times"

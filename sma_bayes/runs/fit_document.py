@@ -88,7 +88,8 @@ class ReasonSummary(DocumentPart):
     kind: str = Field(
         description="`curve` (it misses more than 2 % of the range and three standard deviations of the noise "
         "somewhere), `check` (p-value of a predictive check below 0.002 or above 0.998), `noise` (its standard "
-        "deviation is more than a quarter of the range of the curve), `tempered` (`effective_samples`: no density of "
+        "deviation is more than a quarter of the range of the curve), `memory` (as many samples count as one as are in "
+        "half a sweep, at the median: what is missed passes for noise), `tempered` (`effective_samples`: no density of "
         "the data), `prior` (contraction of a midpoint or rate below 0.75; no stiffness is given then), `conflict` "
         "(the prior hardly allows what the data say, or what they say by themselves where it wins; comes before "
         "these) or `exact` (the noise is less than 1e-8 of the range of the channel: the readings were computed; "

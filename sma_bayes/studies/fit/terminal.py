@@ -125,6 +125,7 @@ SUBJECTS = {
     "curve": "The curve does not describe {records}",
     "check": "Curve and noise do not give data like those of {records}",
     "noise": "The noise hides the response in {records}",
+    "memory": "The noise takes the place of the curve in {records}",
     "tempered": "The fit does not describe the data of {records}",
     "prior": "The data do not determine the curve of {records}",
     "exact": "The data of {records} have no noise",

@@ -22,7 +22,7 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors, read_priors
 from sma_bayes.parameters.roles import Role
-from sma_bayes.records.types import Campaign, Record
+from sma_bayes.records.types import Campaign, Condition, Record
 
 
 def fitted(record: Record, noise: str = "independent") -> Fit:
@@ -107,6 +107,29 @@ def test_noise_that_swallows_the_response_is_a_reason(make_record: Callable[...,
     assert (why.kind, why.channel) == ("noise", "force")
     share = float(re.findall(r"(\d+)% of what force changes by", why.message)[0])
     assert share == pytest.approx(40.0, rel=0.3)
+
+
+def test_a_memory_as_long_as_the_sweep_is_what_the_curve_misses(make_record: Callable[..., Record]) -> None:
+    """Two loads under one curve: the difference is followed by noise that hardly forgets, and is no noise."""
+    one, other = (
+        replace(r, inputs={**r.inputs, "time": np.arange(r.n, dtype=float)}, condition=Condition(name))
+        for r, name in (
+            (make_record(("force",), n=80), "a"),
+            (make_record(("force",), n=80, B4=0.9, seed=1), "b"),
+        )
+    )
+    found = fit_records([one, other], read_priors("modified_sigmoid"), noise="ar1", discrepancy=False)
+    told = [why for i in (0, 1) for why in reasons(found, i, (), ()) if why.kind == "memory"]
+    assert told
+    samples = int(re.findall(r"force remembers over (\d+) samples of a sweep of 80", told[0].message)[0])
+    assert samples > 40
+
+
+def test_a_real_memory_is_no_reason(make_record: Callable[..., Record]) -> None:
+    """Six records with a memory of 0.8, nine samples: of 80 none would reach half a sweep by chance (p < 0.001)."""
+    for seed in range(6):
+        found = fitted(make_record(("force",), n=80, memory=0.8, seed=seed), "ar1")
+        assert "memory" not in {kind for kind, _ in kinds(found)}
 
 
 @pytest.mark.parametrize(("moved", "led"), [(1.02 * PRIOR_LED, False), (0.98 * PRIOR_LED, True)])
