@@ -25,6 +25,8 @@ class QuantityInterval:
         `branch` is empty where both make it.
     q05, median, q95 : float
     meaning : str
+    negative : bool
+        Of a magnitude: whether what it is the magnitude of is negative.
     """
 
     name: str
@@ -36,23 +38,43 @@ class QuantityInterval:
     median: float
     q95: float
     meaning: str
+    negative: bool = False
 
 
 def branch_quantities(fit: Fit, record: int = 0) -> list[QuantityInterval]:
-    """Least and greatest stiffness over the observed temperatures, and their ratio."""
+    """Least and greatest magnitude of the stiffness over the observed temperatures, and their ratio."""
     r = fit.records[record]
     if "stiffness" not in band_channels(r) or led_by_prior(fit, record):
         return []
     unit = channel_unit(r.units, "stiffness")
-    curve = np.abs(curve_draws(fit, "stiffness", temperature_grid(r), record))
+    signed = curve_draws(fit, "stiffness", temperature_grid(r), record)
+    curve = np.abs(signed)
     low, high = curve.min(axis=1), curve.max(axis=1)
+    negative = [bool(np.median(np.take_along_axis(signed, at(curve, axis=1)[:, None], axis=1)) < 0.0)
+                for at in (np.argmin, np.argmax)]  # fmt: skip
     stiffness, where = r.quantity("stiffness"), "over the observed temperatures"
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(np.isfinite(high), high / low, np.inf)
     return [
-        _interval("least_stiffness", fit, record, "stiffness", unit, low, f"least {stiffness} {where}"),
         _interval(
-            "greatest_stiffness", fit, record, "stiffness", unit, high, f"greatest {stiffness} {where}"
+            "least_stiffness",
+            fit,
+            record,
+            "stiffness",
+            unit,
+            low,
+            f"least {stiffness} {where}",
+            negative=negative[0],
+        ),
+        _interval(
+            "greatest_stiffness",
+            fit,
+            record,
+            "stiffness",
+            unit,
+            high,
+            f"greatest {stiffness} {where}",
+            negative=negative[1],
         ),
         _interval(
             "stiffness_ratio",
@@ -116,7 +138,10 @@ def _interval(
     meaning: str,
     *,
     branch: str | None = None,
+    negative: bool = False,
 ) -> QuantityInterval:
     r = fit.records[record]
     shown = r.branch.value if branch is None else branch
-    return QuantityInterval(name, r.condition.id, shown, channel, unit, **interval(draws), meaning=meaning)
+    return QuantityInterval(
+        name, r.condition.id, shown, channel, unit, **interval(draws), meaning=meaning, negative=negative
+    )

@@ -220,6 +220,11 @@ class QuantitySummary(DocumentPart):
     median: Median
     q95: Q95
     meaning: str = Field(default="", description="in words")
+    negative: bool = Field(
+        default=False,
+        description="of least and greatest stiffness, which are magnitudes: whether the stiffness is negative there, "
+        "as bands and `ask` have it",
+    )
 
 
 class TransformationSummary(DocumentPart):

@@ -22,6 +22,11 @@ from sma_bayes.studies.ask.schema import (
 )
 from sma_bayes.studies.ask.workflow import OVERALL
 
+SLOPES: Final = {
+    "stiffness": "force falls where displacement grows",
+    "modulus": "stress falls where strain grows",
+}
+"""What a negative slope says, by its name."""
 RARE: Final = 0.05
 """Probability below which a passage is counted and not listed: a wavy band is passed up and down in few draws."""
 
@@ -132,6 +137,11 @@ def _answer_lines(a: StatedAnswer, level: float) -> list[str]:
         f"  at most {a.target:.5g} {unit}".rstrip() + f": {_stretches(a.at_most, level, degrees)}",
         f"  the whole range is {a.least.median:.4g} to {a.greatest.median:.4g} {unit}".rstrip(),
     ]
+    if a.quantity in SLOPES and a.greatest.high is not None and a.greatest.high < 0.0 < a.target:
+        lines.append(
+            f"  the {a.quantity} is negative, {SLOPES[a.quantity]}: ask for {-a.target:.5g} {unit} (the report of the "
+            "fit states magnitudes)"
+        )
     if a.caution:
         lines.append(f"  caution: {a.caution}")
     return lines

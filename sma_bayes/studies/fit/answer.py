@@ -47,7 +47,8 @@ def _answer_table(part: Content, number: int) -> Table:
     return Table(
         "answer" if number == 1 else f"answer-{number}",
         "Stiffness and transformation",
-        f"Median and {INTERVAL}. Least and greatest stiffness over the temperatures that were measured; start and "
+        f"Median and {INTERVAL}. Least and greatest magnitude of the stiffness over the temperatures that were measured"
+        f"{_signs(part)}; start and "
         "finish of the transformation by the tangent rule (As, Af on heating; Ms, Mf on cooling); hysteresis: midpoint "
         "on heating less midpoint on cooling.",
         (
@@ -60,6 +61,15 @@ def _answer_table(part: Content, number: int) -> Table:
         ),
         tuple(rows),
     )
+
+
+def _signs(part: Content) -> str:
+    """Where a stiffness that is told by its magnitude is negative."""
+    below = [r for r in part.records if any(q.negative for q in r.document.quantities_of_branch)]
+    if not below:
+        return ""
+    where = "" if len(below) == len(part.records) else f" of {_names(below)}"
+    return f" (the stiffness itself{where} is negative, as the curves show it)"
 
 
 def _answer_row(
@@ -143,9 +153,10 @@ def _next_steps(content: Content) -> Iterator[str]:
         channel = some.channel("stiffness")
         assert channel is not None
         name = "modulus" if channel.name == SPECIMEN_QUANTITY["stiffness"] else "stiffness"
-        greatest = (q.median for q in some.document.quantities_of_branch if q.name == "greatest_stiffness")
-        value = next(greatest, None)
-        if value is not None:
+        greatest = (q for q in some.document.quantities_of_branch if q.name == "greatest_stiffness")
+        found = next(greatest, None)
+        if found is not None and found.median is not None:
+            value = -found.median if found.negative else found.median
             yield f'Which temperature gives a {name}? `sma-bayes ask DIR --{name} "{value:.3g} {channel.unit}"`'
     if len(content.conditions) > 1:
         yield "What do current, load and frequency do? `sma-bayes conditions DIR --out NEW`"

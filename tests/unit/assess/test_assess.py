@@ -181,6 +181,18 @@ def test_the_stiffness_ratio_is_greatest_over_least(fits: dict[str, Fit]) -> Non
     assert found["least_stiffness"].unit == "N/cm"
 
 
+def test_ends_of_the_stiffness_are_magnitudes_and_say_whether_it_is_negative(
+    fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = branch_quantities(fits["stiffness"])
+    assert not any(q.negative for q in before)
+    own = curve_draws
+    monkeypatch.setattr("sma_bayes.assess.loops.curve_draws", lambda *a: -own(*a))
+    after = branch_quantities(fits["stiffness"])
+    assert {q.name for q in after if q.negative} == {"least_stiffness", "greatest_stiffness"}
+    assert [q.median for q in after] == [q.median for q in before]
+
+
 @pytest.mark.parametrize(
     ("arrangement", "error", "formula"),
     [

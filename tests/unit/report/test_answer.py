@@ -42,6 +42,29 @@ def test_the_table_has_a_row_a_record_with_the_numbers_of_the_run(content: Conte
         assert (cells["start"], cells["finish"]) == tuple(ends[n] for n in names)
 
 
+def test_a_negative_stiffness_is_told_by_magnitude_and_asked_for_with_its_sign(content: Content) -> None:
+    """The twin's stiffness is positive; where it is negative the table says so, and `ask` is told the signed value."""
+
+    def signed(r: RecordContent) -> RecordContent:
+        own = (
+            q.model_copy(update={"negative": "stiffness" in q.name}) for q in r.document.quantities_of_branch
+        )
+        return told(r, quantities_of_branch=tuple(own))
+
+    (plain,) = answer_tables(content)
+    assert "negative" not in plain.note
+    first, *others = content.records
+    (some,) = answer_tables(replace(content, records=(signed(first), *others)))
+    assert f"(the stiffness itself of {first.key} is negative, as the curves show it)" in some.note
+    below = replace(content, records=tuple(signed(r) for r in content.records))
+    (every,) = answer_tables(below)
+    assert "(the stiffness itself is negative, as the curves show it)" in every.note
+    assert every.rows == plain.rows
+    (ask,) = (s for s in next_steps(below) if "sma-bayes ask" in s)
+    (before,) = (s for s in next_steps(content) if "sma-bayes ask" in s)
+    assert ask == before.replace('--stiffness "', '--stiffness "-')
+
+
 def test_no_number_is_given_of_what_did_not_converge(content: Content) -> None:
     bad = replace(content, records=tuple(replace(r, converged=False) for r in content.records))
     (table,) = answer_tables(bad)

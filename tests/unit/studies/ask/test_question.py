@@ -184,6 +184,18 @@ def test_rare_passages_are_counted_and_not_listed(folder: Path) -> None:
     assert "and 2 passages with a probability each below 0.05; --json lists all" in text
 
 
+def test_a_magnitude_of_a_negative_stiffness_is_answered_by_the_value_to_ask_for(folder: Path) -> None:
+    found = sma_bayes.ask(folder, stiffness="150 N/m", condition="c", branch="heating")
+    assert "is negative" not in answer_text(found)
+    (answer,) = found["answers"]
+    for end in ("least", "greatest"):
+        answer[end] = {"low": -900.0, "median": -500.0, "high": -100.0}
+    told = "the stiffness is negative, force falls where displacement grows: ask for -150 N/m"
+    assert told in answer_text(found)
+    answer["target"] = -150.0
+    assert "is negative" not in answer_text(found)
+
+
 def test_a_number_without_a_unit_is_in_that_of_the_fit(folder: Path) -> None:
     """A tolerance of 0.004 on a strain of -1.8 percent is 0.4 percent."""
     (answer,) = sma_bayes.ask(folder, displacement="-1.8 percent", tolerance="0.004", condition="wire")[
