@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.warm_start import WarmStart
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parameters.roles import Role
+from sma_bayes.progress import duration
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
@@ -93,9 +95,13 @@ def fit_records(
         with account.timed("warm_start"):
             start_seed, sample_seed = _seed(records, seed).spawn(2)
             models = ladder or [(model or ModifiedSigmoid(records[0].channels), priors)]
-            prepared = _prepared(records, models, noise, start_seed, discrepancy=discrepancy)
+            prepared = _prepared(
+                records, models, noise, start_seed, discrepancy=discrepancy, progress=progress
+            )
             best, model_choice = prepared[0], None
             if len(prepared) > 1:
+                if progress is not None:
+                    progress(f"comparing {len(prepared)} curves by evidence and held-out samples")
                 model_choice = best_supported([support_of(prepared)])
                 best = next(p for p in prepared if p.posterior.model.name == model_choice.name)
             first, start, choice = best.posterior, best.start, best.noise
@@ -203,13 +209,19 @@ def _prepared(
     seed: np.random.SeedSequence,
     *,
     discrepancy: bool = True,
+    progress: Callable[[str], None] | None = None,
 ) -> list[Prepared]:
-    """Models with their starts, and with what stands beside them."""
+    """Models with their starts, and with what stands beside them; of several each is told of, with what is to come."""
     only = None if noise == AUTO else noise
-    return [
-        prepare(records, m, p, np.random.default_rng(seed), noise=only, discrepancy=discrepancy)
-        for m, p in ladder
-    ]
+    begun, found = time.monotonic(), list[Prepared]()
+    for m, p in ladder:
+        if progress is not None and len(ladder) > 1:
+            done = len(found)
+            left = (time.monotonic() - begun) / done * (len(ladder) - done) if done else 0.0
+            rest = f", some {duration(left)} for what is left of them" if done else ""
+            progress(f"fitting curve {done + 1} of {len(ladder)}, {m.name}, with its noise{rest}")
+        found.append(prepare(records, m, p, np.random.default_rng(seed), noise=only, discrepancy=discrepancy))
+    return found
 
 
 def _starts(z: Floats, start: WarmStart) -> list[Floats]:

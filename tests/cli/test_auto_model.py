@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,21 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "bench" / "campaign.toml").write_text(text, "utf-8")
     (folder / "study.toml").write_text(STUDY, "utf-8")
     return folder
+
+
+def test_the_curves_that_are_tried_are_told(run: Callable[..., Any], bench: Path) -> None:
+    """Before anything is fitted how many there are, and while they are which, with what the others will take."""
+    plain = ("--noise", "independent", "--jobs", "1", "--figures", "none", "-v")
+    outcome = run("fit", bench / "bench", "--model", "auto", "--out", bench / "told", *plain)
+    assert outcome.status == 0
+    found = re.findall(r"fitting curve (\d) of (\d), (\w+), with its noise(, some \d+ s for)?", outcome.err)
+    count = int(found[0][1])
+    assert [int(n) for n, *_ in found] == 3 * list(range(1, count + 1))
+    assert {name for *_, name, _ in found} >= {PLAIN, SLOPED}
+    assert all(bool(rest) == (n != "1") for n, _, _, rest in found)
+    assert outcome.err.count(f"comparing {count} curves by evidence and held-out samples") == 3
+    first = f"choosing among {count} curves a record, and sampling"
+    assert outcome.err.index(first) < outcome.err.index("fitting curve 1")
 
 
 @pytest.fixture(scope="module")

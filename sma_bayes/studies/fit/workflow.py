@@ -47,6 +47,7 @@ from sma_bayes.studies.options import (
     Pool,
     check_call,
     groups_of,
+    models_of,
     plan_with,
     prior_set,
 )
@@ -269,6 +270,12 @@ def _checked(
     return [r.model_copy(update={"self_check": one}) for r, one in zip(records, found, strict=True)]
 
 
+def _to_do(groups: Sequence[tuple[Record, ...]], options: FitOptions) -> str:
+    """What is told before records are fitted: of several curves each is fitted, which takes several times as long."""
+    curves = len(models_of(groups[0], options)) if groups else 1
+    return "sampling" if curves == 1 else f"choosing among {curves} curves a record, and sampling"
+
+
 def _fitted(
     groups: Sequence[tuple[Record, ...]],
     options: FitOptions,
@@ -278,7 +285,7 @@ def _fitted(
 ) -> tuple[list[RecordSummary], list[CorrelationAverage], list[QuantitySummary]]:
     """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
     total = sum(len(group) for group in groups)
-    work.tell(0, total, "sampling")
+    work.tell(0, total, _to_do(groups, options))
     records: list[RecordSummary] = []
     loops: list[QuantitySummary] = []
     averages = {"measured": Averages(), "replicated": Averages()}
