@@ -120,7 +120,7 @@ class Question(TypedDict, total=False):
 
 
 def ask(
-    folder: str | Path,
+    folder: str | Path | FitSource,
     *,
     at: str | Sequence[str] | None = None,
     unit: str | Sequence[str] | None = None,
@@ -140,8 +140,8 @@ def ask(
 
     Parameters
     ----------
-    folder : str or Path
-        Output folder of `fit` or `demo`.
+    folder : str, Path or FitSource
+        Output folder of `fit` or `demo`; or a fit, wherever it is.
     at : str or sequence of str, optional
         Temperatures with their unit, ``"60 degC"``, at which all quantities of the records are told.
     unit : str or sequence of str, optional
@@ -182,44 +182,13 @@ def ask(
     OutputError
         If the folder holds no finished fit.
     """
-    run = read_run(Path(folder))
-    source = FitSource(folder, run.summary, partial(draws_of, run.folder, seed=run.summary.seed))
-    return answer(
-        source,
-        at=at,
-        unit=unit,
-        stiffness=stiffness,
-        force=force,
-        displacement=displacement,
-        overall_stiffness=overall_stiffness,
-        tolerance=tolerance,
-        probability=probability,
-        condition=condition,
-        branch=branch,
-        extrapolate=extrapolate,
-        temperature_sd=temperature_sd,
-        temperature_unit=temperature_unit,
-    )
-
-
-def answer(
-    run: FitSource,
-    *,
-    at: str | Sequence[str] | None = None,
-    unit: str | Sequence[str] | None = None,
-    stiffness: str | None = None,
-    force: str | None = None,
-    displacement: str | None = None,
-    overall_stiffness: str | None = None,
-    tolerance: str = TOLERANCE,
-    probability: float = PROBABILITY,
-    condition: str | None = None,
-    branch: str | None = None,
-    extrapolate: float = 0.0,
-    temperature_sd: float = 0.0,
-    temperature_unit: str | None = None,
-) -> dict[str, Any]:
-    """Answer a question from a fit, wherever it is; see `ask`."""
+    if isinstance(folder, FitSource):
+        run = folder
+    else:
+        stored = read_run(Path(folder))
+        run = FitSource(
+            stored.folder, stored.summary, partial(draws_of, stored.folder, seed=stored.summary.seed)
+        )
     given = dict(zip(WANTED, (stiffness, force, displacement, overall_stiffness), strict=True))
     wanted = {channel: value for channel, value in given.items() if value is not None}
     asked = [at] if isinstance(at, str) else list(at or ())

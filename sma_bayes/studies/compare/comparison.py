@@ -57,7 +57,8 @@ from sma_bayes.studies.compare.contenders import (
     unavailable,
     with_constants,
 )
-from sma_bayes.studies.compare.verdict import Standing, Verdict, judge, stacking_weights
+from sma_bayes.studies.compare.schema import StatedVerdict
+from sma_bayes.studies.compare.verdict import Standing, judge, stacking_weights
 
 AUTO: Final = "auto"
 SCREENED: Final = 3000
@@ -148,7 +149,7 @@ class Comparison:
         Name of the other; why.
     weights : mapping of str to float
         Stacking weights of those fitted.
-    verdict : Verdict
+    verdict : StatedVerdict
     temperature : ndarray, shape (m,)
         Grid of the curves.
     wall_s : float
@@ -167,7 +168,7 @@ class Comparison:
     copies: Mapping[str, str]
     unavailable: Mapping[str, str]
     weights: Mapping[str, float]
-    verdict: Verdict
+    verdict: StatedVerdict
     temperature: Floats
     wall_s: float
     entrants: tuple[Contender, ...]
@@ -283,7 +284,16 @@ def compare_record(
     return replace(first, weights=weights, verdict=verdict, wall_s=time.perf_counter() - clock)
 
 
-_UNDECIDED: Final = Verdict("", "", False, 0.0, "", 0.0, (), "")
+_UNDECIDED: Final = StatedVerdict(
+    preferred="",
+    verdict="",
+    decisive=False,
+    probability=0.0,
+    rival="",
+    ln_bayes_factor=0.0,
+    not_told_from=(),
+    why="",
+)
 
 
 def _standing(f: FittedContender, comparison: Comparison) -> Standing:

@@ -58,7 +58,7 @@ def record_document(comparison: Comparison) -> ComparedRecord:
         discrepancy=comparison.has_discrepancy,
         memory=comparison.memory,
         held_out=StatedFolds(kind=comparison.folds.kind, folds=tuple(comparison.folds.labels)),
-        **asdict(comparison.verdict),
+        **dict(comparison.verdict),
         same_curve=_classes(comparison),
         models={c.name: _model(comparison, c) for c in comparison.entrants if _takes_part(comparison, c)},
         converged=comparison.converged,
@@ -218,7 +218,7 @@ def _overall(channel: str, unit: str, group: Sequence[Comparison]) -> Overall:
         quantity=group[0].record.quantity(channel),
         unit=unit,
         records=tuple(stem_of(c) for c in group),
-        **asdict(verdict),
+        **dict(verdict),
         models={
             s.name: OverallModel(
                 family=s.family,

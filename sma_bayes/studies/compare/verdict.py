@@ -23,6 +23,7 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from sma_bayes.arrays import Floats
+from sma_bayes.studies.compare.schema import StatedVerdict
 
 CANNOT_TELL: Final = "cannot tell"
 DECISIVE: Final = float(np.log(20.0))
@@ -74,38 +75,6 @@ class Difference:
     high: float
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """Outcome of a comparison.
-
-    Attributes
-    ----------
-    preferred : str
-        Model of greatest evidence.
-    verdict : str
-        Its family if the preference is decisive, else `CANNOT_TELL`.
-    decisive : bool
-    probability : float
-        Of the preferred model's family, with equal odds for the best model of each family.
-    rival : str
-        Best model of another family; empty where there is none.
-    ln_bayes_factor : float
-        Of the preferred model over the rival.
-    not_told_from : tuple of str
-        All other models whose evidence is not decisively below that of the preferred one.
-    why : str
-    """
-
-    preferred: str
-    verdict: str
-    decisive: bool
-    probability: float
-    rival: str
-    ln_bayes_factor: float
-    not_told_from: tuple[str, ...]
-    why: str
-
-
 def difference(one: Floats, other: Floats) -> Difference:
     """Held-out difference of two models (B,), each."""
     d = one - other
@@ -117,7 +86,7 @@ def difference(one: Floats, other: Floats) -> Difference:
     return Difference(value, se, value - reach, value + reach)
 
 
-def judge(standings: Sequence[Standing]) -> Verdict:
+def judge(standings: Sequence[Standing]) -> StatedVerdict:
     """Compare models.
 
     Parameters
@@ -133,7 +102,7 @@ def judge(standings: Sequence[Standing]) -> Verdict:
     rival = max(rivals, key=lambda s: s.ln_evidence) if rivals else None
     factor = best.ln_evidence - rival.ln_evidence if rival else 0.0
     why, decisive = _reason(best, voting, families, rival)
-    return Verdict(
+    return StatedVerdict(
         preferred=best.name,
         verdict=best.family if decisive else CANNOT_TELL,
         decisive=decisive,

@@ -6,8 +6,7 @@ integrated out, to its Gaussian form.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -20,36 +19,13 @@ from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
 from sma_bayes.sampling.weighted import resampled
 from sma_bayes.studies.conditions.coordinates import CurveCoordinates
 from sma_bayes.studies.conditions.scatter import ScatterDensity, Summary
+from sma_bayes.studies.conditions.schema import StatedCorrection
 
 Places = NDArray[np.intp]
 INSIDE: Final = 6
 """Points at which the likelihood of each condition is evaluated for each draw of the population."""
 WIDER: Final = 1.15
 """By how much these points are drawn from wider than the Gaussian answer, so that they reach the tails."""
-
-
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """How far the Gaussian form of what each condition says was corrected by its likelihood.
-
-    Attributes
-    ----------
-    applied : bool
-    k : float
-        Pareto exponent of the weights.
-    k_of : mapping of str to float
-        By condition, Pareto exponent of its ratios.
-    effective : float
-        Effective number of draws after weighting.
-    why_not : str
-        Empty where it was applied.
-    """
-
-    applied: bool
-    k: float
-    k_of: dict[str, float]
-    effective: float
-    why_not: str
 
 
 def corrected(
@@ -59,7 +35,7 @@ def corrected(
     coefficients: Floats,
     tau: Floats,
     rng: np.random.Generator,
-) -> tuple[Floats, Places, Correction]:
+) -> tuple[Floats, Places, StatedCorrection]:
     """Draw the coordinates of each condition, and weigh the draws by the likelihoods where these can be relied on.
 
     Parameters
@@ -80,7 +56,7 @@ def corrected(
         Coordinates of each condition.
     kept : ndarray of int, shape (W,)
         Which draws to keep, some of them several times.
-    correction : Correction
+    correction : StatedCorrection
     """
     mean = np.einsum("cq,sqp->csp", density.matrix, coefficients)
     everything, count = np.arange(len(tau)), float(len(tau))
@@ -88,7 +64,7 @@ def corrected(
     calibrated = [r.key for r in records if r.record.calibration]
     if calibrated:
         why = f"errors of a calibration are in the draws of {', '.join(calibrated)}, not in the likelihood"
-        return gaussian, everything, Correction(False, np.nan, {}, count, why)
+        return gaussian, everything, _correction(np.nan, {}, count, why)
     log_weight, k_of, phi = np.zeros(len(tau)), {}, []
     for place, record in enumerate(records):
         own, ratio = density.condition(place, mean[place], tau, rng, INSIDE, WIDER)
@@ -106,10 +82,20 @@ def corrected(
         why = (
             f"the weights can't be relied on: Pareto k of {', '.join(bad) or 'all together'} above {RELIABLE}"
         )
-        return gaussian, everything, Correction(False, float(k[0]), k_of, count, why)
+        return gaussian, everything, _correction(float(k[0]), k_of, count, why)
     effective = float(np.exp(-logsumexp(2.0 * smooth[:, 0])))
     kept = resampled(smooth[:, 0], len(tau), rng)
-    return np.stack(phi), kept, Correction(True, float(k[0]), k_of, effective, "")
+    return np.stack(phi), kept, _correction(float(k[0]), k_of, effective)
+
+
+def _correction(k: float, k_of: Mapping[str, float], effective: float, why_not: str = "") -> StatedCorrection:
+    return StatedCorrection(
+        applied=not why_not,
+        k=k,
+        k_of=dict[str, float | None](k_of.items()),
+        effective=effective,
+        why_not=why_not,
+    )
 
 
 def log_ratio(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -31,12 +30,10 @@ from sma_bayes.studies.conditions.schema import (
     PredictedFeature,
     StatedConfounder,
     StatedCoordinate,
-    StatedCorrection,
     StatedEffect,
     StatedFeature,
     StatedGroup,
     StatedPopulation,
-    StatedScore,
     TemperaturesCovered,
     VariedSetting,
 )
@@ -152,7 +149,7 @@ def _population(population: Population) -> StatedPopulation:
             effective=sampling.effective,
             converged=sampling.converged,
         ),
-        correction=StatedCorrection(**asdict(population.correction)),
+        correction=population.correction,
         coordinates=tuple(
             StatedCoordinate(
                 name=label,
@@ -236,7 +233,7 @@ def _held_out(held: LeftOutChannel) -> LeftOutCurve:
         extrapolates=held.beyond,
         correction_applied=held.population.correction.applied,
         on_log=held.channel == "stiffness",
-        ways={name: StatedScore(**asdict(score)) for name, score in held.scores.items()},
+        ways=dict(held.scores),
         file=f"held_out/{stem(record.condition, record.branch.value, held.channel)}.csv",
     )
 

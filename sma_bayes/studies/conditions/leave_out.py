@@ -20,37 +20,12 @@ from sma_bayes.studies.conditions.prediction import (
     parameters_by_hand,
     predict,
 )
+from sma_bayes.studies.conditions.schema import StatedScore
 
 HIERARCHICAL, CURVES, PARAMETERS = "hierarchical", "curves by hand", "parameters by hand"
 """Ways to predict: the hierarchical model; a straight line between the neighbours' curves; between their A and B."""
 BAND = (0.05, 0.5, 0.95)
 """Quantiles of the band that is scored."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Score:
-    """How well one way of predicting one channel did.
-
-    Attributes
-    ----------
-    covers_curve : float
-        Share of the measured temperatures at which the 90 % band holds the median curve fitted to the condition itself.
-    covers_samples : float or None
-        Share of the measured samples within the 90 % band for a new measurement; None where there is none.
-    holds_whole : bool or None
-        Whether the simultaneous 90 % band holds that whole curve; None by hand.
-    width : float
-        Average width of the 90 % band of the curve [unit of the channel]; of stiffness, of its logarithm [1].
-    error : float
-        Root mean square of median less curve fitted to the condition itself [unit of the channel]; of stiffness, of the
-        logarithms [1].
-    """
-
-    covers_curve: float
-    covers_samples: float | None
-    holds_whole: bool | None
-    width: float
-    error: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +48,7 @@ class LeftOutChannel:
         Quantiles `BAND` of the curve, by the way to predict it.
     new : ndarray, shape (3, m)
         Quantiles of a new measurement by the hierarchical model; NaN where the channel was not measured.
-    scores : mapping of str to Score
+    scores : mapping of str to StatedScore
     """
 
     record: RecordDraws
@@ -84,7 +59,7 @@ class LeftOutChannel:
     own: Floats
     bands: Mapping[str, Floats]
     new: Floats
-    scores: Mapping[str, Score]
+    scores: Mapping[str, StatedScore]
 
 
 def leave_out(
@@ -144,7 +119,7 @@ def _held_out(
     whole = (band.simultaneous["sim90_low"] <= own) & (own <= band.simultaneous["sim90_high"])
     scale = _log if channel == "stiffness" else np.asarray
     scores = {
-        name: Score(
+        name: StatedScore(
             covers_curve=float(np.mean((quantiles[0] <= own) & (own <= quantiles[2]))),
             covers_samples=_covered(target, channel, t, new) if name == HIERARCHICAL else None,
             holds_whole=bool(whole.all()) if name == HIERARCHICAL else None,

@@ -47,9 +47,10 @@ from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.weighted import resampled
 from sma_bayes.studies.conditions.coordinates import CurveCoordinates, coordinates_for
-from sma_bayes.studies.conditions.correction import Correction, corrected
+from sma_bayes.studies.conditions.correction import corrected
 from sma_bayes.studies.conditions.design import Design
 from sma_bayes.studies.conditions.scatter import ScatterDensity, summary_of
+from sma_bayes.studies.conditions.schema import StatedCorrection
 
 SCATTER: Final = 0.1
 """Median of the scatter before the data, as a share of the curve's characteristic scales."""
@@ -77,7 +78,7 @@ class Population:
         Coordinates of each measured condition, partially pooled.
     sampling : WeightedDraws
         Of ``ln tau``.
-    correction : Correction
+    correction : StatedCorrection
     """
 
     design: Design
@@ -88,7 +89,7 @@ class Population:
     scatter: Floats
     phi: Floats
     sampling: WeightedDraws
-    correction: Correction
+    correction: StatedCorrection
 
     @property
     def prior_led(self) -> bool:

@@ -13,6 +13,7 @@ from sma_bayes.assess.transformation import NAMES
 from sma_bayes.quantities import quotient
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.studies.cycles.laws import LawPosterior, NumberDraws, Series
+from sma_bayes.studies.cycles.schema import HeldOutCycles
 from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, Strand, fit_strand
 
 DRAWS: Final = 2000
@@ -83,33 +84,6 @@ class CycleSeries:
     own: Floats
     own_sd: Floats
     draws: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class Forecast:
-    """How well cycles that were held out were forecast.
-
-    Attributes
-    ----------
-    branch, channel : str
-    trained, held_out : tuple of float
-        Cycles.
-    rmse, rmse_last : float
-        What the median of the forecast misses, and the last curve of those that it was made from, over the range [1].
-    covered : float
-        Share of the samples within their 90 % predictive intervals.
-    numbers_covered : float
-        Share of the numbers of the sweeps within theirs.
-    """
-
-    branch: str
-    channel: str
-    trained: tuple[float, ...]
-    held_out: tuple[float, ...]
-    rmse: float
-    rmse_last: float
-    covered: float
-    numbers_covered: float
 
 
 def pool(strands: Sequence[Strand], ahead: int, seed: int, size: int = DRAWS) -> Pooled:
@@ -275,8 +249,8 @@ def stiffness_unit(force: str, displacement: str) -> str:
     return quotient(force, displacement) if displacement != "1" else force
 
 
-def held_out(strands: Sequence[Strand], seed: int) -> list[Forecast]:
-    """Forecast the last cycles from the others; empty where there are fewer than `FEWEST_TO_HOLD_OUT`."""
+def held_out(strands: Sequence[Strand], seed: int) -> list[HeldOutCycles]:
+    """HeldOutCycles the last cycles from the others; empty where there are fewer than `FEWEST_TO_HOLD_OUT`."""
     cycles = sorted({float(c) for s in strands for c in s.cycle})
     if len(cycles) < FEWEST_TO_HOLD_OUT:
         return []
@@ -292,7 +266,7 @@ def held_out(strands: Sequence[Strand], seed: int) -> list[Forecast]:
     return [_forecast(pooled, i, s, last, seed) for i, s in enumerate(strands)]
 
 
-def _forecast(pooled: Pooled, place: int, strand: Strand, last: float, seed: int) -> Forecast:
+def _forecast(pooled: Pooled, place: int, strand: Strand, last: float, seed: int) -> HeldOutCycles:
     trained, later = pooled.strands[place], strand.cycle > last
     record, cycle = strand.part(later)
     grid = np.searchsorted(pooled.cycle, cycle)
@@ -312,13 +286,16 @@ def _forecast(pooled: Pooled, place: int, strand: Strand, last: float, seed: int
         low, high = np.quantile(reading, [0.05, 0.95], axis=0)
         covered.append((low <= y) & (y <= high))
     size = strand.range
-    return Forecast(
-        strand.record.branch.value, strand.channel, tuple(trained.cycle.tolist()), tuple(cycle.tolist()),
-        float(np.sqrt(np.mean(np.concatenate(missed) ** 2)) / size),
-        float(np.sqrt(np.mean(np.concatenate(missed_last) ** 2)) / size),
-        float(np.mean(np.concatenate(covered))),
-        float(np.mean(_numbers_covered(trained, record, cycle, numbers[:, grid], rng))),
-    )  # fmt: skip
+    return HeldOutCycles(
+        branch=strand.record.branch.value,
+        channel=strand.channel,
+        trained=tuple(trained.cycle.tolist()),
+        held_out=tuple(cycle.tolist()),
+        rmse=float(np.sqrt(np.mean(np.concatenate(missed) ** 2)) / size),
+        rmse_last=float(np.sqrt(np.mean(np.concatenate(missed_last) ** 2)) / size),
+        covered=float(np.mean(np.concatenate(covered))),
+        numbers_covered=float(np.mean(_numbers_covered(trained, record, cycle, numbers[:, grid], rng))),
+    )
 
 
 def _numbers_covered(

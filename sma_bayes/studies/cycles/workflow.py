@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -33,7 +33,6 @@ from sma_bayes.studies.cycles.schema import (
     ConditionCycles,
     CyclesFindings,
     CyclesOptions,
-    HeldOutCycles,
     Law,
     LawOfTraining,
     QuantityByCycle,
@@ -251,7 +250,7 @@ def _studied(task: _Condition) -> _StudiedCondition:
         law=_law(pooled),
         changes=tuple(_changes(pooled)),
         stable=_stable(pooled, options.share, options.probability),
-        held_out=tuple(HeldOutCycles(**asdict(f)) for f in held_out(strands, seed)),
+        held_out=tuple(held_out(strands, seed)),
         quantities=tuple(_by_cycle(q) for q in quantities(pooled, at)),
         remarks=(*task.remarks, *_remarks(strands, at)),
     )

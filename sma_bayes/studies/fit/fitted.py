@@ -26,7 +26,7 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Record
 from sma_bayes.runs.fit_document import FitFindings, RecordSummary, SelfCheckSummary
 from sma_bayes.runs.store import write_posterior
-from sma_bayes.studies.ask.workflow import PROBABILITY, FitSource, Question, answer
+from sma_bayes.studies.ask.workflow import PROBABILITY, FitSource, Question, ask
 from sma_bayes.studies.fit.summary import record_summary
 
 if TYPE_CHECKING:
@@ -268,7 +268,7 @@ class Fits(dict[str, RecordFit]):
 
     def ask(self, **question: Unpack[Question]) -> dict[str, Any]:
         """Answer what `sma_bayes.ask` answers of a folder, with the same arguments."""
-        return answer(self._source(), **question)
+        return ask(self._source(), **question)
 
     def sensitivity(
         self, at: str | Sequence[str] = (), *, seed: int = 0, jobs: int | None = None

@@ -30,7 +30,7 @@ from sma_bayes.studies.gap.name import (
 )
 from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, scatter
 from sma_bayes.studies.gap.outcome import GapOutcome, added, judgement, named_channels, probability
-from sma_bayes.studies.gap.periodic import FrequencyBand, Spectra
+from sma_bayes.studies.gap.periodic import Spectra
 from sma_bayes.studies.gap.schema import (
     AddedEffect,
     EffectParameter,
@@ -46,12 +46,9 @@ from sma_bayes.studies.gap.schema import (
     StatedChannelGap,
     StatedDisagreement,
     StatedGap,
-    StatedLaw,
     StatedNoise,
-    StatedPeriodicity,
     StatedRemaining,
     StatedRound,
-    StatedSuspect,
     StatedSweep,
     StatedSweeps,
     StudiedCondition,
@@ -100,7 +97,7 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
         converged=outcome.converged,
         disagreement=() if none else found,
         within_chance=found if none else (),
-        periodic=tuple(StatedPeriodicity(**asdict(line)) for line in study.periodic),
+        periodic=study.periodic,
         effects=effects if named else (),
         partial=() if named else effects,
         candidates=tuple(
@@ -119,7 +116,7 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
         gap=_gap(outcome.gap, study.final),
         thresholds=THRESHOLDS,
         sweeps=_sweeps(study),
-        suspects=tuple(StatedSuspect(**asdict(s)) for s in suspects(nearest(study.baseline))),
+        suspects=tuple(suspects(nearest(study.baseline))),
         channels=named_channels(study.final),
         units=dict(study.final.hypothesis.histories[0].units),
         conditions=tuple(_condition(h) for h in study.final.hypothesis.histories),
@@ -164,7 +161,7 @@ def _sweeps(study: GapStudy) -> StatedSweeps:
     found = sweep_numbers(nearest(study.baseline))
     law = None
     if study.verdict != "none":
-        law = StatedLaw(**asdict(cycle_law(found, np.random.default_rng(0))))
+        law = cycle_law(found, np.random.default_rng(0))
     numbers = tuple(
         StatedSweep(
             condition=s.condition,
@@ -205,7 +202,7 @@ def _condition(history: History) -> StudiedCondition:
 
 
 def _noise(
-    fitted: FittedHypothesis, block: ChannelBlock, noise: BlockNoise, band: FrequencyBand | None
+    fitted: FittedHypothesis, block: ChannelBlock, noise: BlockNoise, band: StatedBand | None
 ) -> StatedNoise:
     follows = ~block.first
     return StatedNoise(
@@ -214,7 +211,7 @@ def _noise(
         sd=noise.sd,
         lag1=float(np.median(noise.memory[follows])) if follows.any() else 0.0,
         scatter=scatter(fitted.residual[block.at], block),
-        spectrum=None if band is None else StatedBand(**asdict(band)),
+        spectrum=band,
     )
 
 

@@ -19,7 +19,8 @@ from sma_bayes.arrays import Floats
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.flexible import TermEvidence, gains, terms_of
 from sma_bayes.studies.gap.noise import ChannelBlock
-from sma_bayes.studies.gap.periodic import Periodicity, Spectra
+from sma_bayes.studies.gap.periodic import Spectra
+from sma_bayes.studies.gap.schema import StatedPeriodicity
 
 SHUFFLES = 400
 SURE, FEWER = 100.0, 100
@@ -69,14 +70,14 @@ class DisagreementTest:
         Of the greatest Bayes factor, over all terms and effects.
     extrapolated : bool
         Whether it lies beyond the shuffled ones.
-    periodic : tuple of Periodicity
+    periodic : tuple of StatedPeriodicity
         Lines of spectra, best first, where they explain more than any covariate does.
     """
 
     gains: list[TermEvidence]
     p_value: float
     extrapolated: bool
-    periodic: tuple[Periodicity, ...] = ()
+    periodic: tuple[StatedPeriodicity, ...] = ()
 
     @property
     def best(self) -> TermEvidence:

@@ -21,6 +21,7 @@ from sma_bayes.records.history import History, starts
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.flexible import SIZES
 from sma_bayes.studies.gap.noise import ChannelBlock, smooth_columns
+from sma_bayes.studies.gap.schema import StatedBand, StatedPeriodicity
 
 FINE = 20
 """Splines of temperature on each branch that are taken out."""
@@ -36,58 +37,6 @@ BANDS = 8
 """Parts of a spectrum that are compared with the model of the noise."""
 MOST = 512
 """Greatest number of frequencies that are tried where steps of time are unequal."""
-
-
-@dataclass(frozen=True, slots=True)
-class Periodicity:
-    """A line in the spectrum of a channel.
-
-    Attributes
-    ----------
-    condition, channel : str
-    frequency, width : float
-        Of the line, and the distance of frequencies that the record can tell apart [unit].
-    unit : str
-        ``Hz``, or ``1/sample`` where time was not recorded.
-    amplitude : float
-        Of the sine in the residuals [unit of the channel].
-    size_sigma : float
-        In standard errors.
-    ln_bayes_factor : float
-        For a line somewhere in the spectrum.
-    """
-
-    condition: str
-    channel: str
-    frequency: float
-    width: float
-    unit: str
-    amplitude: float
-    size_sigma: float
-    ln_bayes_factor: float
-
-
-@dataclass(frozen=True, slots=True)
-class FrequencyBand:
-    """The part of a spectrum in which noise is least like its model.
-
-    Attributes
-    ----------
-    start, stop : float
-        Frequencies [unit].
-    unit : str
-        ``Hz``, or ``1/sample`` where time was not recorded.
-    ratio : float
-        Power there over that of the model of the noise [1].
-    p_value : float
-        Of so great a deviation, in this band or another.
-    """
-
-    start: float
-    stop: float
-    unit: str
-    ratio: float
-    p_value: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,12 +67,12 @@ class Spectra:
             return np.full(residuals.shape[1], -np.inf)
         return np.asarray(logsumexp(np.stack(found), axis=0) - np.log(len(found)))
 
-    def bands(self) -> list[FrequencyBand | None]:
+    def bands(self) -> list[StatedBand | None]:
         """For each block of the fit the band that is least like the model of the noise; None for short records."""
         found = {p.block: p.band(self.fitted.whitened[p.block.at][:, None]) for p in self._parts}
         return [found.get(b) for b in self.fitted.blocks]
 
-    def lines(self) -> tuple[Periodicity, ...]:
+    def lines(self) -> tuple[StatedPeriodicity, ...]:
         """The strongest line of each channel of each condition, where it is worth more than `WORTH`; best first."""
         left = self.fitted.left[:, None]
         found = []
@@ -133,15 +82,15 @@ class Spectra:
                 continue
             (at,), (power,) = part.greatest(left[part.block.at])
             history = self.fitted.hypothesis.histories[part.block.history]
-            line = Periodicity(
-                history.condition.id,
-                part.block.channel,
-                float(part.frequencies[at]),
-                part.width,
-                part.unit,
-                part.amplitude(self.fitted.residual[part.block.at], int(at)),
-                float(np.sqrt(power)),
-                value,
+            line = StatedPeriodicity(
+                condition=history.condition.id,
+                channel=part.block.channel,
+                frequency=float(part.frequencies[at]),
+                width=part.width,
+                unit=part.unit,
+                amplitude=part.amplitude(self.fitted.residual[part.block.at], int(at)),
+                size_sigma=float(np.sqrt(power)),
+                ln_bayes_factor=value,
             )
             found.append(line)
         return tuple(sorted(found, key=lambda line: -line.ln_bayes_factor))
@@ -233,7 +182,7 @@ class _Spectrum:
         each = 0.5 * power * size / (1.0 + size) - np.log1p(size)
         return np.asarray(logsumexp(each, axis=0) - np.log(SIZES.size * self.frequencies.size))
 
-    def band(self, residuals: Floats) -> FrequencyBand:
+    def band(self, residuals: Floats) -> StatedBand:
         """The one of `BANDS` equal bands whose mean power deviates most, in standard errors.
 
         Under the taper neighbouring frequencies are not independent; half as many as there are stand for them.
@@ -246,12 +195,12 @@ class _Spectrum:
         worst = int(np.argmin(p_each))
         low, high = parts[worst][0], parts[worst][-1]
         p_value = float(-np.expm1(BANDS * np.log1p(-min(float(p_each[worst]), 1.0 - 1e-16))))
-        return FrequencyBand(
-            float(self.frequencies[low]),
-            float(self.frequencies[high]),
-            self.unit,
-            float(ratio[worst]),
-            p_value,
+        return StatedBand(
+            start=float(self.frequencies[low]),
+            stop=float(self.frequencies[high]),
+            unit=self.unit,
+            ratio=float(ratio[worst]),
+            p_value=p_value,
         )
 
     def amplitude(self, residual: Floats, at: int) -> float:

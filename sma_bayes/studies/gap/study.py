@@ -35,9 +35,8 @@ from sma_bayes.studies.gap.name import (
     screen_all,
     share_of,
 )
-from sma_bayes.studies.gap.periodic import Periodicity
 from sma_bayes.studies.gap.scatter import MOSTLY, holds_beside, members_of
-from sma_bayes.studies.gap.schema import Verdict
+from sma_bayes.studies.gap.schema import StatedPeriodicity, Verdict
 
 SIGNIFICANT = 0.02
 """Global p-value up to which a disagreement counts as more than chance."""
@@ -132,7 +131,7 @@ class GapStudy:
         return self.steps[-1].look
 
     @property
-    def periodic(self) -> tuple[Periodicity, ...]:
+    def periodic(self) -> tuple[StatedPeriodicity, ...]:
         """Lines of spectra that the final model leaves."""
         return self.left.periodic if self.left.p_value <= SIGNIFICANT else ()
 

@@ -32,6 +32,7 @@ from sma_bayes.effects.types import Inputs, Response
 from sma_bayes.records.history import History
 from sma_bayes.response.simulation import Simulation
 from sma_bayes.studies.gap.fitting import FittedHypothesis
+from sma_bayes.studies.gap.schema import StatedLaw, StatedSuspect
 from sma_bayes.studies.gap.study import heat_balance
 
 NUMBERS: Final = ("offset", "stroke", "shift", "width")
@@ -85,59 +86,6 @@ class SweepNumbers:
     cycle: float
     values: Four
     sds: Four
-
-
-@dataclass(frozen=True, slots=True)
-class CycleLaw:
-    """How the numbers of sweeps go with the cycle.
-
-    Attributes
-    ----------
-    form : str
-        ``exponential``, 1 - exp(-(N - 1)/N0), or ``logarithmic``, ln(1 + (N - 1)/N0), whichever explains more.
-    cycles : float or None
-        N0; None where there are too few cycles for any law.
-    share : float
-        Share of the variation between cycles, over all numbers, that the law explains.
-    ln_ratio : float
-        Of the residual sums of squares, other form over this one, times half the number of values: by how much the
-        data prefer the form.
-    p_value : float or None
-        Share of the orders of whole cycles that a law explains as well; None where there are too few.
-    untestable : str
-        Why there is none; else empty.
-    """
-
-    form: str
-    cycles: float | None
-    share: float
-    ln_ratio: float
-    p_value: float | None
-    untestable: str
-
-
-@dataclass(frozen=True, slots=True)
-class SuspectRecord:
-    """A condition that is unlike the others.
-
-    Attributes
-    ----------
-    condition : str
-    quantity : str
-        What is unlike: one of the four numbers, with its branch, or gain or loss of the heat balance.
-    value, others : float
-        Of this condition, and the mean of the others.
-    unit : str
-    p_value : float
-        Over all quantities and conditions that were compared.
-    """
-
-    condition: str
-    quantity: str
-    value: float
-    others: float
-    unit: str
-    p_value: float
 
 
 def sweep_numbers(fitted: FittedHypothesis, *, reference: int | None = None) -> list[SweepNumbers]:
@@ -211,7 +159,7 @@ def _affine(response: Response, inputs: Inputs, y: Floats, channel: str) -> tupl
     return values, (float(sd[0] * span), float(sd[1]), float(sd[2]), float(sd[3]))
 
 
-def cycle_law(sweeps: Sequence[SweepNumbers], rng: np.random.Generator) -> CycleLaw:
+def cycle_law(sweeps: Sequence[SweepNumbers], rng: np.random.Generator) -> StatedLaw:
     """Which law of the cycle the numbers follow, and whether their order is chance.
 
     All numbers of both branches share form and N0, each with a size of its own. Chance is told by exchanging whole
@@ -225,22 +173,31 @@ def cycle_law(sweeps: Sequence[SweepNumbers], rng: np.random.Generator) -> Cycle
     tables = _tables(sweeps)
     most = max((len(cycles) for cycles, _ in tables), default=0)
     if most < 2:
-        return CycleLaw("", None, 0.0, 0.0, None, "not testable: one sweep of each branch")
+        return _no_law("not testable: one sweep of each branch")
     if most < 3:
-        return CycleLaw("", None, 0.0, 0.0, None, f"not testable: {most} cycles")
+        return _no_law(f"not testable: {most} cycles")
     (form, pace), best, other = _best_law(tables)
     values = sum(v.size for _, v in tables)
-    law = CycleLaw(
-        form, pace, 1.0 - best, 0.5 * values * float(np.log(max(other, 1e-12) / max(best, 1e-12))), None, ""
+    law = StatedLaw(
+        form=form,
+        cycles=pace,
+        share=1.0 - best,
+        ln_ratio=0.5 * values * float(np.log(max(other, 1e-12) / max(best, 1e-12))),
+        p_value=None,
+        untestable="",
     )
     enough = [t for t in tables if len(t[0]) >= LEAST_CYCLES]
     if not enough:
         why = f"{most} cycles; at least {LEAST_CYCLES} are needed to tell the order from chance"
-        return CycleLaw(law.form, law.cycles, law.share, law.ln_ratio, None, why)
+        return law.model_copy(update={"untestable": why})
     measured = _best_law(enough)[1]
     as_well = [_best_law(t)[1] <= measured * (1.0 + 1e-9) for t in _exchanged(enough, rng)]
     p = (1.0 + sum(as_well)) / (1.0 + len(as_well))
-    return CycleLaw(law.form, law.cycles, law.share, law.ln_ratio, p, "")
+    return law.model_copy(update={"p_value": p})
+
+
+def _no_law(why: str) -> StatedLaw:
+    return StatedLaw(form="", cycles=None, share=0.0, ln_ratio=0.0, p_value=None, untestable=why)
 
 
 Table = tuple[Floats, Floats]
@@ -309,7 +266,7 @@ def _exchanged(tables: Sequence[Table], rng: np.random.Generator) -> Iterator[li
         yield [(cycles, rng.permutation(values)) for cycles, values in tables]
 
 
-def suspects(fitted: FittedHypothesis) -> list[SuspectRecord]:
+def suspects(fitted: FittedHypothesis) -> list[StatedSuspect]:
     """Conditions that are unlike the others of the same settings, or answer the recorded current unlike all others.
 
     Parameters
@@ -364,7 +321,7 @@ def _means(fitted: FittedHypothesis, group: Sequence[int]) -> tuple[Quantities, 
     return means, units
 
 
-def _unlike(values: Quantities, units: Mapping[str, str]) -> list[SuspectRecord]:
+def _unlike(values: Quantities, units: Mapping[str, str]) -> list[StatedSuspect]:
     """Conditions whose quantity lies apart from the others' by a moderated t statistic."""
     if len(values) < LEAST_ALIKE:
         return []
@@ -383,5 +340,14 @@ def _unlike(values: Quantities, units: Mapping[str, str]) -> list[SuspectRecord]
             p = float(min(2.0 * stats.t.sf(t, dof) * len(names) * len(values), 1.0))
             if p <= SUSPECT:
                 mean = float(np.exp(others.mean()) if logs else others.mean())
-                found.append(SuspectRecord(condition, name, values[condition][name][0], mean, units[name], p))
+                found.append(
+                    StatedSuspect(
+                        condition=condition,
+                        quantity=name,
+                        value=values[condition][name][0],
+                        others=mean,
+                        unit=units[name],
+                        p_value=p,
+                    )
+                )
     return found

@@ -43,6 +43,7 @@ from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
 from sma_bayes.normal import MAD_TO_SD
+from sma_bayes.studies.watch.schema import OnsetDocument
 
 STEP, RAMP = "step", "ramp"
 SHAPES: Final = (STEP, RAMP)
@@ -200,25 +201,7 @@ def least_squares_of(y: Floats, w: Floats, x: Floats) -> LeastSquaresOfNumbers |
     return LeastSquaresOfNumbers(inverse, inverse @ along, np.where(told, left, np.nan), spare)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Onset:
-    """When a change began, given that there is one.
-
-    Attributes
-    ----------
-    low, middle, high : int
-        Watched cycles, from 1: 5, 50 and 95 % of the posterior.
-    shape : str
-        ``step`` or ``ramp``, the more probable one.
-    """
-
-    low: int
-    middle: int
-    high: int
-    shape: str
-
-
-def onset(numbers: Watched, which: int) -> Onset:
+def onset(numbers: Watched, which: int) -> OnsetDocument:
     """Posterior of the onset of a change of one number, under the law that leaves it the least evidence."""
     one = replace(numbers, value=numbers.value[:, [which]])
     n = one.watched
@@ -228,7 +211,7 @@ def onset(numbers: Watched, which: int) -> Onset:
     reached = np.cumsum(weight.sum(axis=1))
     shape = STEP if weight[:, : SIZES[STEP].size].sum() >= 0.5 else RAMP
     low, middle, high = (min(int(np.searchsorted(reached, p)) + 1, n) for p in (0.05, 0.5, 0.95))
-    return Onset(low, middle, high, shape)
+    return OnsetDocument(low=low, median=middle, high=high, shape=shape)
 
 
 def course(shape: str, begins: int, fitted: int, watched: int) -> Floats:

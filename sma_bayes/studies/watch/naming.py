@@ -30,8 +30,9 @@ from scipy.stats import t as t_distribution
 
 from sma_bayes.arrays import Floats
 from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand
-from sma_bayes.studies.watch.evidence import Onset, Watched, course
+from sma_bayes.studies.watch.evidence import Watched, course
 from sma_bayes.studies.watch.reference import WATCHED
+from sma_bayes.studies.watch.schema import OnsetDocument
 
 LEAST_P: Final = 0.01
 """Probability of what a cause leaves, below which it is not supported."""
@@ -112,11 +113,11 @@ class Change:
     spare: int
 
 
-def change_of(numbers: Watched, began: Onset) -> Change | None:
+def change_of(numbers: Watched, began: OnsetDocument) -> Change | None:
     """Estimate the change; None where too few cycles tell of it."""
     strands = numbers.value.shape[1] // len(WATCHED)
     four = [s * len(WATCHED) + i for s in range(strands) for i in range(len(NUMBERS))]
-    g = course(began.shape, began.middle, numbers.fitted, numbers.watched)
+    g = course(began.shape, began.median, numbers.fitted, numbers.watched)
     design = numbers.designs[len(numbers.designs) // 2]
     x = np.column_stack([design, g]) * np.sqrt(numbers.weight)[:, None]
     y = numbers.value[:, four] * np.sqrt(numbers.weight)[:, None]

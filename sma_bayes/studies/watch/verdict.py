@@ -18,7 +18,7 @@ from sma_bayes.runs.declared_units import Shown
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.cycles.sweeps import Strand
-from sma_bayes.studies.watch.evidence import Onset, Watched, least_squares_of, onset
+from sma_bayes.studies.watch.evidence import Watched, least_squares_of, onset
 from sma_bayes.studies.watch.naming import Change, NamedCause, causes_of, change_of, interval, named
 from sma_bayes.studies.watch.reference import WATCHED, MeasuredNumbers, Reference
 from sma_bayes.studies.watch.remaining import Remaining
@@ -96,12 +96,7 @@ def judged(
             cycle=at + 1,
             file=state.cycles[at].file,
             numbers=tuple(f"{n.branch} {n.channel} {n.number}" for n in numbers if n.alarm),
-            onset=OnsetDocument(
-                low=began.onset.low,
-                median=began.onset.middle,
-                high=began.onset.high,
-                shape=began.onset.shape,
-            ),
+            onset=began.onset,
         )
     found = VerdictFindings(
         verdict="same" if alarm is None else "changed",
@@ -117,14 +112,14 @@ def judged(
         alarm=alarm,
         change=change,
     )
-    return WatchVerdict(found, None if began is None else began.onset.middle)
+    return WatchVerdict(found, None if began is None else began.onset.median)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Began:
     """A change, and the cycles that show it."""
 
-    onset: Onset
+    onset: OnsetDocument
     watched: Watched
 
 
