@@ -38,7 +38,7 @@ def assemble(
     wanted: ReportOptions,
     drawings: Sequence[Callable[[S], Drawing]],
     tables: Callable[[S], dict[str, Table]],
-    words: Callable[[S, Mapping[str, Table], Sequence[str]], dict[str, Any]] | None = None,
+    words: Callable[[S, Mapping[str, Table]], dict[str, Any]] | None = None,
 ) -> None:
     """Draw figures, write tables, and write the page that shows them.
 
@@ -52,7 +52,7 @@ def assemble(
         One for each figure.
     tables : callable
     words : callable, optional
-        Of the run, its tables and the stems of its figures: what the template names besides ``found`` and ``tables``.
+        Of the run and its tables: what the template names besides ``found``, ``tables`` and ``pictures``.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def assemble(
     figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         written = written_tables(tables(stored), stored.found, stored.folder, wanted)
-        named = {} if words is None else words(stored, written, list(figures))
+        named = {} if words is None else words(stored, written)
         write_page(stored.folder, package, figures, found=stored.found, tables=written, **named)
     wanted.tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
 

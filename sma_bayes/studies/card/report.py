@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,6 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     assemble(__package__, stored, wanted, drawings, card_tables, page_words)
 
 
-def page_words(stored: StoredCard, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:
-    """What the page of a card names, besides what was found and its tables; `figures` are stems."""
+def page_words(stored: StoredCard, tables: Mapping[str, Table]) -> dict[str, Any]:
+    """What the page of a card names, besides what was found and its tables."""
     return {"headline": headline(stored.found)}

@@ -1,18 +1,20 @@
-"""The report of a study of cycles: which figures it has."""
+"""The report of a study of cycles: its figures, and what its page says in words."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
+from sma_bayes.report.tables import Table
+from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.cycles.figures.cycles import curves_figure, numbers_figure, values_figure
-from sma_bayes.studies.cycles.page import page_words
 from sma_bayes.studies.cycles.schema import CyclesDocument, StoredCycles
 from sma_bayes.studies.cycles.shown import in_declared_units
 from sma_bayes.studies.cycles.tables import cycles_tables
@@ -30,3 +32,19 @@ def _drawings(stored: StoredCycles, drawn: Drawn) -> list[Callable[[StoredCycles
         return []
     makers = (curves_figure, numbers_figure, values_figure)
     return [partial(make, number=n + 1) for n in range(len(conditions)) for make in makers]
+
+
+def page_words(stored: StoredCycles, tables: Mapping[str, Table]) -> dict[str, Any]:
+    """What the page of a study of cycles names, besides what was found and its tables."""
+    return {
+        "command": command(stored.found),
+    }
+
+
+def command(found: CyclesDocument) -> str:
+    """The command that gives the same study again."""
+    o = found.options
+    more = "".join(f' --at "{text}"' for text in o.at)
+    more += f" --model {o.model}" if o.model != DEFAULT_MODEL else ""
+    fixed = f"--share {o.share:g} --probability {o.probability:g} --ahead {o.ahead}"
+    return f'sma-bayes cycles "{found.source}" --out DIR --seed {found.seed} {fixed}{more}'

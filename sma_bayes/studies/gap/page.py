@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -23,8 +23,8 @@ from sma_bayes.studies.gap.words import (
 )
 
 
-def page_words(study: StoredStudy, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:
-    """What the page of a gap study names, besides what was found and its tables; `figures` are stems."""
+def page_words(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any]:
+    """What the page of a gap study names, besides what was found and its tables."""
     found = study.found
     return {
         "effects": study.effects,

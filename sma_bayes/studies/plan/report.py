@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +27,8 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     assemble(__package__, stored, wanted, drawings, plan_tables, page_words)
 
 
-def page_words(stored: StoredPlan, tables: Mapping[str, Table], figures: Sequence[str]) -> dict[str, Any]:
-    """What the page of a plan names, besides what was found and its tables; `figures` are stems."""
+def page_words(stored: StoredPlan, tables: Mapping[str, Table]) -> dict[str, Any]:
+    """What the page of a plan names, besides what was found and its tables."""
     found = stored.found
     more = "" if found.available is None else f" --hours {found.available:g}"
     return {

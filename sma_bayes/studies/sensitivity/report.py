@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,13 +37,10 @@ def _drawings(stored: StoredSensitivity, drawn: Drawn) -> list[Callable[[StoredS
     return drawings + [partial(readings_figure, record=r) for r in told]
 
 
-def page_words(
-    stored: StoredSensitivity, tables: Mapping[str, Table], figures: Sequence[str]
-) -> dict[str, Any]:
-    """What the page of a study of sensitivity names, besides what was found and its tables; `figures` are stems."""
+def page_words(stored: StoredSensitivity, tables: Mapping[str, Table]) -> dict[str, Any]:
+    """What the page of a study of sensitivity names, besides what was found and its tables."""
     found = stored.found
     at = "".join(f' --at "{t}"' for t in found.at)
     return {
-        "keys": [r.key for r in found.records],
         "command": f'sma-bayes sensitivity "{found.source}" --out DIR --seed {found.seed}{at}',
     }
