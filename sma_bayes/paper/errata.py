@@ -19,7 +19,7 @@ from sma_bayes.errors import UnknownNameError, near_matches
 from sma_bayes.paper.effects import EFFECTS, Amount
 from sma_bayes.paper.extremes import EXTREME_TABLES
 from sma_bayes.paper.specifications import TABLE_1, TABLE_2, TEXT_VALUES
-from sma_bayes.paper.tables import PARAMETER_TABLES, STATISTICS_TABLES, PrintedCell, PrintedTable
+from sma_bayes.paper.tables import PARAMETER_TABLES, STATISTICS_TABLES, PrintedCell, PrintedTable, address_of
 
 PRINTED_TABLES: Final[tuple[PrintedTable, ...]] = (
     TABLE_1,
@@ -100,8 +100,7 @@ def address(table: PrintedTable, cell: PrintedCell) -> str:
     >>> address(TABLE_1, TABLE_1.cells[1])
     '1/-/-/resistivity'
     """
-    branch = "-" if cell.branch is None else cell.branch.value
-    return f"{table.number}/{cell.condition or '-'}/{branch}/{cell.quantity}"
+    return address_of(table.number, cell.condition, cell.branch, cell.quantity)
 
 
 def printed_table(number: int) -> PrintedTable:

@@ -4,8 +4,9 @@ Reference: "Modified sigmoid based model and experimental analysis of shape memo
 stiffness actuator", Smart Structures and Systems (2019). Lines are those of the plain text from which the
 numbers were read; the printed page may differ from that text.
 
-A printed value is never edited. Where other cells of the table say what it should have been, that value
-stands beside it as `PrintedCell.reconstructed`, and nothing uses it unless it is asked for by that name.
+The tables stand in ``printed.toml`` beside this file. A printed value is never edited. Where other cells of the table
+say what it should have been, that value stands beside it as `PrintedCell.reconstructed`, and nothing uses it unless it
+is asked for by that name.
 
 The tables print no units for the parameters. Force in N and displacement in cm are inferred: with them
 Eq. (7) gives N/cm, and a hundredfold the 15 to 190 N/m of Tables 9 and 10. The unit of temperature can't be
@@ -14,17 +15,18 @@ recovered (the largest B3 is 4.1 where Tables 9 to 12 print up to 159 °C), so i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cache
+from importlib.resources import files
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 from sma_bayes.errors import UnknownNameError
 from sma_bayes.quantities import ARBITRARY, STANDARD_GRAVITY, per
 from sma_bayes.records.types import Branch, Condition
-
-HEATING, COOLING = Branch.HEATING, Branch.COOLING
 
 PARAMETER_UNITS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -179,181 +181,79 @@ CONDITIONS: Final[Mapping[str, Condition]] = MappingProxyType(
 threefold: two test runs, kept apart by name. Table 4 prints no current."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Doubt:
-    status: CellStatus
-    reason: str
-    reconstructed: float | None = None
+@cache
+def _printed() -> dict[str, Any]:
+    """What ``printed.toml`` holds: each table, and doubts about their cells."""
+    return tomllib.loads(files("sma_bayes.paper").joinpath("printed.toml").read_text(encoding="utf-8"))
 
 
-_Place = tuple[str, Branch, str]  # condition, branch, quantity
-
-_NEARLY_A_STEP = _Doubt(
-    CellStatus.IMPLAUSIBLE,
-    "more than twice the next largest rate of Tables 3 to 5 and 5 times that of heating at the same current; "
-    "Eq. (7) then stays below 0.97 N/cm at every temperature, where Table 9 (line 394) prints a maximum of "
-    "146.54 N/m for 1 A",
-)
-_LOST_COLUMN = _Doubt(
-    CellStatus.DAMAGED,
-    "columns 4 to 6 of this table repeat headings and values of columns 1 to 3; the values of this "
-    "condition and branch are lost",
-)
-_FACTOR_TEN = _Doubt(
-    CellStatus.RECONSTRUCTED,
-    "SSE/RMSE**2 = 189 residual degrees of freedom, where R2 and adjusted R2 of this column allow 15 to 23 "
-    "for 6 parameters; with the decimal point moved one place it is 19",
-    0.0058,
-)
-
-
-def _adjusted(reason: str, expected: float) -> _Doubt:
-    return _Doubt(
-        CellStatus.IMPLAUSIBLE, f"{reason}; R2, SSE and RMSE of its column give {expected:.4f}", expected
-    )
-
-
-_DOUBTS: Final[Mapping[_Place, _Doubt]] = MappingProxyType(
-    {
-        ("1A-10mHz", COOLING, "A2"): _NEARLY_A_STEP,
-        ("1A-10mHz", COOLING, "B2"): _NEARLY_A_STEP,
-        ("1A-10mHz", HEATING, "adj_r2"): _adjusted(
-            "too far below R2: it needs over 400 parameters at 85 residual degrees of freedom", 0.9979
-        ),
-        ("1A-10mHz", COOLING, "adj_r2"): _adjusted(
-            "too near R2: it allows at most 4 parameters, and Eq. (7) has 6", 0.9971
-        ),
-        ("2A-10mHz-table3", COOLING, "adj_r2"): _adjusted("greater than R2, which is impossible", 0.9976),
-        ("150g-10mHz", HEATING, "sse"): _FACTOR_TEN,
-        **{
-            (condition, branch, statistic): _LOST_COLUMN
-            for condition, branch in (
-                ("150g-10mHz", COOLING),
-                ("200g-10mHz", HEATING),
-                ("200g-10mHz", COOLING),
-                ("2A-30mHz", COOLING),
-                ("2A-50mHz", HEATING),
-                ("2A-50mHz", COOLING),
-            )
-            for statistic in STATISTIC_UNITS
-        },
+@cache
+def _doubts() -> dict[str, dict[str, Any]]:
+    """What a cell that can't be believed has beside its digits, by its address."""
+    return {
+        cell: {
+            "status": CellStatus(doubt["status"]),
+            "reason": doubt["reason"],
+            "reconstructed": doubt.get("reconstructed"),
+        }
+        for doubt in _printed()["doubt"]
+        for cell in doubt["cells"]
     }
-)
 
 
-def _cell(quantity: str, unit: str, printed: str, line: int, condition: str, branch: Branch) -> PrintedCell:
-    doubt = _DOUBTS.get((condition, branch, quantity))
-    if doubt is None:
-        return PrintedCell(quantity, unit, printed, line, condition, branch)
-    return PrintedCell(
-        quantity, unit, printed, line, condition, branch, doubt.status, doubt.reason, doubt.reconstructed
+def address_of(number: int, condition: str, branch: Branch | None, quantity: str) -> str:
+    """Address of a cell: ``table/condition/branch/quantity``, with a dash for what it has not.
+
+    Examples
+    --------
+    >>> address_of(1, "", None, "resistivity")
+    '1/-/-/resistivity'
+    """
+    return f"{number}/{condition or '-'}/{'-' if branch is None else branch.value}/{quantity}"
+
+
+def read_table(number: int, cells: Callable[[Mapping[str, Any]], Iterable[PrintedCell]]) -> PrintedTable:
+    """A table of ``printed.toml``, with what is doubted of its cells.
+
+    Parameters
+    ----------
+    number : int
+    cells : callable
+        Makes cells of the table as parsed, in the form that its rows have.
+    """
+    (found,) = (t for t in _printed()["table"] if t["number"] == number)
+    doubts = _doubts()
+    return PrintedTable(
+        number,
+        found["title"],
+        tuple(
+            replace(c, **doubts.get(address_of(number, c.condition, c.branch, c.quantity), {}))
+            for c in cells(found)
+        ),
     )
 
 
-def _parameter_table(number: int, title: str, rows: Iterable[tuple[int, str, Branch, str]]) -> PrintedTable:
-    """Read rows of (line, condition, branch, printed A1 A2 A3 B1 B2 B3)."""
-    cells = tuple(
-        _cell(name, unit, printed, line, condition, branch)
-        for line, condition, branch, text in rows
-        for (name, unit), printed in zip(PARAMETER_UNITS.items(), text.split(), strict=True)
-    )
-    return PrintedTable(number, title, cells)
+def _parameters(found: Mapping[str, Any]) -> Iterator[PrintedCell]:
+    """Rows of line, condition, branch, and printed A1 A2 A3 B1 B2 B3."""
+    for line, condition, branch, text in found["rows"]:
+        for (name, unit), printed in zip(PARAMETER_UNITS.items(), text.split(), strict=True):
+            yield PrintedCell(name, unit, printed, line, condition, Branch(branch))
 
 
-def _statistics_table(
-    number: int, title: str, conditions: tuple[str, str, str], rows: Iterable[tuple[int, str]]
-) -> PrintedTable:
-    """Read rows of (line, six printed values): heating and cooling of each condition, by position.
+def _statistics(found: Mapping[str, Any]) -> Iterator[PrintedCell]:
+    """Rows of line, statistic, and six printed values: heating and cooling of each condition, by position.
 
     Position decides, since the column headings are damaged: Table 6 heads its columns "1.0", nothing, "1",
     "1.5", nothing, "2.0"; Tables 7 and 8 heading, cooling, heating twice over.
     """
-    columns = [(condition, branch) for condition in conditions for branch in (HEATING, COOLING)]
-    cells = tuple(
-        _cell(statistic, unit, printed, line, condition, branch)
-        for (statistic, unit), (line, text) in zip(STATISTIC_UNITS.items(), rows, strict=True)
-        for (condition, branch), printed in zip(columns, text.split(), strict=True)
-    )
-    return PrintedTable(number, title, cells)
+    columns = [(condition, branch) for condition in found["conditions"] for branch in Branch]
+    for line, statistic, text in found["rows"]:
+        for (condition, branch), printed in zip(columns, text.split(), strict=True):
+            yield PrintedCell(statistic, STATISTIC_UNITS[statistic], printed, line, condition, branch)
 
 
-TABLE_3: Final = _parameter_table(
-    3,
-    "parameters by heating current, 10 mHz",
-    (
-        (225, "1A-10mHz", HEATING, "0.7226 4.5500 2.0000 0.5411 4.769 2.5380"),
-        (226, "1.5A-10mHz", HEATING, "0.7870 2.4730 2.4900 0.6307 2.6761 3.0040"),
-        (227, "2A-10mHz-table3", HEATING, "0.9778 1.1350 2.7540 1.0730 1.0940 3.7330"),
-        (229, "1A-10mHz", COOLING, "0.6515 23.2500 2.7090 0.5031 23.7700 2.7210"),
-        (230, "1.5A-10mHz", COOLING, "1.2250 1.8290 2.0730 0.9400 2.0660 2.5280"),
-        (231, "2A-10mHz-table3", COOLING, "0.4069 2.6930 2.2230 0.4126 2.4880 2.6490"),
-    ),
-)
-
-TABLE_4: Final = _parameter_table(
-    4,
-    "parameters by load, 10 mHz",
-    (
-        (238, "100g-10mHz", HEATING, "0.6590 3.0290 3.390 0.5196 3.2510 3.5260"),
-        (239, "150g-10mHz", HEATING, "0.7096 2.1240 3.1430 0.6893 2.2130 3.5590"),
-        (240, "200g-10mHz", HEATING, "0.3156 2.0740 2.5720 0.3409 1.9810 3.1600"),
-        (242, "100g-10mHz", COOLING, "0.9557 2.0950 3.4870 0.7279 2.2940 3.6950"),
-        (243, "150g-10mHz", COOLING, "1.3810 1.4950 3.5890 1.3070 1.5740 4.1420"),
-        (244, "200g-10mHz", COOLING, "0.6976 1.8010 3.0450 0.7277 1.8040 3.6190"),
-    ),
-)
-
-TABLE_5: Final = _parameter_table(
-    5,
-    "parameters by frequency, 2 A",
-    (
-        (259, "2A-10mHz-table5", HEATING, "0.4415 2.9600 2.7100 0.3995 3.0550 2.9520"),
-        (260, "2A-30mHz", HEATING, "0.4187 10.0800 3.0550 0.4096 10.4900 3.0920"),
-        (261, "2A-50mHz", HEATING, "0.2222 5.7580 2.2850 0.2107 5.8630 2.4340"),
-        (263, "2A-10mHz-table5", COOLING, "0.8171 1.2270 2.9350 0.7851 1.2280 3.7020"),
-        (264, "2A-30mHz", COOLING, "0.3599 2.1780 2.7650 0.3578 2.2530 3.1750"),
-        (265, "2A-50mHz", COOLING, "1.4930 2.9890 2.5090 1.4170 3.2350 2.7540"),
-    ),
-)
-
-TABLE_6: Final = _statistics_table(
-    6,
-    "quality of the fits of Table 3",
-    ("1A-10mHz", "1.5A-10mHz", "2A-10mHz-table3"),
-    (
-        (273, "0.0536 0.0087 0.0118 0.0159 0.0059 0.0073"),
-        (274, "0.9980 0.9973 0.9980 0.9987 0.9980 0.9978"),
-        (275, "0.0251 0.0103 0.0133 0.0114 0.0164 0.0108"),
-        (276, "0.9880 0.9973 0.9979 0.9986 0.9976 0.9986"),
-    ),
-)
-
-TABLE_7: Final = _statistics_table(
-    7,
-    "quality of the fits of Table 4",
-    ("100g-10mHz", "150g-10mHz", "200g-10mHz"),
-    (
-        (298, "0.0016 0.0023 0.0580 0.0016 0.0023 0.0580"),
-        (299, "0.9992 0.9989 0.9982 0.9992 0.9989 0.9982"),
-        (300, "0.0089 0.0095 0.0175 0.0089 0.0095 0.0175"),
-        (301, "0.9990 0.9987 0.9977 0.9990 0.9987 0.9977"),
-    ),
-)
-
-TABLE_8: Final = _statistics_table(
-    8,
-    "quality of the fits of Table 5",
-    ("2A-10mHz-table5", "2A-30mHz", "2A-50mHz"),
-    (
-        (307, "0.0067 0.0041 0.0218 0.0067 0.0041 0.0218"),
-        (308, "0.9986 0.9981 0.9950 0.9986 0.9981 0.9950"),
-        (309, "0.0138 0.0065 0.0289 0.0138 0.0065 0.0289"),
-        (310, "0.9984 0.9980 0.9940 0.9984 0.9980 0.9940"),
-    ),
-)
-
-PARAMETER_TABLES: Final = (TABLE_3, TABLE_4, TABLE_5)
+TABLE_3, TABLE_4, TABLE_5 = PARAMETER_TABLES = tuple(read_table(n, _parameters) for n in (3, 4, 5))
 """Printed parameters."""
 
-STATISTICS_TABLES: Final = (TABLE_6, TABLE_7, TABLE_8)
+TABLE_6, TABLE_7, TABLE_8 = STATISTICS_TABLES = tuple(read_table(n, _statistics) for n in (6, 7, 8))
 """Printed quality of the fits, each table of the parameter table in the same place."""
