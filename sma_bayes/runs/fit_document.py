@@ -147,7 +147,7 @@ class ParameterSummary(DocumentPart):
     )
     contraction: NumberOrNull = Field(
         default=None,
-        description="one less the ratio of posterior to prior variance [1]",
+        description="1 less the ratio of posterior to prior variance [1]",
     )
     identified: bool = Field(default=False, description="whether the contraction is at least 0.9")
     fixed: bool = Field(default=False, description="whether it was not sampled")
@@ -195,7 +195,9 @@ class DirectionSummary(DocumentPart):
     """A combination of parameters that the data leave to the prior."""
 
     text: str = Field(description="the combination, in units of each prior's standard deviation")
-    contraction: NumberOrNull = Field(description="of its variance [1]")
+    contraction: NumberOrNull = Field(
+        description="1 less the ratio of posterior to prior variance along it [1]"
+    )
 
 
 class PathSummary(DocumentPart):
@@ -254,7 +256,7 @@ class CheckSummary(DocumentPart):
     """A posterior predictive check: a statistic of the residuals, measured and replicated."""
 
     channel: str = Field(description="whose residuals")
-    statistic: str = Field(description="its name")
+    statistic: str = Field(description="name of the statistic")
     measured: NumberOrNull = Field(description="median over the posterior [1]")
     q05: Q05
     q95: Q95
@@ -273,22 +275,23 @@ class SweepSummary(DocumentPart):
     sweep: int = Field(description="its number, from 1")
     channel: str = Field(description="whose samples")
     distance: NumberOrNull = Field(
-        description="distance along the tangents of the curve, over its expected square; null where it can't be "
-        "told [1]",
+        description="squared distance of the sweep from its prediction, along the tangents of the curve and over "
+        "`r`; about 1 where it is like the others, null where it can't be told [1]",
     )
     pit: NumberOrNull = Field(
-        description="its place in what is predicted; null where it can't be told [1]",
+        description="probability integral transform: share of such distances that are smaller, uniform where the "
+        "sweep is like the others; null where it can't be told [1]",
     )
-    r: int = Field(description="degrees of freedom")
-    spare: int = Field(description="degrees of freedom of what is left")
-    pareto_k: NumberOrNull = Field(description="of the weights of the draws [1]")
+    r: int = Field(description="degrees of freedom of the numerator of their F distribution")
+    spare: int = Field(description="degrees of freedom of its denominator")
+    pareto_k: NumberOrNull = Field(description="Pareto k of the weights of the draws [1]")
     refitted: bool = Field(description="whether the others were fitted again")
 
 
 class NoiseSummary(DocumentPart):
     """The noise model of a record and why it was taken."""
 
-    name: str = Field(default="", description="of the noise model")
+    name: str = Field(default="", description="name of the noise model")
     title: str = Field(default="", description="the same for people")
     chosen_by: str = Field(default="", description="`evidence` or `the user`")
     reason: str = Field(default="", description="why it was chosen, empty where it was asked for")
@@ -298,7 +301,7 @@ class NoiseSummary(DocumentPart):
     )
     ln_evidence: dict[str, NumberOrNull] = Field(
         default_factory=dict,
-        description="by noise model that was looked at, less that of the best [1]",
+        description="ln evidence by noise model that was looked at, less that of the best [1]",
     )
 
 
@@ -347,10 +350,12 @@ class RankSummary(DocumentPart):
     kind: str = Field(description="`parameter`, `noise`, `curve` or `transformation`")
     channel: str = Field(description="that it belongs to, empty for none")
     shift: Number = Field(
-        description="how far truths lie above the draws, about, over their standard deviation; 0 is right [1]"
+        description="mean of the normal quantiles of the ranks: about how far truths lie above the draws, in "
+        "standard deviations; 0 is right [1]"
     )
     spread: Number = Field(
-        description="spread of truths over that of the draws, about; 1 is right, more where draws are too narrow [1]"
+        description="standard deviation of the same: about the spread of truths over that of the draws; 1 is right, "
+        "more where draws are too narrow [1]"
     )
     p_location: Number = Field(description="p-value of the mean of the ranks [1]")
     p_spread: Number = Field(description="of their spread [1]")
@@ -504,7 +509,9 @@ class OptionsSummary(DocumentPart):
     noise: str = Field(default="auto", description="name of the noise model, or `auto`")
     pool: str = Field(default="none", description="`none` or `campaign`")
     sampler: str = Field(default="independence", description="name of the sampler")
-    extrapolate: Number = Field(default=0.0, description="how far bands go beyond the observed temperatures")
+    extrapolate: Number = Field(
+        default=0.0, description="how far bands go beyond the observed temperatures [unit of temperature]"
+    )
     priors: str = Field(default="", description="title of the priors")
     bias_spring: BiasSpringSummary | None = Field(default=None, description="of `--arrangement`; else null")
 
@@ -518,10 +525,12 @@ class FitFindings(DocumentPart):
     data_dir: str | None = Field(
         default=None, description="folder of the data, only where `--data` was given"
     )
-    seed: int = Field(description="that decides every draw")
-    options: OptionsSummary = Field(default=OptionsSummary(), description="options")
-    versions: dict[str, str] = Field(default_factory=dict, description="of what computed and drew")
-    data_sha256: str | None = Field(default=None, description="SHA-256 of the data")
+    seed: int = Field(description="decides every draw")
+    options: OptionsSummary = Field(default=OptionsSummary(), description="options that decide the numbers")
+    versions: dict[str, str] = Field(
+        default_factory=dict, description="versions of Python and of packages, by name"
+    )
+    data_sha256: str | None = Field(default=None, description="SHA-256 of the measurements")
     converged: bool = Field(description="whether all records converged")
     adequate: bool = Field(description="whether all records are adequate")
     records: Items[RecordSummary] = Field(description="one for each condition and branch")
@@ -531,7 +540,7 @@ class FitFindings(DocumentPart):
     loops: Items[QuantitySummary] = Field(
         default=(), description="hysteresis width and loop area of conditions with both branches"
     )
-    findings: Items[FindingDocument] = Field(default=(), description="what the quality checks saw")
+    findings: Items[FindingDocument] = Field(default=(), description="what was found about the measurements")
 
 
 class FitSummary(RunAccount, FitFindings):

@@ -219,7 +219,7 @@ class ModelChoiceDocument(DocumentPart):
     name: str = Field(description="name of the model")
     reason: str = Field(description="one sentence")
     ln_evidence: dict[str, NumberOrNull] = Field(
-        description="by model that was looked at, less that of the chosen one"
+        description="ln evidence by model that was looked at, less that of the chosen one [1]"
     )
     held_out: dict[str, NumberOrNull] = Field(
         description="root mean square by which each model misses samples held out, as a share of the range [1]"

@@ -56,7 +56,7 @@ class MetAt(DocumentPart):
 class StatedAnswer(DocumentPart):
     """What one record answers."""
 
-    key: str = Field(description="the record")
+    key: str = Field(description="key of the record")
     condition: str = Field(description="id of its condition")
     branch: str = Field(description="`heating` or `cooling`")
     converged: bool = Field(description="whether its fit reached the target")
@@ -65,7 +65,9 @@ class StatedAnswer(DocumentPart):
     temperature_unit: str = Field(
         description="the unit that was asked for, or else that of the fit, in which temperatures are"
     )
-    measured: Items[Number] = Field(description="lowest and highest measured temperature")
+    measured: Items[Number] = Field(
+        description="lowest and highest measured temperature [`temperature_unit`]"
+    )
     searched: Items[Number] = Field(description="the same, wider by `extrapolate`")
     target: Number = Field(description="the wanted value [`unit`]")
     bounds: Items[Number] = Field(description="least and greatest value that the tolerance allows [`unit`]")
@@ -126,14 +128,16 @@ class ValuesAt(DocumentPart):
 class ValuesOfRecord(DocumentPart):
     """What one record gives at the temperatures."""
 
-    key: str = Field(description="the record")
+    key: str = Field(description="key of the record")
     condition: str = Field(description="id of its condition")
     branch: str = Field(description="`heating` or `cooling`")
     converged: bool = Field(description="whether its fit reached the target")
     adequate: bool = Field(description="whether curve and noise describe the data")
     temperature_unit: str = Field(description="unit of temperatures")
-    temperature: Items[Number] = Field(description="as asked")
-    measured: Items[Number] = Field(description="lowest and highest measured temperature")
+    temperature: Items[Number] = Field(description="temperatures that were asked for [`temperature_unit`]")
+    measured: Items[Number] = Field(
+        description="lowest and highest measured temperature [`temperature_unit`]"
+    )
     extrapolated: Items[bool] = Field(description="for each temperature, whether it lies beyond")
     quantities: dict[str, ValuesAt] = Field(description="by channel")
     caution: str | None = Field(description="where stiffness is not that of the alloy spring; else null")

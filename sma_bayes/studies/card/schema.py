@@ -48,12 +48,10 @@ class CardSweep(DocumentPart):
         description="whether the transformation lies within the measured temperatures to 5 %"
     )
     alone: Number = Field(
-        description="root mean square by which the law fitted to this sweep alone misses its curve, over its range [1]"
+        description="root mean square misfit of the law fitted to this sweep alone, over the range of its curve [1]"
     )
-    card: Number = Field(description="the same of the law of the card [1]")
-    largest: Number = Field(
-        description="the largest miss of the law of the card, over the range of the curve [1]"
-    )
+    card: Number = Field(description="the same of the law with the constants of the card [1]")
+    largest: Number = Field(description="largest misfit of that law, over the range of the curve [1]")
 
 
 class ConstitutiveCard(DocumentPart):
@@ -83,7 +81,7 @@ class StiffnessTable(DocumentPart):
     temperature_unit: str = Field(description="unit of temperature")
     first: Number = Field(description="first temperature [unit of temperature]")
     step: Number = Field(description="from one to the next [unit of temperature]")
-    points: int = Field(description="how many")
+    points: int = Field(description="number of temperatures")
     interpolation_error: Number = Field(
         description="largest error of linear interpolation of the three quantiles [unit]"
     )
@@ -106,7 +104,9 @@ class StiffnessTables(DocumentPart):
     schema_: Literal["sma-bayes/stiffness-table/1"] = Field(alias="schema", description="name and version")
     campaign: str = Field(description="name of the campaign")
     fit_sha256: str = Field(description="checksum that the summary of the fit states of itself")
-    interpolation: Literal["linear"] = Field(description="by which values between two temperatures are meant")
+    interpolation: Literal["linear"] = Field(
+        description="how values between two temperatures are interpolated"
+    )
     tables: Items[TabulatedQuantiles] = Field(description="one for each condition and branch")
 
 

@@ -42,12 +42,12 @@ class StatedVerdict(DocumentPart):
 
     preferred: str = Field(description="model of greatest evidence")
     verdict: str = Field(description="its family if the preference is decisive, else `cannot tell`")
-    decisive: bool = Field(description="which of the two")
+    decisive: bool = Field(description="whether the preference is decisive")
     probability: NumberOrNull = Field(
         description="of that family, with equal odds for the best model of each family [1]"
     )
     rival: str = Field(description="best model of another family; empty where there is none")
-    ln_bayes_factor: NumberOrNull = Field(description="the preferred model's evidence over that of the rival")
+    ln_bayes_factor: NumberOrNull = Field(description="of the preferred model over the rival [1]")
     not_told_from: Items[str] = Field(description="models that are not decisively lower")
     why: str = Field(description="the reason in words")
 
@@ -124,9 +124,9 @@ class ComparedModel(DocumentPart):
         description="stacking weight, by held-out densities; 0 for one with the numbers of another [1]"
     )
     rmse_held_out: NumberOrNull = Field(
-        description="of the median curve, predicted for held-out folds [`unit`]"
+        description="root mean square error of the median curve, predicted for held-out folds [`unit`]"
     )
-    r_held_out: NumberOrNull = Field(description="of the same [1]")
+    r_held_out: NumberOrNull = Field(description="Pearson's r of the same [1]")
     correlation: ModelFactors | None = Field(default=None, description="factors over draws of the curve")
     pareto_k_max: NumberOrNull = Field(description="greatest Pareto k of single samples left out")
     pareto_k_above: int | None = Field(default=None, description="how many of them exceed 0.7")
@@ -161,7 +161,9 @@ class StatedNoiseChoice(DocumentPart):
     """Why the noise is as it is."""
 
     reason: str = Field(description="one sentence")
-    ln_evidence: dict[str, NumberOrNull] = Field(description="by noise model, less the best")
+    ln_evidence: dict[str, NumberOrNull] = Field(
+        description="ln evidence by noise model, less that of the best [1]"
+    )
 
 
 class StatedFolds(DocumentPart):

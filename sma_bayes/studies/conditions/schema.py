@@ -44,8 +44,10 @@ class StatedGroup(DocumentPart):
     conditions: Items[str] = Field(description="their ids")
     stated: Items[str] = Field(description="the settings that they state")
     varied: dict[str, VariedSetting] = Field(description="those that differ, by name")
-    rank: int = Field(description="of the design matrix")
-    columns: int = Field(description="of the design matrix: a level, and one for each setting that differs")
+    rank: int = Field(description="rank of the design matrix")
+    columns: int = Field(
+        description="columns of the design matrix: a level, and one for each setting that differs"
+    )
     spare: int = Field(description="conditions beyond those that tell level and effects")
     aliased: dict[str, Items[str]] = Field(
         description="settings that vary only together with others, by name"
@@ -81,7 +83,7 @@ class StatedConfounder(DocumentPart):
     """What went along with a setting."""
 
     name: str = Field(description="setting or feature")
-    correlation: Number = Field(description="over the conditions [1]")
+    correlation: Number = Field(description="correlation over the conditions [1]")
     strong: bool = Field(description="whether the two can't be told apart")
 
 
@@ -92,7 +94,7 @@ class StatedEffect(DocumentPart):
     branch: str = Field(description="`heating`, `cooling` or `both`")
     channel: str = Field(description="its channel")
     unit: str = Field(description="unit of the change")
-    kind: Literal["factor", "difference"] = Field(description="which of the two the change is")
+    kind: Literal["factor", "difference"] = Field(description="`factor` or `difference`")
     setting: str = Field(description="name of the setting")
     setting_unit: str = Field(description="its unit")
     from_: Number = Field(alias="from", description="its least value [`setting_unit`]")
@@ -125,7 +127,7 @@ class PopulationSampling(DocumentPart):
 class StatedCorrection(DocumentPart):
     """How far the Gaussian form of what each condition says was corrected by its likelihood."""
 
-    applied: bool = Field(description="whether it was")
+    applied: bool = Field(description="whether it was corrected")
     k: NumberOrNull = Field(description="Pareto k of the weights of all conditions")
     k_of: dict[str, NumberOrNull] = Field(description="Pareto k of the weights of each, by id")
     effective: NumberOrNull = Field(description="effective number of draws")
@@ -140,10 +142,12 @@ class StatedCoordinate(DocumentPart):
     channel: str = Field(
         default="", description="channel whose unit is a factor of that; empty where none is"
     )
-    level: IntervalDocument = Field(description="at the least value of each setting")
-    changes: dict[str, IntervalDocument] = Field(description="over the range of each setting, by its name")
+    level: IntervalDocument = Field(description="its level at the least value of each setting")
+    changes: dict[str, IntervalDocument] = Field(
+        description="its change over the range of each setting, by name"
+    )
     scatter: IntervalDocument = Field(description="standard deviation between conditions")
-    scatter_prior: IntervalDocument = Field(description="the same before the data")
+    scatter_prior: IntervalDocument = Field(description="the same under the prior")
 
 
 class PooledParameter(DocumentPart):

@@ -43,7 +43,7 @@ class CommonCurve(DocumentPart):
     span: Number = Field(description="its stroke between the ends of the measured temperatures [`unit`]")
     noise: Number = Field(description="standard deviation of what curve and numbers leave [`unit`]")
     missed: Number = Field(description="the same over the range of the channel [1]")
-    lag1_correlation: Number = Field(description="of neighbouring samples in a sweep [1]")
+    lag1_correlation: Number = Field(description="correlation of neighbouring samples in a sweep [1]")
     converged: bool = Field(description="whether curve and numbers have settled")
 
 
@@ -57,8 +57,12 @@ class LawOfTraining(DocumentPart):
         description="the law with the greatest evidence, if it gains 3 over free changes of each sweep; else `none`"
     )
     testable: bool = Field(description="whether there are cycles enough, 3, to tell a law")
-    ln_evidence: dict[str, Number] = Field(description="of each law, less that of free changes (`none`)")
-    probability: dict[str, Number] = Field(description="of each, all as probable beforehand [1]")
+    ln_evidence: dict[str, Number] = Field(
+        description="ln evidence of each law, less that of free changes (`none`) [1]"
+    )
+    probability: dict[str, Number] = Field(
+        description="posterior probability of each, all as probable beforehand [1]"
+    )
     n0: IntervalDocument | None = Field(
         description="N0 of the law with the greatest evidence [cycles]; null where none is testable"
     )
@@ -104,8 +108,10 @@ class HeldOutCycles(DocumentPart):
     channel: str = Field(description="the channel")
     trained: Items[Number] = Field(description="cycles that the forecast is made from")
     held_out: Items[Number] = Field(description="cycles that were forecast")
-    rmse: Number = Field(description="what the median misses, root mean square over the range [1]")
-    rmse_last: Number = Field(description="what the last curve before misses [1]")
+    rmse: Number = Field(
+        description="root mean square error of the median of the forecast, over the range of the channel [1]"
+    )
+    rmse_last: Number = Field(description="the same of the last curve before [1]")
     covered: Number = Field(description="share of the samples in their 90 % predictive intervals [1]")
     numbers_covered: Number = Field(description="share of the numbers of the sweeps in theirs [1]")
 
@@ -123,7 +129,7 @@ class QuantityByCycle(DocumentPart):
     at: NumberOrNull = Field(
         description="temperature [unit of temperature]; null where it is of the whole sweep"
     )
-    own: Items[NumberOrNull] = Field(description="of the sweep by itself; null where there is none")
+    own: Items[NumberOrNull] = Field(description="value of the sweep by itself; null where there is none")
     own_sd: Items[NumberOrNull] = Field(description="its standard deviation")
     q05: Items[NumberOrNull] = Field(description="lower end of the 90 % interval, pooled over cycles")
     median: Items[NumberOrNull] = Field(description="median")
@@ -138,7 +144,7 @@ class ConditionCycles(DocumentPart):
     measured: Items[int] = Field(description="those of which a sweep was measured")
     curves: Items[CommonCurve] = Field(description="one for each branch and channel")
     law: LawOfTraining = Field(description="the law of training")
-    changes: Items[ChangeOfNumber] = Field(description="what it does to each number")
+    changes: Items[ChangeOfNumber] = Field(description="change of each number by that law")
     stable: Stability = Field(description="from which cycle on the spring is stable")
     held_out: Items[HeldOutCycles] = Field(
         description="one for each branch and channel; none where there are fewer than 5 cycles"

@@ -45,7 +45,7 @@ class ComparedBand(DocumentPart):
 class ComparedRecords(DocumentPart):
     """A record in both runs; where one has none, all after `same` is missing."""
 
-    key: str = Field(description="the record")
+    key: str = Field(description="key of the record")
     in_: Literal["a", "b", "both"] = Field(
         validation_alias="in",
         serialization_alias="in",

@@ -29,7 +29,7 @@ class StatedDisagreement(DocumentPart):
     condition: str = Field(description="id of the condition")
     branch: str = Field(description="`heating` or `cooling`")
     channel: str = Field(description="the channel")
-    covariate: str = Field(description="along which they do")
+    covariate: str = Field(description="covariate along which they do")
     from_: Number = Field(alias="from", description="where the stretch begins [`unit`]")
     to: Number = Field(description="where it ends [`unit`]")
     unit: str = Field(description="unit of the covariate")
@@ -53,40 +53,40 @@ class StatedPeriodicity(DocumentPart):
 
     condition: str = Field(description="id of the condition")
     channel: str = Field(description="the channel")
-    frequency: Number = Field(description="of the line [`unit`]")
+    frequency: Number = Field(description="frequency of the line [`unit`]")
     width: Number = Field(description="frequencies nearer than this the record can't tell apart [`unit`]")
     unit: str = Field(description="`Hz`, or `1/sample` where time was not recorded")
-    amplitude: Number = Field(description="of the sine in the residuals [unit of the channel]")
-    size_sigma: Number = Field(description="the same in standard errors [1]")
-    ln_bayes_factor: Number = Field(description="with the line over without [1]")
+    amplitude: Number = Field(description="amplitude of the sine in the residuals [unit of the channel]")
+    size_sigma: Number = Field(description="the same amplitude in standard errors [1]")
+    ln_bayes_factor: Number = Field(description="of a model with the line over one without [1]")
 
 
 class FlexibleEvidence(DocumentPart):
     """What a flexible term without meaning is worth."""
 
-    covariate: str = Field(description="of which it is a smooth function")
+    covariate: str = Field(description="covariate of which the term is a smooth function")
     channel: str = Field(description="channel that it changes, or what it does to all")
-    ln_bayes_factor: Number = Field(description="with it over without it [1]")
+    ln_bayes_factor: Number = Field(description="of the model with the term over that without [1]")
 
 
 class ShapeEvidence(DocumentPart):
     """What the shape of the curve is worth, the same in every sweep and condition that it serves."""
 
     ln_bayes_factor: Number = Field(
-        description="with a free smooth function of temperature on each branch over without [1]"
+        description="of a free smooth function of temperature on each branch over none [1]"
     )
     share: Number = Field(
-        description="part of the shape of what it and the best flexible term beyond it explain [1]"
+        description="share of the shape in what it and the best flexible term on top of it explain [1]"
     )
     beyond: FlexibleEvidence | None = Field(
-        description="that term, on top of a curve of any shape; null where there is none"
+        description="the best flexible term on top of a curve of any shape; null where there is none"
     )
 
 
 class RemainderBeside(FlexibleEvidence):
     """The best flexible term on top of an effect."""
 
-    share: Number = Field(description="how much of what the two explain is the term's [1]")
+    share: Number = Field(description="share of the term in what the two explain [1]")
 
 
 class QuantityInWords(DocumentPart):
@@ -132,21 +132,26 @@ class AddedEffect(DocumentPart):
     title: str = Field(description="what it is")
     equation: str = Field(description="its equation")
     reference: str = Field(description="where form and range come from")
-    round: int = Field(description="in which it was added, from 1")
+    round: int = Field(description="round in which it was added, from 1")
     class_: Items[str] = Field(
         alias="class", description="effects that these data cannot tell from it, itself first"
     )
-    probability: Number = Field(description="when it was added [1]")
-    ln_bayes_factor: Number = Field(description="when it was added [1]")
+    probability: Number = Field(
+        description="posterior probability among the effects that could be tested, flexible terms and nothing, when "
+        "it was added [1]"
+    )
+    ln_bayes_factor: Number = Field(
+        description="of the model with it over that without, when it was added [1]"
+    )
     guard: NumberOrNull = Field(
         description="ln Bayes factor of the best flexible term in its place; null where none contains its signature"
     )
-    guard_covariate: str = Field(description="of which that term is a function")
+    guard_covariate: str = Field(description="covariate of which that term is a function")
     ln_bayes_factor_beside: NumberOrNull = Field(
         description="of the effect with the best flexible term on top of it over the best one alone; null where it "
         "was not looked for [1]"
     )
-    share: NumberOrNull = Field(description="how much of what the two explain is the effect's [1]")
+    share: NumberOrNull = Field(description="share of the effect in what it and that term explain [1]")
     shape_apart: bool = Field(description="whether both are beside a curve that is free to have any shape")
     ln_bayes_factor_beyond_shape: NumberOrNull = Field(
         description="of the effect where the curve is free to have any shape, with the effect as without [1]"
@@ -155,7 +160,9 @@ class AddedEffect(DocumentPart):
         description="ln Bayes factor of the best shape of a curve of one stage in its place; null where the effect "
         "does not hang on it [1]"
     )
-    remainder: RemainderBeside | None = Field(description="that term; null where there is none")
+    remainder: RemainderBeside | None = Field(
+        description="the best flexible term on top of the effect; null where there is none"
+    )
     parameters: dict[str, EffectParameter] = Field(description="its parameters, by name")
     next_experiment: str | None = Field(
         description="what would separate the class; null where it has one member"
@@ -175,13 +182,14 @@ class JudgedCandidate(DocumentPart):
     round: int = Field(description="in which it was judged")
     refitted: bool = Field(description="whether everything was fitted with it; else it was screened only")
     ln_bayes_factor: NumberOrNull = Field(
-        description="over the model of that round; null where untestable or where the effect changes nothing [1]"
+        description="of the effect over the model of that round; null where untestable or where the effect changes "
+        "nothing [1]"
     )
     delta_elpd_held_out: NumberOrNull = Field(
         description="gain in log density of held-out measurements; null where not refitted [1]"
     )
     delta_elpd_se: NumberOrNull = Field(description="its standard error")
-    status: Status = Field(description="which of the three")
+    status: Status = Field(description="`named`, `rejected` or `untestable`")
     why: str = Field(description="the reason in words")
     unmet: Items[str] = Field(description="needs of the effect that are not met")
 
@@ -191,12 +199,12 @@ class RefittedCandidate(DocumentPart):
 
     id: str = Field(description="id in the catalogue")
     ln_bayes_factor: NumberOrNull = Field(description="over the model of the round [1]")
-    guard: NumberOrNull = Field(description="that of the best flexible term in its place [1]")
-    guard_covariate: str = Field(description="of which that term is a function")
+    guard: NumberOrNull = Field(description="ln Bayes factor of the best flexible term in its place [1]")
+    guard_covariate: str = Field(description="covariate of which that term is a function")
     ln_bayes_factor_beside: NumberOrNull = Field(
         description="of the effect with the best flexible term on top over the best one alone [1]"
     )
-    share: NumberOrNull = Field(description="how much of what the two explain is the effect's [1]")
+    share: NumberOrNull = Field(description="share of the effect in what it and that term explain [1]")
     ln_bayes_factor_beyond_shape: NumberOrNull = Field(
         description="of the effect where the curve is free to have any shape, with the effect as without [1]"
     )
@@ -209,8 +217,10 @@ class RefittedCandidate(DocumentPart):
 class StatedRound(DocumentPart):
     """What was seen and tried in a round."""
 
-    p_value: Number = Field(description="of the greatest disagreement [1]")
-    flexible: Items[FlexibleEvidence] = Field(description="the five best terms without meaning")
+    p_value: Number = Field(description="p-value of the greatest disagreement [1]")
+    flexible: Items[FlexibleEvidence] = Field(
+        description="the five best flexible terms: smooth functions of a covariate that stand for no mechanism"
+    )
     added: str | None = Field(description="effect that was added; null where nothing was")
     class_: Items[str] = Field(alias="class", description="effects that cannot be told from it, itself first")
     candidates: Items[RefittedCandidate] = Field(description="those that were refitted")
@@ -222,13 +232,13 @@ class StatedRound(DocumentPart):
 class StatedRemaining(DocumentPart):
     """What the final model still misses, by the best flexible term."""
 
-    p_value: Number = Field(description="of the greatest disagreement [1]")
-    covariate: str = Field(description="of which the term is a smooth function")
+    p_value: Number = Field(description="p-value of the greatest disagreement [1]")
+    covariate: str = Field(description="covariate of which the term is a smooth function")
     channel: str = Field(description="channel that it changes, or what it does to all")
-    ln_bayes_factor: Number = Field(description="with it over without it [1]")
+    ln_bayes_factor: Number = Field(description="of the model with the term over that without [1]")
     share: NumberOrNull = Field(
-        description="part of the term of all that effects and term explain, 0 where it is within chance, null without "
-        "effects [1]"
+        description="share of the term in all that effects and term explain, 0 where it is within chance, null "
+        "without effects [1]"
     )
     share_without_shape: NumberOrNull = Field(
         description="the same beside a curve that is free to have any shape, where that is less; the verdict goes by "
@@ -239,7 +249,7 @@ class StatedRemaining(DocumentPart):
 class StatedChannelGap(DocumentPart):
     """Held-out residuals of a channel."""
 
-    unit: str = Field(description="its unit")
+    unit: str = Field(description="unit of the channel")
     before_sigma: Number = Field(
         description="root mean square without effects, as innovations in standard deviations of the noise [1]"
     )
@@ -273,17 +283,29 @@ class StatedGap(DocumentPart):
 class GapThresholds(DocumentPart):
     """What decided."""
 
-    p_value: Number = Field(description="up to which a disagreement counts as more than chance [1]")
-    ln_bayes_factor: Number = Field(description="from which an effect is added [1]")
-    ln_bayes_factor_apart: Number = Field(description="from which two effects are told apart [1]")
-    unexplained_share: Number = Field(description="up to which what was added is named as the cause [1]")
-    share_beside: Number = Field(description="that an effect has to carry beside a flexible term [1]")
-    share_beyond_shape: Number = Field(
-        description="of what an effect explains that must lie beyond any shape of the curve, where it does not beat "
-        "the shapes of one stage [1]"
+    p_value: Number = Field(
+        description="greatest p-value of a disagreement that counts as more than chance [1]"
     )
-    ln_bayes_factor_shape: Number = Field(description="from which the shape of the curve is told apart [1]")
-    further_share: Number = Field(description="of what is explained from which a further effect is added [1]")
+    ln_bayes_factor: Number = Field(description="least ln Bayes factor with which an effect is added [1]")
+    ln_bayes_factor_apart: Number = Field(
+        description="least ln Bayes factor by which two effects are told apart [1]"
+    )
+    unexplained_share: Number = Field(
+        description="greatest unexplained share with which what was added is named as the cause [1]"
+    )
+    share_beside: Number = Field(
+        description="least share that an effect has to explain beside a flexible term [1]"
+    )
+    share_beyond_shape: Number = Field(
+        description="least share of what an effect explains that must lie beyond any shape of the curve, where it "
+        "does not beat the shapes of one stage [1]"
+    )
+    ln_bayes_factor_shape: Number = Field(
+        description="least ln Bayes factor by which the shape of the curve is told apart [1]"
+    )
+    further_share: Number = Field(
+        description="least share of what is explained with which a further effect is added [1]"
+    )
 
 
 class StatedLaw(DocumentPart):
@@ -291,7 +313,7 @@ class StatedLaw(DocumentPart):
 
     form: str = Field(description="`exponential`, 1 − exp(−(N − 1)/N0), or `logarithmic`, ln(1 + (N − 1)/N0)")
     cycles: NumberOrNull = Field(description="N0; null where there are too few cycles")
-    share: Number = Field(description="of the variation that it explains [1]")
+    share: Number = Field(description="share of the variation that it explains [1]")
     ln_ratio: Number = Field(
         description="half the number of values times the logarithm of what the other form leaves over what this one "
         "does"
@@ -308,11 +330,11 @@ class StatedSweep(DocumentPart):
     condition: str = Field(description="id of the condition")
     branch: str = Field(description="`heating` or `cooling`")
     channel: str = Field(description="displacement, or force where there is none")
-    cycle: Number = Field(description="its cycle")
+    cycle: Number = Field(description="number of its cycle")
     offset: Number = Field(description="added to the curve [unit of the channel]")
-    stroke: Number = Field(description="over that of the curve [1]")
-    shift: Number = Field(description="of temperature [K]")
-    width: Number = Field(description="over that of the curve [1]")
+    stroke: Number = Field(description="stroke over that of the curve [1]")
+    shift: Number = Field(description="shift of temperature [K]")
+    width: Number = Field(description="width over that of the curve [1]")
     offset_sd: Number = Field(description="standard deviation of `offset` [unit of the channel]")
     stroke_sd: Number = Field(description="standard deviation of the logarithm of `stroke` [1]")
     shift_sd: Number = Field(description="standard deviation of `shift` [K]")
@@ -330,8 +352,8 @@ class StatedSuspect(DocumentPart):
     """A condition unlike the others of the same settings, or that answers the recorded current unlike all others."""
 
     condition: str = Field(description="its id")
-    quantity: str = Field(description="what is unlike")
-    value: Number = Field(description="of this condition [`unit`]")
+    quantity: str = Field(description="quantity that is unlike")
+    value: Number = Field(description="its value in this condition [`unit`]")
     others: Number = Field(description="mean of the others [`unit`]")
     unit: str = Field(description="its unit")
     p_value: Number = Field(description="over all that was compared (moderated t) [1]")
@@ -363,8 +385,8 @@ class StatedBand(DocumentPart):
     start: Number = Field(description="lower end [`unit`]")
     stop: Number = Field(description="upper end [`unit`]")
     unit: str = Field(description="`Hz`, or `1/sample` where time was not recorded")
-    ratio: Number = Field(description="its power to the assumed one [1]")
-    p_value: Number = Field(description="of so great a deviation, in this band or another [1]")
+    ratio: Number = Field(description="its power over that of the model of the noise [1]")
+    p_value: Number = Field(description="p-value of so great a deviation, in this band or another [1]")
 
 
 class StatedNoise(DocumentPart):
@@ -378,16 +400,16 @@ class StatedNoise(DocumentPart):
         description="standard deviation from reading to reading [unit of the channel]"
     )
     spectrum: StatedBand | None = Field(
-        description="where it is least like its model; null for short records"
+        description="band of frequencies in which it is least like its model; null for short records"
     )
 
 
 class GapOfModel(DocumentPart):
     """What was found of one model: the response, or the heat balance."""
 
-    verdict: Verdict = Field(description="which of the three")
+    verdict: Verdict = Field(description="`named`, `none` or `unnamed`")
     p_value: Number = Field(
-        description="of the greatest disagreement without effects, over all covariates and signatures [1]"
+        description="p-value of the greatest disagreement without effects, over all covariates and signatures [1]"
     )
     p_value_extrapolated: bool = Field(
         description="whether it lies beyond all shuffles, so that only its order of magnitude counts"
@@ -407,20 +429,20 @@ class GapOfModel(DocumentPart):
     effects: Items[AddedEffect] = Field(
         description="in the order in which they were added; empty unless `named`"
     )
-    partial: Items[AddedEffect] = Field(description="the same where no name is given")
+    partial: Items[AddedEffect] = Field(description="effects that were added where no name is given")
     candidates: Items[JudgedCandidate] = Field(
         description="one for each effect of the catalogue, what was added first"
     )
-    rounds: Items[StatedRound] = Field(description="what was seen and tried in each")
+    rounds: Items[StatedRound] = Field(description="what was seen and tried in each round")
     remaining: StatedRemaining = Field(description="what the final model still misses")
-    gap: StatedGap = Field(description="on held-out measurements")
-    thresholds: GapThresholds = Field(description="what decided")
+    gap: StatedGap = Field(description="the gap on held-out measurements")
+    thresholds: GapThresholds = Field(description="thresholds that decide")
     sweeps: StatedSweeps = Field(description="sweeps one by one")
     suspects: Items[StatedSuspect] = Field(description="conditions that are unlike the others")
     channels: dict[str, NamedChannel] = Field(description="channels, by name")
     units: dict[str, str] = Field(description="unit of each input and channel")
     conditions: Items[StudiedCondition] = Field(description="conditions that were studied")
-    noise: Items[StatedNoise] = Field(description="of each condition and channel")
+    noise: Items[StatedNoise] = Field(description="noise of each condition and channel")
 
     @property
     def added(self) -> tuple[AddedEffect, ...]:
@@ -432,7 +454,8 @@ class HeatParameter(IntervalDocument, QuantityInWords):
     """A parameter of the heat balance; its interval comes from draws, or from the normal approximation at the mode."""
 
     scatter: NumberOrNull = Field(
-        default=None, description="of `switching`: standard deviation from switching to switching [steps]"
+        default=None,
+        description="of `switching`: standard deviation from switching to switching [steps of the record]",
     )
 
 
@@ -458,7 +481,7 @@ class GapFindings(GapOfModel, Versioned, DeclaredUnits):
     """What a gap study found: of the response (force, displacement, stiffness given temperature) at the top."""
 
     heating: HeatingFindings | None = Field(
-        description="of the heat balance; null where temperature is no outcome"
+        description="findings of the heat balance; null where temperature is no outcome"
     )
     campaign: str = Field(description="name of the campaign")
     source: str = Field(description="where its measurements come from")

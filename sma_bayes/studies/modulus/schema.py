@@ -98,10 +98,10 @@ class ModulusSweep(DocumentPart):
 
     id: str = Field(description="unique name; its band is `bands/<id>.csv`")
     test: str = Field(description="file, with its step or sheet where it has several")
-    frequency: NumberOrNull = Field(description="[Hz]; null where none is stated")
+    frequency: NumberOrNull = Field(description="frequency [Hz]; null where none is stated")
     branch: Literal["heating", "cooling"] = Field(description="direction of the sweep")
     temperature_from: Number = Field(description="least measured temperature [degC]")
-    temperature_to: Number = Field(description="greatest [degC]")
+    temperature_to: Number = Field(description="greatest measured temperature [degC]")
     curves: Items[ModulusCurve] = Field(
         description="of the storage modulus, and of the loss modulus if there is one"
     )
@@ -115,7 +115,7 @@ class DeclaredDamping(DocumentPart):
     """Declared tan delta beside the quotient of the declared moduli."""
 
     test: str = Field(description="file, with its step or sheet where it has several")
-    frequency: NumberOrNull = Field(description="[Hz]")
+    frequency: NumberOrNull = Field(description="frequency [Hz]")
     compared: int = Field(description="rows that state all three")
     disagree: int = Field(description="rows in which they differ by more than 1 % of the greatest tan delta")
     greatest: Number = Field(description="greatest difference, as a share of the greatest tan delta [1]")
@@ -126,7 +126,7 @@ class ShiftPoint(DocumentPart):
     """A temperature at one frequency."""
 
     sweep: str = Field(description="id of the sweep")
-    frequency: Number = Field(description="[Hz]")
+    frequency: Number = Field(description="frequency [Hz]")
     temperature: Number = Field(description="mean [degC]")
     sd: Number = Field(description="standard deviation [K]")
 
@@ -138,9 +138,11 @@ class FrequencyShift(DocumentPart):
     temperature: str = Field(description="name of the temperature")
     points: Items[ShiftPoint] = Field(description="one for each sweep that has it")
     shift: IntervalDocument | None = Field(
-        description="per decade of frequency [K]; null with fewer than two frequencies"
+        description="shift per decade of frequency [K]; null with fewer than two frequencies"
     )
-    probability_rises: NumberOrNull = Field(description="that it rises with frequency [1]")
+    probability_rises: NumberOrNull = Field(
+        description="posterior probability that it rises with frequency [1]"
+    )
     scatter: IntervalDocument | None = Field(
         description="standard deviation of the scatter between sweeps beyond their own errors [K]"
     )
@@ -161,7 +163,7 @@ class ModulusByFrequency(DocumentPart):
     at: Number = Field(description="temperature [degC]")
     sweeps: Items[str] = Field(description="ids of the sweeps, by rising frequency")
     factor: IntervalDocument = Field(description="of the storage modulus per decade of frequency [1]")
-    probability_rises: Number = Field(description="that it rises with frequency [1]")
+    probability_rises: Number = Field(description="posterior probability that it rises with frequency [1]")
 
 
 class ModulusFindings(DeclaredUnits):

@@ -25,7 +25,10 @@ class KnownQuantity(IntervalDocument):
     key: str = Field(description="the record")
     name: str = Field(description="what it is")
     unit: str = Field(description="unit of its numbers")
-    sd: Number = Field(description="width of its 90 % interval over that of a standard normal [`unit`]")
+    sd: Number = Field(
+        description="standard deviation of the normal distribution whose 90 % interval is as wide as that of the "
+        "quantity [`unit`]"
+    )
     shown_unit: str = Field(description="unit in which people see it")
     shown_factor: Number = Field(description="shown units in one of `unit` [1]")
     shown_zero: Number = Field(
@@ -41,7 +44,7 @@ class ExpectedQuantity(DocumentPart):
 
     key: str = Field(description="the record")
     name: str = Field(description="what it is")
-    sd: Number = Field(description="the same that is expected [`unit` under `quantities`]")
+    sd: Number = Field(description="the same, expected after the experiment [`unit` under `quantities`]")
     shrinkage: Number = Field(description="1 less expected posterior variance over that of now [1]")
 
 
@@ -70,8 +73,10 @@ class PlannedCandidate(DocumentPart):
     )
     name: str = Field(description="as declared; empty in a grid")
     condition: str = Field(description="id of the condition whose settings it has")
-    lowest: Number = Field(description="at which it turns round and begins [`temperature_unit`]")
-    peak: Number = Field(description="at which it turns round [`temperature_unit`]")
+    lowest: Number = Field(
+        description="lowest temperature, at which it begins and turns round [`temperature_unit`]"
+    )
+    peak: Number = Field(description="peak temperature, at which it turns round [`temperature_unit`]")
     rate: Number = Field(description="magnitude of dT/dt [`temperature_unit` per s]")
     load: NumberOrNull = Field(description="load [N, of a specimen Pa]; null where none is known")
     other_load: bool = Field(description="whether that is another load than that of the condition")
@@ -130,9 +135,9 @@ class ScatterOfSweeps(DocumentPart):
     channel: str = Field(description="the channel")
     sweeps: int = Field(description="from how many sweeps it was learnt; 0 where it is assumed")
     offset: Number = Field(description="standard deviation of the offset [unit of the channel]")
-    stroke: Number = Field(description="of the logarithm of the stroke [1]")
-    shift: Number = Field(description="of the shift of temperature [`temperature_unit`]")
-    width: Number = Field(description="of the logarithm of the width [1]")
+    stroke: Number = Field(description="standard deviation of the logarithm of the stroke [1]")
+    shift: Number = Field(description="standard deviation of the shift of temperature [`temperature_unit`]")
+    width: Number = Field(description="standard deviation of the logarithm of the width [1]")
 
 
 class RivalPair(DocumentPart):

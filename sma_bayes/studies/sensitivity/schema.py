@@ -130,7 +130,7 @@ class BootstrapAccount(DocumentPart):
 class RecordSensitivity(DocumentPart):
     """What the numbers of one record rest on."""
 
-    key: str = Field(description="the record")
+    key: str = Field(description="key of the record")
     condition: str = Field(description="id of its condition")
     branch: str = Field(description="`heating`, `cooling` or `both`")
     converged: bool = Field(description="whether its fit reached the target")

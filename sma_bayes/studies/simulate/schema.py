@@ -28,12 +28,12 @@ class StatedBalance(DocumentPart):
         "condition `gain[id]`"
     )
     effects: Items[str] = Field(
-        description="ids of the effects that the measured temperatures support, of those that a simulation carries"
+        description="ids of the effects that the measured temperatures support and a simulation can include"
     )
     verdict: str = Field(
         description="`none`: nothing is missing beyond chance; `named`: the effects are; `unnamed`: something else is"
     )
-    p_value: Number = Field(description="that chance explains what the balance without effects misses [1]")
+    p_value: Number = Field(description="p-value of what the balance without effects misses [1]")
     pool: str = Field(description="`campaign`: one gain and loss for all conditions; `none`: own ones")
     sd: dict[str, Number] = Field(
         description="by condition: standard deviation of measured temperatures about the balance, noise and misfit "
@@ -126,7 +126,9 @@ class SimulatedRun(DocumentPart):
 class CurrentPassage(IntervalDocument):
     """Steady currents at which draws pass the value [A]."""
 
-    direction: Literal["rising", "falling"] = Field(description="of the value, with the current")
+    direction: Literal["rising", "falling"] = Field(
+        description="`rising` or `falling`: of the value with the current"
+    )
     probability: Number = Field(description="share of the draws that do [1]")
     beyond_measured: bool = Field(description="whether the interval leaves the measured currents")
 
@@ -151,8 +153,8 @@ class ReachOfCondition(DocumentPart):
     condition: str = Field(description="its id")
     quantity: str = Field(description="what is asked for")
     unit: str = Field(description="unit of target and bounds")
-    target: Number = Field(description="the wanted value")
-    bounds: Items[Number] = Field(description="what will do")
+    target: Number = Field(description="the wanted value [`unit`]")
+    bounds: Items[Number] = Field(description="least and greatest value that the tolerance allows [`unit`]")
     reachable: Number = Field(
         description="probability that a steady current gives it within the measured temperatures [1]"
     )
@@ -192,7 +194,7 @@ class SimulationFindings(DeclaredUnits):
     campaign: str = Field(description="name of the campaign")
     source: str = Field(description="folder of the fit")
     seed: int = Field(description="decides every draw")
-    draws: int = Field(description="how many")
+    draws: int = Field(description="number of draws")
     rule: str = Field(description="of minor loops: `proportional` or `play`")
     versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
     data_sha256: str | None = Field(description="SHA-256 of the measurements")

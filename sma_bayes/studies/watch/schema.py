@@ -32,9 +32,10 @@ class WatchedNumber(DocumentPart):
     unit: str = Field(description="its unit")
     value: Items[Number] = Field(description="of each sweep [`unit`]")
     normal_low: Items[NumberOrNull] = Field(
-        description="2.5 % of what a sweep has while nothing changes [`unit`]; null where the scatter is not known"
+        description="2.5 % quantile of the value that a sweep has while nothing changes [`unit`]; null where the "
+        "scatter is not known"
     )
-    normal_high: Items[NumberOrNull] = Field(description="97.5 % of it [`unit`]")
+    normal_high: Items[NumberOrNull] = Field(description="97.5 % quantile of it [`unit`]")
     log10_e: Items[Number] = Field(description="after each watched cycle, log10 of its own e-process")
     alarm: bool = Field(description="whether its e-process has exceeded the number of all of them over alpha")
 
@@ -42,9 +43,9 @@ class WatchedNumber(DocumentPart):
 class OnsetDocument(DocumentPart):
     """When a change began, in watched cycles."""
 
-    low: int = Field(description="5 %")
+    low: int = Field(description="5 % quantile")
     median: int = Field(description="median")
-    high: int = Field(description="95 %")
+    high: int = Field(description="95 % quantile")
     shape: str = Field(description="`step` or `ramp`, the more probable one")
 
 
@@ -60,7 +61,7 @@ class AlarmDocument(DocumentPart):
 class AmountDocument(IntervalDocument):
     """How much, at the last cycle, with a 90 % interval."""
 
-    name: str = Field(description="what: `offset`, `gain`, `stroke`, `shift`, `change`, `width`")
+    name: str = Field(description="`offset`, `gain`, `stroke`, `shift`, `change` or `width`")
     unit: str = Field(description="its unit; of gain, stroke and width the change of the logarithm, 1")
 
 
@@ -94,7 +95,7 @@ class LimitDocument(DocumentPart):
     limit: str = Field(description="as it was asked")
     branch: str = Field(description="`heating` or `cooling`")
     channel: str = Field(description="the channel")
-    quantity: str = Field(description="what it is of")
+    quantity: str = Field(description="quantity that the limit is of")
     at: NumberOrNull = Field(
         description="temperature [unit of temperature]; null where it is of the whole sweep"
     )
