@@ -177,6 +177,18 @@ class DeclaredUnits(DocumentPart):
     )
 
 
+class StudyFindings(DocumentPart):
+    """What every study says of where its numbers come from."""
+
+    campaign: str = Field(description="name of the campaign")
+    source: str = Field(
+        description="folder or file of the measurements, or folder of the fit that was studied"
+    )
+    seed: int = Field(description="decides every draw")
+    versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
+    data_sha256: str | None = Field(description="SHA-256 of the measurements; null of a fit in memory")
+
+
 class FindingDocument(DocumentPart):
     """What was found about the measurements."""
 

@@ -11,9 +11,11 @@ from typing import Any
 
 from sma_bayes import __version__
 from sma_bayes.fitting.posterior import versions
+from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign
 from sma_bayes.runs.documents import read_mark
-from sma_bayes.runs.fit_document import FitSummary
+from sma_bayes.runs.fit_document import FitFindings, FitSummary
+from sma_bayes.runs.schema import FindingDocument, StudyFindings
 from sma_bayes.studies.options import FitOptions
 
 
@@ -21,6 +23,29 @@ def all_versions() -> dict[str, str]:
     """Versions of Python, of this package and of what it computes and draws with."""
     more = ("arviz", "corner", "h5netcdf", "matplotlib", "pandas", "pint", "xarray")
     return {**versions(), **{name: version(name) for name in more}}
+
+
+def of_campaign(campaign: Campaign, seed: int) -> dict[str, Any]:
+    """The keys of `StudyFindings` for a study of a campaign, and what was found about its measurements."""
+    return {
+        "campaign": campaign.name,
+        "source": campaign.source,
+        "seed": seed,
+        "versions": all_versions(),
+        "data_sha256": campaign.sha256,
+        "findings": tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
+    }
+
+
+def of_fit(found: StudyFindings | FitFindings, source: str | Path, seed: int) -> dict[str, Any]:
+    """The keys of `StudyFindings` for a study of the findings of a finished run, in a folder or in memory."""
+    return {
+        "campaign": found.campaign,
+        "source": str(source),
+        "seed": seed,
+        "versions": all_versions(),
+        "data_sha256": found.data_sha256,
+    }
 
 
 def run_identity(campaign: Campaign, options: FitOptions) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from sma_bayes.runs.schema import (
     Number,
     NumberOrNull,
     RunAccount,
+    StudyFindings,
 )
 
 
@@ -110,15 +111,10 @@ class StiffnessTables(DocumentPart):
     tables: Items[TabulatedQuantiles] = Field(description="one for each condition and branch")
 
 
-class CardFindings(DocumentPart):
+class CardFindings(StudyFindings):
     """What is handed on."""
 
     schema_: Literal["sma-bayes/card/1"] = Field(alias="schema", description="name and version")
-    campaign: str = Field(description="name of the campaign")
-    source: str = Field(description="folder of the fit")
-    seed: int = Field(description="decides every draw")
-    versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
-    data_sha256: str | None = Field(description="SHA-256 of the measurements")
     converged: bool = Field(description="whether the fits that were used did")
     adequate: bool = Field(description="whether their curves and noise describe the data")
     constitutive: ConstitutiveCard | None = Field(description="null where the campaign gives none")

@@ -46,7 +46,7 @@ from sma_bayes.studies.card.schema import (
 )
 from sma_bayes.studies.card.specimen import Loaded, Size, kelvin, loaded, modulus_of, size_of
 from sma_bayes.studies.card.stiffness import TabulatedStiffness, tabulated
-from sma_bayes.studies.identity import all_versions, fit_identity
+from sma_bayes.studies.identity import fit_identity, of_fit
 from sma_bayes.studies.run_context import RunContext
 
 DRAWS: Final = 400
@@ -196,11 +196,7 @@ def _handed_on(run: StoredRun, asked: _Asked, folder: Path | None, work: RunCont
     records = [r for r in summary.records if r.key in used]
     return CardFindings(
         schema="sma-bayes/card/1",
-        campaign=summary.campaign,
-        source=str(run.folder),
-        seed=asked.seed,
-        versions=all_versions(),
-        data_sha256=summary.data_sha256,
+        **of_fit(summary, run.folder, asked.seed),
         converged=all(r.converged for r in records),
         adequate=all(r.adequate for r in records),
         constitutive=None if made is None else made.stated,

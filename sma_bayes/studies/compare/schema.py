@@ -21,6 +21,7 @@ from sma_bayes.runs.schema import (
     Number,
     NumberOrNull,
     RunAccount,
+    StudyFindings,
 )
 
 
@@ -255,19 +256,14 @@ class ComparisonOptions(DocumentPart):
     priors: str = Field(description="title of the priors")
 
 
-class ComparisonFindings(DeclaredUnits):
+class ComparisonFindings(StudyFindings, DeclaredUnits):
     """What a comparison found."""
 
     schema_: Literal["sma-bayes/comparison/1"] = Field(alias="schema", description="name and version")
-    campaign: str = Field(description="name of the campaign")
-    source: str = Field(description="where its measurements come from")
-    seed: int = Field(description="decides every draw")
     options: ComparisonOptions = Field(description="with what models were compared")
     model_choice: ModelChoiceDocument | None = Field(
         description="of `--model auto`: why the model; else null"
     )
-    versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
-    data_sha256: str = Field(description="SHA-256 of the measurements")
     converged: bool = Field(description="whether every model converged on every record")
     overall: Items[Overall] = Field(description="one for each channel and unit")
     records: Items[ComparedRecord] = Field(description="one for each record and channel")

@@ -13,14 +13,13 @@ from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, lines_about, lines_inside, silent
-from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.runs.documents import COMPARISON
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.schema import FindingDocument, ModelChoiceDocument
+from sma_bayes.runs.schema import ModelChoiceDocument
 from sma_bayes.runs.store import write_csv, write_text
 from sma_bayes.studies.compare.comparison import AUTO, Comparison, compare_record
 from sma_bayes.studies.compare.contenders import (
@@ -40,7 +39,7 @@ from sma_bayes.studies.compare.document import (
     stem_of,
 )
 from sma_bayes.studies.compare.schema import ComparisonFindings, ComparisonOptions
-from sma_bayes.studies.identity import all_versions, run_identity
+from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_model_and_noise, models_of, prior_set
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
@@ -198,20 +197,15 @@ def _compared(
                 write_csv(folder / "samples" / f"{stem_of(compared)}.csv", sample_columns(compared))
     found = ComparisonFindings(
         schema="sma-bayes/comparison/1",
-        campaign=campaign.name,
-        source=campaign.source,
-        seed=options.seed,
         options=ComparisonOptions(
             model=options.model, noise=options.noise, pool=options.pool, priors=options.priors.title
         ),
         model_choice=None if choice is None else ModelChoiceDocument(**asdict(choice)),
-        versions=all_versions(),
-        data_sha256=campaign.sha256,
+        **of_campaign(campaign, options.seed),
         converged=all(c.converged for c in comparisons),
         **declared_parts(campaign.records),
         overall=overall(comparisons),
         records=tuple(record_document(c) for c in comparisons),
-        findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
     )
     if folder is not None:
         write_text(folder / "priors.toml", options.priors.whole_text)

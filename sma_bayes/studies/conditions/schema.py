@@ -17,6 +17,7 @@ from sma_bayes.runs.schema import (
     Number,
     NumberOrNull,
     RunAccount,
+    StudyFindings,
 )
 
 
@@ -261,20 +262,15 @@ class LeftOutCurve(SettingsOfCondition):
         return 1.0 if self.on_log else self.span
 
 
-class ConditionsFindings(DeclaredUnits):
+class ConditionsFindings(StudyFindings, DeclaredUnits):
     """What a study of conditions found."""
 
     schema_: Literal["sma-bayes/conditions/1"] = Field(alias="schema", description="name and version")
-    campaign: str = Field(description="name of the campaign")
-    source: str = Field(description="folder of the fit")
-    seed: int = Field(description="decides every draw")
     options: ConditionsOptions = Field(description="what was asked")
     model_choice: ModelChoiceDocument | None = Field(
         description="of `--model auto`: why the model; else null"
     )
     refitted: Items[str] = Field(description="keys of the records that were fitted again with that model")
-    versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
-    data_sha256: str | None = Field(description="SHA-256 of the measurements")
     specimen: bool = Field(description="whether loads are stresses")
     converged: bool = Field(description="whether all draws reached their target")
     groups: Items[StatedGroup] = Field(description="conditions that can be compared")

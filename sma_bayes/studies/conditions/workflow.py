@@ -37,7 +37,7 @@ from sma_bayes.studies.conditions.population import SCATTER
 from sma_bayes.studies.conditions.schema import ConditionsFindings, ConditionsOptions
 from sma_bayes.studies.conditions.study import ConditionStudy, bands_of, study
 from sma_bayes.studies.fit.tasks import FitTask, sample_task
-from sma_bayes.studies.identity import all_versions
+from sma_bayes.studies.identity import all_versions, of_fit
 from sma_bayes.studies.options import FitOptions, check_model_and_noise, model_named
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
@@ -178,9 +178,6 @@ def _studied(question: _ConditionsQuestion, folder: Path | None, work: RunContex
             _write(folder, found, q.seed)
     return ConditionsFindings(
         schema="sma-bayes/conditions/1",
-        campaign=q.run.summary.campaign,
-        source=str(q.run.folder),
-        seed=q.seed,
         options=ConditionsOptions(
             scatter=q.scatter,
             at=tuple(text_of(c, specimen=specimen) for c in q.asked),
@@ -189,8 +186,7 @@ def _studied(question: _ConditionsQuestion, folder: Path | None, work: RunContex
         ),
         model_choice=None if choice is None else ModelChoiceDocument(**asdict(choice)),
         refitted=tuple(refitted),
-        versions=all_versions(),
-        data_sha256=q.run.summary.data_sha256,
+        **of_fit(q.run.summary, q.run.folder, q.seed),
         specimen=specimen,
         **declared_parts(q.run.summary.records),
         **study_parts(found, specimen=specimen),

@@ -17,6 +17,7 @@ from sma_bayes.runs.schema import (
     Number,
     NumberOrNull,
     RunAccount,
+    StudyFindings,
 )
 
 
@@ -153,20 +154,15 @@ class ConditionCycles(DocumentPart):
     remarks: Items[str] = Field(description="what can't be told, and why")
 
 
-class CyclesFindings(DeclaredUnits):
+class CyclesFindings(StudyFindings, DeclaredUnits):
     """What a study of cycles found."""
 
     schema_: Literal["sma-bayes/cycles/1"] = Field(alias="schema", description="name and version")
-    campaign: str = Field(description="name of the campaign")
-    source: str = Field(description="folder or file of the campaign")
-    seed: int = Field(description="decides every draw")
     options: CyclesOptions = Field(description="what was asked for")
     temperature_unit: str = Field(description="unit of temperatures")
     specimen: bool = Field(
         description="whether stress, strain and modulus stand for force, displacement and stiffness"
     )
-    versions: dict[str, str] = Field(description="of what computed it")
-    data_sha256: str = Field(description="checksum of declaration and data files")
     converged: bool = Field(description="whether all common curves have settled")
     conditions: Items[ConditionCycles] = Field(description="one for each condition with two cycles or more")
     left_out: Items[str] = Field(description="conditions that have fewer, in words")

@@ -16,14 +16,13 @@ from sma_bayes.errors import MeasurementError, SmaBayesError
 from sma_bayes.fitting.curves import INTERVAL, as_interval, interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import unit_text
-from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.declared_units import declared_parts, shown_as, shown_units
 from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.jobs import run
-from sma_bayes.runs.schema import FindingDocument, IntervalDocument, interval_document
+from sma_bayes.runs.schema import IntervalDocument, interval_document
 from sma_bayes.runs.store import or_nan, write_csv
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.cycles.laws import EARNED, FORMS, NONE, PACES
@@ -49,7 +48,7 @@ from sma_bayes.studies.cycles.study import (
     quantities,
 )
 from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand, fit_strand, sweeps_of
-from sma_bayes.studies.identity import all_versions, run_identity
+from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import FitOptions, model_named, prior_set
 from sma_bayes.studies.run_context import RunContext
 
@@ -150,19 +149,14 @@ def cycles(
             write_csv(folder / "quantities.csv", quantity_columns(found))
         return CyclesFindings(
             schema="sma-bayes/cycles/1",
-            campaign=campaign.name,
-            source=campaign.source,
-            seed=seed,
             options=stated,
             temperature_unit=unit,
             specimen=campaign.records[0].specimen,
             **declared_parts(campaign.records),
-            versions=all_versions(),
-            data_sha256=campaign.sha256,
+            **of_campaign(campaign, seed),
             converged=all(c.converged for one in found for c in one.curves),
             conditions=tuple(found),
             left_out=tuple(left_out),
-            findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
         )
 
     with threadpool_limits(limits=1):

@@ -17,6 +17,7 @@ from sma_bayes.runs.schema import (
     Number,
     NumberOrNull,
     RunAccount,
+    StudyFindings,
 )
 
 Status = Literal["named", "rejected", "untestable"]
@@ -477,26 +478,21 @@ class Versioned(DocumentPart):
     schema_: Literal["sma-bayes/gap/1"] = Field(alias="schema", description="name and version")
 
 
-class GapFindings(GapOfModel, Versioned, DeclaredUnits):
+class GapFindings(GapOfModel, Versioned, StudyFindings, DeclaredUnits):
     """What a gap study found: of the response (force, displacement, stiffness given temperature) at the top."""
 
     heating: HeatingFindings | None = Field(
         description="findings of the heat balance; null where temperature is no outcome"
     )
-    campaign: str = Field(description="name of the campaign")
-    source: str = Field(description="where its measurements come from")
     data_dir: str | None = Field(
         default=None, description="folder of the data, only where `--data` was given"
     )
-    seed: int = Field(description="decides every draw")
     model: str = Field(description="response model")
     model_choice: ModelChoiceDocument | None = Field(
         description="of `--model auto`: why the model, over all records; else null"
     )
     pool: str = Field(description="`none` or `campaign`")
     priors: str = Field(description="title of the priors")
-    versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
-    data_sha256: str = Field(description="SHA-256 of the measurements")
     cautions: Items[str] = Field(description="sentences: what speaks against the verdict")
     remarks: Items[str] = Field(
         description="sentences: what was left out of the study, and why; by how much temperatures were smoothed"

@@ -14,13 +14,12 @@ from sma_bayes.errors import SmaBayesError
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, silent
-from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign
 from sma_bayes.report.choice import REPORT, Drawn, figures_for
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import GAP
-from sma_bayes.runs.schema import FindingDocument, ModelChoiceDocument
+from sma_bayes.runs.schema import ModelChoiceDocument
 from sma_bayes.runs.store import write_text
 from sma_bayes.studies.gap.cautions import cautions
 from sma_bayes.studies.gap.check import Comparable, comparable, smoothing_remarks
@@ -29,7 +28,7 @@ from sma_bayes.studies.gap.outcome import STAGES, gap_outcome
 from sma_bayes.studies.gap.schema import GapFindings
 from sma_bayes.studies.gap.shown import part_in_declared_units
 from sma_bayes.studies.gap.store import write_study
-from sma_bayes.studies.identity import all_versions, run_identity
+from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_call, groups_of, prior_set
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
@@ -129,19 +128,14 @@ def _studied(
         schema="sma-bayes/gap/1",
         **dict(response),
         heating=None if heated is None else heat_balance(heated, units),
-        campaign=campaign.name,
-        source=campaign.source,
-        seed=options.seed,
         model=chosen.model,
         model_choice=None if choice is None else ModelChoiceDocument(**asdict(choice)),
         pool=options.pool,
         priors=options.priors.title,
-        versions=all_versions(),
-        data_sha256=campaign.sha256,
+        **of_campaign(campaign, options.seed),
         **declared_parts(campaign.records),
         cautions=tuple(cautions(part_in_declared_units(response, units))),
         remarks=(*can.remarks, *smoothed),
-        findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
     )
     if campaign.data_dir:
         found = found.model_copy(update={"data_dir": campaign.data_dir})

@@ -16,6 +16,7 @@ from sma_bayes.runs.schema import (
     Number,
     NumberOrNull,
     RunAccount,
+    StudyFindings,
 )
 
 
@@ -151,17 +152,12 @@ class RivalPair(DocumentPart):
     told_apart: bool = Field(description="whether these tell them apart already")
 
 
-class PlanFindings(DeclaredUnits):
+class PlanFindings(StudyFindings, DeclaredUnits):
     """What is asked, what is known, and what each candidate is expected to tell."""
 
     schema_: Literal["sma-bayes/plan/1"] = Field(alias="schema", description="name and version")
-    campaign: str = Field(description="name of the campaign")
-    source: str = Field(description="folder of the run")
     asked: str = Field(description="what was asked for")
     kind: Literal["quantity", "parameters", "tell-apart"] = Field(description="what kind of question it is")
-    seed: int = Field(description="decides about which draws curves are linearised")
-    versions: dict[str, str] = Field(description="of Python, this package and what it computes with")
-    data_sha256: str | None = Field(description="SHA-256 of the measurements")
     converged: bool = Field(description="whether the fits that it stands on did")
     temperature_unit: str = Field(description="unit of temperatures")
     available: NumberOrNull = Field(description="hours that there are; null where they were not told [h]")

@@ -15,7 +15,7 @@ from sma_bayes.errors import SmaBayesError
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.studies.gap.schema import GapDocument
-from sma_bayes.studies.identity import all_versions
+from sma_bayes.studies.identity import of_fit
 from sma_bayes.studies.plan.apart import Discrimination, Prospect, further, told_apart
 from sma_bayes.studies.plan.asked import TELL_APART
 from sma_bayes.studies.plan.candidates import (
@@ -91,13 +91,9 @@ def planned_apart(
     judged.sort(key=lambda x: _place(x[0], likely(x[1])))
     found = PlanFindings(
         schema="sma-bayes/plan/1",
-        campaign=gap.campaign,
-        source=str(source),
         asked=TELL_APART,
         kind="tell-apart",
-        seed=o.seed,
-        versions=all_versions(),
-        data_sha256=gap.data_sha256,
+        **of_fit(gap, source, o.seed),
         converged=gap.converged,
         temperature_unit=campaign.records[0].units["temperature"],
         available=o.hours,

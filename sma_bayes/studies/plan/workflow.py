@@ -30,7 +30,7 @@ from sma_bayes.runs.documents import FIT, GAP, PLAN
 from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRun, read_run
 from sma_bayes.runs.stored_draws import draws_of
-from sma_bayes.studies.identity import all_versions, fit_identity, study_identity
+from sma_bayes.studies.identity import fit_identity, of_fit, study_identity
 from sma_bayes.studies.plan.asked import PARAMETERS, TELL_APART, Asked, able, parse_asked
 from sma_bayes.studies.plan.candidates import (
     CYCLES,
@@ -275,13 +275,9 @@ def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext)
     shown = shown_units(summary.records)
     found = PlanFindings(
         schema="sma-bayes/plan/1",
-        campaign=summary.campaign,
-        source=str(q.run.folder),
         asked=q.asked.text,
         kind="parameters" if q.asked.name == PARAMETERS else "quantity",
-        seed=o.seed,
-        versions=all_versions(),
-        data_sha256=summary.data_sha256,
+        **of_fit(summary, q.run.folder, o.seed),
         converged=all(r.converged for r in q.chosen),
         temperature_unit=unit,
         available=o.hours,

@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
-from sma_bayes.runs.schema import DocumentPart, Items, Number
+from sma_bayes.runs.schema import DocumentPart, Items, Number, StudyFindings
 
 
 class StatedStep(DocumentPart):
@@ -24,16 +24,11 @@ class StatedStep(DocumentPart):
     wall_s: Number = Field(description="time that it took [s]")
 
 
-class StudyDocument(DocumentPart):
+class StudyDocument(StudyFindings):
     """What `study.json` holds; it is written anew after each step."""
 
     schema_: Literal["sma-bayes/study/1"] = Field(alias="schema", description="name and version")
     study: str = Field(description="the study file")
-    campaign: str = Field(description="name of the campaign")
-    source: str = Field(description="where its measurements come from")
-    seed: int = Field(description="decides every draw")
-    versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
-    data_sha256: str = Field(description="SHA-256 of the measurements")
     finished: bool = Field(description="whether all steps have been run")
     converged: bool = Field(description="whether all are done and converged")
     exit_status: int = Field(description="the worst of their statuses")

@@ -15,6 +15,7 @@ from sma_bayes.runs.schema import (
     Number,
     NumberOrNull,
     RunAccount,
+    StudyFindings,
 )
 
 CONFLICT: Final = "prior-data conflict"
@@ -157,16 +158,11 @@ class Thresholds(DocumentPart):
     pareto_k: Number = Field(description="Pareto k above which weights are not relied on [1]")
 
 
-class SensitivityFindings(DeclaredUnits):
+class SensitivityFindings(StudyFindings, DeclaredUnits):
     """What the numbers of a fit rest on."""
 
     schema_: Literal["sma-bayes/sensitivity/1"] = Field(alias="schema", description="name and version")
-    campaign: str = Field(description="name of the campaign")
-    source: str = Field(description="folder of the fit")
-    seed: int = Field(description="decides fits made anew and weights of the bootstrap")
     at: Items[str] = Field(description="temperatures, as they were given; empty where none was")
-    versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
-    data_sha256: str | None = Field(description="SHA-256 of the measurements; null of a fit in memory")
     converged: bool = Field(description="whether all records did")
     thresholds: Thresholds = Field(description="from which values on something is said")
     records: Items[RecordSensitivity] = Field(description="one for each condition and branch")

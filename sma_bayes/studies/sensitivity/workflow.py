@@ -21,7 +21,7 @@ from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.sampling.pareto import RELIABLE
 from sma_bayes.sampling.power_scaling import THRESHOLD
 from sma_bayes.studies.ask.workflow import FitSource, asked_temperature
-from sma_bayes.studies.identity import all_versions, fit_identity
+from sma_bayes.studies.identity import fit_identity, of_fit
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.sensitivity.quantities import stated_temperatures
 from sma_bayes.studies.sensitivity.schema import RecordSensitivity, SensitivityFindings, Thresholds
@@ -158,12 +158,8 @@ def find(
             write_csv(folder / "readings" / f"{one.found.key}.csv", one.readings)
     return SensitivityFindings(
         schema="sma-bayes/sensitivity/1",
-        campaign=summary.campaign,
-        source=str(source.folder),
-        seed=seed,
         at=tuple(at),
-        versions=all_versions(),
-        data_sha256=summary.data_sha256,
+        **of_fit(summary, source.folder, seed),
         converged=all(r.converged for r in found),
         thresholds=Thresholds(sensitivity=THRESHOLD, pareto_k=RELIABLE),
         records=tuple(found),

@@ -16,6 +16,7 @@ from sma_bayes.runs.schema import (
     Number,
     NumberOrNull,
     RunAccount,
+    StudyFindings,
 )
 from sma_bayes.studies.gap.schema import HeatParameter
 
@@ -187,17 +188,12 @@ class StatedProfile(DocumentPart):
     sha256: str = Field(description="SHA-256 of its values")
 
 
-class SimulationFindings(DeclaredUnits):
+class SimulationFindings(StudyFindings, DeclaredUnits):
     """What a simulation found."""
 
     schema_: Literal["sma-bayes/simulation/1"] = Field(alias="schema", description="name and version")
-    campaign: str = Field(description="name of the campaign")
-    source: str = Field(description="folder of the fit")
-    seed: int = Field(description="decides every draw")
     draws: int = Field(description="number of draws")
     rule: str = Field(description="of minor loops: `proportional` or `play`")
-    versions: dict[str, str] = Field(description="versions of Python and of packages, by name")
-    data_sha256: str | None = Field(description="SHA-256 of the measurements")
     converged: bool = Field(description="whether the fits that were used did")
     adequate: bool = Field(description="whether their curves and noise describe the data")
     balance: StatedBalance = Field(description="the heat balance")

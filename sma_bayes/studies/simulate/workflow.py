@@ -29,7 +29,7 @@ from sma_bayes.runs.store import write_csv
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.ask.workflow import PROBABILITY, TOLERANCE, asked_temperature, wanted_value
 from sma_bayes.studies.gap.heating import heat_parameter, heat_parameters
-from sma_bayes.studies.identity import all_versions, fit_identity
+from sma_bayes.studies.identity import fit_identity, of_fit
 from sma_bayes.studies.options import Pool
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.simulate.balance import FittedBalance, HeatBalance, fitted_balance
@@ -345,13 +345,9 @@ def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) ->
     w = q.wanted
     return SimulationFindings(
         schema="sma-bayes/simulation/1",
-        campaign=q.run.summary.campaign,
-        source=str(q.run.folder),
-        seed=q.seed,
         draws=q.draws,
         rule=q.rule,
-        versions=all_versions(),
-        data_sha256=q.run.summary.data_sha256,
+        **of_fit(q.run.summary, q.run.folder, q.seed),
         converged=all(r.converged for r in records),
         adequate=all(r.adequate for r in records),
         **declared_parts(records),
