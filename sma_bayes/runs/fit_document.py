@@ -15,6 +15,7 @@ from sma_bayes.runs.schema import (
     DocumentPart,
     Factor,
     FindingDocument,
+    IntervalDocument,
     Items,
     ModelChoiceDocument,
     Number,
@@ -31,9 +32,6 @@ CHECK_TAIL: Final = 0.01
 """A predictive check counts as failed where its p-value is below this, or above one less this."""
 
 
-Q05 = Annotated[NumberOrNull, Field(description="5 % quantile [unit]")]
-Median = Annotated[NumberOrNull, Field(description="median [unit]")]
-Q95 = Annotated[NumberOrNull, Field(description="95 % quantile [unit]")]
 Unit = Annotated[str, Field(description="unit of its numbers")]
 
 
@@ -99,14 +97,11 @@ class ReasonSummary(DocumentPart):
     message: str = Field(description="the reason in words")
 
 
-class NearestSummary(DocumentPart):
+class NearestSummary(IntervalDocument):
     """A parameter of the published curve nearest to the fitted one: least mean square where it was measured."""
 
     unit: Unit
     channel: str = Field(description="that it belongs to")
-    q05: Q05
-    median: Median
-    q95: Q95
     defined: Number = Field(description="share of the draws that have one [1]")
 
 
@@ -135,9 +130,9 @@ class ParameterSummary(DocumentPart):
     warm_start_sd: NumberOrNull = Field(default=None, description="its standard deviation [unit]")
     mean: NumberOrNull = Field(default=None, description="mean [unit]")
     sd: NumberOrNull = Field(default=None, description="standard deviation [unit]")
-    q05: Q05 = None
-    median: Median = None
-    q95: Q95 = None
+    q05: NumberOrNull = Field(default=None, description="5 % quantile [unit]")
+    median: NumberOrNull = Field(default=None, description="median [unit]")
+    q95: NumberOrNull = Field(default=None, description="95 % quantile [unit]")
     rhat: NumberOrNull = Field(default=None, description="R-hat; null where fixed [1]")
     ess_bulk: NumberOrNull = Field(
         default=None, description="bulk effective sample size; null where fixed [1]"
@@ -210,7 +205,7 @@ class PathSummary(DocumentPart):
     message: str = Field(default="", description="in words")
 
 
-class QuantitySummary(DocumentPart):
+class QuantitySummary(IntervalDocument):
     """A quantity of a branch, or of the loop that both branches make."""
 
     name: str = Field(description="such as `greatest_stiffness`, `hysteresis_width`, `loop_area`")
@@ -218,9 +213,6 @@ class QuantitySummary(DocumentPart):
     branch: str = Field(default="", description="empty where both make it")
     channel: str = Field(description="of whose curve it is")
     unit: Unit
-    q05: Q05
-    median: Median
-    q95: Q95
     meaning: str = Field(default="", description="in words")
     negative: bool = Field(
         default=False,
@@ -229,15 +221,12 @@ class QuantitySummary(DocumentPart):
     )
 
 
-class TransformationSummary(DocumentPart):
+class TransformationSummary(IntervalDocument):
     """Start or finish of the transformation by the tangent rule."""
 
     unit: Unit
     meaning: str = Field(default="", description="in words")
     channel: str = Field(description="whose curve was used")
-    q05: Q05
-    median: Median
-    q95: Q95
     within_data: bool = Field(
         description="false where the measurements do not support both tangents: the value is extrapolated"
     )
@@ -258,8 +247,8 @@ class CheckSummary(DocumentPart):
     channel: str = Field(description="whose residuals")
     statistic: str = Field(description="name of the statistic")
     measured: NumberOrNull = Field(description="median over the posterior [1]")
-    q05: Q05
-    q95: Q95
+    q05: NumberOrNull = Field(description="5 % quantile of replicated data [1]")
+    q95: NumberOrNull = Field(description="95 % quantile of replicated data [1]")
     p_value: Number = Field(description="share of the replications that exceed the measurement [1]")
     meaning: str = Field(default="", description="what it would show")
 

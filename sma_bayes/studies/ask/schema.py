@@ -17,16 +17,11 @@ class CredibleInterval(DocumentPart):
     high: NumberOrNull = Field(description="upper end")
 
 
-class PassageBegin(DocumentPart):
-    """How curves pass the value."""
+class StatedPassage(CredibleInterval):
+    """A temperature at which curves pass the value [`temperature_unit`]."""
 
     direction: Literal["rising", "falling"] = Field(description="`rising` or `falling`")
     probability: Number = Field(description="share of the curves that do [1]")
-
-
-class StatedPassage(CredibleInterval, PassageBegin):
-    """A temperature at which curves pass the value [`temperature_unit`]."""
-
     extrapolated: bool = Field(description="whether the interval leaves the measured temperatures")
 
 

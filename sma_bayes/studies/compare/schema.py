@@ -94,16 +94,12 @@ class StatedDraws(DocumentPart):
     pareto_k: NumberOrNull = Field(description="Pareto k of their weights")
 
 
-class ParameterOfModel(DocumentPart):
-    """Which parameter it is."""
+class StatedParameter(IntervalDocument):
+    """A parameter of a model, in its unit."""
 
     unit: str = Field(description="its unit")
     meaning: str = Field(description="what it is")
     fixed: bool = Field(description="whether it is not estimated")
-
-
-class StatedParameter(IntervalDocument, ParameterOfModel):
-    """A parameter of a model, in its unit."""
 
 
 class ComparedModel(DocumentPart):
@@ -174,8 +170,8 @@ class StatedFolds(DocumentPart):
     folds: Items[str] = Field(description="each in words")
 
 
-class ComparedWith(DocumentPart):
-    """What models were compared on."""
+class ComparedRecord(StatedVerdict):
+    """A comparison on one record of one channel."""
 
     condition: str = Field(description="id of the condition; `all` with `--pool campaign`")
     branch: str = Field(description="`heating` or `cooling`")
@@ -190,11 +186,6 @@ class ComparedWith(DocumentPart):
     discrepancy: bool = Field(description="whether a discrepancy stands beside all models")
     memory: Number = Field(description="samples that count as one under `effective_samples`, else 1 [1]")
     held_out: StatedFolds = Field(description="what was held out")
-
-
-class ComparedRecord(StatedVerdict, ComparedWith):
-    """A comparison on one record of one channel."""
-
     same_curve: Items[Items[str]] = Field(
         description="lists of models that are one curve under several names"
     )
@@ -221,18 +212,13 @@ class OverallModel(DocumentPart):
     correlation_average: OverallAverages = Field(description="average correlation factors")
 
 
-class OverallWith(DocumentPart):
-    """What is put together."""
+class Overall(StatedVerdict):
+    """The verdict over all records of a channel, each with parameters of its own."""
 
     channel: str = Field(description="the channel")
     quantity: str = Field(description="what it is called")
     unit: str = Field(description="its unit")
     records: Items[str] = Field(description="keys of the records")
-
-
-class Overall(StatedVerdict, OverallWith):
-    """The verdict over all records of a channel, each with parameters of its own."""
-
     models: dict[str, OverallModel] = Field(description="the models, by name")
     verdicts: dict[str, int] = Field(description="how many records had which verdict")
 

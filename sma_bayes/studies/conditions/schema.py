@@ -55,13 +55,6 @@ class StatedGroup(DocumentPart):
     )
 
 
-class BranchOfCondition(DocumentPart):
-    """Where it was found."""
-
-    condition: str = Field(description="id of the condition")
-    branch: str = Field(description="`heating` or `cooling`; `both` for the loop")
-
-
 class NamedFeature(DocumentPart):
     """Which number sums up a curve."""
 
@@ -70,9 +63,11 @@ class NamedFeature(DocumentPart):
     unit: str = Field(description="its unit")
 
 
-class StatedFeature(IntervalDocument, NamedFeature, BranchOfCondition):
+class StatedFeature(IntervalDocument, NamedFeature):
     """A number that sums up a curve."""
 
+    condition: str = Field(description="id of the condition")
+    branch: str = Field(description="`heating` or `cooling`; `both` for the loop")
     measured: bool = Field(description="whether it was measured, and has no posterior")
     at_edge: NumberOrNull = Field(
         description="of an extreme: probability that it lies at an end of the measured temperatures [1]"

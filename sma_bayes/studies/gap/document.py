@@ -221,24 +221,30 @@ def _effect(outcome: GapOutcome, effect: Effect) -> AddedEffect:
     beside = chosen.beside
     class_: dict[str, Any] = {"class": step.class_}
     return AddedEffect(
-        id=effect.id,
+        **dict(_refitted(chosen)),
         title=effect.title,
         equation=effect.equation,
         reference=effect.reference,
         round=place,
         **class_,
         probability=probability(step, chosen),
-        ln_bayes_factor=chosen.ln_bayes_factor,
-        guard=chosen.guard,
-        guard_covariate=chosen.guard_covariate,
-        ln_bayes_factor_beside=None if beside is None else beside.over,
-        share=None if beside is None else beside.carried,
         shape_apart=beside is not None and beside.shape_apart,
-        ln_bayes_factor_beyond_shape=None if beside is None else beside.beyond_shape,
-        one_stage=chosen.one_stage,
         remainder=None if beside is None else _remainder(beside),
         parameters=_parameters(outcome, effect),
         next_experiment=None if experiment is None else str(experiment),
+    )
+
+
+def _refitted(c: Candidate) -> RefittedCandidate:
+    return RefittedCandidate(
+        id=c.effect.id,
+        ln_bayes_factor=c.ln_bayes_factor,
+        guard=c.guard,
+        guard_covariate=c.guard_covariate,
+        ln_bayes_factor_beside=None if c.beside is None else c.beside.over,
+        share=None if c.beside is None else c.beside.carried,
+        ln_bayes_factor_beyond_shape=None if c.beside is None else c.beside.beyond_shape,
+        one_stage=c.one_stage,
     )
 
 
@@ -322,20 +328,7 @@ def _round(step: Step) -> StatedRound:
         flexible=tuple(_flexible(g) for g in step.look.gains[:5]),
         added=None if step.chosen is None else step.chosen.effect.id,
         **class_,
-        candidates=tuple(
-            RefittedCandidate(
-                id=c.effect.id,
-                ln_bayes_factor=c.ln_bayes_factor,
-                guard=c.guard,
-                guard_covariate=c.guard_covariate,
-                ln_bayes_factor_beside=None if c.beside is None else c.beside.over,
-                share=None if c.beside is None else c.beside.carried,
-                ln_bayes_factor_beyond_shape=None if c.beside is None else c.beside.beyond_shape,
-                one_stage=c.one_stage,
-            )
-            for c in step.candidates
-            if c.fitted is not None
-        ),
+        candidates=tuple(_refitted(c) for c in step.candidates if c.fitted is not None),
         shape=_shape(step.flexible),
     )
 

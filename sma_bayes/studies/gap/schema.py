@@ -126,10 +126,34 @@ class EffectParameter(IntervalDocument, QuantityInWords):
         return low > greatest or high < least
 
 
-class AddedEffect(DocumentPart):
-    """An effect that was added."""
+class RefittedCandidate(DocumentPart):
+    """A candidate that was refitted in a round."""
 
     id: str = Field(description="id in the catalogue")
+    ln_bayes_factor: Number = Field(
+        description="of the model with it over that without, in the round in which it was judged [1]"
+    )
+    guard: NumberOrNull = Field(
+        description="ln Bayes factor of the best flexible term in its place; null where none contains its signature"
+    )
+    guard_covariate: str = Field(description="covariate of which that term is a function")
+    ln_bayes_factor_beside: NumberOrNull = Field(
+        description="of the effect with the best flexible term on top of it over the best one alone; null where it "
+        "was not looked for [1]"
+    )
+    share: NumberOrNull = Field(description="share of the effect in what it and that term explain [1]")
+    ln_bayes_factor_beyond_shape: NumberOrNull = Field(
+        description="of the effect where the curve is free to have any shape, with the effect as without [1]"
+    )
+    one_stage: NumberOrNull = Field(
+        description="ln Bayes factor of the best shape of a curve of one stage in its place; null where the effect "
+        "does not hang on it [1]"
+    )
+
+
+class AddedEffect(RefittedCandidate):
+    """An effect that was added."""
+
     title: str = Field(description="what it is")
     equation: str = Field(description="its equation")
     reference: str = Field(description="where form and range come from")
@@ -141,26 +165,7 @@ class AddedEffect(DocumentPart):
         description="posterior probability among the effects that could be tested, flexible terms and nothing, when "
         "it was added [1]"
     )
-    ln_bayes_factor: Number = Field(
-        description="of the model with it over that without, when it was added [1]"
-    )
-    guard: NumberOrNull = Field(
-        description="ln Bayes factor of the best flexible term in its place; null where none contains its signature"
-    )
-    guard_covariate: str = Field(description="covariate of which that term is a function")
-    ln_bayes_factor_beside: NumberOrNull = Field(
-        description="of the effect with the best flexible term on top of it over the best one alone; null where it "
-        "was not looked for [1]"
-    )
-    share: NumberOrNull = Field(description="share of the effect in what it and that term explain [1]")
     shape_apart: bool = Field(description="whether both are beside a curve that is free to have any shape")
-    ln_bayes_factor_beyond_shape: NumberOrNull = Field(
-        description="of the effect where the curve is free to have any shape, with the effect as without [1]"
-    )
-    one_stage: NumberOrNull = Field(
-        description="ln Bayes factor of the best shape of a curve of one stage in its place; null where the effect "
-        "does not hang on it [1]"
-    )
     remainder: RemainderBeside | None = Field(
         description="the best flexible term on top of the effect; null where there is none"
     )
@@ -193,26 +198,6 @@ class JudgedCandidate(DocumentPart):
     status: Status = Field(description="`named`, `rejected` or `untestable`")
     why: str = Field(description="the reason in words")
     unmet: Items[str] = Field(description="needs of the effect that are not met")
-
-
-class RefittedCandidate(DocumentPart):
-    """A candidate that was refitted in a round."""
-
-    id: str = Field(description="id in the catalogue")
-    ln_bayes_factor: NumberOrNull = Field(description="over the model of the round [1]")
-    guard: NumberOrNull = Field(description="ln Bayes factor of the best flexible term in its place [1]")
-    guard_covariate: str = Field(description="covariate of which that term is a function")
-    ln_bayes_factor_beside: NumberOrNull = Field(
-        description="of the effect with the best flexible term on top over the best one alone [1]"
-    )
-    share: NumberOrNull = Field(description="share of the effect in what it and that term explain [1]")
-    ln_bayes_factor_beyond_shape: NumberOrNull = Field(
-        description="of the effect where the curve is free to have any shape, with the effect as without [1]"
-    )
-    one_stage: NumberOrNull = Field(
-        description="ln Bayes factor of the best shape of a curve of one stage in its place; null where the effect "
-        "does not hang on it [1]"
-    )
 
 
 class StatedRound(DocumentPart):
@@ -472,15 +457,10 @@ class HeatingFindings(GapOfModel):
     cautions: Items[str] = Field(description="sentences: what speaks against the verdict")
 
 
-class Versioned(DocumentPart):
-    """Which document it is."""
-
-    schema_: Literal["sma-bayes/gap/1"] = Field(alias="schema", description="name and version")
-
-
-class GapFindings(GapOfModel, Versioned, StudyFindings, DeclaredUnits):
+class GapFindings(GapOfModel, StudyFindings, DeclaredUnits):
     """What a gap study found: of the response (force, displacement, stiffness given temperature) at the top."""
 
+    schema_: Literal["sma-bayes/gap/1"] = Field(alias="schema", description="name and version")
     heating: HeatingFindings | None = Field(
         description="findings of the heat balance; null where temperature is no outcome"
     )
