@@ -9,7 +9,6 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.quantities import quantity_of
 from sma_bayes.runs.declared_units import Shown, in_unit, shown_as, shown_columns, units_of
-from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
     LeftOutCurve,
@@ -82,13 +81,12 @@ def _effect(e: StatedEffect, units: Shown, specimen: bool) -> StatedEffect:
             "from_": setting.value(e.from_),
             "to": setting.value(e.to),
             "unit": u.shown,
-            **{n: None if v is None else in_unit(v, u) for n, v in _changes(e).items()},
+            **{
+                name: None if change is None else in_unit(change, u)
+                for name, change in (("tested", e.tested), ("beyond", e.beyond), ("scatter", e.scatter))
+            },
         }
     )
-
-
-def _changes(e: StatedEffect) -> dict[str, IntervalDocument | None]:
-    return {"tested": e.tested, "beyond": e.beyond, "scatter": e.scatter}
 
 
 def _population(p: StatedPopulation, units: Shown, specimen: bool) -> StatedPopulation:

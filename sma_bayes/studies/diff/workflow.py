@@ -77,17 +77,12 @@ def diff(
         b=str(b),
         tolerance=tolerance,
         same=all(r.same for r in compared),
-        inputs=_inputs(runs),
+        inputs=_different(*map(_stated, runs)),
         converged=tuple(run.summary.converged for run in runs),
         adequate=tuple(run.summary.adequate for run in runs),
         records=tuple(compared),
         **declared_parts(everything),
     ).as_json()
-
-
-def _inputs(runs: Sequence[StoredRun]) -> dict[str, tuple[Any, Any]]:
-    """What went in differently: of each key that differs what either run had."""
-    return _different(*map(_stated, runs))
 
 
 def _different(

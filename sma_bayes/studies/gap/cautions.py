@@ -34,7 +34,13 @@ def cautions(found: GapOfModel) -> list[str]:
                 f"{e.id}: the posterior of {', '.join(far)} lies outside the range that the literature gives. A "
                 "form that fits only with improbable numbers may be standing in for something else."
             )
-    return [*out, *_about_sweeps(found), *_about_suspects(found), *_about_noise(found)]
+    return [
+        *out,
+        *_about_sweeps(found),
+        *_about_suspects(found),
+        *_about_memory(found),
+        *_about_spectrum(found),
+    ]
 
 
 OF_CYCLES = ("training", "training_drift", "amplitude_fatigue")
@@ -138,11 +144,6 @@ def _about_choosing(chosen: Sequence[Sequence[str]], effects: Sequence[AddedEffe
         f"Without a part of the measurements another choice was made in {len(unlike)} of {len(chosen)} cases, so the "
         "choice hangs on few of them."
     ]
-
-
-def _about_noise(found: GapOfModel) -> list[str]:
-    """Whether misfit is likely to be in the noise, and whether its spectrum is that of its model."""
-    return [*_about_memory(found), *_about_spectrum(found)]
 
 
 def _about_spectrum(found: GapOfModel) -> list[str]:

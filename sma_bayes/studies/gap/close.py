@@ -201,18 +201,16 @@ def close(
     masks, named = folds_of(study.baseline.hypothesis.histories, pooled=pooled)
     folds = [Fold(study, effects, out, (seed, 11, i)) for i, out in enumerate(masks)]
     found = list(run(predict_fold, folds, jobs, account=account, stage="hold_out"))
-    channels = {c: _channel_gap(np.sum([f.channels[c] for f in found], axis=0)) for c in found[0].channels}
+    sums = {c: np.sum([f.channels[c] for f in found], axis=0) for c in found[0].channels}
+    channels = {
+        c: ChannelGap(*np.sqrt(own[1:] / max(float(own[0]), 1.0)).tolist()) for c, own in sums.items()
+    }
     count = sum(float(f.channels[c][0]) for f in found for c in f.channels)
     rms = np.sqrt(np.sum([f.squares for f in found], axis=0) / max(count, 1.0))
     floor = min(float(rms[1]), float(rms[2]))
     if study.left.p_value <= SIGNIFICANT:
         floor = min(floor, NOISE_ALONE)
     return Gap(float(rms[0]), float(rms[1]), floor, named, tuple(f.chosen for f in found), channels)
-
-
-def _channel_gap(sums: Floats) -> ChannelGap:
-    """From what is summed over folds, as of `Predicted.channels`."""
-    return ChannelGap(*np.sqrt(sums[1:] / max(float(sums[0]), 1.0)).tolist())
 
 
 def predict_fold(fold: Fold) -> Predicted:

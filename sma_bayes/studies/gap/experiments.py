@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.records.history import History
 from sma_bayes.studies.gap.fitting import FittedHypothesis, held_at
 
 Inputs = Mapping[str, Floats]
@@ -143,7 +142,7 @@ def _separation(truth: FittedHypothesis, rival: FittedHypothesis, design: Experi
     """How far a rival stays from what the first hypothesis predicts for old and new samples together."""
     histories = truth.hypothesis.histories
     further = [replace(h, inputs=_continued(design.inputs(h.inputs))) for h in histories]
-    doubled = [_both(f.hypothesis.histories, further) for f in (truth, rival)]
+    doubled = [(*f.hypothesis.histories, *further) for f in (truth, rival)]
     hypotheses = [
         replace(f.hypothesis, histories=h, layout=f.hypothesis.layout * 2)
         for f, h in zip((truth, rival), doubled, strict=True)
@@ -155,10 +154,6 @@ def _separation(truth: FittedHypothesis, rival: FittedHypothesis, design: Experi
     noise = rival.noise * 2
     fitted = held_at(replace(hypotheses[1], histories=tuple(predicted)), rival.z, noise)
     return float(np.linalg.norm(fitted.project_out(fitted.whitened[:, None])))
-
-
-def _both(old: Sequence[History], new: Sequence[History]) -> tuple[History, ...]:
-    return (*old, *new)
 
 
 def _continued(inputs: dict[str, Floats]) -> dict[str, Floats]:

@@ -17,7 +17,6 @@ from sma_bayes.studies.gap.schema import (
     EffectParameter,
     GapDocument,
     GapOfModel,
-    HeatParameter,
     StatedChannelGap,
     StatedDisagreement,
     StatedNoise,
@@ -48,7 +47,10 @@ def in_declared_units(found: GapDocument) -> GapDocument:
     heating = found.heating
     if heating is not None:
         heating = part_in_declared_units(heating, units)
-        parameters = {n: _heat_parameter(p, units) for n, p in heating.parameters.items()}
+        parameters = {
+            n: in_unit(p, shown_as(p.unit, units) if p.unit == "degC" else shown_product(p.unit, units))
+            for n, p in heating.parameters.items()
+        }
         heating = heating.model_copy(update={"parameters": parameters})
     return part_in_declared_units(found, units).model_copy(update={"heating": heating})
 
@@ -112,10 +114,6 @@ def _parameter(p: EffectParameter, units: Shown) -> EffectParameter:
     u = shown_product(p.unit, units)
     ends = {n: float(v) * u.factor for n, v in p.prior.items() if n in ("q05", "median", "q95")}
     return in_unit(p, u).model_copy(update={"prior": p.prior | ends})
-
-
-def _heat_parameter(p: HeatParameter, units: Shown) -> HeatParameter:
-    return in_unit(p, shown_as(p.unit, units) if p.unit == "degC" else shown_product(p.unit, units))
 
 
 def study_in_declared_units(study: StoredStudy) -> StoredStudy:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import permutations
 from typing import Final
 
@@ -30,7 +31,6 @@ from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import SLOPED, curves
 from sma_bayes.effects.types import Inputs, Response
 from sma_bayes.records.history import History
-from sma_bayes.response.simulation import Simulation
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.schema import StatedLaw, StatedSuspect
 from sma_bayes.studies.gap.study import heat_balance
@@ -116,16 +116,12 @@ def sweep_numbers(fitted: FittedHypothesis, *, reference: int | None = None) -> 
             if hypothesis.simulation.sloped:
                 inputs[SLOPED] = np.ones(1)
             values, sds = _affine(
-                _response(hypothesis.simulation, theta), inputs, h.observed[channel][on], channel
+                partial(hypothesis.simulation.predict, theta), inputs, h.observed[channel][on], channel
             )
             branch = "heating" if inputs["branch"][0] > 0.0 else "cooling"
             cycle = float(np.median(inputs["cycle"]))
             out.append(SweepNumbers(h.condition.id, branch, channel, cycle, values, sds))
     return out
-
-
-def _response(simulation: Simulation, theta: Floats) -> Response:
-    return lambda inputs: simulation.predict(theta, inputs)
 
 
 def _sweeps(history: History) -> Iterator[NDArray[np.intp]]:

@@ -192,12 +192,8 @@ class CurveTable:
     def where(self, share: Floats) -> Floats:
         """Temperature at which the curve has a share, of each draw, shape (S,) or (S, m)."""
         odds = logit(np.clip(share, 1e-12, 1.0 - 1e-12))
-        return _looked_up(self._places, (odds + ODDS) / ODDS_STEP)
-
-
-def _looked_up(table: Floats, place: Floats) -> Floats:
-    """Values of a table (S, k) at places between its columns, of each draw, (S,) or (S, m); at its ends beyond."""
-    return _between(table, place, _rows(len(table), place))
+        place = (odds + ODDS) / ODDS_STEP
+        return _between(self._places, place, _rows(len(self._places), place))
 
 
 def _rows(draws: int, place: Floats) -> Ints:

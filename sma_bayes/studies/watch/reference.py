@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.arrays import Bools, Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.studies.cycles.laws import FORMS, NONE, PACES, POWERS, LawPosterior, Series, approach
@@ -147,7 +147,7 @@ def reference_of(records: Sequence[Record], model: Mapping[str, str], seed: int)
             "no cycle of the fit has a sweep of every branch", expected="at least one whole cycle"
         )
     strands = [fit_strand(r, channel, cycle, model[r.key], seed) for r, channel, cycle in found]
-    numbers = tuple(tuple(_numbers(s, _sweep(s, s.cycle == c), fitted=True) for c in common) for s in strands)
+    numbers = tuple(tuple(_numbers(s, s.part(s.cycle == c)[0], fitted=True) for c in common) for s in strands)
     law, paces = _law(strands, np.array(common), numbers)
     return Reference(
         tuple(strands), np.array(common), numbers, law, paces, (*remarks, *_told(len(common), law))
@@ -165,10 +165,6 @@ def _told(fitted: int, law: str) -> list[str]:
         [f"the fitted cycles train ({law}): that this goes on counts as no change"] if law != NONE else []
     )
     return few + trained
-
-
-def _sweep(strand: Strand, kept: Bools) -> Record:
-    return strand.part(kept)[0]
 
 
 def _numbers(strand: Strand, sweep: Record, *, fitted: bool = False) -> MeasuredNumbers:

@@ -41,6 +41,7 @@ NORMAL: Final = 0.975
 LOG10: Final = float(np.log(10.0))
 STRETCHES: Final = ("gain", "stroke", "width")
 """Amounts that are changes of a logarithm."""
+NO_CHANGE: Final = ChangeDocument(verdict="none", causes=(), statement="no change that needs a name")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +90,7 @@ def judged(
     began = None if at is None else _began(watched, evidence, needed + np.log(series))
     numbers = _numbers(reference, watched, evidence, began, needed + np.log(series))
     greatest = float(total.max(initial=0.0))
-    change = _no_change() if began is None else _change(reference, began, units)
+    change = NO_CHANGE if began is None else _change(reference, began, units)
     alarm = None
     if at is not None and began is not None:
         alarm = AlarmDocument(
@@ -186,10 +187,6 @@ def _physical(strand: Strand, number: int, value: Floats) -> Floats:
         if name == "shift":
             return value
         return np.asarray(np.exp(value) * (1.0 if name == "width" else strand.span))
-
-
-def _no_change() -> ChangeDocument:
-    return ChangeDocument(verdict="none", causes=(), statement="no change that needs a name")
 
 
 def _change(reference: Reference, began: _Began, units: Shown) -> ChangeDocument:

@@ -106,7 +106,10 @@ def numbers_figure(stored: StoredCycles, number: int) -> Drawing:
     """
     one = stored.found.conditions[number - 1]
     channels = list(dict.fromkeys(q.channel for q in one.quantities if q.name in NUMBERS))
-    rows = [[_of(one, name, channel) for name in NUMBERS] for channel in channels]
+    rows = [
+        [[q for q in one.quantities if q.name == name and q.channel == channel] for name in NUMBERS]
+        for channel in channels
+    ]
     caption = (
         f"Offset, stroke, shift and width of every sweep of {one.condition}: points are sweeps by themselves with "
         "their 90 % intervals, lines and bands pooled over cycles; the shaded part is forecast."
@@ -139,10 +142,6 @@ def values_figure(stored: StoredCycles, number: int) -> Drawing:
     return _against_cycle(
         one, rows, numbered("values", number), f"{one.condition}: values by cycle", caption, unit
     )
-
-
-def _of(one: ConditionCycles, name: str, channel: str) -> list[QuantityByCycle]:
-    return [q for q in one.quantities if q.name == name and q.channel == channel]
 
 
 def _against_cycle(
