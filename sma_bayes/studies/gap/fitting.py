@@ -321,7 +321,7 @@ class _PosteriorMode:
     def climb(self, z: Floats, noise: Noise, steps: int = MOST_STEPS, free: int | None = None) -> Floats:
         """Mode of the posterior at fixed noise in so many coordinates from the first on; the others stay.
 
-        Of the steps, each may be tried twice on average.
+        Two of the steps may fail without being counted.
         """
         count = z.size if free is None else free
 
@@ -349,7 +349,7 @@ class _PosteriorMode:
             ftol=2.0 * SETTLED / self.y.size,
             xtol=SMALLEST,
             gtol=SMALLEST,
-            max_nfev=2 * steps,
+            max_nfev=steps + 2,
         )
         return whole(np.asarray(found.x, dtype=float))
 
