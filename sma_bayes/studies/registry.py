@@ -3,7 +3,8 @@
 A verb's folder has a module `command` with a function `command`, of which typer makes the verb: its
 parameters are arguments and options, the first line of its docstring stands in the help. Where the verb writes a
 folder that has a report, a module `report` has `build_report`, see `sma_bayes.report.choice.ReportBuilder`. Where it
-declares what it writes or prints, a module `schema` has `DOCUMENTS`: by name, the type of each document.
+declares what it writes or prints, a module `schema` has `DOCUMENTS`: by name, the type of each document. Where it can
+be a step of a study, a module `workflow` has `STEP`, a `StudyStep`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from sma_bayes.report.choice import ReportBuilder
 
 if TYPE_CHECKING:
     from sma_bayes.runs.schema import DocumentPart
+    from sma_bayes.studies.study_step import StudyStep
 
 _SHIPPED: Final = (
     "demo",
@@ -76,6 +78,17 @@ def report_builder(verb: str) -> ReportBuilder:
     """
     build_report: ReportBuilder = _in_folder(verb, "report", "build_report")
     return build_report
+
+
+def study_steps() -> dict[str, StudyStep]:
+    """Verbs that can be steps of a study, in the order of the help."""
+    found = {}
+    for verb in VERBS:
+        place = f"{VERBS[verb].__name__}.workflow"
+        step = getattr(import_module(place), "STEP", None) if find_spec(place) else None
+        if step is not None:
+            found[verb] = step
+    return found
 
 
 def declared_documents() -> dict[str, type[DocumentPart]]:

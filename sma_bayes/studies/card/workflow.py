@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
+from pydantic import Field
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
@@ -48,6 +50,7 @@ from sma_bayes.studies.card.specimen import Loaded, Size, kelvin, loaded, modulu
 from sma_bayes.studies.card.stiffness import TabulatedStiffness, tabulated
 from sma_bayes.studies.identity import fit_identity, of_fit
 from sma_bayes.studies.run_context import RunContext
+from sma_bayes.studies.study_step import Checks, FromFitTable, StudyStep
 
 DRAWS: Final = 400
 POINTS: Final = 65
@@ -484,3 +487,30 @@ def _table_document(tables: Sequence[TabulatedStiffness], campaign: str, checksu
             for t in tables
         ),
     )
+
+
+class CardTable(FromFitTable):
+    """``[card]``: constants for a solver, and a table of stiffness for a controller."""
+
+    separate: ClassVar[bool] = True
+    area: str | None = None
+    length: str | None = None
+    modulus_austenite: str | None = None
+    modulus_martensite: str | None = None
+    reference_stress: str | None = None
+    points: int = Field(default=POINTS, ge=9, le=4097)
+    draws: int = Field(default=DRAWS, ge=50, le=10_000)
+
+
+def _told(found: Mapping[str, Any]) -> str:
+    made = found["constitutive"]
+    return f"{len(made['constants']) if made else 0} constants, {len(found['stiffness'])} stiffness tables"
+
+
+def _checks(o: Mapping[str, Any]) -> Checks:
+    yield "", partial(size_of, o.get("area"), o.get("length"))
+    for key in ("modulus_austenite", "modulus_martensite", "reference_stress"):
+        yield key, partial(modulus_of, o.get(key), key)
+
+
+STEP: Final = StudyStep(CardTable, CARD, card, _told, _checks)

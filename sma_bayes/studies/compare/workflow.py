@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from sma_bayes.account import Account
 from sma_bayes.errors import MeasurementError
@@ -43,6 +43,7 @@ from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_model_and_noise, models_of, prior_set
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
+from sma_bayes.studies.study_step import StepTable, StudyStep
 
 FEWEST_CONDITIONS = 2
 """Conditions that can be left out in turn."""
@@ -210,3 +211,18 @@ def _compared(
     if folder is not None:
         write_text(folder / "priors.toml", options.priors.whole_text)
     return found
+
+
+class CompareTable(StepTable):
+    """``[compare]``."""
+
+    noise: str | None = None
+
+
+STEP: Final = StudyStep(
+    CompareTable,
+    COMPARISON,
+    compare,
+    lambda found: "; ".join(f"{g['quantity']}: {g['verdict']}" for g in found["overall"]),
+    folder="comparison",
+)

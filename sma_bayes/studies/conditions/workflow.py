@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Final
+
+from pydantic import Field
 
 from sma_bayes.account import Account
 from sma_bayes.assess.draws import RecordDraws, record_draws
@@ -41,6 +43,7 @@ from sma_bayes.studies.identity import all_versions, of_fit
 from sma_bayes.studies.options import FitOptions, check_model_and_noise, model_named
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
+from sma_bayes.studies.study_step import FromFitTable, StudyStep, Texts, temperatures
 
 
 def study_conditions(
@@ -232,3 +235,30 @@ def _write(folder: Path, found: ConditionStudy, seed: int) -> None:
         samples = sample_columns(held)
         if samples:
             write_csv(folder / "held_out" / f"{name}-samples.csv", samples)
+
+
+class ConditionsTable(FromFitTable):
+    """``[conditions]``: `at` and `leave_out` as the command line takes them.
+
+    Where the fit takes the best supported model of each record, the study takes that of all records together.
+    """
+
+    separate: ClassVar[bool] = True
+    model: str | None = None
+    at: Texts = ()
+    leave_out: Texts = ()
+    scatter: float = Field(default=SCATTER, gt=0.0, le=SCATTER_LIMIT.value)
+
+
+def _told(found: Mapping[str, Any]) -> str:
+    counts = {"effects": "effects", "predictions": "predictions", "held_out": "left out"}
+    return ", ".join(f"{len(found[key])} {what}" for key, what in counts.items())
+
+
+STEP: Final = StudyStep(
+    ConditionsTable,
+    CONDITIONS,
+    study_conditions,
+    _told,
+    lambda o: temperatures(o, lambda text: condition_at(text, specimen="stress_MPa" in text)),
+)

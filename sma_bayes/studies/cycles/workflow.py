@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from pydantic import Field
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
@@ -51,6 +52,7 @@ from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand, fit_strand, sweeps_
 from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import FitOptions, model_named, prior_set
 from sma_bayes.studies.run_context import RunContext
+from sma_bayes.studies.study_step import DrawnTable, StudyStep, Texts, temperatures
 
 SHARE: Final = 0.02
 PROBABILITY: Final = 0.9
@@ -423,3 +425,24 @@ def quantity_columns(found: Sequence[ConditionCycles]) -> dict[str, Any]:
     ]  # fmt: skip
     names = (*QUANTITY_KEYS, "cycle", "measured", "own", "own_sd", "q05", "median", "q95")
     return dict(zip(names, zip(*rows, strict=True), strict=True))
+
+
+class CyclesTable(DrawnTable):
+    """``[cycles]``: how sweeps change from cycle to cycle."""
+
+    model: str | None = None
+    at: Texts = ()
+    share: float = Field(default=SHARE, gt=0.0, le=1.0)
+    probability: float = Field(default=PROBABILITY, gt=0.0, lt=1.0)
+    ahead: int = Field(default=AHEAD, ge=0)
+
+
+STEP: Final = StudyStep(
+    CyclesTable,
+    CYCLES,
+    cycles,
+    lambda found: " ".join(c["stable"]["statement"] for c in found["conditions"]),
+    questions=lambda o, record: temperatures(
+        o, lambda text: asked_temperature(text, *[record.units["temperature"]] * 2)
+    ),
+)

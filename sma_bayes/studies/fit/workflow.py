@@ -5,8 +5,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+
+from pydantic import Field, model_validator
 
 from sma_bayes.account import Account
 from sma_bayes.assess.correlation_average import Averages
@@ -14,6 +17,7 @@ from sma_bayes.assess.draws import record_draws
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import AUTO
+from sma_bayes.limits import DEGREES
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, lines_inside, silent
 from sma_bayes.records.declaration import CAMPAIGN_FILE
@@ -45,6 +49,7 @@ from sma_bayes.studies.options import (
     DEFAULT_SAMPLER,
     FitOptions,
     Pool,
+    bias_spring,
     check_call,
     groups_of,
     models_of,
@@ -52,6 +57,7 @@ from sma_bayes.studies.options import (
     prior_set,
 )
 from sma_bayes.studies.run_context import RunContext
+from sma_bayes.studies.study_step import StepTable, StudyStep
 
 if TYPE_CHECKING:
     from sma_bayes.records.memory import Measurements
@@ -305,3 +311,53 @@ def _fitted(
         for entry in found.entries()
     ]
     return records, averaged, loops
+
+
+class FitTable(StepTable):
+    """``[fit]``; a bias spring where `arrangement` names one [N/m]."""
+
+    noise: str | None = None
+    sampler: str = DEFAULT_SAMPLER
+    extrapolate: float = Field(default=0.0, ge=0.0, le=DEGREES.value)
+    arrangement: str | None = None
+    self_check: bool = False
+    bias: float | None = Field(default=None, gt=0.0)
+    bias_sd: float | None = Field(default=None, ge=0.0)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> FitTable:
+        if self.arrangement is None and (self.bias is not None or self.bias_sd is not None):
+            raise ValueError("an arrangement beside bias and bias_sd")
+        return self
+
+
+def _fit_declared(
+    campaign: Campaign,
+    *,
+    arrangement: str | None = None,
+    bias: float | None = None,
+    bias_sd: float | None = None,
+    seed: int,
+    jobs: int | None,
+    resume: bool,
+    **options: Any,
+) -> dict[str, Any]:
+    spring = bias_spring(arrangement, bias, bias_sd)
+    return fit_campaign(campaign, bias=spring, seed=seed, jobs=jobs, resume=resume, **options)
+
+
+def _told(found: Mapping[str, Any]) -> str:
+    good, adequate = (sum(r[word] for r in found["records"]) for word in ("converged", "adequate"))
+    return f"{good} of {len(found['records'])} records converged, {adequate} adequate"
+
+
+STEP: Final = StudyStep(
+    FitTable,
+    FIT,
+    _fit_declared,
+    _told,
+    lambda o: [
+        ("sampler", partial(plan_with, o["sampler"])),
+        ("arrangement", partial(bias_spring, o.get("arrangement"), o.get("bias"), o.get("bias_sd"))),
+    ],
+)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from threadpoolctl import threadpool_limits
 
@@ -32,6 +33,7 @@ from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import FitOptions, Pool, check_call, groups_of, prior_set
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
+from sma_bayes.studies.study_step import StepTable, StudyStep
 
 
 def study_gap(
@@ -144,3 +146,20 @@ def _studied(
             write_study(folder, outcome, seed=options.seed)
             write_text(folder / "priors.toml", options.priors.whole_text)
     return found
+
+
+class GapTable(StepTable):
+    """``[gap]``."""
+
+
+def _told(found: Mapping[str, Any]) -> str:
+    parts = {"": found} | ({"; heating: ": found["heating"]} if found["heating"] else {})
+    return "".join(f"{start}{_verdict(part)}" for start, part in parts.items())
+
+
+def _verdict(found: Mapping[str, Any]) -> str:
+    effects = ", ".join(e["id"] for e in found["effects"])
+    return f"{found['verdict']}: {effects}" if effects else str(found["verdict"])
+
+
+STEP: Final = StudyStep(GapTable, GAP, study_gap, _told)

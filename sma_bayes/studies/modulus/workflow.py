@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
+from pydantic import Field
 
 from sma_bayes import __version__
 from sma_bayes.account import Account
@@ -50,6 +51,7 @@ from sma_bayes.studies.modulus.shift import (
 from sma_bayes.studies.modulus.shown import degrees_of
 from sma_bayes.studies.modulus.sweep import LOSS, STORAGE, SweepTask, study_sweep
 from sma_bayes.studies.run_context import RunContext
+from sma_bayes.studies.study_step import DrawnTable, StudyStep, Texts
 
 SHIFTED: Final = ("midpoint", "loss_peak", "tan_delta_peak")
 """Temperatures whose shift with frequency is told."""
@@ -403,3 +405,20 @@ def _remarks(
             "the same shift: an apparent number for a martensitic transformation, which is athermal"
         )
     return tuple(out)
+
+
+class ModulusTable(DrawnTable):
+    """``[modulus]``: exports of dynamic mechanical analysis of the material; the campaign has no part in it."""
+
+    paths: ClassVar[tuple[str, ...]] = ("files",)
+    files: Texts = Field(min_length=1)
+    at: Texts = ()
+    model: str = AUTO_MODEL
+    loss_model: str = AUTO_MODEL
+    columns: dict[str, str] = Field(default_factory=dict)
+    units: dict[str, str] = Field(default_factory=dict)
+    frequency: str = ""
+    encoding: str | None = None
+
+
+STEP: Final = StudyStep(ModulusTable, MODULUS, modulus, lambda found: f"{len(found['sweeps'])} sweeps")

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, ClassVar, Final, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
 from sma_bayes.account import Account
 from sma_bayes.assess.draws import RecordDraws
@@ -23,7 +25,7 @@ from sma_bayes.errors import (
 from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import unit_text
-from sma_bayes.records.types import Branch
+from sma_bayes.records.types import Branch, Record
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.runs.declared_units import Shown, ShownUnit, declared_parts, of_parameters, shown_units
 from sma_bayes.runs.documents import FIT, GAP, PLAN
@@ -36,6 +38,7 @@ from sma_bayes.studies.plan.candidates import (
     CYCLES,
     CandidateExperiment,
     Setting,
+    candidate_tables,
     declared,
     default_grid,
     hours_of,
@@ -64,6 +67,7 @@ from sma_bayes.studies.plan.schema import (
 from sma_bayes.studies.plan.telling_apart import planned_apart
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.sensitivity.quantities import QuantityDraws, quantities_of
+from sma_bayes.studies.study_step import Checks, DrawnTable, StudyStep
 
 
 def plan(
@@ -496,3 +500,48 @@ def _remarks(
         found.append("curve and noise do not describe all records (see the report of the fit): what is expected holds "
                      "as far as they do")  # fmt: skip
     return found
+
+
+class PlanTable(DrawnTable):
+    """``[plan]``: the next measurement, as `plan` is asked for it.
+
+    It starts from ``[fit]``, or from ``[gap]`` where explanations are to be told apart.
+    """
+
+    paths: ClassVar[tuple[str, ...]] = ("candidates",)
+    separate: ClassVar[bool] = True
+    asked: str = Field(alias="for")
+    hours: float | None = Field(default=None, gt=0.0, le=LONGEST)
+    candidates: str | None = None
+    condition: str | None = None
+    branch: Literal["heating", "cooling"] | None = None
+    rate: str | None = None
+    setup: str = "0 min"
+    scatter: Scatter = "none"
+
+    @property
+    def reads(self) -> str:
+        """The step whose results it reads."""
+        return "gap" if self.asked.strip() == TELL_APART else "fit"
+
+
+def _checks(o: Mapping[str, Any]) -> Checks:
+    yield "for", partial(parse_asked, o["asked"])
+    yield "setup", partial(hours_of, o["setup"], "setup")
+    if "candidates" in o:
+        yield "candidates", partial(candidate_tables, Path(o["candidates"]))
+
+
+def _questions(o: Mapping[str, Any], record: Record) -> Checks:
+    if "rate" in o:
+        yield "rate", partial(rate_of, o["rate"], record.units["temperature"])
+
+
+STEP: Final = StudyStep(
+    PlanTable,
+    PLAN,
+    plan,
+    lambda found: f"{len(found['candidates'])} candidates for {found['asked']}",
+    _checks,
+    _questions,
+)

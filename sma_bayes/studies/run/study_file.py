@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
 from sma_bayes.errors import StudyError, near_matches
 from sma_bayes.limits import DEGREES, SEED
-from sma_bayes.limits import SCATTER as SCATTER_LIMIT
 from sma_bayes.records.toml_table import StrictTable, as_toml, checked, declared_bytes, parsed_toml
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.studies.ask.workflow import PROBABILITY, TOLERANCE, WANTED
-from sma_bayes.studies.card.workflow import DRAWS as CARD_DRAWS
-from sma_bayes.studies.card.workflow import POINTS
-from sma_bayes.studies.conditions.population import SCATTER
-from sma_bayes.studies.cycles.workflow import AHEAD, SHARE
-from sma_bayes.studies.cycles.workflow import PROBABILITY as STABLE
-from sma_bayes.studies.plan.asked import TELL_APART
-from sma_bayes.studies.plan.options import LONGEST, Scatter
-from sma_bayes.studies.simulate.spring import Rule
-from sma_bayes.studies.simulate.workflow import DRAWS
-from sma_bayes.studies.watch.workflow import ALPHA
-
-Figures = Literal["report", "all", "none"]
-Texts = Annotated[tuple[str, ...], Field(strict=False)]
+from sma_bayes.studies.registry import study_steps
+from sma_bayes.studies.study_step import DrawnTable, Figures, Texts
 
 
 class StudyTable(StrictTable):
@@ -70,176 +58,6 @@ class StudyTable(StrictTable):
     strict: bool = False
 
 
-class DrawnTable(StrictTable):
-    """A step whose figures may be others than ``[study]`` says.
-
-    Attributes
-    ----------
-    paths : tuple of str
-        Keys of files, which are relative to the folder of the study file.
-    """
-
-    paths: ClassVar[tuple[str, ...]] = ()
-    figures: Figures | None = None
-
-    @property
-    def reads(self) -> str:
-        """The step whose results it reads; empty where it reads the campaign, or files of its own."""
-        return ""
-
-
-class FromFitTable(DrawnTable):
-    """A step that reads the results of ``[fit]``."""
-
-    @property
-    def reads(self) -> str:
-        """The fit."""
-        return "fit"
-
-
-class StepTable(DrawnTable):
-    """What a step on the records themselves may have otherwise than ``[study]`` says."""
-
-    model: str | None = None
-    priors: str | None = None
-    pool: Literal["none", "campaign"] | None = None
-
-
-class CompareTable(StepTable):
-    """``[compare]``."""
-
-    noise: str | None = None
-
-
-class FitTable(CompareTable):
-    """``[fit]``; a bias spring where `arrangement` names one [N/m]."""
-
-    sampler: str = "independence"
-    extrapolate: float = Field(default=0.0, ge=0.0, le=DEGREES.value)
-    arrangement: str | None = None
-    self_check: bool = False
-    bias: float | None = Field(default=None, gt=0.0)
-    bias_sd: float | None = Field(default=None, ge=0.0)
-
-    @model_validator(mode="after")
-    def _consistent(self) -> FitTable:
-        if self.arrangement is None and (self.bias is not None or self.bias_sd is not None):
-            raise ValueError("an arrangement beside bias and bias_sd")
-        return self
-
-
-class GapTable(StepTable):
-    """``[gap]``."""
-
-
-class ConditionsTable(FromFitTable):
-    """``[conditions]``: `at` and `leave_out` as the command line takes them.
-
-    Where the fit takes the best supported model of each record, the study takes that of all records together.
-    """
-
-    model: str | None = None
-    at: Texts = ()
-    leave_out: Texts = ()
-    scatter: float = Field(default=SCATTER, gt=0.0, le=SCATTER_LIMIT.value)
-
-
-class PlanTable(DrawnTable):
-    """``[plan]``: the next measurement, as `plan` is asked for it.
-
-    It starts from ``[fit]``, or from ``[gap]`` where explanations are to be told apart.
-    """
-
-    paths: ClassVar[tuple[str, ...]] = ("candidates",)
-    asked: str = Field(alias="for")
-    hours: float | None = Field(default=None, gt=0.0, le=LONGEST)
-    candidates: str | None = None
-    condition: str | None = None
-    branch: Literal["heating", "cooling"] | None = None
-    rate: str | None = None
-    setup: str = "0 min"
-    scatter: Scatter = "none"
-
-    @property
-    def reads(self) -> str:
-        """The step whose results it reads."""
-        return "gap" if self.asked.strip() == TELL_APART else "fit"
-
-
-class SensitivityTable(FromFitTable):
-    """``[sensitivity]``: what the numbers of the fit rest on."""
-
-    at: Texts = ()
-
-
-class CyclesTable(DrawnTable):
-    """``[cycles]``: how sweeps change from cycle to cycle."""
-
-    model: str | None = None
-    at: Texts = ()
-    share: float = Field(default=SHARE, gt=0.0, le=1.0)
-    probability: float = Field(default=STABLE, gt=0.0, lt=1.0)
-    ahead: int = Field(default=AHEAD, ge=0)
-
-
-class SimulateTable(FromFitTable):
-    """``[simulate]``: a heating current, or one that reaches a value. `pool` is that of the heat balance."""
-
-    paths: ClassVar[tuple[str, ...]] = ("current",)
-    current: str | None = None
-    reach: str | None = None
-    condition: str | None = None
-    start: Texts = ()
-    ambient: str | None = None
-    rule: Rule = "proportional"
-    pool: Literal["none", "campaign"] = "campaign"
-    tolerance: str = TOLERANCE
-    probability: float = Field(default=PROBABILITY, gt=0.0, le=1.0)
-    draws: int = Field(default=DRAWS, ge=20, le=10_000)
-
-    @model_validator(mode="after")
-    def _asked(self) -> SimulateTable:
-        if self.current is None and self.reach is None:
-            raise ValueError("current, reach, or both")
-        return self
-
-
-class ModulusTable(DrawnTable):
-    """``[modulus]``: exports of dynamic mechanical analysis of the material; the campaign has no part in it."""
-
-    paths: ClassVar[tuple[str, ...]] = ("files",)
-    files: Texts = Field(min_length=1)
-    at: Texts = ()
-    model: str = AUTO_MODEL
-    loss_model: str = AUTO_MODEL
-    columns: dict[str, str] = Field(default_factory=dict)
-    units: dict[str, str] = Field(default_factory=dict)
-    frequency: str = ""
-    encoding: str | None = None
-
-
-class WatchTable(FromFitTable):
-    """``[watch]``: whether cycles measured since are of the spring that was fitted."""
-
-    paths: ClassVar[tuple[str, ...]] = ("files",)
-    files: Texts = Field(min_length=1)
-    condition: str | None = None
-    limit: Texts = ()
-    alpha: float = Field(default=ALPHA, gt=0.0, lt=1.0)
-
-
-class CardTable(FromFitTable):
-    """``[card]``: constants for a solver, and a table of stiffness for a controller."""
-
-    area: str | None = None
-    length: str | None = None
-    modulus_austenite: str | None = None
-    modulus_martensite: str | None = None
-    reference_stress: str | None = None
-    points: int = Field(default=POINTS, ge=9, le=4097)
-    draws: int = Field(default=CARD_DRAWS, ge=50, le=10_000)
-
-
 class AskTable(StrictTable):
     """One ``[[ask]]``; values with their units, as `ask` takes them."""
 
@@ -264,21 +82,6 @@ class AskTable(StrictTable):
         if self.unit and not self.at:
             raise ValueError("unit beside `at` only")
         return self
-
-
-_STEPS: Final[dict[str, type[DrawnTable]]] = {
-    "fit": FitTable,
-    "compare": CompareTable,
-    "gap": GapTable,
-    "conditions": ConditionsTable,
-    "sensitivity": SensitivityTable,
-    "cycles": CyclesTable,
-    "simulate": SimulateTable,
-    "modulus": ModulusTable,
-    "watch": WatchTable,
-    "card": CardTable,
-    "plan": PlanTable,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,18 +131,19 @@ def read_study(path: Path) -> Study:
             f"can't be read: {error.strerror}", file=path, expected="a study file", remedy="check the path"
         ) from None
     document = parsed_toml(content, path, StudyError)
-    known = ("study", *_STEPS, "ask")
+    verbs = study_steps()
+    known = ("study", *verbs, "ask")
     for key in document:
         if key not in known:
             raise StudyError(
                 f"unknown table {key!r}", file=path, column=key, expected=near_matches(key, known)
             )
-    tables = {name: _table(document, name, path) for name in ("study", *_STEPS) if name in document}
+    tables = {name: _table(document, name, path) for name in ("study", *verbs) if name in document}
     study = checked(StudyTable, tables.get("study", {}), file=path, where="study", kind=StudyError)
     asks = _asks(document.get("ask", []), path)
     declared = {
-        name: checked(model, tables[name], file=path, where=name, kind=StudyError)
-        for name, model in _STEPS.items()
+        name: checked(step.table, tables[name], file=path, where=name, kind=StudyError)
+        for name, step in verbs.items()
         if name in tables
     }
     steps = {name: _options(study, table, path) for name, table in declared.items()}
@@ -347,7 +151,7 @@ def read_study(path: Path) -> Study:
         raise StudyError("no step is declared", file=path, expected="at least one of [fit], [compare], [gap]")
     needs = {name: table.reads for name, table in declared.items() if table.reads}
     needs |= {"ask": "fit"} if asks else {}
-    _refuse_without_start(steps, needs, path)
+    _refuse_without_start(steps, needs, [n for n, table in declared.items() if table.separate], path)
     if "conditions" in steps:
         own = tables["conditions"].get("model")
         chosen = AUTO_MODEL if steps["fit"]["model"] == AUTO_MODEL else None
@@ -368,7 +172,7 @@ def read_study(path: Path) -> Study:
 
 
 def _refuse_without_start(
-    steps: Mapping[str, Mapping[str, Any]], needs: Mapping[str, str], path: Path
+    steps: Mapping[str, Mapping[str, Any]], needs: Mapping[str, str], separate: Sequence[str], path: Path
 ) -> None:
     """Refuse what starts from another step where that is not there, or one that can't serve it."""
     for name, start in needs.items():
@@ -379,8 +183,7 @@ def _refuse_without_start(
                 column=name,
                 expected=f"a [{start}], from whose results it starts",
             )
-    alone = ("conditions", "sensitivity", "card", "plan")
-    apart = next((name for name in alone if needs.get(name) == "fit"), None)
+    apart = next((name for name in separate if needs[name] == "fit"), None)
     if apart and steps["fit"]["pool"] != "none":
         raise StudyError(
             f"{apart} after a fit in which all conditions share A and B",

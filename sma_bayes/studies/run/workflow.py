@@ -21,72 +21,28 @@ from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
 from sma_bayes.response.modified_sigmoid import channel_unit
 from sma_bayes.runs.documents import (
-    CARD,
-    COMPARISON,
-    CONDITIONS,
-    CYCLES,
-    FIT,
-    GAP,
-    MODULUS,
-    PLAN,
-    SENSITIVITY,
-    SIMULATION,
     STUDY,
-    WATCH,
     sealed,
 )
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.store import write_json
 from sma_bayes.studies.ask.workflow import AT_SCHEMA, OVERALL, WANTED, ask, asked_temperature, wanted_value
-from sma_bayes.studies.card.specimen import modulus_of, size_of
-from sma_bayes.studies.card.workflow import card
-from sma_bayes.studies.compare.workflow import compare
-from sma_bayes.studies.condition_text import condition_at
 from sma_bayes.studies.conditions.study import EACH
-from sma_bayes.studies.conditions.workflow import study_conditions
-from sma_bayes.studies.cycles.workflow import cycles
-from sma_bayes.studies.fit.workflow import fit_campaign
-from sma_bayes.studies.gap.workflow import study_gap
 from sma_bayes.studies.identity import all_versions
-from sma_bayes.studies.modulus.workflow import modulus
 from sma_bayes.studies.options import (
-    DEFAULT_SAMPLER,
-    bias_spring,
     check_model_and_noise,
     model_named,
-    plan_with,
     prior_set,
 )
-from sma_bayes.studies.plan.asked import parse_asked
-from sma_bayes.studies.plan.candidates import candidate_tables, hours_of, rate_of
-from sma_bayes.studies.plan.workflow import plan
+from sma_bayes.studies.registry import study_steps
 from sma_bayes.studies.run.schema import StatedStep, StudyDocument
 from sma_bayes.studies.run.study_file import Study, read_study
-from sma_bayes.studies.sensitivity.workflow import sensitivity
-from sma_bayes.studies.simulate.profile import read_profile
-from sma_bayes.studies.simulate.starts import UNIT, starts_of
-from sma_bayes.studies.simulate.workflow import simulate
-from sma_bayes.studies.watch.remaining import limit_of
-from sma_bayes.studies.watch.workflow import watch
+from sma_bayes.studies.study_step import StudyStep
 
 DONE, NOT_CONVERGED, WRONG = 0, 1, 2
 """Exit statuses of a step; that of the study is the greatest of them."""
 STATUS: Final = {DONE: "done", NOT_CONVERGED: "not converged", WRONG: "failed"}
 SKIPPED, INADEQUATE, ALARM = "skipped", "not adequate", "alarm"
-
-FOLDERS: Final = {"compare": "comparison"}
-"""Folder of the results of a step, where it is not called as the step is."""
-SUMMARIES: Final = {
-    d.verb: d.file
-    for d in (
-        FIT, COMPARISON, GAP, CONDITIONS, SENSITIVITY, CYCLES, SIMULATION, MODULUS, WATCH, CARD, PLAN
-    )
-}  # fmt: skip
-_CALLS: Final[Mapping[str, Callable[..., dict[str, Any]]]] = {
-    "fit": fit_campaign, "compare": compare, "gap": study_gap, "conditions": study_conditions,
-    "sensitivity": sensitivity, "cycles": cycles, "simulate": simulate, "modulus": modulus, "watch": watch,
-    "card": card, "plan": plan,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,20 +51,22 @@ class _Step:
 
     Attributes
     ----------
-    name, kind : str
-        ``ask 2`` and ``ask``; of the others both are the same.
+    name : str
+        ``ask 2``; of the others the verb.
     summary : str
         Its JSON file, below the folder of the study.
     needs : str
-        Kind of the step without which it can't run; empty where there is none.
+        The step without which it can't run; empty where there is none.
+    told : callable
+        From what the summary holds to what was found, in a few words.
     run : callable
         Told the progress; gives what the summary holds.
     """
 
     name: str
-    kind: str
     summary: str
     needs: str
+    told: Callable[[Mapping[str, Any]], str]
     run: Callable[[Progress], dict[str, Any]]
 
 
@@ -156,12 +114,13 @@ def run_study(
     """
     clock = time.perf_counter()
     study = read_study(Path(path))
-    _check(study)
+    verbs = study_steps()
+    _check(study, verbs)
     campaign = read_campaign(study.campaign, data_dir=study.data)
-    _check_questions(study, campaign)
+    _check_questions(study, verbs, campaign)
     folder = Path(out) if out is not None else study.out
     tell = progress or silent
-    steps = _steps(study, campaign, folder, jobs if jobs is not None else study.jobs, resume)
+    steps = _steps(study, verbs, campaign, folder, jobs if jobs is not None else study.jobs, resume)
     results: list[StatedStep] = []
     document: dict[str, Any] = {}
     with claimed_folder(folder, _identity(campaign), resume):
@@ -178,7 +137,7 @@ def _identity(campaign: Campaign) -> dict[str, Any]:
     return {"schema": "sma-bayes/run/1", "kind": STUDY.verb, "data": campaign.sha256}
 
 
-def _check(study: Study) -> None:
+def _check(study: Study, steps: Mapping[str, StudyStep]) -> None:
     """Refuse names that no step could do with, before the campaign is read."""
     for name, options in study.steps.items():
         model, noise = options.get("model"), options.get("noise", AUTO)
@@ -191,16 +150,11 @@ def _check(study: Study) -> None:
         with _place(study, f"{name}.noise"):
             NOISE_MODELS["independent" if noise == AUTO else noise]
             check_model_and_noise(str(model), noise)
-    with _place(study, "fit.sampler"):
-        plan_with(study.steps.get("fit", {}).get("sampler", DEFAULT_SAMPLER))
-    with _place(study, "fit.arrangement"):
-        _bias(study.steps.get("fit", {}))
-    for number, text in enumerate(study.steps.get("conditions", {}).get("at", ()), start=1):
-        with _place(study, f"conditions.at, entry {number}"):
-            condition_at(text, specimen="stress_MPa" in text)
     for kind, options in study.steps.items():
-        if kind in _CHECKS:
-            _CHECKS[kind](study, options)
+        _check_files(kind, study, options)
+        for key, check in steps[kind].checks(options):
+            with _place(study, f"{kind}.{key}".rstrip(".")):
+                check()
     for number, asked in enumerate(study.asks, start=1):
         for name in (*WANTED, "tolerance"):
             if asked[name] is not None:
@@ -208,34 +162,8 @@ def _check(study: Study) -> None:
                     number_and_unit(asked[name].rstrip("% "), what=name)
 
 
-def _check_plan(study: Study, options: Mapping[str, Any]) -> None:
-    with _place(study, "plan.for"):
-        parse_asked(options["asked"])
-    with _place(study, "plan.setup"):
-        hours_of(options["setup"], "setup")
-    if "candidates" in options:
-        candidate_tables(Path(options["candidates"]))
-
-
-def _check_simulate(study: Study, options: Mapping[str, Any]) -> None:
-    if "current" in options:
-        read_profile(options["current"])
-    with _place(study, "simulate.start"):
-        starts_of(options["start"])
-    with _place(study, "simulate.ambient"):
-        asked_temperature(options.get("ambient", "20 degC"), UNIT, UNIT)
-
-
-def _check_card(study: Study, options: Mapping[str, Any]) -> None:
-    with _place(study, "card"):
-        size_of(options.get("area"), options.get("length"))
-    for key in ("modulus_austenite", "modulus_martensite", "reference_stress"):
-        with _place(study, f"card.{key}"):
-            modulus_of(options.get(key), key)
-
-
 def _check_files(kind: str, study: Study, options: Mapping[str, Any]) -> None:
-    for number, name in enumerate(options["files"], start=1):
+    for number, name in enumerate(options.get("files", ()), start=1):
         if not Path(name).is_file():
             raise StudyError(
                 f"there is no such file: {name}",
@@ -245,32 +173,16 @@ def _check_files(kind: str, study: Study, options: Mapping[str, Any]) -> None:
             )
 
 
-_CHECKS: Final[Mapping[str, Callable[[Study, Mapping[str, Any]], None]]] = {
-    "plan": _check_plan,
-    "simulate": _check_simulate,
-    "card": _check_card,
-    "watch": partial(_check_files, "watch"),
-    "modulus": partial(_check_files, "modulus"),
-}
-
-
-def _check_questions(study: Study, campaign: Campaign) -> None:
+def _check_questions(study: Study, steps: Mapping[str, StudyStep], campaign: Campaign) -> None:
     """Refuse temperatures, rates, values and conditions that no record could be asked for."""
     record = campaign.records[0]
     degrees = record.units["temperature"]
     for key, condition in _named_conditions(study):
         _require_condition(study, campaign, key, condition)
-    for kind in ("sensitivity", "cycles"):
-        for number, text in enumerate(study.steps.get(kind, {}).get("at", ()), start=1):
-            with _place(study, f"{kind}.at, entry {number}"):
-                asked_temperature(text, degrees, degrees)
-    for number, text in enumerate(study.steps.get("watch", {}).get("limit", ()), start=1):
-        with _place(study, f"watch.limit, entry {number}"):
-            limit_of(text, degrees)
-    rate = study.steps.get("plan", {}).get("rate")
-    if rate is not None:
-        with _place(study, "plan.rate"):
-            rate_of(rate, degrees)
+    for kind, options in study.steps.items():
+        for key, check in steps[kind].questions(options, record):
+            with _place(study, f"{kind}.{key}"):
+                check()
     for number, asked in enumerate(study.asks, start=1):
         with _place(study, f"ask {number}.temperature_unit"):
             convert(0.0, degrees, asked["temperature_unit"] or degrees, what="temperature")
@@ -292,7 +204,7 @@ def _named_conditions(study: Study) -> Iterator[tuple[str, str]]:
     for number, name in enumerate(left_out, start=1):
         if list(left_out) != [EACH]:
             yield f"conditions.leave_out, entry {number}", name
-    places = [(kind, study.steps.get(kind, {})) for kind in ("simulate", "watch", "plan")]
+    places = [*study.steps.items()]
     places += [(f"ask {number}", asked) for number, asked in enumerate(study.asks, start=1)]
     for place, options in places:
         if options.get("condition") is not None:
@@ -326,33 +238,27 @@ def _place(study: Study, key: str) -> Iterator[None]:
         ) from None
 
 
-def _bias(options: Mapping[str, Any]) -> Any:
-    return bias_spring(options.get("arrangement"), options.get("bias"), options.get("bias_sd"))
-
-
-def _steps(study: Study, campaign: Campaign, folder: Path, jobs: int | None, resume: bool) -> list[_Step]:
+def _steps(
+    study: Study,
+    verbs: Mapping[str, StudyStep],
+    campaign: Campaign,
+    folder: Path,
+    jobs: int | None,
+    resume: bool,
+) -> list[_Step]:
     shared: dict[str, Any] = {"seed": study.seed, "jobs": jobs, "resume": resume, "data": study.data}
     steps: list[_Step] = []
     for kind, options in study.steps.items():
-        place, needs, given = FOLDERS.get(kind, kind), study.needs.get(kind, ""), dict(options)
-        if kind == "fit":
-            given["bias"] = _bias(options)
-            given = {k: v for k, v in given.items() if k not in ("arrangement", "bias_sd")}
-        source = folder / FOLDERS.get(needs, needs) if needs else campaign
-        function = _CALLS[kind]
-        taken = {k: v for k, v in shared.items() if k in signature(function).parameters}
-        call = partial(
-            function,
-            given.pop("files") if kind == "modulus" else source,
-            out=folder / place,
-            **taken,
-            **given,
-        )
-        steps.append(_Step(kind, kind, f"{place}/{SUMMARIES[kind]}", needs, partial(_called, call)))
+        step, needs, given = verbs[kind], study.needs.get(kind, ""), dict(options)
+        source = folder / (verbs[needs].folder or needs) if needs else given.pop("files", campaign)
+        taken = {k: v for k, v in shared.items() if k in signature(step.call).parameters}
+        place = step.folder or kind
+        call = partial(step.call, source, out=folder / place, **taken, **given)
+        steps.append(_Step(kind, f"{place}/{step.document.file}", needs, step.told, partial(_called, call)))
     for number, asked in enumerate(study.asks, start=1):
         summary = f"ask/{number}.json"
         run = partial(_asked, folder / "fit", folder / summary, asked)
-        steps.append(_Step(f"ask {number}", "ask", summary, "fit", run))
+        steps.append(_Step(f"ask {number}", summary, "fit", _told, run))
     return steps
 
 
@@ -388,7 +294,7 @@ def _result(step: _Step, before: Sequence[StatedStep], tell: Progress, *, strict
         step=step.name,
         summary=step.summary,
         schema=found["schema"],
-        told=_told(step.kind, found),
+        told=step.told(found),
         error=None,
         status=word,
         exit_status=status,
@@ -409,40 +315,8 @@ def _not_done(step: _Step, status: str, why: str, wall_s: float) -> StatedStep:
     )
 
 
-def _told(kind: str, found: Mapping[str, Any]) -> str:
-    """What a step found, in a few words."""
-    if kind == "fit":
-        good = sum(r["converged"] for r in found["records"])
-        adequate = sum(r["adequate"] for r in found["records"])
-        return f"{good} of {len(found['records'])} records converged, {adequate} adequate"
-    if kind == "compare":
-        return "; ".join(f"{g['quantity']}: {g['verdict']}" for g in found["overall"])
-    if kind == "gap":
-        parts = {"": found} | ({"; heating: ": found["heating"]} if found["heating"] else {})
-        return "".join(f"{start}{_verdict(part)}" for start, part in parts.items())
-    if kind == "conditions":
-        counts = {"effects": "effects", "predictions": "predictions", "held_out": "left out"}
-        return ", ".join(f"{len(found[key])} {what}" for key, what in counts.items())
-    if kind == "plan":
-        return f"{len(found['candidates'])} candidates for {found['asked']}"
-    if kind == "sensitivity":
-        return str(found["conclusion"])
-    if kind == "cycles":
-        return " ".join(c["stable"]["statement"] for c in found["conditions"])
-    if kind == "simulate":
-        places = dict.fromkeys(
-            r["condition"] for r in (*found["runs"], *(found["reach"] or {"conditions": ()})["conditions"])
-        )
-        return f"{len(found['runs'])} courses of {len(places)} conditions"
-    if kind == "modulus":
-        return f"{len(found['sweeps'])} sweeps"
-    if kind == "watch":
-        return str(found["statement"])
-    if kind == "card":
-        card = found["constitutive"]
-        return (
-            f"{len(card['constants']) if card else 0} constants, {len(found['stiffness'])} stiffness tables"
-        )
+def _told(found: Mapping[str, Any]) -> str:
+    """What was answered, in a few words."""
     if found["schema"] == AT_SCHEMA:
         return f"{len(found['answers'])} records at {', '.join(found['at'])}"
     sure = sum(bool(a["within"]["intervals"]) for a in found["answers"])
@@ -469,9 +343,3 @@ def _document(
         steps=tuple(results),
         wall_s=time.perf_counter() - clock,
     )
-
-
-def _verdict(found: Mapping[str, Any]) -> str:
-    """Verdict of a gap study with the effects that it names."""
-    effects = ", ".join(e["id"] for e in found["effects"])
-    return f"{found['verdict']}: {effects}" if effects else str(found["verdict"])

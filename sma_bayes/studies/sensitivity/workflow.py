@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Final
 
 from sma_bayes.account import Account
 from sma_bayes.errors import QuantityError
@@ -28,6 +28,7 @@ from sma_bayes.studies.sensitivity.schema import RecordSensitivity, SensitivityF
 from sma_bayes.studies.sensitivity.shown import record_shown
 from sma_bayes.studies.sensitivity.study import RecordTask, studied
 from sma_bayes.studies.sensitivity.words import conclusion
+from sma_bayes.studies.study_step import FromFitTable, StudyStep, Texts, temperatures
 
 
 def sensitivity(
@@ -166,3 +167,21 @@ def find(
         **declared_parts(summary.records),
         conclusion=conclusion([record_shown(r, units) for r in found]),
     )
+
+
+class SensitivityTable(FromFitTable):
+    """``[sensitivity]``: what the numbers of the fit rest on."""
+
+    separate: ClassVar[bool] = True
+    at: Texts = ()
+
+
+STEP: Final = StudyStep(
+    SensitivityTable,
+    SENSITIVITY,
+    sensitivity,
+    lambda found: str(found["conclusion"]),
+    questions=lambda o, record: temperatures(
+        o, lambda text: asked_temperature(text, *[record.units["temperature"]] * 2)
+    ),
+)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, ClassVar, Final, Literal, get_args
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
@@ -51,6 +53,7 @@ from sma_bayes.studies.simulate.schema import (
 )
 from sma_bayes.studies.simulate.spring import RULES, BothDraws, Rule, Spring, rule_named
 from sma_bayes.studies.simulate.starts import UNIT, starts_of
+from sma_bayes.studies.study_step import Checks, FromFitTable, StudyStep, Texts
 
 DRAWS: Final = 400
 BAND: Final = {"q05": 0.05, "q50": 0.5, "q95": 0.95}
@@ -627,3 +630,41 @@ def _passage(p: Passage, greatest_measured: float) -> CurrentPassage:
         **current,
         beyond_measured=current["q95"] > greatest_measured * (1.0 + 1e-9),
     )
+
+
+class SimulateTable(FromFitTable):
+    """``[simulate]``: a heating current, or one that reaches a value. `pool` is that of the heat balance."""
+
+    paths: ClassVar[tuple[str, ...]] = ("current",)
+    current: str | None = None
+    reach: str | None = None
+    condition: str | None = None
+    start: Texts = ()
+    ambient: str | None = None
+    rule: Rule = "proportional"
+    pool: Literal["none", "campaign"] = "campaign"
+    tolerance: str = TOLERANCE
+    probability: float = Field(default=PROBABILITY, gt=0.0, le=1.0)
+    draws: int = Field(default=DRAWS, ge=20, le=10_000)
+
+    @model_validator(mode="after")
+    def _asked(self) -> SimulateTable:
+        if self.current is None and self.reach is None:
+            raise ValueError("current, reach, or both")
+        return self
+
+
+def _told(found: Mapping[str, Any]) -> str:
+    reached = (found["reach"] or {"conditions": ()})["conditions"]
+    places = {r["condition"] for r in (*found["runs"], *reached)}
+    return f"{len(found['runs'])} courses of {len(places)} conditions"
+
+
+def _checks(o: Mapping[str, Any]) -> Checks:
+    if "current" in o:
+        yield "current", partial(read_profile, o["current"])
+    yield "start", partial(starts_of, o["start"])
+    yield "ambient", partial(asked_temperature, o.get("ambient", "20 degC"), UNIT, UNIT)
+
+
+STEP: Final = StudyStep(SimulateTable, SIMULATION, simulate, _told, _checks)

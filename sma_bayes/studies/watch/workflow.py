@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
+from pydantic import Field
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError, SmaBayesError, many
 from sma_bayes.progress import Progress, silent
+from sma_bayes.records.types import Record
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.runs.declared_units import declared_parts, shown_units
 from sma_bayes.runs.documents import FILES, WATCH, files_beside
@@ -25,6 +28,7 @@ from sma_bayes.runs.store import write_csv
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.run_context import RunContext
+from sma_bayes.studies.study_step import Checks, FromFitTable, StudyStep, Texts
 from sma_bayes.studies.watch.evidence import log_evidence
 from sma_bayes.studies.watch.reading import (
     FittedSweeps,
@@ -346,3 +350,21 @@ def _as_document(n: MeasuredNumbers) -> StrandNumbers:
 
 def _as_numbers(n: StrandNumbers) -> MeasuredNumbers:
     return MeasuredNumbers(tuple(n.value), tuple(n.sd), n.samples)
+
+
+class WatchTable(FromFitTable):
+    """``[watch]``: whether cycles measured since are of the spring that was fitted."""
+
+    paths: ClassVar[tuple[str, ...]] = ("files",)
+    files: Texts = Field(min_length=1)
+    condition: str | None = None
+    limit: Texts = ()
+    alpha: float = Field(default=ALPHA, gt=0.0, lt=1.0)
+
+
+def _questions(o: Mapping[str, Any], record: Record) -> Checks:
+    for number, text in enumerate(o["limit"], start=1):
+        yield f"limit, entry {number}", partial(limit_of, text, record.units["temperature"])
+
+
+STEP: Final = StudyStep(WatchTable, WATCH, watch, lambda found: str(found["statement"]), questions=_questions)
