@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVarTuple
 
 from sma_bayes.assess.checks import CHECKED
 from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_text, tex_unit, wrapped
@@ -15,11 +15,9 @@ from sma_bayes.report.content import (
     INTERVAL,
     PAPER_CORRELATION,
     AverageFactor,
-    Channel,
     Content,
     Estimate,
     Number,
-    ParameterResult,
     RecordContent,
 )
 from sma_bayes.report.notation import (
@@ -32,11 +30,7 @@ from sma_bayes.report.notation import (
     write_interval,
 )
 from sma_bayes.runs.fit_document import (
-    CheckSummary,
-    DiscrepancySummary,
-    NearestSummary,
     QuantitySummary,
-    TransformationSummary,
 )
 from sma_bayes.runs.store import write_csv, write_text
 
@@ -139,9 +133,45 @@ class Table:
     grouped: int = 0
 
 
+Ts = TypeVarTuple("Ts")
+Told = tuple[Column, Callable[..., Cell]]
+"""A column with what it holds of that of which a row is made."""
+
+
+def table_of(
+    name: str,
+    title: str,
+    note: str,
+    of: Iterable[tuple[*Ts]],
+    *columns: tuple[Column, Callable[[*Ts], Cell]],
+    grouped: int = 0,
+) -> Table:
+    """A table whose columns say each what they hold.
+
+    Parameters
+    ----------
+    name, title, note
+        See `Table`.
+    of : iterable of tuple
+        What each row is made of.
+    *columns : tuple of Column and callable
+        The callable takes what a row is made of, and gives the cell.
+    grouped : int
+    """
+    rows = tuple(tuple(cell(*parts) for _, cell in columns) for parts in of)
+    return Table(name, title, note, tuple(column for column, _ in columns), rows, grouped)
+
+
 # --- which tables -------------------------------------------------------------------------------------
 
 _RECORD = (Column("condition", "condition"), Column("branch", "branch"), Column("converged", "converged"))
+_OF_RECORD: Final[tuple[Told, ...]] = (
+    (_RECORD[0], lambda r, *_: r.condition),
+    (_RECORD[1], lambda r, *_: r.branch),
+    (_RECORD[2], lambda r, *_: r.converged),
+)
+"""Columns of the record, which comes first in what a row is made of."""
+_UNIT: Final = Column("unit", "unit")
 
 
 def report_tables(content: Content) -> dict[str, Table]:
@@ -177,131 +207,84 @@ def _head(r: RecordContent) -> tuple[Cell, ...]:
 
 def parameter_table(records: Sequence[RecordContent]) -> Table:
     """Warm start, posterior, diagnostics and prior of every parameter."""
-    return Table(
+    return table_of(
         "parameters",
         "Parameters",
         f"Posterior mean, standard deviation and quantiles; 5 % and 95 % bound the {INTERVAL}. The warm start is the "
         "least-squares fit. Contraction is one less posterior over prior variance; from 0.9 a parameter counts as "
         "identified by the data. Numbers of a prior are in the parameter's unit.",
+        [(r, p) for r in records for p in r.parameters],
+        *_OF_RECORD,
+        (Column("parameter", "parameter"), lambda r, p: p.name),
+        (_UNIT, lambda r, p: unit_label(p.unit) or "1"),
+        (Column("meaning", "meaning", brief=False), lambda r, p: p.meaning),
+        (Column("warm start", "warm_start", OF_ROW), lambda r, p: Number(p.warm_start, p.unit, p.sd)),
         (
-            *_RECORD,
-            Column("parameter", "parameter"),
-            Column("unit", "unit"),
-            Column("meaning", "meaning", brief=False),
-            Column("warm start", "warm_start", OF_ROW),
             Column("its sd", "warm_start_sd", OF_ROW, brief=False),
-            Column("mean", "mean", OF_ROW),
-            Column("sd", "sd", OF_ROW),
-            Column("5 %", "q05", OF_ROW),
-            Column("median", "median", OF_ROW),
-            Column("95 %", "q95", OF_ROW),
-            Column("R-hat", "rhat", "1"),
-            Column("ESS bulk", "ess_bulk", "1"),
-            Column("ESS tail", "ess_tail", "1"),
-            Column("contraction", "contraction", "1"),
-            Column("identified", "identified"),
-            Column("at bound", "at_bound", brief=False),
-            Column("prior", "prior"),
-            Column("why this prior", "prior_source", brief=False),
+            lambda r, p: Number(p.warm_start_sd, p.unit, p.warm_start_sd),
         ),
-        tuple((*_head(r), *_parameter_cells(p)) for r in records for p in r.parameters),
+        (Column("mean", "mean", OF_ROW), lambda r, p: Number(p.mean, p.unit, p.sd)),
+        (Column("sd", "sd", OF_ROW), lambda r, p: Number(p.sd, p.unit, p.sd)),
+        (Column("5 %", "q05", OF_ROW), lambda r, p: Number(p.estimate.q05, p.unit, p.sd)),
+        (Column("median", "median", OF_ROW), lambda r, p: Number(p.estimate.median, p.unit, p.sd)),
+        (Column("95 %", "q95", OF_ROW), lambda r, p: Number(p.estimate.q95, p.unit, p.sd)),
+        (Column("R-hat", "rhat", "1"), lambda r, p: Number(p.rhat, "1", 0.01)),
+        (Column("ESS bulk", "ess_bulk", "1"), lambda r, p: Number(p.ess_bulk, "1", 10.0)),
+        (Column("ESS tail", "ess_tail", "1"), lambda r, p: Number(p.ess_tail, "1", 10.0)),
+        (Column("contraction", "contraction", "1"), lambda r, p: Number(p.contraction, "1", 0.01)),
+        (Column("identified", "identified"), lambda r, p: "fixed" if p.fixed else p.identified),
+        (Column("at bound", "at_bound", brief=False), lambda r, p: p.at_bound),
+        (Column("prior", "prior"), lambda r, p: "fixed" if p.fixed else p.prior_text),
+        (Column("why this prior", "prior_source", brief=False), lambda r, p: p.source),
         grouped=3,
-    )
-
-
-def _parameter_cells(p: ParameterResult) -> tuple[Cell, ...]:
-    def number(value: float | None) -> Number:
-        return Number(value, p.unit, p.sd)
-
-    return (
-        p.name,
-        unit_label(p.unit) or "1",
-        p.meaning,
-        number(p.warm_start),
-        Number(p.warm_start_sd, p.unit, p.warm_start_sd),
-        number(p.mean),
-        number(p.sd),
-        number(p.estimate.q05),
-        number(p.estimate.median),
-        number(p.estimate.q95),
-        Number(p.rhat, "1", 0.01),
-        Number(p.ess_bulk, "1", 10.0),
-        Number(p.ess_tail, "1", 10.0),
-        Number(p.contraction, "1", 0.01),
-        "fixed" if p.fixed else p.identified,
-        p.at_bound,
-        "fixed" if p.fixed else p.prior_text,
-        p.source,
     )
 
 
 def fit_table(records: Sequence[RecordContent]) -> Table:
     """Goodness of the least-squares fit."""
-    return Table(
+    return table_of(
         "goodness_of_fit",
         "Goodness of the least-squares fit",
         "At the warm start, in sample: sum of squared errors, root mean square error, R², and R² adjusted for the p "
         "parameters of the channel.",
-        (
-            *_RECORD,
-            Column("channel", "channel"),
-            Column("unit", "unit"),
-            Column("n", "n", "1"),
-            Column("p", "p", "1"),
-            Column("SSE", "sse", SQUARED),
-            Column("RMSE", "rmse", OF_ROW),
-            Column("R²", "r2", "1"),
-            Column("adjusted R²", "adj_r2", "1"),
-        ),
-        tuple((*_head(r), *_fit_cells(c)) for r in records for c in r.channels if c.fit),
+        [(r, c, c.fit) for r in records for c in r.channels if c.fit],
+        *_OF_RECORD,
+        (Column("channel", "channel"), lambda r, c, f: c.name),
+        (_UNIT, lambda r, c, f: unit_label(c.unit) or "1"),
+        (Column("n", "n", "1"), lambda r, c, f: int(f["n"])),
+        (Column("p", "p", "1"), lambda r, c, f: int(f["p"])),
+        (Column("SSE", "sse", SQUARED), lambda r, c, f: Number(f.get("sse"), squared(c.unit))),
+        (Column("RMSE", "rmse", OF_ROW), lambda r, c, f: Number(f.get("rmse"), c.unit)),
+        (Column("R²", "r2", "1"), lambda r, c, f: Number(f.get("r2"), "1", 1e-4)),
+        (Column("adjusted R²", "adj_r2", "1"), lambda r, c, f: Number(f.get("adj_r2"), "1", 1e-4)),
         grouped=3,
-    )
-
-
-def _fit_cells(c: Channel) -> tuple[Cell, ...]:
-    f = c.fit
-    return (
-        c.name,
-        unit_label(c.unit) or "1",
-        int(f["n"]),
-        int(f["p"]),
-        Number(f.get("sse"), squared(c.unit)),
-        Number(f.get("rmse"), c.unit),
-        Number(f.get("r2"), "1", 1e-4),
-        Number(f.get("adj_r2"), "1", 1e-4),
     )
 
 
 def correlation_table(records: Sequence[RecordContent]) -> Table:
     """Correlation factors, R2 and RMSE over the posterior."""
-    return Table(
+    return table_of(
         "correlation",
         "Correlation factors",
         f"Median and {INTERVAL} over the posterior curves; against the measured data, and against data replicated "
         "from the posterior.",
-        (
-            *_RECORD,
-            Column("channel", "channel"),
-            Column("data", "data"),
-            Column("r", "r", "1"),
-            Column("R²", "r2", "1"),
-            Column("adjusted R²", "adj_r2", "1"),
-            Column("unit", "unit"),
-            Column("RMSE", "rmse", OF_ROW),
-        ),
-        tuple(
-            (*_head(r), c.name, which, *_agreement_cells(c, found))
+        [
+            (r, c, which, found)
             for r in records
             for c in r.channels
             for which, found in (("measured", c.measured), ("replicated", c.replicated))
             if found
-        ),
+        ],
+        *_OF_RECORD,
+        (Column("channel", "channel"), lambda r, c, which, found: c.name),
+        (Column("data", "data"), lambda r, c, which, found: which),
+        (Column("r", "r", "1"), lambda r, c, which, found: found.get("r")),
+        (Column("R²", "r2", "1"), lambda r, c, which, found: found.get("r2")),
+        (Column("adjusted R²", "adj_r2", "1"), lambda r, c, which, found: found.get("adj_r2")),
+        (_UNIT, lambda r, c, which, found: unit_label(c.unit) or "1"),
+        (Column("RMSE", "rmse", OF_ROW), lambda r, c, which, found: found.get("rmse")),
         grouped=3,
     )
-
-
-def _agreement_cells(c: Channel, found: Mapping[str, Estimate]) -> tuple[Cell, ...]:
-    return found.get("r"), found.get("r2"), found.get("adj_r2"), unit_label(c.unit) or "1", found.get("rmse")
 
 
 AVERAGE_COLUMNS: Final = (
@@ -407,43 +390,29 @@ def _quantity_cells(r: RecordContent, q: QuantitySummary) -> tuple[Cell, ...]:
 
 def transformation_table(records: Sequence[RecordContent]) -> Table:
     """Start and finish of the transformation by the tangent rule."""
-    return Table(
+    return table_of(
         "transformation",
         "Transformation temperatures",
         "Where the tangent at the steepest point crosses the tangents to the plateaus (rule of ASTM E3097), on each "
         f"posterior curve: median and {INTERVAL}. Outstanding: share of the transformation that the sweep leaves out "
         "at that end. Where the measurements do not support both tangents the value is extrapolated.",
+        [(r, name, t) for r in records for name, t in r.document.transformation.items()],
+        *_OF_RECORD,
+        (Column("temperature", "name"), lambda r, name, t: name),
+        (Column("meaning", "meaning", brief=False), lambda r, name, t: t.meaning),
+        (Column("channel", "channel"), lambda r, name, t: r.name_of(t.channel)),
+        (_UNIT, lambda r, name, t: unit_label(t.unit) or "1"),
+        (Column("value", "value", OF_ROW), lambda r, name, t: Estimate.of(t, t.unit)),
+        (Column("outstanding", "outstanding", "1"), lambda r, name, t: Number(t.outstanding, "1", 0.01)),
+        (Column("samples between", "samples", "1"), lambda r, name, t: t.samples),
         (
-            *_RECORD,
-            Column("temperature", "name"),
-            Column("meaning", "meaning", brief=False),
-            Column("channel", "channel"),
-            Column("unit", "unit"),
-            Column("value", "value", OF_ROW),
-            Column("outstanding", "outstanding", "1"),
-            Column("samples between", "samples", "1"),
             Column("draws with a value", "defined", "1", brief=False),
+            lambda r, name, t: Number(t.defined, "1", 0.01),
+        ),
+        (
             Column("supported by data", "within_data"),
+            lambda r, name, t: "yes" if t.within_data else "no, extrapolated",
         ),
-        tuple(
-            (*_head(r), *_transformation_cells(r, name, t))
-            for r in records
-            for name, t in r.document.transformation.items()
-        ),
-    )
-
-
-def _transformation_cells(r: RecordContent, name: str, t: TransformationSummary) -> tuple[Cell, ...]:
-    return (
-        name,
-        t.meaning,
-        r.name_of(t.channel),
-        unit_label(t.unit) or "1",
-        Estimate.of(t, t.unit),
-        Number(t.outstanding, "1", 0.01),
-        t.samples,
-        Number(t.defined, "1", 0.01),
-        "yes" if t.within_data else "no, extrapolated",
     )
 
 
@@ -527,77 +496,62 @@ def adequacy_table(records: Sequence[RecordContent]) -> Table:
 
 def missed_table(records: Sequence[RecordContent]) -> Table:
     """What the curves miss, as far as a discrepancy beside them tells."""
-    return Table(
+    return table_of(
         "missed",
         "What the curves miss",
         "A smooth function of temperature beside the curve, kept apart from all that the parameters of the curve can "
         "do. Rms: root mean square over the samples. Largest: where its median is largest, with the temperature and "
         "the share of the measured range. It is taken where it gains evidence: ln Bayes factor, at the warm start.",
-        (
-            *_RECORD,
-            Column("channel", "channel"),
-            Column("unit", "unit"),
-            Column("rms", "rms", OF_ROW),
-            Column("largest", "largest", OF_ROW),
-            Column("at temperature", "at"),
-            Column("share of range [%]", "share_percent", "1"),
-            Column("ln Bayes factor", "ln_bayes_factor", "1"),
-        ),
-        tuple(
-            (*_head(r), *_missed_cells(r, channel, m))
+        [
+            (r, channel, m, None if m.rms is None else 0.1 * m.rms)
             for r in records
             for channel, m in r.document.discrepancy.items()
+        ],
+        *_OF_RECORD,
+        (Column("channel", "channel"), lambda r, channel, m, fine: r.name_of(channel)),
+        (_UNIT, lambda r, channel, m, fine: unit_label(m.unit) or "1"),
+        (Column("rms", "rms", OF_ROW), lambda r, channel, m, fine: Number(m.rms, m.unit, fine)),
+        (Column("largest", "largest", OF_ROW), lambda r, channel, m, fine: Number(m.largest, m.unit, fine)),
+        (
+            Column("at temperature", "at"),
+            lambda r, channel, m, fine: (
+                f"{write([m.at], digits=3).plain[0]} {unit_label(r.temperature_unit)}"
+            ),
         ),
-    )
-
-
-def _missed_cells(r: RecordContent, channel: str, m: DiscrepancySummary) -> tuple[Cell, ...]:
-    fine = None if m.rms is None else 0.1 * m.rms
-    return (
-        r.name_of(channel),
-        unit_label(m.unit) or "1",
-        Number(m.rms, m.unit, fine),
-        Number(m.largest, m.unit, fine),
-        f"{write([m.at], digits=3).plain[0]} {unit_label(r.temperature_unit)}",
-        Number(100.0 * m.share, "1", 1.0),
-        Number(m.ln_bayes_factor, "1", 1.0),
+        (
+            Column("share of range [%]", "share_percent", "1"),
+            lambda r, channel, m, fine: Number(100.0 * m.share, "1", 1.0),
+        ),
+        (
+            Column("ln Bayes factor", "ln_bayes_factor", "1"),
+            lambda r, channel, m, fine: Number(m.ln_bayes_factor, "1", 1.0),
+        ),
     )
 
 
 def nearest_table(records: Sequence[RecordContent]) -> Table:
     """Parameters of the published curves nearest to curves of another kind."""
-    return Table(
+
+    def ends(r: RecordContent) -> str:
+        low, high = (write([end]).plain[0] for end in r.temperature_range)
+        return f"{low} to {high} {unit_label(r.temperature_unit)}"
+
+    return table_of(
         "nearest",
         "Nearest published parameters",
         f"{NEAREST} Median and {INTERVAL}; none where more than 5 % of the draws have no nearest curve.",
+        [(r, name, p) for r in records if r.other_than_published for name, p in r.document.nearest.items()],
+        *_OF_RECORD,
+        (Column("channel", "channel"), lambda r, name, p: r.name_of(p.channel)),
+        (Column("parameter", "parameter"), lambda r, name, p: name),
+        (_UNIT, lambda r, name, p: unit_label(p.unit) or "1"),
+        (Column("value", "value", OF_ROW), lambda r, name, p: Estimate.of(p, p.unit)),
+        (Column("nearest over", "range"), lambda r, name, p: ends(r)),
         (
-            *_RECORD,
-            Column("channel", "channel"),
-            Column("parameter", "parameter"),
-            Column("unit", "unit"),
-            Column("value", "value", OF_ROW),
-            Column("nearest over", "range"),
             Column("draws with a value", "defined", "1", brief=False),
-        ),
-        tuple(
-            (*_head(r), *_nearest_cells(r, name, p))
-            for r in records
-            if r.other_than_published
-            for name, p in r.document.nearest.items()
+            lambda r, name, p: Number(p.defined, "1", 0.01),
         ),
         grouped=3,
-    )
-
-
-def _nearest_cells(r: RecordContent, name: str, p: NearestSummary) -> tuple[Cell, ...]:
-    low, high = r.temperature_range
-    return (
-        r.name_of(p.channel),
-        name,
-        unit_label(p.unit) or "1",
-        Estimate.of(p, p.unit),
-        f"{write([low]).plain[0]} to {write([high]).plain[0]} {unit_label(r.temperature_unit)}",
-        Number(p.defined, "1", 0.01),
     )
 
 
@@ -635,7 +589,7 @@ def noise_table(records: Sequence[RecordContent]) -> Table:
 
 def check_table(records: Sequence[RecordContent]) -> Table:
     """Posterior predictive checks."""
-    return Table(
+    return table_of(
         "checks",
         "Posterior predictive checks",
         "A statistic of the standardised residuals, memory of the noise taken out: measured (posterior median), and "
@@ -643,33 +597,21 @@ def check_table(records: Sequence[RecordContent]) -> Table:
         "one; near 0 or 1 the model misses something. It comes in steps of "
         f"{1 / CHECKED:.3g}. Of sweeps left out it is exact: each is predicted from the others, the most different one "
         "is measured, and all are paid for.",
-        (
-            *_RECORD,
-            Column("channel", "channel"),
-            Column("statistic", "statistic"),
-            Column("measured", "measured", "1"),
-            Column("replicated 5 %", "replicated_q05", "1"),
-            Column("replicated 95 %", "replicated_q95", "1"),
-            Column("p-value", "p_value", "1"),
-            Column("failed", "failed"),
-            Column("what it would show", "meaning", brief=False),
-        ),
-        tuple((*_head(r), *_check_cells(r, c)) for r in records for c in r.document.checks),
+        [
+            (r, c, None if c.q05 is None or c.q95 is None else (c.q95 - c.q05) / 3.0)
+            for r in records
+            for c in r.document.checks
+        ],
+        *_OF_RECORD,
+        (Column("channel", "channel"), lambda r, c, width: r.name_of(c.channel)),
+        (Column("statistic", "statistic"), lambda r, c, width: STATISTICS.get(c.statistic, c.statistic)),
+        (Column("measured", "measured", "1"), lambda r, c, width: Number(c.measured, "1", width)),
+        (Column("replicated 5 %", "replicated_q05", "1"), lambda r, c, width: Number(c.q05, "1", width)),
+        (Column("replicated 95 %", "replicated_q95", "1"), lambda r, c, width: Number(c.q95, "1", width)),
+        (Column("p-value", "p_value", "1"), lambda r, c, width: Number(c.p_value, "1", 0.05)),
+        (Column("failed", "failed"), lambda r, c, width: c.failed),
+        (Column("what it would show", "meaning", brief=False), lambda r, c, width: c.meaning),
         grouped=3,
-    )
-
-
-def _check_cells(r: RecordContent, c: CheckSummary) -> tuple[Cell, ...]:
-    width = None if c.q05 is None or c.q95 is None else (c.q95 - c.q05) / 3.0
-    return (
-        r.name_of(c.channel),
-        STATISTICS.get(c.statistic, c.statistic),
-        Number(c.measured, "1", width),
-        Number(c.q05, "1", width),
-        Number(c.q95, "1", width),
-        Number(c.p_value, "1", 0.05),
-        c.failed,
-        c.meaning,
     )
 
 
@@ -721,36 +663,21 @@ def rows_text(rows: Sequence[int], count: int) -> str:
 
 def printed_table(content: Content) -> Table:
     """Printed values of the paper beside the twin's posteriors."""
-    return Table(
+    return table_of(
         "printed",
         "Printed values against posteriors",
         f"Printed: Tables 3 to 5, from which the twin was drawn. Posterior: median and {INTERVAL}. Distance: printed "
         "value less posterior mean, over the posterior sd.",
-        (
-            Column("record", "record"),
-            Column("parameter", "parameter"),
-            Column("unit", "unit"),
-            Column("printed", "printed"),
-            Column("posterior", "posterior", OF_ROW),
-            Column("distance [sd]", "distance_sd", "1"),
-            Column("inside", "inside"),
-            Column("printed value is", "status"),
-            Column("doubt", "doubt", brief=False),
-        ),
-        tuple(
-            (
-                c.record,
-                c.parameter,
-                unit_label(c.cell.unit) or "1",
-                c.cell.printed,
-                c.estimate,
-                Number(c.distance, "1", 0.1),
-                c.inside,
-                str(c.cell.status),
-                c.cell.reason,
-            )
-            for c in content.printed
-        ),
+        [(c, c.cell) for c in content.printed],
+        (Column("record", "record"), lambda c, cell: c.record),
+        (Column("parameter", "parameter"), lambda c, cell: c.parameter),
+        (_UNIT, lambda c, cell: unit_label(cell.unit) or "1"),
+        (Column("printed", "printed"), lambda c, cell: cell.printed),
+        (Column("posterior", "posterior", OF_ROW), lambda c, cell: c.estimate),
+        (Column("distance [sd]", "distance_sd", "1"), lambda c, cell: Number(c.distance, "1", 0.1)),
+        (Column("inside", "inside"), lambda c, cell: c.inside),
+        (Column("printed value is", "status"), lambda c, cell: str(cell.status)),
+        (Column("doubt", "doubt", brief=False), lambda c, cell: cell.reason),
         grouped=1,
     )
 

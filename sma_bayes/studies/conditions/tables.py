@@ -8,7 +8,7 @@ from typing import Final
 from sma_bayes.quantities import quantity_of
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, table_of
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
@@ -368,31 +368,27 @@ def _share(share: float) -> Cell:
 
 def pooled_table(stored: StoredConditions) -> Table:
     """A and B of each condition by itself, and with what the others say about it."""
-    rows = [
-        (
-            condition,
-            p.branch,
-            name,
-            Estimate.where_told(v.own, v.unit),
-            Estimate.where_told(v.pooled, v.unit),
-            unit_label(v.unit) or "1",
-        )
-        for p in stored.found.populations
-        for condition, parameters in p.parameters.items()
-        for name, v in parameters.items()
-    ]
-    return Table(
+    return table_of(
         "pooled",
         "Parameters, of each condition by itself and partially pooled",
         "Where a condition tells its parameters well, pooling changes nothing.",
+        [
+            (condition, p.branch, name, v)
+            for p in stored.found.populations
+            for condition, parameters in p.parameters.items()
+            for name, v in parameters.items()
+        ],
+        (Column("condition", "condition"), lambda condition, branch, name, v: condition),
+        (Column("branch", "branch"), lambda condition, branch, name, v: branch),
+        (Column("parameter", "parameter"), lambda condition, branch, name, v: name),
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("parameter", "parameter"),
             Column("by itself", "alone", OF_ROW),
-            Column("partially pooled", "pooled", OF_ROW),
-            Column("unit", "unit"),
+            lambda condition, branch, name, v: Estimate.where_told(v.own, v.unit),
         ),
-        tuple(rows),
+        (
+            Column("partially pooled", "pooled", OF_ROW),
+            lambda condition, branch, name, v: Estimate.where_told(v.pooled, v.unit),
+        ),
+        (Column("unit", "unit"), lambda condition, branch, name, v: unit_label(v.unit) or "1"),
         grouped=2,
     )

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 from sma_bayes.report.content import INTERVAL, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Column, Table
+from sma_bayes.report.tables import OF_ROW, Column, Table, table_of
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.gap.outcome import HEATING
 from sma_bayes.studies.gap.outputs import StoredStudy
-from sma_bayes.studies.gap.schema import AddedEffect, EffectParameter, HeatingFindings
+from sma_bayes.studies.gap.schema import HeatingFindings
 from sma_bayes.studies.gap.words import channel_text, covariate_text
 
 ADVICE: Final[Mapping[str, str]] = {
@@ -170,48 +170,35 @@ def _quantiles(found: IntervalDocument, unit: str) -> Iterator[Number]:
 
 def effect_table(study: StoredStudy) -> Table:
     """Parameters of the effects that were added."""
-
-    def row(e: AddedEffect, name: str, p: EffectParameter) -> tuple[Any, ...]:
-        return (
-            e.id,
-            "named" if study.part.verdict == "named" else "partial",
-            ", ".join(e.class_),
-            Number(e.probability, "1", 0.01),
-            Number(e.ln_bayes_factor, "1", 1.0),
-            name,
-            p.meaning,
-            unit_label(p.unit) or "1",
-            *_quantiles(p, p.unit),
-            *(Number(end, p.unit) for end in p.prior_range),
-            p.outside_prior,
-            Number(p.rhat, "1", 0.01),
-            Number(p.least_ess, "1", 10.0),
-        )
-
-    return Table(
+    status = "named" if study.part.verdict == "named" else "partial"
+    return table_of(
         "effects",
         "Parameters of the added effects",
         f"5 % and 95 % bound the {INTERVAL}. “Outside the prior”: the interval of the posterior does not meet the 90 % "
         "range of the prior, which is what the literature gives.",
+        [(e, name, p, [*_quantiles(p, p.unit)]) for e in study.effects for name, p in e.parameters.items()],
+        (Column("effect", "effect"), lambda e, name, p, q: e.id),
+        (Column("status", "status", brief=False), lambda e, name, p, q: status),
+        (Column("class", "class", brief=False), lambda e, name, p, q: ", ".join(e.class_)),
         (
-            Column("effect", "effect"),
-            Column("status", "status", brief=False),
-            Column("class", "class", brief=False),
             Column("probability", "probability", "1", brief=False),
-            Column("ln Bayes factor", "ln_bayes_factor", "1", brief=False),
-            Column("parameter", "parameter"),
-            Column("meaning", "meaning"),
-            Column("unit", "unit"),
-            Column("5 %", "q05", OF_ROW),
-            Column("median", "median", OF_ROW),
-            Column("95 %", "q95", OF_ROW),
-            Column("prior 5 %", "prior_q05", OF_ROW),
-            Column("prior 95 %", "prior_q95", OF_ROW),
-            Column("outside the prior", "outside_prior"),
-            Column("R-hat", "rhat", "1"),
-            Column("least ESS", "ess", "1"),
+            lambda e, name, p, q: Number(e.probability, "1", 0.01),
         ),
-        tuple(row(e, name, p) for e in study.effects for name, p in e.parameters.items()),
+        (
+            Column("ln Bayes factor", "ln_bayes_factor", "1", brief=False),
+            lambda e, name, p, q: Number(e.ln_bayes_factor, "1", 1.0),
+        ),
+        (Column("parameter", "parameter"), lambda e, name, p, q: name),
+        (Column("meaning", "meaning"), lambda e, name, p, q: p.meaning),
+        (Column("unit", "unit"), lambda e, name, p, q: unit_label(p.unit) or "1"),
+        (Column("5 %", "q05", OF_ROW), lambda e, name, p, q: q[0]),
+        (Column("median", "median", OF_ROW), lambda e, name, p, q: q[1]),
+        (Column("95 %", "q95", OF_ROW), lambda e, name, p, q: q[2]),
+        (Column("prior 5 %", "prior_q05", OF_ROW), lambda e, name, p, q: Number(p.prior_range[0], p.unit)),
+        (Column("prior 95 %", "prior_q95", OF_ROW), lambda e, name, p, q: Number(p.prior_range[1], p.unit)),
+        (Column("outside the prior", "outside_prior"), lambda e, name, p, q: p.outside_prior),
+        (Column("R-hat", "rhat", "1"), lambda e, name, p, q: Number(p.rhat, "1", 0.01)),
+        (Column("least ESS", "ess", "1"), lambda e, name, p, q: Number(p.least_ess, "1", 10.0)),
     )
 
 
@@ -271,25 +258,14 @@ def untestable_table(study: StoredStudy) -> Table:
 
 def noise_table(study: StoredStudy) -> Table:
     """Noise of each condition and channel."""
-    return Table(
+    return table_of(
         "noise",
         "Noise",
         "AR(1): standard deviation, and correlation of neighbouring samples.",
-        (
-            Column("condition", "condition"),
-            Column("channel", "channel"),
-            Column("unit", "unit"),
-            Column("sd", "sd", OF_ROW),
-            Column("correlation", "lag1", "1"),
-        ),
-        tuple(
-            (
-                n.condition,
-                channel_text(study.part.channels, n.channel),
-                unit_label(study.part.channels[n.channel].unit) or "1",
-                Number(n.sd, study.part.channels[n.channel].unit, n.sd / 10.0),
-                Number(n.lag1, "1", 0.1),
-            )
-            for n in study.part.noise
-        ),
+        [(n, study.part.channels[n.channel].unit) for n in study.part.noise],
+        (Column("condition", "condition"), lambda n, unit: n.condition),
+        (Column("channel", "channel"), lambda n, unit: channel_text(study.part.channels, n.channel)),
+        (Column("unit", "unit"), lambda n, unit: unit_label(unit) or "1"),
+        (Column("sd", "sd", OF_ROW), lambda n, unit: Number(n.sd, unit, n.sd / 10.0)),
+        (Column("correlation", "lag1", "1"), lambda n, unit: Number(n.lag1, "1", 0.1)),
     )
