@@ -10,7 +10,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.records.types import Branch
 from sma_bayes.report.content import Content, Estimate, KnownTruth, Number, RecordContent
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Column, Table
+from sma_bayes.report.tables import OF_ROW, Column, Table, table_of
 from sma_bayes.runs.fit_document import FitFindings
 from sma_bayes.runs.outputs import StoredBand, StoredRun, band_of
 from sma_bayes.simulated.campaign import LOADS, SOURCE, log_of, truth_of
@@ -82,35 +82,24 @@ def thermometer_offsets(run: StoredRun) -> dict[str, float]:
 
 def truth_table(content: Content) -> Table:
     """How far bands hold the truth, and what they say halfway through the transformation."""
-    return Table(
+    return table_of(
         "truth",
         "Bands and the truth",
         "Within: share of the measured temperatures at which the 90 % band holds the true curve; neighbours go "
         "together, so that one record is about one trial. Halfway: where the true displacement has gone half of its "
         "way, the true value, and median and 90 % interval of the fit there.",
+        [(k, k.estimate) for k in content.truth],
+        (Column("condition", "condition"), lambda k, fit: k.condition),
+        (Column("branch", "branch"), lambda k, fit: k.branch),
+        (Column("channel", "channel"), lambda k, fit: k.name),
+        (Column("unit", "unit"), lambda k, fit: unit_label(k.unit) or "1"),
+        (Column("within", "within", "1"), lambda k, fit: Number(k.within, "1", 0.01)),
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("channel", "channel"),
-            Column("unit", "unit"),
-            Column("within", "within", "1"),
             Column("halfway at", "halfway", content.truth[0].temperature_unit),
-            Column("truth", "true", OF_ROW),
-            Column("posterior", "fit", OF_ROW),
+            lambda k, fit: Number(k.middle, k.temperature_unit, 0.1),
         ),
-        tuple(
-            (
-                k.condition,
-                k.branch,
-                k.name,
-                unit_label(k.unit) or "1",
-                Number(k.within, "1", 0.01),
-                Number(k.middle, k.temperature_unit, 0.1),
-                Number(k.true, k.unit, _width(k.estimate)),
-                k.estimate,
-            )
-            for k in content.truth
-        ),
+        (Column("truth", "true", OF_ROW), lambda k, fit: Number(k.true, k.unit, _width(fit))),
+        (Column("posterior", "fit", OF_ROW), lambda k, fit: fit),
         grouped=2,
     )
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from sma_bayes.report.content import INTERVAL, Estimate, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, table_of
 from sma_bayes.studies.sensitivity.schema import (
     NONE,
-    QuantitySensitivity,
     RecordSensitivity,
     StoredSensitivity,
 )
@@ -32,43 +31,33 @@ def _number(value: float | None, unit: str = "1", digits: float = 0.001) -> Numb
 
 
 def _powers(records: tuple[RecordSensitivity, ...], threshold: float) -> Table:
-    return Table(
+    return table_of(
         "sensitivity",
         "Prior and data",
         f"Median and {INTERVAL}. Sensitivity: gradient of the cumulative Jensen-Shannon distance with the "
         f"binary logarithm "
         f"of the power of prior or likelihood; from {threshold:g} on it counts. Shift: what the mean does where "
         f"that power is doubled, in posterior standard deviations (sd).",
+        [(r, q) for r in records for q in r.quantities],
+        (_OF_RECORD[0], lambda r, q: r.condition),
+        (_OF_RECORD[1], lambda r, q: r.branch),
+        (Column("number", "number"), lambda r, q: q.name),
+        (Column("kind", "kind", brief=False), lambda r, q: q.kind),
+        (Column("unit", "unit"), lambda r, q: unit_label(q.unit) or "1"),
+        (Column("posterior", "posterior", OF_ROW), lambda r, q: Estimate.of(q, q.unit)),
+        (Column("prior", "prior", "1"), lambda r, q: _number(q.prior)),
+        (Column("likelihood", "likelihood", "1"), lambda r, q: _number(q.likelihood)),
+        (Column("shift, prior", "prior_shift", SD), lambda r, q: _number(q.prior_shift, SD, 0.01)),
         (
-            *_OF_RECORD,
-            Column("number", "number"),
-            Column("kind", "kind", brief=False),
-            Column("unit", "unit"),
-            Column("posterior", "posterior", OF_ROW),
-            Column("prior", "prior", "1"),
-            Column("likelihood", "likelihood", "1"),
-            Column("shift, prior", "prior_shift", SD),
             Column("shift, likelihood", "likelihood_shift", SD, brief=False),
-            Column("diagnosis", "diagnosis"),
-            Column("leading prior", "leading_prior"),
+            lambda r, q: _number(q.likelihood_shift, SD, 0.01),
         ),
-        tuple((r.condition, r.branch, *_power_cells(q)) for r in records for q in r.quantities),
+        (Column("diagnosis", "diagnosis"), lambda r, q: "" if q.diagnosis == NONE else q.diagnosis),
+        (
+            Column("leading prior", "leading_prior"),
+            lambda r, q: q.leading_prior.parameter if q.leading_prior else "",
+        ),
         grouped=2,
-    )
-
-
-def _power_cells(q: QuantitySensitivity) -> tuple[Cell, ...]:
-    return (
-        q.name,
-        q.kind,
-        unit_label(q.unit) or "1",
-        Estimate.of(q, q.unit),
-        _number(q.prior),
-        _number(q.likelihood),
-        _number(q.prior_shift, SD, 0.01),
-        _number(q.likelihood_shift, SD, 0.01),
-        "" if q.diagnosis == NONE else q.diagnosis,
-        "" if q.leading_prior is None else q.leading_prior.parameter,
     )
 
 

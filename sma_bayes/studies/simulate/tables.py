@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sma_bayes.report.content import Estimate
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import Column, Table
+from sma_bayes.report.tables import Column, Table, table_of
 from sma_bayes.studies.simulate.schema import SimulationDocument, StoredSimulation
 from sma_bayes.studies.simulate.terminal import shown_parameters, start_text
 
@@ -38,42 +38,24 @@ def _ends(found: SimulationDocument) -> Table:
     rows = []
     for r in found.runs:
         for c, v in r.shown.items():
-            rows.append(
-                (
-                    r.condition,
-                    start_text(r),
-                    v.name,
-                    Estimate.of(v, v.unit),
-                    Estimate(v.median, v.pred_q05, v.pred_q95, v.unit),
-                    unit_label(v.unit) or "1",
-                )
-            )
+            rows.append((r, v.name, v))
             if c == "temperature":
-                h = r.hottest.shown_in(r.temperature_unit)
-                rows.append(
-                    (
-                        r.condition,
-                        start_text(r),
-                        "hottest temperature",
-                        Estimate.of(h, h.unit),
-                        Estimate(h.median, h.pred_q05, h.pred_q95, h.unit),
-                        unit_label(h.unit),
-                    )
-                )
-    return Table(
+                rows.append((r, "hottest temperature", r.hottest.shown_in(r.temperature_unit)))
+    return table_of(
         "end",
         "At the end of the profile",
         "Median and equal-tailed 90 % intervals: of the curve, and of another run, in which the temperature is off as "
         "measured ones were and readings have their noise.",
+        rows,
+        (Column("condition", "condition"), lambda r, name, v: r.condition),
+        (Column("start", "start"), lambda r, name, v: start_text(r)),
+        (Column("quantity", "quantity"), lambda r, name, v: name),
+        (Column("value", "value", "unit"), lambda r, name, v: Estimate.of(v, v.unit)),
         (
-            Column("condition", "condition"),
-            Column("start", "start"),
-            Column("quantity", "quantity"),
-            Column("value", "value", "unit"),
             Column("another run", "another_run", "unit"),
-            Column("unit", "unit"),
+            lambda r, name, v: Estimate(v.median, v.pred_q05, v.pred_q95, v.unit),
         ),
-        tuple(rows),
+        (Column("unit", "unit"), lambda r, name, v: unit_label(v.unit) or "1"),
         grouped=2,
     )
 
