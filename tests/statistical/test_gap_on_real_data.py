@@ -82,6 +82,9 @@ def test_four_stresses_are_a_stress_shift_and_nothing_else(shared_data: Path) ->
 def test_a_richer_curve_tells_the_slopes_of_the_branches_apart(shared_data: Path) -> None:
     """By least squares with that curve 0.124 K/MPa while heating and 0.136 while cooling.
 
+    Beside noise that remembers, 0.978 and 0.99 from reading to reading, the mode is 0.130 while cooling: levels count
+    for less then. A fit that stops 18 nats below its mode gives 0.134.
+
     The shift, 18 K over the stresses, is as wide as the transformation, so its signature alone doesn't show it.
     """
     found = studied("flexinol_isobaric", shared_data, model="sinh_arcsinh_slopes", pooled=True)
@@ -91,7 +94,11 @@ def test_a_richer_curve_tells_the_slopes_of_the_branches_apart(shared_data: Path
     theta = dict(zip(found.final.hypothesis.space.names, found.final.theta, strict=True))
     heating = 1e6 * theta["branch_stress_shift.c"]
     assert heating == pytest.approx(0.124, abs=0.003)
-    assert heating * theta["branch_stress_shift.r"] == pytest.approx(0.135, abs=0.004)
+    assert heating * theta["branch_stress_shift.r"] == pytest.approx(0.130, abs=0.003)
+    sd = np.sqrt(np.diag(found.final.covariance))[
+        found.final.hypothesis.space.names.index("branch_stress_shift.r")
+    ]
+    assert np.log(theta["branch_stress_shift.r"]) > 5.0 * sd
 
 
 @pytest.mark.parametrize(

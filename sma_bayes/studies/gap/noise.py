@@ -28,6 +28,8 @@ from sma_bayes.studies.gap.switching import Scatter, likeliest_size
 
 MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
 """Correlations of neighbouring samples that are tried."""
+LONGEST = 1.5
+"""Sweeps that may count as one sample under chance: what remembers for longer is a wave that wants an explanation."""
 PROBABLE = 1e-3
 """A memory that is less likely than the likeliest one by more than this factor is left out of account."""
 DEGREES = (2.0, 3.0, 5.0, 9.0)
@@ -68,6 +70,8 @@ class ChannelBlock:
         Samples that remember nothing.
     dt : ndarray, shape (n,)
         Time since the sample before, in medians; 1 where time was not recorded.
+    sweep : float
+        Samples of its usual sweep.
     """
 
     history: int
@@ -75,6 +79,12 @@ class ChannelBlock:
     at: slice
     first: NDArray[np.bool_]
     dt: Floats
+    sweep: float = np.inf
+
+    @property
+    def possible(self) -> NDArray[np.bool_]:
+        """Which of `MEMORIES` chance may have: at most `LONGEST` sweeps count as one sample."""
+        return np.asarray((1.0 + MEMORIES) / (1.0 - MEMORIES) <= LONGEST * self.sweep)  # noqa: SIM300
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +100,8 @@ class BlockNoise:
     scale : ndarray, shape (n,), or float
         Of each innovation, over the usual one: above 1 where tails are heavy and the sample is far out.
     others : tuple of (float, BlockNoise)
-        What else it may be, with probabilities from the restricted likelihood that add up to 1; itself included.
+        What it may be by chance, with probabilities from the restricted likelihood that add up to 1; itself included
+        unless it remembers for too long, see `ChannelBlock.possible`.
     switching : Scatter or None
         Scatter of the instants at which a current was switched, on top of it.
     """
@@ -149,8 +160,9 @@ def blocks_of(hypothesis: Hypothesis) -> tuple[ChannelBlock, ...]:
             dt[1:] = np.maximum(np.diff(history.inputs["time"]), 0.0)
             usual = float(np.median(dt[~first])) if (~first).any() else 1.0
             dt = dt / max(usual, 1e-300)
+        sweep = float(np.median(np.unique(history.inputs["segment"], return_counts=True)[1]))
         for channel in hypothesis.channels:
-            out.append(ChannelBlock(i, channel, slice(at, at + history.n), first, dt))
+            out.append(ChannelBlock(i, channel, slice(at, at + history.n), first, dt, sweep))
             at += history.n
     return tuple(out)
 
@@ -318,6 +330,7 @@ def _likeliest(
     width = np.broadcast_to(scale, residual.shape)[:, None]
     products = _products(series, follows, width)
     memories = [np.where(follows, phi, 0.0) for phi in MEMORIES]
+    possible = block.possible
     dt = block.dt[follows]
     if dt.size > 2 and np.std(dt) > 0.05 * np.mean(dt):
         in_time = [
@@ -326,13 +339,18 @@ def _likeliest(
         innovations = [memory_innovations(series.T, m, width[:, 0]) for m in in_time]
         products = np.concatenate([products, [w @ w.T for w in innovations]])
         memories += in_time
+        possible = np.concatenate([possible, possible[MEMORIES > 0.0]])
     value, sd = _restricted(products, np.array([memory_log_scale(m).sum() for m in memories]), residual.size)
+    likeliest = int(np.argmax(value))
+    shorter = np.array([m.max() for m in memories]) <= memories[likeliest].max()
     probability = np.exp(value - value.max())
-    probability = np.where(probability < PROBABLE, 0.0, probability)
+    probability = np.where((possible | shorter) & (probability >= PROBABLE), probability, 0.0)
     probability = probability / probability.sum()
-    found = {i: BlockNoise(float(sd[i]), memories[i], scale) for i in np.flatnonzero(probability).tolist()}
-    others = tuple((float(probability[i]), noise) for i, noise in found.items())
-    best = replace(found[int(np.argmax(value))], others=others)
+    others = tuple(
+        (float(probability[i]), BlockNoise(float(sd[i]), memories[i], scale))
+        for i in np.flatnonzero(probability).tolist()
+    )
+    best = BlockNoise(float(sd[likeliest]), memories[likeliest], scale, others)
     w, columns = best.whiten(residual), best.whiten(smooth.T).T
     left = w - columns @ np.linalg.lstsq(columns, w, rcond=1e-9)[0]
     return best, np.asarray(left * scale)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
 from sma_bayes.arrays import Floats
+from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import History, histories
+from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.noise import (
     DEGREES,
     MEMORIES,
@@ -117,6 +121,34 @@ def test_memory_in_time_is_told_from_memory_in_samples(history: History, smooth:
         else:
             assert short == long
             assert abs(short - 0.8) < 0.12
+
+
+@pytest.mark.parametrize(("samples", "longest"), [(4, 0.71), (40, 0.967), (67, 0.980), (4000, 0.991)])
+def test_chance_remembers_no_longer_than_one_and_a_half_sweeps(samples: int, longest: float, rig) -> None:
+    """(1 + phi)/(1 - phi) = 1.5 n at the bound; 0.99 is the longest memory that is tried at all."""
+    campaign = rig(periods=(60.0,), loads=(1.0,), cycles=2, samples=samples).campaign()
+    hypothesis = baseline(campaign, histories(campaign), read_priors("modified_sigmoid"), pooled=True)
+    (block,) = blocks_of(hypothesis)
+    assert MEMORIES[block.possible].max() <= longest
+    assert all((1.0 + phi) / (1.0 - phi) > 1.5 * samples for phi in MEMORIES[~block.possible])
+
+
+@pytest.mark.parametrize(("phi", "seems_longer"), [(0.5, False), (0.999, True)])
+def test_chance_remembers_as_long_as_noise_seems_to(
+    phi: float, seems_longer: bool, history: History, smooth: Floats
+) -> None:
+    segment, clock = history.inputs["segment"], history.inputs["order"]
+    rng = np.random.default_rng(5)
+    e = np.linalg.cholesky(correlation(phi, clock, segment)) @ rng.standard_normal(history.n)
+    block = replace(block_of(history, np.ones(history.n)), sweep=10.0)
+    found, free = block_noise(e, block, smooth), block_noise(e, replace(block, sweep=np.inf), smooth)
+    longest = MEMORIES[block.possible].max()
+    seems = found.memory.max()
+    assert (seems > longest) == seems_longer
+    np.testing.assert_array_equal(found.memory, free.memory)
+    assert max(n.memory.max() for _, n in found.others) <= max(longest, seems)
+    assert sum(p for p, _ in found.others) == pytest.approx(1.0)
+    assert max(n.memory.max() for _, n in free.others) >= seems
 
 
 def test_what_was_planted_is_recovered_without_bias(history: History, smooth: Floats) -> None:
