@@ -229,7 +229,7 @@ def test_cycles_are_told_in_declared_units(tmp_path: Path, capsys: pytest.Captur
     capsys.readouterr()
     show_cycles(found, out)
     for text in (capsys.readouterr().out, text_of(out / "report.html")):
-        assert "180 is beyond the temperatures of w150-heating, 86 to 167 °F" in text
+        assert "180 °F is beyond the temperatures of w150-heating, 86 to 167 °F" in text
         assert_declared(text)
         assert " degC" not in text
         assert " K " not in text

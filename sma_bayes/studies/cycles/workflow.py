@@ -380,9 +380,10 @@ def _remarks(strands: Sequence[Strand], at: Sequence[float]) -> list[str]:
             if not low <= t <= high:
                 u = shown_as(s.record.units["temperature"], units)
                 asked, coldest, hottest = (f"{u.value(v):g}" for v in (t, low, high))
+                unit = unit_text(u.shown)
                 out.append(
-                    f"{asked} is beyond the temperatures of {s.record.key}, {coldest} to {hottest} "
-                    f"{unit_text(u.shown)}: what is told there is an extrapolation"
+                    f"{asked} {unit} is beyond the temperatures of {s.record.key}, {coldest} to {hottest} {unit}: "
+                    "what is told there is an extrapolation"
                 )
     single = [s for s in strands if s.cycle.size < len(measured_cycles(strands))]
     out += [
