@@ -100,18 +100,6 @@ _MEANT: Final = {
 """What is meant by a unit that is another quantity's: C is the coulomb, F the farad, g a mass and no weight."""
 
 
-_COMMON: Final = {
-    "m": ("m", 1.0), "cm": ("m", 0.01), "mm": ("m", 0.001), "um": ("m", 1e-6),
-    "N": ("N", 1.0), "mN": ("N", 0.001), "kN": ("N", 1000.0), "gf": ("N", 0.00980665),
-    "N/m": ("N/m", 1.0), "N/mm": ("N/m", 1000.0),
-    "Pa": ("Pa", 1.0), "kPa": ("Pa", 1000.0), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9),
-    "kg": ("kg", 1.0), "g": ("kg", 0.001), "s": ("s", 1.0), "ms": ("s", 0.001), "min": ("s", 60.0),
-    "A": ("A", 1.0), "mA": ("A", 0.001), "Hz": ("Hz", 1.0), "mHz": ("Hz", 0.001),
-    "1": ("1", 1.0), "percent": ("1", 0.01), "%": ("1", 0.01),
-}  # fmt: skip
-"""Units that are converted without pint, which takes 0.3 s to begin with: the base unit, and one of them in it."""
-
-
 @lru_cache(maxsize=1)
 def _registry() -> UnitRegistry[Any]:
     from pint import UnitRegistry
@@ -151,9 +139,6 @@ def convert(values: Floats | float, unit: str, to: str, *, what: str = "value") 
     array = np.asarray(values, dtype=float)
     if unit == to:
         return array.copy()
-    (of, size), (base, per) = _COMMON.get(unit, (unit, 0.0)), _COMMON.get(to, (to, 0.0))
-    if of == base and 1.0 in (size, per):
-        return array * (size / per)
     _require_unit_text(unit, what)
     _require_unit_text(to, what)
     if ARBITRARY in unit or ARBITRARY in to:  # also its reciprocal and the like

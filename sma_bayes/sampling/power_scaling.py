@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
+from sma_bayes.sampling.convergence import array_stats
 
 THRESHOLD: Final = 0.05
 """Sensitivity from which a quantity counts as sensitive, that of the article. It is reached where doubling the power
@@ -62,8 +63,7 @@ def _sensitivity(values: Floats, log_density: Floats) -> Floats:
     out = np.zeros(count)
     if not np.ptp(log_density) > 0.0 or not varies.any():
         return out
-    from arviz_stats.base import array_stats as stats  # takes a quarter of a second to import
-
+    stats = array_stats()
     centred = log_density - log_density.max()
     weights = []
     for power in POWERS:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,7 +9,6 @@ from hypothesis import strategies as st
 
 from sma_bayes.errors import QuantityError
 from sma_bayes.quantities import (
-    _COMMON,
     ARBITRARY,
     CHANNELS,
     QUANTITIES,
@@ -98,32 +94,6 @@ def test_conversion_keeps_shape_and_missing_values_and_gives_a_new_array() -> No
         assert values[0, 0] == 1.0
 
 
-def test_common_units_are_converted_as_pint_does() -> None:
-    """They go by a table, without pint; the 1000 numbers differ by the rounding of one operation at most."""
-    import pint
-
-    registry = pint.UnitRegistry()
-    values = np.random.default_rng(0).normal(size=1000)
-    tried = 0
-    for unit, (kind, _) in _COMMON.items():
-        for to, (other, _) in _COMMON.items():
-            if kind == other and 1.0 in (_COMMON[unit][1], _COMMON[to][1]):
-                expected = registry.Quantity(values, unit).to(to).magnitude
-                np.testing.assert_allclose(convert(values, unit, to), expected, rtol=4e-16)
-                tried += 1
-            elif kind != other:
-                with pytest.raises(QuantityError):
-                    convert(values, unit, to)
-    assert tried > 2 * (len(_COMMON) - 9)
-
-
-def test_a_common_unit_takes_no_pint() -> None:
-    """It takes 0.3 s to begin with, and a fit of a file in °C, N and mm has no other need of it."""
-    code = "import sys; from sma_bayes.quantities import convert; convert(25.0, 'mm', 'm'); convert(1.0, 'm', 'mm')"
-    check = f"{code}; assert 'pint' not in sys.modules"
-    subprocess.run([sys.executable, "-c", check], check=True)
-
-
 def test_integers_become_floats() -> None:
     assert convert(np.array([1, 2]), "N", "N").dtype == np.float64
 
@@ -162,7 +132,6 @@ def test_units_as_people_read_them() -> None:
     assert unit_text("1/degC") == "1/°C"
     assert unit_text("1/arbitrary") == "1/arbitrary unit"
     assert unit_text("N/m") == "N/m"
-    assert (unit_text("percent"), unit_text("percent/degC")) == ("%", "%/°C")
     assert unit_text("1") == ""
 
 
