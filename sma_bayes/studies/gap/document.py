@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Final
 
 import numpy as np
@@ -28,7 +28,7 @@ from sma_bayes.studies.gap.name import (
     EvidenceBeside,
     share_of,
 )
-from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, scatter
+from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, growth, scatter
 from sma_bayes.studies.gap.outcome import GapOutcome, added, judgement, named_channels, probability
 from sma_bayes.studies.gap.periodic import Spectra
 from sma_bayes.studies.gap.schema import (
@@ -205,12 +205,16 @@ def _noise(
     fitted: FittedHypothesis, block: ChannelBlock, noise: BlockNoise, band: StatedBand | None
 ) -> StatedNoise:
     follows = ~block.first
+    response = (fitted.observed - fitted.residual)[block.at]
+    grows, error = growth(replace(noise, scale=1.0).whiten(fitted.residual[block.at]), response)
     return StatedNoise(
         condition=fitted.hypothesis.histories[block.history].condition.id,
         channel=block.channel,
         sd=noise.sd,
         lag1=float(np.median(noise.memory[follows])) if follows.any() else 0.0,
         scatter=scatter(fitted.residual[block.at], block),
+        growth=grows,
+        growth_sd=error,
         spectrum=band,
     )
 

@@ -11,6 +11,7 @@ noise. All hypotheses of a round share the estimate.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -369,6 +370,24 @@ def scatter(residual: Floats, block: ChannelBlock) -> float:
     """
     steps = np.diff(residual)[~block.first[1:]]
     return float(MAD_TO_SD * np.median(np.abs(steps)) / np.sqrt(2.0)) if steps.size else 0.0
+
+
+def growth(innovations: Floats, response: Floats) -> tuple[float, float]:
+    """How the size of innovations grows from the least response to the greatest: ln of the ratio, and its error.
+
+    By regression of the logarithm of their magnitude, whose standard deviation is pi/sqrt(8) for a normal variate.
+
+    Parameters
+    ----------
+    innovations, response : ndarray, shape (n,)
+    """
+    span = float(np.ptp(response))
+    if not span > 0.0:
+        return 0.0, math.inf
+    x = (response - response.mean()) / span
+    size = np.log(np.maximum(np.abs(innovations), 1e-3 * (np.sqrt(np.mean(innovations**2)) or 1.0)))
+    squares = float(x @ x)
+    return float(x @ size) / squares, math.pi / math.sqrt(8.0 * squares)
 
 
 def _squares(residual: Floats, noise: BlockNoise, columns: Floats) -> float:

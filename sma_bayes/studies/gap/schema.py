@@ -385,6 +385,12 @@ class StatedNoise(DocumentPart):
     scatter: NumberOrNull = Field(
         description="standard deviation from reading to reading [unit of the channel]"
     )
+    growth: Number = Field(
+        description="ln of the ratio of the size of its innovations at the greatest response to that at the least [1]"
+    )
+    growth_sd: NumberOrNull = Field(
+        description="standard error of `growth`, were they normal and alike [1]; null where the response is constant"
+    )
     spectrum: StatedBand | None = Field(
         description="band of frequencies in which it is least like its model; null for short records"
     )

@@ -19,6 +19,7 @@ from sma_bayes.studies.gap.noise import (
     ChannelBlock,
     block_noise,
     blocks_of,
+    growth,
     recorded_columns,
     smooth_columns,
     tail_scale,
@@ -266,3 +267,18 @@ def test_blocks_stack_history_by_history_and_forget_where_something_was_left_out
     w = whiten(blocks, line.noise, batch)
     exact = np.linalg.solve(np.linalg.cholesky(line.covariance), batch.T).T
     np.testing.assert_allclose(w, exact, atol=1e-9)
+
+
+def test_growth_is_that_of_the_size_of_innovations_with_its_error():
+    """Of 400 series the mean is right within five of its errors, and the scatter of the means is the stated error."""
+    rng = np.random.default_rng(5)
+    response = 3.0 + 2.0 / (1.0 + np.exp(-rng.uniform(-6.0, 6.0, 250)))
+    share = (response - response.min()) / np.ptp(response)
+    for true in (0.0, 1.5, -2.0):
+        found = np.array(
+            [growth(7.0 * np.exp(true * share) * rng.standard_normal(250), response) for _ in range(400)]
+        )
+        error = found[0, 1]
+        assert found[:, 0].mean() == pytest.approx(true, abs=5.0 * error / 20.0)
+        assert found[:, 0].std() == pytest.approx(error, rel=0.15)
+    assert growth(np.ones(4), np.ones(4)) == (0.0, np.inf)

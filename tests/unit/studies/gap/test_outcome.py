@@ -120,7 +120,15 @@ EFFECT: dict[str, Any] = {
     "ln_bayes_factor_beyond_shape": None, "one_stage": None, "remainder": None, "parameters": {},
     "next_experiment": None,
 }  # fmt: skip
-NOISE: dict[str, Any] = {"condition": "c", "channel": "force", "sd": 1.0, "lag1": 0.1, "scatter": 1.0}
+NOISE: dict[str, Any] = {
+    "condition": "c",
+    "channel": "force",
+    "sd": 1.0,
+    "lag1": 0.1,
+    "scatter": 1.0,
+    "growth": 0.3,
+    "growth_sd": 0.1,
+}
 NOTHING: dict[str, Any] = {
     "verdict": "named", "p_value": 1e-9, "p_value_extrapolated": False, "converged": True, "disagreement": [],
     "within_chance": [], "periodic": [], "effects": [EFFECT], "partial": [], "candidates": [], "rounds": [],
@@ -186,6 +194,12 @@ HELPING = {"verdict": "unnamed", "effects": [], "partial": [EFFECT]}
         (
             {"noise": [{**NOISE, "channel": "displacement", "lag1": 0.97, "spectrum": None}]},
             ["What passes for noise of c strain hardly changes from sample to sample (correlation 0.97"],
+        ),
+        (
+            {"noise": [{**NOISE, "growth": g, "spectrum": None} for g in (0.49, 0.6, -2.0)]},
+            [
+                "The noise of c force changes with the response, by a factor of 0.14 from the least to the greatest (so"
+            ],
         ),
         ({"noise": [noisy(2e-3)]}, []),
         (
