@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from sma_bayes.report.notation import unit_label
@@ -16,8 +15,6 @@ STILL_OPEN = 1.1
 """Held-out gap from which on more than noise is left [standard deviations of the noise]."""
 UNLIKE = 1e-3
 """Probability, over all channels, at which a spectrum counts as unlike the model of the noise."""
-GROWS = 5.0
-"""Standard errors from which noise counts as changing with the response; such as does not, once in a million."""
 LONG_MEMORY = 0.95
 """Correlation of neighbouring samples from which on the noise may well be misfit."""
 
@@ -42,7 +39,6 @@ def cautions(found: GapOfModel) -> list[str]:
         *_about_sweeps(found),
         *_about_suspects(found),
         *_about_memory(found),
-        *_about_growth(found),
         *_about_spectrum(found),
     ]
 
@@ -178,18 +174,4 @@ def _about_memory(found: GapOfModel) -> list[str]:
         f"What passes for noise of {named} hardly changes from sample to sample (correlation "
         f"{min(n.lag1 for n in long):.2f} or more). Slow misfit is probably in it: sizes in sigma are then too "
         "small, and a held-out gap near 1 does not say that the model is right."
-    ]
-
-
-def _about_growth(found: GapOfModel) -> list[str]:
-    grows = [n for n in found.noise if n.growth_sd is not None and abs(n.growth) > GROWS * n.growth_sd]
-    if not grows:
-        return []
-    most = max(grows, key=lambda n: abs(n.growth))
-    others = f" (so does that of {len(grows) - 1} other channels)" if len(grows) > 1 else ""
-    return [
-        f"The noise of {most.condition} {channel_text(found.channels, most.channel)} changes with the response, by a "
-        f"factor of {math.exp(most.growth):.2g} from the least to the greatest{others}. It is taken for even noise "
-        "with heavy tails, and the p-value is too small: of campaigns with nothing but such noise, growing threefold, "
-        "half are told to disagree."
     ]

@@ -206,15 +206,15 @@ def _noise(
 ) -> StatedNoise:
     follows = ~block.first
     response = (fitted.observed - fitted.residual)[block.at]
-    grows, error = growth(replace(noise, scale=1.0).whiten(fitted.residual[block.at]), response)
+    grows = growth(replace(noise, scale=1.0).whiten(fitted.residual[block.at]), response)
     return StatedNoise(
         condition=fitted.hypothesis.histories[block.history].condition.id,
         channel=block.channel,
         sd=noise.sd,
         lag1=float(np.median(noise.memory[follows])) if follows.any() else 0.0,
         scatter=scatter(fitted.residual[block.at], block),
-        growth=grows,
-        growth_sd=error,
+        growth=grows.slope,
+        growth_sd=grows.error,
         spectrum=band,
     )
 

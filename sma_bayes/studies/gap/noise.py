@@ -29,6 +29,9 @@ from sma_bayes.studies.gap.switching import Scatter, likeliest_size
 
 MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
 """Correlations of neighbouring samples that are tried."""
+GROWS = 5.0
+"""Standard errors from which the size of innovations counts as changing with the response; such as does not, once in a
+million."""
 LONGEST = 1.5
 """Sweeps that may count as one sample under chance: what remembers for longer is a wave that wants an explanation."""
 PROBABLE = 1e-3
@@ -195,7 +198,9 @@ def noise_of(
             hypothesis.switchings(theta, block.history) if block.channel == "temperature" else smooth[:, :0]
         )
         misfit = np.concatenate([smooth, courses / np.maximum(np.abs(courses).max(axis=0), 1e-300)], axis=1)
-        out.append(block_noise(own, block, misfit, lattice, recorded_columns(inputs, misfit)))
+        response = history.observed[block.channel] - own
+        recorded = recorded_columns(inputs, misfit)
+        out.append(block_noise(own, block, misfit, lattice, recorded, response))
         beside.append((smooth, courses))
     return _with_scattered_switching(blocks, out, residual, beside)
 
@@ -263,6 +268,7 @@ def block_noise(
     smooth: Floats,
     lattice: float = 0.0,
     recorded: Floats | None = None,
+    response: Floats | None = None,
 ) -> BlockNoise:
     """Standard deviation and memory of greatest restricted likelihood.
 
@@ -280,6 +286,9 @@ def block_noise(
     recorded : ndarray, shape (n, j), optional
         More such columns (see `recorded_columns`), taken out where they describe more than noise does. A long memory is
         known by what is slow; with all that is slow taken out of every record it would be known far less well.
+    response : ndarray, shape (n,), optional
+        What the model predicts. Where the size of innovations changes with it beyond doubt they get a width that does:
+        in the shuffled series of chance, and as heavy tails, it would be even.
     """
     noise, innovations = _likeliest(residual, block, smooth, 1.0)
     if recorded is not None and recorded.shape[1]:
@@ -288,12 +297,19 @@ def block_noise(
         described = _squares(residual, beside[0], smooth) - _squares(residual, beside[0], both)
         if stats.chi2.sf(described, recorded.shape[1]) < BEYOND_NOISE:
             smooth, (noise, innovations) = both, beside
+    width: Floats | float = 1.0
+    if response is not None:
+        found = growth(innovations, response)
+        if found.is_noise:
+            width = np.exp(found.slope * response / np.ptp(response))
+            width = width / np.sqrt(np.mean(width**2))
+            noise, innovations = _likeliest(residual, block, smooth, width)
     narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
     for _ in range(REWEIGHTED if lattice < narrowest else 0):
-        scale = tail_scale(innovations)
+        scale = tail_scale(innovations / width)
         if scale is None:
             break
-        noise, innovations = _likeliest(residual, block, smooth, scale)
+        noise, innovations = _likeliest(residual, block, smooth, width * scale)
     return noise
 
 
@@ -372,22 +388,45 @@ def scatter(residual: Floats, block: ChannelBlock) -> float:
     return float(MAD_TO_SD * np.median(np.abs(steps)) / np.sqrt(2.0)) if steps.size else 0.0
 
 
-def growth(innovations: Floats, response: Floats) -> tuple[float, float]:
-    """How the size of innovations grows from the least response to the greatest: ln of the ratio, and its error.
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """How the size of innovations changes with the response, by regression of the logarithm of their magnitude.
 
-    By regression of the logarithm of their magnitude, whose standard deviation is pi/sqrt(8) for a normal variate.
-
-    Parameters
+    Attributes
     ----------
-    innovations, response : ndarray, shape (n,)
+    slope : float
+        From the least response to the greatest: ln of the ratio.
+    error : float
+        Standard error of it, of normal innovations of one size, whose ln magnitude has a standard deviation of
+        pi/sqrt(8); infinite where the response is constant.
+    hump : float
+        By how much the ln size halfway is above the line. What a model misses is largest where the curve is steep.
     """
+
+    slope: float
+    error: float
+    hump: float
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether it is beyond doubt, and more a change with the response than one where the curve is steep."""
+        return abs(self.slope) > GROWS * self.error and abs(self.hump) < abs(self.slope)
+
+
+def growth(innovations: Floats, response: Floats) -> Growth:
+    """How the size of innovations (n,) changes with the response (n,)."""
     span = float(np.ptp(response))
     if not span > 0.0:
-        return 0.0, math.inf
-    x = (response - response.mean()) / span
+        return Growth(0.0, math.inf, 0.0)
+    x = (response - response.min()) / span
     size = np.log(np.maximum(np.abs(innovations), 1e-3 * (np.sqrt(np.mean(innovations**2)) or 1.0)))
-    squares = float(x @ x)
-    return float(x @ size) / squares, math.pi / math.sqrt(8.0 * squares)
+    columns = np.stack([np.ones(x.size), x, 4.0 * x * (1.0 - x)], axis=1)
+    precision = columns.T @ columns
+    if np.linalg.cond(precision) > 1e10:  # of two levels no hump can be told
+        return Growth(0.0, math.inf, 0.0)
+    inverse = np.linalg.inv(precision)
+    _, slope, hump = (inverse @ (columns.T @ size)).tolist()
+    return Growth(slope, math.pi / math.sqrt(8.0) * math.sqrt(inverse[1, 1]), hump)
 
 
 def _squares(residual: Floats, noise: BlockNoise, columns: Floats) -> float:

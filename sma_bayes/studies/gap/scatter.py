@@ -88,17 +88,27 @@ def _members(a: Floats, b: Floats, size: float) -> tuple[float, float, Floats]:
     return value, float(size), weight
 
 
-def holds_beside(law: Effect, beside: FittedHypothesis) -> bool:
+def holds_beside(law: Effect, beside: FittedHypothesis, alone: FittedHypothesis | None = None) -> bool:
     """Whether a law makes the measurements more likely where a random effect is in the model already.
+
+    The fit of both is begun from the members as they are without the law, and from the law without members: what either
+    explains the other may have taken already, and from there it does not give it back.
 
     Parameters
     ----------
     law : Effect
     beside : FittedHypothesis
         The model with the random effect.
+    alone : FittedHypothesis, optional
+        The model with the law in its place.
     """
     extended = beside.hypothesis.extended(law)
     prior = [p.prior for p in law.parameters(extended.scales)]
     middle = [float(p.transform.unconstrain(p.quantile(np.array(0.6)))) for p in prior]
-    both = fit_hypothesis(extended, np.concatenate([beside.z, middle]), beside.noise)
-    return both.ln_evidence > beside.ln_evidence
+    starts = [np.concatenate([beside.z, middle])]
+    if alone is not None:
+        own = alone.z.size - len(middle)
+        none = extended.space.prior_centre()[own : beside.z.size]
+        starts.append(np.concatenate([alone.z[:own], none, alone.z[own:]]))
+    fits = (fit_hypothesis(extended, z, beside.noise) for z in starts)
+    return any(both.ln_evidence > beside.ln_evidence for both in fits)

@@ -285,7 +285,7 @@ def _laws_first(worthy: Sequence[Candidate]) -> list[Candidate]:
             c.ln_bayes_factor >= free.ln_bayes_factor
             or (
                 c.ln_bayes_factor >= MOSTLY * free.ln_bayes_factor
-                and holds_beside(c.effect, random[0].fitted)
+                and holds_beside(c.effect, random[0].fitted, c.fitted)
             )
         )
     ]

@@ -275,10 +275,35 @@ def test_growth_is_that_of_the_size_of_innovations_with_its_error():
     response = 3.0 + 2.0 / (1.0 + np.exp(-rng.uniform(-6.0, 6.0, 250)))
     share = (response - response.min()) / np.ptp(response)
     for true in (0.0, 1.5, -2.0):
-        found = np.array(
-            [growth(7.0 * np.exp(true * share) * rng.standard_normal(250), response) for _ in range(400)]
-        )
-        error = found[0, 1]
-        assert found[:, 0].mean() == pytest.approx(true, abs=5.0 * error / 20.0)
-        assert found[:, 0].std() == pytest.approx(error, rel=0.15)
-    assert growth(np.ones(4), np.ones(4)) == (0.0, np.inf)
+        found = [growth(7.0 * np.exp(true * share) * rng.standard_normal(250), response) for _ in range(400)]
+        slopes, error = np.array([f.slope for f in found]), found[0].error
+        assert slopes.mean() == pytest.approx(true, abs=5.0 * error / 20.0)
+        assert slopes.std() == pytest.approx(error, rel=0.15)
+        assert np.mean([f.is_noise for f in found]) == (0.0 if true == 0.0 else pytest.approx(1.0, abs=0.02))
+    steep = np.exp(1.0 * share + 6.0 * share * (1.0 - share)) * rng.standard_normal(250)
+    assert not growth(steep, response).is_noise
+    assert growth(np.ones(4), np.ones(4)).error == np.inf
+
+
+@pytest.mark.parametrize(("true", "tails"), [(1.2, False), (-1.2, False), (1.2, True), (0.0, False)])
+def test_noise_that_grows_gets_a_width_and_even_noise_none(true, tails):
+    """A width within a quarter of the true one at both ends, under normal and heavy-tailed innovations."""
+    rng = np.random.default_rng(11)
+    n = 2000
+    response = np.linspace(1.0, 3.0, n)
+    width = np.exp(true * (response - 2.0) / 2.0)
+    e = rng.standard_t(3.0, n) / np.sqrt(3.0) if tails else rng.standard_normal(n)
+    block = ChannelBlock(0, "force", slice(0, n), np.arange(n) == 0, np.ones(n))
+    smooth = np.stack([np.ones(n), response], axis=1)
+    found = block_noise(0.01 * width * e, block, smooth, response=response)
+    if true == 0.0:
+        assert np.ndim(found.scale) == 0
+        return
+    ends = found.sd * np.broadcast_to(found.scale, n)
+    for part in (slice(0, n // 5), slice(-n // 5, None)):
+        usual = np.median(ends[part]) if not tails else np.median(ends[part] / np.median(ends)) * 0.01
+        assert usual == pytest.approx(0.01 * np.median(width[part]), rel=0.25)
+    even = np.std(found.whiten(0.01 * width * e)[: n // 3]) / np.std(
+        found.whiten(0.01 * width * e)[-n // 3 :]
+    )
+    assert even == pytest.approx(1.0, abs=0.15)

@@ -195,12 +195,6 @@ HELPING = {"verdict": "unnamed", "effects": [], "partial": [EFFECT]}
             {"noise": [{**NOISE, "channel": "displacement", "lag1": 0.97, "spectrum": None}]},
             ["What passes for noise of c strain hardly changes from sample to sample (correlation 0.97"],
         ),
-        (
-            {"noise": [{**NOISE, "growth": g, "spectrum": None} for g in (0.49, 0.6, -2.0)]},
-            [
-                "The noise of c force changes with the response, by a factor of 0.14 from the least to the greatest (so"
-            ],
-        ),
         ({"noise": [noisy(2e-3)]}, []),
         (
             {"noise": [noisy(1e-4), noisy(1e-6), noisy(0.5)]},
