@@ -190,14 +190,13 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
             )
     if not posterior.noise.is_density:
         out.append(_reason("tempered", "", ""))
+    steps = posterior.steps[record]
     for channel, own in sd.items():
-        shape = posterior.noise_shape(median, record, channel)
-        remembered, sweep = (
-            posterior.noise.memory(shape, posterior.steps[record]),
-            posterior.steps[record].longest,
-        )
-        if posterior.noise.autocorrelated and remembered > LONGEST_MEMORY * sweep:
-            what = f"{r.quantity(channel)} remembers over {remembered:.0f} samples of a sweep of {sweep}"
+        remembered = posterior.noise.memory(posterior.noise_shape(median, record, channel), steps)
+        if posterior.noise.autocorrelated and remembered > LONGEST_MEMORY * steps.longest:
+            what = (
+                f"{r.quantity(channel)} remembers over {remembered:.0f} samples of a sweep of {steps.longest}"
+            )
             out.append(_reason("memory", channel, what))
         response = _response(fit, record, channel)
         if own > SWALLOWED * response:

@@ -49,43 +49,19 @@ def branch_quantities(fit: Fit, record: int = 0) -> list[QuantityInterval]:
     unit = channel_unit(r.units, "stiffness")
     signed = curve_draws(fit, "stiffness", temperature_grid(r), record)
     curve = np.abs(signed)
-    low, high = curve.min(axis=1), curve.max(axis=1)
-    negative = [bool(np.median(np.take_along_axis(signed, at(curve, axis=1)[:, None], axis=1)) < 0.0)
-                for at in (np.argmin, np.argmax)]  # fmt: skip
     stiffness, where = r.quantity("stiffness"), "over the observed temperatures"
+    out, sizes = [], []
+    for which, at in (("least", curve.argmin(axis=1)), ("greatest", curve.argmax(axis=1))):
+        size, own = (np.take_along_axis(k, at[:, None], axis=1)[:, 0] for k in (curve, signed))
+        meaning, negative = f"{which} {stiffness} {where}", bool(np.median(own) < 0.0)
+        name = f"{which}_stiffness"
+        out.append(_interval(name, fit, record, "stiffness", unit, size, meaning, negative=negative))
+        sizes.append(size)
+    low, high = sizes
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(np.isfinite(high), high / low, np.inf)
-    return [
-        _interval(
-            "least_stiffness",
-            fit,
-            record,
-            "stiffness",
-            unit,
-            low,
-            f"least {stiffness} {where}",
-            negative=negative[0],
-        ),
-        _interval(
-            "greatest_stiffness",
-            fit,
-            record,
-            "stiffness",
-            unit,
-            high,
-            f"greatest {stiffness} {where}",
-            negative=negative[1],
-        ),
-        _interval(
-            "stiffness_ratio",
-            fit,
-            record,
-            "stiffness",
-            "1",
-            ratio,
-            f"greatest over least {stiffness} {where}",
-        ),
-    ]
+    meaning = f"greatest over least {stiffness} {where}"
+    return [*out, _interval("stiffness_ratio", fit, record, "stiffness", "1", ratio, meaning)]
 
 
 def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0)) -> list[QuantityInterval]:

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from sma_bayes.arrays import Bools, Floats
 from sma_bayes.fitting.posterior import QUADRATURE, Posterior
-from sma_bayes.fitting.warm_start import BOUND_SD, OVERFLOW, WarmStart
+from sma_bayes.fitting.warm_start import SumOfSquares, WarmStart
 from sma_bayes.records.types import Record
 
 ROUNDS: Final = 4
@@ -73,45 +72,46 @@ def fitted_moments(posterior: Posterior, start: WarmStart) -> tuple[Moments, ...
     """
     if not any(r.temperature_sd > 0.0 for r in posterior.records):
         return tuple(Moments.of(posterior, start.theta, r) for r in posterior.records)
-    space, free = posterior.space, posterior.sampled_model
-    full = space.prior_centre()
-    scale = space.prior_sd()[: free.size]
-    low, high = full[: free.size] - BOUND_SD * scale, full[: free.size] + BOUND_SD * scale
-
-    def theta_of(z: Floats) -> Floats:
-        full[: free.size] = z
-        return np.asarray(space.constrain(full)[: start.theta.size])
-
-    def moments_at(z: Floats) -> tuple[Moments, ...]:
-        return tuple(Moments.of(posterior, theta_of(z), r) for r in posterior.records)
-
-    theta = space.constrain(full)
+    problem = _ExpectedSquares(posterior)
+    theta = posterior.space.constrain(problem.centre)
     theta[: start.theta.size] = start.theta
-    z = np.clip(space.unconstrain(theta)[: free.size], low + 1e-6 * scale, high - 1e-6 * scale)
-    for _ in range(ROUNDS if free.size else 0):
-        found = moments_at(z)
-        sds = [_deviation(r, m) for r, m in zip(posterior.records, found, strict=True)]
+    z = problem.inside(posterior.space.unconstrain(theta)[: problem.free.size])
+    for _ in range(ROUNDS):
+        problem.weigh(z)
+        z, _ = problem.solve(z, dict.fromkeys(problem.channels, 1.0))
+    return problem.moments(problem.theta(z))
 
-        def vector(z: Floats, sds: list[dict[str, Floats]] = sds) -> Floats:
-            parts = [
-                (r.observed[c] - m.mean[c]) / sd[c]
-                for r, m, sd in zip(posterior.records, moments_at(z), sds, strict=True)
-                for c in r.channels
-            ]
-            return _finite(np.concatenate(parts))
 
-        def jacobian(z: Floats, sds: list[dict[str, Floats]] = sds) -> Floats:
-            found = moments_at(z)
-            chain = space.derivative(full)[: free.size]
-            parts = [
-                -m.jacobian[c][:, free] * chain / sd[c][:, None]
-                for r, m, sd in zip(posterior.records, found, sds, strict=True)
-                for c in r.channels
-            ]
-            return _finite(np.concatenate(parts))
+class _ExpectedSquares(SumOfSquares):
+    """The sum of squares about the expected response, each reading by its standard deviation."""
 
-        z = least_squares(vector, z, jac=jacobian, bounds=(low, high), x_scale=scale, max_nfev=50).x
-    return moments_at(z)
+    def __init__(self, posterior: Posterior) -> None:
+        super().__init__(posterior)
+        self.sd: list[dict[str, Floats]] = []
+        self._last: tuple[bytes, tuple[Moments, ...]] = (b"", ())
+
+    def moments(self, theta: Floats) -> tuple[Moments, ...]:
+        """Moments of each record; residuals and derivatives at one point share them."""
+        key = theta.tobytes()
+        if key != self._last[0]:
+            found = tuple(Moments.of(self.posterior, theta, r) for r in self.posterior.records)
+            self._last = key, found
+        return self._last[1]
+
+    def weigh(self, z: Floats) -> None:
+        """Take the standard deviations that the readings have at a point."""
+        found = self.moments(self.theta(z))
+        self.sd = [_deviation(r, m) for r, m in zip(self.posterior.records, found, strict=True)]
+
+    def residuals(self, theta: Floats) -> tuple[dict[str, Floats], ...]:
+        """Measured less expected [standard deviations]."""
+        parts = zip(self.posterior.records, self.moments(theta), self.sd, strict=True)
+        return tuple({c: (r.observed[c] - m.mean[c]) / sd[c] for c in sd} for r, m, sd in parts)
+
+    def jacobians(self, theta: Floats) -> tuple[dict[str, Floats], ...]:
+        """Derivatives of what is expected [standard deviations]."""
+        parts = zip(self.moments(theta), self.sd, strict=True)
+        return tuple({c: m.jacobian[c] / sd[c][:, None] for c in sd} for m, sd in parts)
 
 
 def quiet(record: Record, moments: Moments) -> dict[str, Bools]:
@@ -137,8 +137,3 @@ def _deviation(record: Record, moments: Moments) -> dict[str, Floats]:
 
 def _average(weights: Floats, values: list[Floats]) -> Floats:
     return np.asarray(np.tensordot(weights, np.stack(values), axes=1))
-
-
-def _finite(values: Floats) -> Floats:
-    clipped = np.clip(values, -OVERFLOW, OVERFLOW)
-    return np.asarray(np.nan_to_num(clipped, nan=OVERFLOW, posinf=OVERFLOW, neginf=-OVERFLOW))

@@ -102,7 +102,7 @@ def warm_start(posterior: Posterior, rng: np.random.Generator) -> WarmStart:
     MeasurementError
         If there are fewer samples than parameters.
     """
-    problem = _SumOfSquares(posterior)
+    problem = SumOfSquares(posterior)
     if problem.free.size > problem.samples:
         raise MeasurementError(
             f"{problem.samples} samples can't determine {problem.free.size} parameters",
@@ -135,7 +135,7 @@ def warm_start(posterior: Posterior, rng: np.random.Generator) -> WarmStart:
     )
 
 
-class _SumOfSquares:
+class SumOfSquares:
     """The sum of squares and its Jacobian in sampled coordinates of the model's free parameters."""
 
     def __init__(self, posterior: Posterior) -> None:
@@ -168,11 +168,16 @@ class _SumOfSquares:
         return np.asarray(self.posterior.space.constrain(self._full(z))[: len(self.model.parameter_names)])
 
     def residuals(self, theta: Floats) -> tuple[dict[str, Floats], ...]:
+        """Measured less predicted (n,), for each record and channel."""
         out = []
         for record in self.posterior.records:
             mu = self.model.predict(theta, record.inputs)
             out.append({c: record.observed[c] - mu[c] for c in record.channels})
         return tuple(out)
+
+    def jacobians(self, theta: Floats) -> tuple[dict[str, Floats], ...]:
+        """Derivatives (n, P) of what is predicted, for each record and channel."""
+        return tuple(self.model.jacobian(theta, record.inputs) for record in self.posterior.records)
 
     def weights(self, z: Floats) -> dict[str, float]:
         residual = self.residuals(self.theta(z))
@@ -191,8 +196,7 @@ class _SumOfSquares:
         theta = self.theta(z)
         blocks = []
         with np.errstate(over="ignore", invalid="ignore"):
-            for record in self.posterior.records:
-                j = self.model.jacobian(theta, record.inputs)
+            for j in self.jacobians(theta):
                 blocks += [-weights[c] * j[c][:, self.free] * chain for c in self.channels]
         jacobian = np.clip(np.concatenate(blocks), -OVERFLOW, OVERFLOW)
         return np.asarray(np.nan_to_num(jacobian, nan=0.0))

@@ -88,7 +88,8 @@ class ChannelBlock:
     @property
     def possible(self) -> NDArray[np.bool_]:
         """Which of `MEMORIES` chance may have: at most `LONGEST` sweeps count as one sample."""
-        return np.asarray((1.0 + MEMORIES) / (1.0 - MEMORIES) <= LONGEST * self.sweep)  # noqa: SIM300
+        samples = (1.0 + MEMORIES) / (1.0 - MEMORIES)
+        return np.asarray(samples <= LONGEST * self.sweep)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
