@@ -20,17 +20,13 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.special import softmax
 
-from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.fitting.discrepancy import MEDIAN_SIZE, SIGMA_OF_SIZE, DiscrepancyBasis
+from sma_bayes.fitting.discrepancy import weights_given_residuals
 from sma_bayes.fitting.noise_choice import discrepancy_bases
 
 SMOOTHER: Final = 3
 """Power of their number by which eigenfunctions are smaller than those of the discrepancy of a fit."""
-SIZES: Final = np.linspace(-2.5, 2.5, 41)
-"""Sizes on the grid, in standard deviations of the logarithm that a discrepancy has a priori."""
 
 
 def with_unseen_misfit(draws: RecordDraws, rng: np.random.Generator) -> RecordDraws:
@@ -43,7 +39,7 @@ def with_unseen_misfit(draws: RecordDraws, rng: np.random.Generator) -> RecordDr
     """
     posterior, record, theta = draws.posterior, draws.record, np.median(draws.theta, axis=0)
     bases = {
-        channel: _smoother(basis)
+        channel: basis.smoother(SMOOTHER)
         for channel, basis in discrepancy_bases(
             posterior, theta[posterior.layout[0].model], with_response=True
         )[0].items()
@@ -58,9 +54,10 @@ def with_unseen_misfit(draws: RecordDraws, rng: np.random.Generator) -> RecordDr
         pulled = posterior.working_residual(theta, 0, channel, residual, relative[channel])
         variance = (theta[at[0]] * relative[channel]) ** 2 * noise.memory(shape, posterior.steps[0])
         variance = variance / noise.location_information(shape)
-        weights[channel] = _weights(
-            basis.rows / np.sqrt(variance), pulled / np.sqrt(variance), np.ptp(mean[channel]), draws.size, rng
+        given = weights_given_residuals(
+            basis.rows / np.sqrt(variance), pulled / np.sqrt(variance), float(np.ptp(mean[channel]))
         )
+        weights[channel] = given.draw(draws.size, rng)
     if not weights:
         return draws
     both = {**posterior.discrepancy[0], **bases}
@@ -69,23 +66,3 @@ def with_unseen_misfit(draws: RecordDraws, rng: np.random.Generator) -> RecordDr
         posterior=posterior.on([record], discrepancy=[both]),
         weights={**draws.weights, **weights},
     )
-
-
-def _smoother(basis: DiscrepancyBasis) -> DiscrepancyBasis:
-    """The same functions, falling faster by `SMOOTHER`, of the same mean square over the samples."""
-    power = np.sum(basis.rows**2, axis=1)
-    scale = power ** (0.5 * SMOOTHER)
-    scale = scale * np.sqrt(power.sum() / np.sum(scale**2 * power))
-    return DiscrepancyBasis(basis.temperature, basis.values * scale, basis.rows * scale[:, None])
-
-
-def _weights(rows: Floats, residual: Floats, span: float, count: int, rng: np.random.Generator) -> Floats:
-    """Weights (count, m) of functions (m, n) in residuals (n,) of unit variance."""
-    information, axes = np.linalg.eigh(rows @ rows.T)
-    information = np.maximum(information, 0.0)
-    pull = axes.T @ (rows @ residual)
-    size = MEDIAN_SIZE * span * np.exp(SIGMA_OF_SIZE * SIZES)
-    gain = 1.0 / (information + size[:, None] ** -2)
-    log_density = 0.5 * np.sum(gain * pull**2 - np.log1p(size[:, None] ** 2 * information), axis=1)
-    drawn = gain[rng.choice(size.size, count, p=softmax(log_density - 0.5 * SIZES**2))]
-    return np.asarray((drawn * pull + np.sqrt(drawn) * rng.standard_normal(drawn.shape)) @ axes.T)

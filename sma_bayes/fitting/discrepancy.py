@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
+from scipy.special import softmax
 
 from sma_bayes.arrays import Floats
 from sma_bayes.noise import NoiseModel, Steps
@@ -50,6 +51,8 @@ STEPS = 6
 """Steps of Fisher scoring to the likeliest weights under noise that is not normal."""
 MEDIAN_SIZE, SIGMA_OF_SIZE = 0.01, 1.5
 """Median of the size of a discrepancy a priori, over the span of its curve, and standard deviation of its logarithm."""
+SIZES = np.linspace(-2.5, 2.5, 41)
+"""Sizes over which is summed where a curve stands, in standard deviations of the logarithm about its median."""
 
 
 def size_fact(channel: str, unit: str) -> ParameterSpec:
@@ -96,6 +99,13 @@ class DiscrepancyBasis:
         at_samples = DiscrepancyBasis(nodes, values, np.empty((values.shape[1], 0))).at(temperature)
         return DiscrepancyBasis(nodes, values, np.ascontiguousarray(at_samples.T))
 
+    def smoother(self, power: float) -> DiscrepancyBasis:
+        """The same functions, each smaller by a power of its number, of the same mean square over the samples."""
+        square = np.sum(self.rows**2, axis=1)
+        scale = square ** (0.5 * power)
+        scale = scale * np.sqrt(square.sum() / np.sum(scale**2 * square))
+        return DiscrepancyBasis(self.temperature, self.values * scale, self.rows * scale[:, None])
+
     @property
     def count(self) -> int:
         """Number m of basis functions."""
@@ -129,6 +139,68 @@ class DiscrepancyBasis:
         """Its derivative with respect to temperature, shape (W, g)."""
         basis = self.slope(temperature)
         return np.asarray(weights @ basis.T if basis.ndim == 2 else np.einsum("wgm,wm->wg", basis, weights))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeightsGivenResiduals:
+    """Weights of basis functions given residuals of independent normal noise, their size integrated out.
+
+    A mixture of normals over a grid of sizes, along the axes on which the information of the residuals is diagonal.
+
+    Attributes
+    ----------
+    axes : ndarray, shape (m, m)
+        Eigenvectors of the information.
+    size : ndarray, shape (G,)
+        Standard deviation of the weights a priori.
+    mean, variance : ndarray, shape (G, m)
+        Of the weights along each of them, for each size.
+    probability : ndarray, shape (G,)
+        Of each size, given the residuals.
+    """
+
+    axes: Floats
+    size: Floats
+    mean: Floats
+    variance: Floats
+    probability: Floats
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """How many weights the residuals determine rather than their prior: expected trace of the smoother."""
+        return float(self.probability @ np.sum(1.0 - self.variance / self.size[:, None] ** 2, axis=1))
+
+    @property
+    def expected(self) -> Floats:
+        """Expected weights, shape (m,)."""
+        return np.asarray(self.axes @ (self.probability @ self.mean))
+
+    def draw(self, count: int, rng: np.random.Generator) -> Floats:
+        """Weights, shape (count, m)."""
+        size = rng.choice(self.probability.size, count, p=self.probability)
+        drawn = self.mean[size] + np.sqrt(self.variance[size]) * rng.standard_normal((count, len(self.axes)))
+        return np.asarray(drawn @ self.axes.T)
+
+
+def weights_given_residuals(rows: Floats, residual: Floats, span: float) -> WeightsGivenResiduals:
+    """Weights of a discrepancy about a curve that stands.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (m, n)
+        Basis functions at the samples, over the standard deviation of the noise there.
+    residual : ndarray, shape (n,)
+        What the curve leaves, in the same units.
+    span : float
+        Of the curve [unit of the channel]; what the size is relative to a priori, as in `size_fact`.
+    """
+    information, axes = np.linalg.eigh(rows @ rows.T)
+    information = np.maximum(information, 0.0)
+    pull = axes.T @ (rows @ residual)
+    size = MEDIAN_SIZE * span * np.exp(SIGMA_OF_SIZE * SIZES)
+    variance = 1.0 / (information + size[:, None] ** -2)
+    log_density = 0.5 * np.sum(variance * pull**2 - np.log1p(size[:, None] ** 2 * information), axis=1)
+    return WeightsGivenResiduals(axes, size, variance * pull, variance, softmax(log_density - 0.5 * SIZES**2))
 
 
 def build_basis(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.records.types import Branch
-from sma_bayes.studies.cycles.study import changes, pool, probability_stable
+from sma_bayes.studies.cycles.study import changes, pool, probability_stable, quantities
 from sma_bayes.studies.cycles.sweeps import fit_strand, sweeps_of
 
 REPEATS = 12
@@ -81,3 +81,44 @@ def test_springs_that_are_called_stable_are(outcome: dict[str, Any]) -> None:
     assert len(claims) >= 4
     assert sum(not right for right in claims) <= 4
     assert set(outcome["laws"]) <= {"exponential", "stretched", "logarithmic"}
+
+
+SPRINGS = 16
+PLACES = np.array([0.08, 0.17, 0.33, 0.5, 0.67, 0.83])
+"""Shares of the stroke that are behind."""
+
+
+@pytest.mark.slow
+def test_stiffness_is_covered_from_start_to_finish(training_spring: ModuleType) -> None:
+    """Share of 32 branches whose stiffness in the last of seven cycles is within the 90 % interval, place by place.
+
+    The curve bends more sharply at the start than at the end, as none of the package does, and what the model misses is
+    found beside it. Of 32 branches whose intervals were right 23 and fewer would be within once in 300 times, so at any
+    of the six places at most once in 50; the seeds are fixed and decided nothing.
+    """
+    within = []
+    for seed in range(300, 300 + SPRINGS):
+        rng = np.random.default_rng(seed)
+        truth = training_spring.draw_truth(rng, 7)
+        strands = []
+        for record in training_spring.measured(truth, rng, ("force", "displacement")):
+            for channel in ("force", "displacement"):
+                sweeps, cycle, _ = sweeps_of(record, channel)
+                strands.append(fit_strand(sweeps, channel, cycle, "modified_sigmoid", 0))
+        pooled = pool(strands, 1, seed, 1000)
+        for branch in Branch:
+            numbers, t = truth.sweep[branch][6], np.linspace(10.0, 110.0, 4001)
+            force, displacement = (
+                training_spring.curve(numbers, t, branch, c) for c in ("force", "displacement")
+            )
+            behind = (displacement - displacement[0]) / (displacement[-1] - displacement[0])
+            at = np.searchsorted(behind, PLACES)
+            true = np.gradient(force, t)[at] / np.gradient(displacement, t)[at]
+            found = [
+                s.draws[:, 6]
+                for s in quantities(pooled, t[at].tolist())
+                if s.branch == branch.value and s.name == "stiffness"
+            ]
+            low, high = np.nanquantile(np.array(found), [0.05, 0.95], axis=1)
+            within.append((low <= true) & (true <= high))
+    assert np.sum(within, axis=0).min() >= 24

@@ -4,10 +4,11 @@ The shape-invariant model: a sweep of a channel reads
 
     y(T) = L + S a + exp(g) (f(m + (T - m - d) exp(-w)) - L)
 
-with the curve f that all sweeps of the branch have in common (a response model, and a spline of what it misses of all
-of them alike), its level L halfway between the ends of the measured temperatures, its span S between them, and the
-temperature m at which it is at L. The four numbers of each sweep are a (offset over span), g (ln stroke), d (shift [K])
-and w (ln width). Curve and numbers are found by least squares in turn.
+with the curve f that all sweeps of the branch have in common, its level L halfway between the ends of the measured
+temperatures, its span S between them, and the temperature m at which it is at L. The four numbers of each sweep are a
+(offset over span), g (ln stroke), d (shift [K]) and w (ln width). The curve is a response model, and what this misses
+of all sweeps alike: a discrepancy (`sma_bayes.fitting.discrepancy`) that can't take the place of the four numbers, its
+size decided by evidence. Curve and numbers are found in turn.
 What is left has a memory within a sweep; standard deviations of the numbers allow for it.
 
 References
@@ -24,12 +25,18 @@ from typing import Final
 
 import numpy as np
 from scipy import optimize
-from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.signal import lfilter
 
 from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.assess.transformation import Tangents, tangents
 from sma_bayes.errors import MeasurementError
+from sma_bayes.fitting.discrepancy import (
+    DiscrepancyBasis,
+    WeightsGivenResiduals,
+    build_basis,
+    nodes_of,
+    weights_given_residuals,
+)
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
@@ -52,10 +59,11 @@ STEPS: Final = 20
 SETTLED: Final = 1e-3
 """Share by which what is left may still shrink in the last."""
 ITERATIONS: Final = 30
-MOST_KNOTS: Final = 20
-"""Most inner knots of the spline of what the response model misses."""
-SAMPLES_A_KNOT: Final = 16
-"""Fewest samples for each of its coefficients."""
+SMOOTHER: Final = 2
+"""Power of their number by which functions that the common curve misses are smaller than those of a single fit: those
+of a quintic smoothing spline, since the stiffness asks for slopes."""
+FINE: Final = 1000
+"""Temperatures at which the curve is looked at, to spread these functions over it."""
 LEAST_NOISE: Final = 1e-4
 """Least noise that is reckoned with [spans]."""
 GREATEST_MEMORY: Final = 0.9
@@ -92,10 +100,10 @@ class Strand:
         Of neighbours in a sweep.
     converged : bool
         Whether curve and numbers have settled.
-    missed : BSpline, optional
-        What the response model misses of all sweeps alike [unit of the channel], against temperature on the curve.
-    root : ndarray, shape (k, k - 4), optional
-        Of the covariance of its coefficients.
+    missed : DiscrepancyBasis, optional
+        Of what the response model misses of all sweeps alike [unit of the channel], against temperature on the curve.
+    weights : WeightsGivenResiduals, optional
+        Of its functions.
     """
 
     record: Record
@@ -113,8 +121,8 @@ class Strand:
     noise: float = 0.0
     lag1_correlation: float = 0.0
     converged: bool = False
-    missed: BSpline | None = None
-    root: Floats | None = None
+    missed: DiscrepancyBasis | None = None
+    weights: WeightsGivenResiduals | None = None
 
     @property
     def units(self) -> dict[str, str]:
@@ -141,22 +149,18 @@ class Strand:
     def common(self, temperature: Floats, errors: Floats | None = None) -> Floats:
         """The common curve; with its errors in each of S draws where they are given."""
         curve = self.smooth(temperature)
-        if self.missed is None:
+        if self.missed is None or self.weights is None:
             return curve
-        knots, degree = self.missed.t, self.missed.k
-        inside = np.clip(temperature, knots[degree], knots[-degree - 1])
+        inside = np.clip(temperature, self.missed.temperature[0], self.missed.temperature[-1])
+        functions = self.missed.at(inside)
+        curve = curve + functions @ self.weights.expected
         if errors is None:
-            return np.asarray(curve + self.missed(inside))
-        rows = BSpline.design_matrix(inside.ravel(), knots, degree).toarray()
-        design = rows.reshape(len(errors), -1, errors.shape[1])
-        off = np.einsum("snk,sk->sn", design, errors).reshape(temperature.shape)
-        return np.asarray(curve + self.missed(inside) + off)
+            return np.asarray(curve)
+        return np.asarray(curve + np.einsum("s...m,sm->s...", functions, errors))
 
     def errors(self, size: int, rng: np.random.Generator) -> Floats | None:
-        """Errors of the common curve in S draws, as coefficients of its spline; None where it has none."""
-        if self.missed is None or self.root is None:
-            return None
-        return np.asarray(rng.standard_normal((size, self.root.shape[1])) @ self.root.T)
+        """Errors of the common curve in S draws, as weights of the functions that it misses; None where it has none."""
+        return None if self.weights is None else self.weights.draw(size, rng) - self.weights.expected
 
     def smooth(self, temperature: Floats) -> Floats:
         """That of the response model alone."""
@@ -307,47 +311,47 @@ def _settled(strand: Strand, with_curve: Callable[[Strand], Strand]) -> tuple[St
 
 
 def _with_missed(strand: Strand) -> Strand:
-    """With a spline of what the response model misses of all sweeps alike, where there are samples enough for one."""
-    n = strand.record.n
-    inner = min(MOST_KNOTS, n // SAMPLES_A_KNOT - 4)
-    if inner < 1:
+    """With what the response model misses of all sweeps alike, where there are samples enough for it."""
+    strand = strand if strand.missed is not None else replace(strand, missed=_missed_basis(strand))
+    if strand.missed is None:
         return strand
-    a, g, d, w = np.repeat(strand.numbers, strand.lengths, axis=0).T
+    return replace(strand, weights=_weights(strand, max(strand.noise, LEAST_NOISE * strand.span)))
+
+
+def _onto_curve(strand: Strand) -> tuple[Floats, Floats, Floats]:
+    """Temperatures and values of all samples moved onto the common curve, and by what their noise grows there."""
+    a, g, d, w = _sample_numbers(strand, strand.numbers).T
     y = strand.record.observed[strand.channel]
     at = strand.middle + (strand.record.temperature - strand.middle - d) * np.exp(-w)
-    there = strand.level + (y - strand.level - strand.span * a) * np.exp(-g)
-    order = np.argsort(at, kind="stable")
-    at, left = at[order], (there - strand.smooth(at))[order]
-    at = at + np.arange(n) * 1e-9 * (at[-1] - at[0])  # ties are no order
-    knots = _knots(strand, at, inner)
-    knots = np.concatenate([np.repeat(knots[0], 3), knots, np.repeat(knots[-1], 3)])
-    missed = make_lsq_spline(at, left, knots, k=3, w=np.exp(g[order]))
-    design = np.empty((n, len(missed.c)))
-    design[order] = BSpline.design_matrix(at, knots, 3).toarray()
-    return replace(strand, missed=missed, root=_root(strand, design))
+    return at, strand.level + (y - strand.level - strand.span * a) * np.exp(-g), np.exp(-g)
 
 
-def _knots(strand: Strand, at: Floats, inner: int) -> Floats:
-    """Knots that are spread over both temperature and curve, with samples between all of them."""
-    t = np.linspace(at[0], at[-1], 1000)
-    passed = np.cumsum(np.abs(np.diff(strand.smooth(t), prepend=strand.smooth(t[:1]))))
-    place = np.linspace(0.0, 1.0, t.size) + passed / max(float(passed[-1]), 1e-300)
-    knots = np.interp(np.linspace(0.0, place[-1], inner + 2), place, t)
-    samples = np.histogram(at, knots)[0]
-    return knots if samples.min() >= 4 else np.quantile(at, np.linspace(0.0, 1.0, inner + 2))
+def _missed_basis(strand: Strand) -> DiscrepancyBasis | None:
+    """Basis of a discrepancy of the common curve that can't take the place of the four numbers."""
+    at = _onto_curve(strand)[0]
+    fine = np.linspace(at.min(), at.max(), FINE)
+    nodes = nodes_of(at.min(), at.max(), fine, strand.smooth(fine))
+
+    def tangents(t: Floats) -> Floats:
+        slope = (strand.smooth(t + STEP) - strand.smooth(t - STEP)) / (2.0 * STEP)
+        rise = strand.smooth(t) - strand.level
+        return np.column_stack([np.full(t.size, strand.span), rise, slope, slope * (t - strand.middle)])
+
+    basis = build_basis(at, nodes, strand.smooth(nodes), tangents(at), tangents(nodes))
+    return None if basis is None else basis.smoother(SMOOTHER)
 
 
-def _root(strand: Strand, design: Floats) -> Floats:
-    """Root of the covariance of a common spline, beside numbers of each sweep, under noise of size 1.
-
-    The numbers can take the place of four of its combinations, which are left to them.
-    """
+def _weights(strand: Strand, noise: float) -> WeightsGivenResiduals:
+    """Of the functions that the common curve misses, under independent noise and beside the numbers of each sweep."""
+    assert strand.missed is not None
+    at, there, grows = _onto_curve(strand)
+    design = strand.missed.at(at) / grows[:, None]
     rows = _rows(strand, strand.numbers)
     for own in np.split(np.arange(len(design)), strand.starts[1:]):
         q = np.linalg.qr(rows[own] / np.linalg.norm(rows[own], axis=0))[0]
         design[own] -= q @ (q.T @ design[own])
-    size, axes = np.linalg.eigh(design.T @ design)
-    return np.asarray(axes[:, 4:] / np.sqrt(size[4:]))
+    left = (there - strand.smooth(at)) / grows
+    return weights_given_residuals(design.T / noise, left / noise, strand.span)
 
 
 def _start(record: Record, model: ResponseModel, seed: int) -> tuple[Floats, Ints]:
@@ -382,10 +386,7 @@ def _centred(strand: Strand) -> Strand:
 
 def _with_curve(strand: Strand) -> Strand:
     """The curve fitted anew to all sweeps, each moved onto it."""
-    a, g, d, w = np.repeat(strand.numbers, strand.lengths, axis=0).T
-    y = strand.record.observed[strand.channel]
-    there = strand.level + (y - strand.level - strand.span * a) * np.exp(-g)
-    at = strand.middle + (strand.record.temperature - strand.middle - d) * np.exp(-w)
+    at, there, _ = _onto_curve(strand)
     moved = replace(
         strand.record, inputs={**strand.record.inputs, "temperature": at}, observed={strand.channel: there}
     )
@@ -479,10 +480,10 @@ def _with_sds(strand: Strand) -> Strand:
         middle = own.T @ _correlated(own, memory) / noise**2 + hold
         inverse = np.linalg.inv(normal)
         sds[i] = np.sqrt(np.diag(inverse @ middle @ inverse))
-    root = strand.root
-    if root is not None:  # until now that of independent noise of size 1
-        root = root * noise * np.sqrt((1.0 + memory) / (1.0 - memory))
-    return replace(strand, sds=sds, noise=noise, lag1_correlation=memory, root=root)
+    strand = replace(strand, sds=sds, noise=noise, lag1_correlation=memory)
+    if strand.missed is None:
+        return strand
+    return replace(strand, weights=_weights(strand, noise * np.sqrt((1.0 + memory) / (1.0 - memory))))
 
 
 def _memory(strand: Strand, left: Floats, rows: Floats) -> tuple[float, float]:

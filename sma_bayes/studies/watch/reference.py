@@ -174,8 +174,8 @@ def _numbers(strand: Strand, sweep: Record, *, fitted: bool = False) -> Measured
     noise = float(np.log(max(float(np.sqrt(np.mean(left**2))) / strand.span, 1e-12)))
     if fitted:  # the common curve has taken some of it
         n = strand.record.n
-        functions = strand.free.size + (0 if strand.root is None else strand.root.shape[1])
-        noise += 0.5 * float(np.log(n / max(n - functions, 1)))
+        taken = strand.free.size + (0.0 if strand.weights is None else strand.weights.degrees_of_freedom)
+        noise += 0.5 * float(np.log(n / max(n - taken, 1.0)))
     return MeasuredNumbers((*own.numbers[0].tolist(), noise), tuple(own.sds[0].tolist()), sweep.n)
 
 

@@ -67,7 +67,7 @@ def test_what_a_model_misses_of_all_sweeps_is_in_the_common_curve(
     record = measured(truth, np.random.default_rng(4))[0]
     found = strand(record, model=model)
     assert 0.0034 * 0.02 < found.noise < 0.0046 * 0.02
-    plain = replace(found, missed=None)
+    plain = replace(found, missed=None, weights=None)
     t = np.linspace(25.0, 90.0, 50)
     if model == "modified_sigmoid":
         assert np.std(found.curve(found.numbers, t) - plain.curve(found.numbers, t)) > 0.005 * found.span
