@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Self
 
 LONGEST_LINE = 2000
 """Characters of a line of a message, beyond which it is shortened in its middle."""
@@ -70,33 +71,18 @@ class SmaBayesError(Exception):
             lines.append(f"what to do: {self.remedy}")
         return "\n".join(_shortened(line) for line in lines)
 
+    def but(self, found: str = "", **changed: str | Path | int | None) -> Self:
+        """The same error with other words, or another place, expectation or remedy."""
+        kept = {name: getattr(self, name) for name in ("file", "row", "column", "expected", "remedy")}
+        return type(self)(found or self.found, **(kept | changed))
+
     def __reduce__(self) -> tuple[object, ...]:  # survives the way back from a worker process
-        return _rebuild, (
-            type(self),
-            self.found,
-            self.file,
-            self.row,
-            self.column,
-            self.expected,
-            self.remedy,
-        )
+        return type(self), (self.found,), vars(self)
 
 
 def _shortened(line: str) -> str:
     """Line of a message; what is quoted in it may be as long as a file."""
     return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 200]} ... {line[-150:]}"
-
-
-def _rebuild(
-    kind: type[SmaBayesError],
-    found: str,
-    file: str | None,
-    row: int | None,
-    column: str | None,
-    expected: str | None,
-    remedy: str | None,
-) -> SmaBayesError:
-    return kind(found, file=file, row=row, column=column, expected=expected, remedy=remedy)
 
 
 class MeasurementError(SmaBayesError):

@@ -133,9 +133,7 @@ class PriorSet:
                 except KeyError:
                     continue
                 except PriorError as error:
-                    raise PriorError(
-                        error.found, file=self.file, column=belief.where, expected=error.expected
-                    ) from None
+                    raise error.but(file=self.file, column=belief.where, remedy=None) from None
                 return self._build(fact, belief, scales, scale, shift)
         raise PriorError(
             f"no prior for {fact.name} on the {branch.value} branch",
@@ -190,9 +188,7 @@ class PriorSet:
         try:
             prior: Distribution = kind(**given).rescaled(scale, shift)
         except PriorError as error:
-            raise PriorError(
-                error.found, file=self.file, column=belief.where, expected=error.expected, remedy=error.remedy
-            ) from None
+            raise error.but(file=self.file, column=belief.where) from None
         except TypeError:
             wanted = [f.name for f in fields(kind)]
             raise PriorError(

@@ -325,13 +325,8 @@ def _canonical(
             return _weight(value, column.calibrated_unit, declared), findings
         return convert(value, column.calibrated_unit, unit, what=quantity), findings
     except QuantityError as error:
-        raise QuantityError(
-            error.found,
-            file=declared.declared_in,
-            column=f"{_place(quantity, declared)}.{'to' if column.to else 'unit'}",
-            expected=error.expected,
-            remedy=error.remedy,
-        ) from None
+        place = f"{_place(quantity, declared)}.{'to' if column.to else 'unit'}"
+        raise error.but(file=declared.declared_in, column=place) from None
 
 
 def _weight(value: Floats, unit: str, declared: DeclaredCondition) -> Floats:

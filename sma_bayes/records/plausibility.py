@@ -219,14 +219,7 @@ def split_with_doubts(
         if not doubts:
             raise
         told = "; ".join(f.message for f in doubts)
-        raise MeasurementError(
-            f"{error.found}; {told}",
-            file=error.file,
-            row=error.row,
-            column=error.column,
-            expected=error.expected,
-            remedy=error.remedy,
-        ) from error
+        raise error.but(f"{error.found}; {told}") from error
     return parts, (*doubts, *unresolved(parts), *seen)
 
 

@@ -557,7 +557,7 @@ def _temperature(value: float, stored: str, unit: str) -> float:
             if stored == ARBITRARY
             else "degC, degF or kelvin"
         )
-        raise QuantityError(error.found, expected=known) from None
+        raise error.but(expected=known, remedy=None) from None
     return _converted(value, stored, unit, "temperature")
 
 
@@ -565,7 +565,7 @@ def _converted(value: float, unit: str, to: str, what: str) -> float:
     try:
         return float(convert(value, unit, to, what=what))
     except QuantityError as error:  # what is proposed there is meant for files
-        raise QuantityError(error.found, expected=error.expected) from None
+        raise error.but(remedy=None) from None
 
 
 def _in_units(curve: Curve, stored: tuple[str, str], asked: tuple[str, str]) -> Curve:

@@ -228,14 +228,7 @@ def _place(study: Study, key: str) -> Iterator[None]:
     try:
         yield
     except SmaBayesError as error:
-        raise type(error)(
-            error.found,
-            file=error.file or study.file,
-            row=error.row,
-            column=error.column or key,
-            expected=error.expected,
-            remedy=error.remedy,
-        ) from None
+        raise error.but(file=error.file or study.file, column=error.column or key) from None
 
 
 def _steps(
