@@ -39,6 +39,7 @@ def assemble(
     drawings: Sequence[Callable[[S], Drawing]],
     tables: Callable[[S], dict[str, Table]],
     words: Callable[[S, Mapping[str, Table]], dict[str, Any]] | None = None,
+    **named: object,
 ) -> None:
     """Draw figures, write tables, and write the page that shows them.
 
@@ -53,6 +54,8 @@ def assemble(
     tables : callable
     words : callable, optional
         Of the run and its tables: what the template names besides ``found``, ``tables`` and ``pictures``.
+    **named
+        The same, where it does not follow from the tables.
 
     Raises
     ------
@@ -64,8 +67,8 @@ def assemble(
     figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         written = written_tables(tables(stored), stored.found, stored.folder, wanted)
-        named = {} if words is None else words(stored, written)
-        write_page(stored.folder, package, figures, found=stored.found, tables=written, **named)
+        of_tables = {} if words is None else words(stored, written)
+        write_page(stored.folder, package, figures, found=stored.found, tables=written, **of_tables, **named)
     wanted.tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
-from sma_bayes.report.tables import Table
 from sma_bayes.runs.documents import CARD
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.card.figures.card import curves_figure, phase_figure, stiffness_figure, strain_figure
@@ -28,9 +26,4 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     conditions = list(dict.fromkeys(t.condition for t in stored.found.stiffness))
     if wanted.drawn != REPORT or len(conditions) <= MANY:
         drawings += [partial(stiffness_figure, condition=c) for c in conditions]
-    assemble(__package__, stored, wanted, drawings, card_tables, page_words)
-
-
-def page_words(stored: StoredCard, tables: Mapping[str, Table]) -> dict[str, Any]:
-    """What the page of a card names, besides what was found and its tables."""
-    return {"headline": headline(stored.found)}
+    assemble(__package__, stored, wanted, drawings, card_tables, headline=headline(stored.found))

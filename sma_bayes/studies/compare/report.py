@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.content import PAPER_CORRELATION
 from sma_bayes.report.figures.sheet import Drawing
-from sma_bayes.report.tables import Table
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.documents import COMPARISON
 from sma_bayes.runs.finished_run import read_finished
@@ -26,7 +24,16 @@ from sma_bayes.studies.compare.verdict import CANNOT_TELL
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a comparison; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_finished(COMPARISON, ComparisonDocument, folder, in_declared_units)
-    assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), comparison_tables, page_words)
+    assemble(
+        __package__,
+        stored,
+        wanted,
+        _drawings(stored, wanted.drawn),
+        comparison_tables,
+        headlines=[headline(group) for group in stored.found.overall],
+        command=command(stored.found),
+        paper_correlation=PAPER_CORRELATION,
+    )
 
 
 def _drawings(stored: StoredComparison, drawn: Drawn) -> list[Callable[[StoredComparison], Drawing]]:
@@ -36,15 +43,6 @@ def _drawings(stored: StoredComparison, drawn: Drawn) -> list[Callable[[StoredCo
         drawings += [partial(curves_figure, record=record) for record in records]
     drawings += [partial(differences_figure, number=n + 1) for n in range(pages(stored))]
     return [*drawings, model_average_figure] if model_averages(stored) else drawings
-
-
-def page_words(stored: StoredComparison, tables: Mapping[str, Table]) -> dict[str, Any]:
-    """What the page of a comparison names, besides what was found and its tables."""
-    return {
-        "headlines": [headline(group) for group in stored.found.overall],
-        "command": command(stored.found),
-        "paper_correlation": PAPER_CORRELATION,
-    }
 
 
 def headline(group: Overall) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,6 @@ from typing import Any
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
-from sma_bayes.report.tables import Table
 from sma_bayes.runs.documents import CONDITIONS
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.conditions.figures.conditions import (
@@ -27,7 +26,17 @@ from sma_bayes.studies.conditions.tables import conditions_tables, preferred_way
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of conditions; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_finished(CONDITIONS, ConditionsDocument, folder, in_declared_units)
-    assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), conditions_tables, page_words)
+    assemble(
+        __package__,
+        stored,
+        wanted,
+        _drawings(stored, wanted.drawn),
+        conditions_tables,
+        coverage=coverage(stored.found),
+        advised=preferred_way(stored.found),
+        share_text=share_text,
+        command=command(stored.found),
+    )
 
 
 def _drawings(stored: StoredConditions, drawn: Drawn) -> list[Callable[[StoredConditions], Drawing]]:
@@ -43,16 +52,6 @@ def _drawings(stored: StoredConditions, drawn: Drawn) -> list[Callable[[StoredCo
         left_out = dict.fromkeys(h.condition for h in found.held_out)
         drawings += [partial(held_out_figure, condition=c) for c in left_out]
     return drawings
-
-
-def page_words(stored: StoredConditions, tables: Mapping[str, Table]) -> dict[str, Any]:
-    """What the page of a study of conditions names, besides what was found and its tables."""
-    return {
-        "coverage": coverage(stored.found),
-        "advised": preferred_way(stored.found),
-        "share_text": share_text,
-        "command": command(stored.found),
-    }
 
 
 def coverage(found: ConditionsDocument) -> list[dict[str, Any]]:

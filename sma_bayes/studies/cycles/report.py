@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
-from sma_bayes.report.tables import Table
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.finished_run import read_finished
@@ -23,7 +21,14 @@ from sma_bayes.studies.cycles.tables import cycles_tables
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of cycles; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_finished(CYCLES, CyclesDocument, folder, in_declared_units)
-    assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), cycles_tables, page_words)
+    assemble(
+        __package__,
+        stored,
+        wanted,
+        _drawings(stored, wanted.drawn),
+        cycles_tables,
+        command=command(stored.found),
+    )
 
 
 def _drawings(stored: StoredCycles, drawn: Drawn) -> list[Callable[[StoredCycles], Drawing]]:
@@ -32,13 +37,6 @@ def _drawings(stored: StoredCycles, drawn: Drawn) -> list[Callable[[StoredCycles
         return []
     makers = (curves_figure, numbers_figure, values_figure)
     return [partial(make, number=n + 1) for n in range(len(conditions)) for make in makers]
-
-
-def page_words(stored: StoredCycles, tables: Mapping[str, Table]) -> dict[str, Any]:
-    """What the page of a study of cycles names, besides what was found and its tables."""
-    return {
-        "command": command(stored.found),
-    }
 
 
 def command(found: CyclesDocument) -> str:

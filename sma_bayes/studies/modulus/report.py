@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
-from sma_bayes.report.tables import Table
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import MODULUS
 from sma_bayes.runs.finished_run import read_finished
@@ -23,7 +21,14 @@ from sma_bayes.studies.modulus.tables import modulus_tables
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of moduli; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_finished(MODULUS, ModulusDocument, folder, in_declared_units)
-    assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), modulus_tables, page_words)
+    assemble(
+        __package__,
+        stored,
+        wanted,
+        _drawings(stored, wanted.drawn),
+        modulus_tables,
+        command=command(stored.found),
+    )
 
 
 def _drawings(stored: StoredModulus, drawn: Drawn) -> list[Callable[[StoredModulus], Drawing]]:
@@ -36,13 +41,6 @@ def _drawings(stored: StoredModulus, drawn: Drawn) -> list[Callable[[StoredModul
     if any(s.shift is not None for s in stored.found.shifts):
         drawings.append(shift_figure)
     return drawings
-
-
-def page_words(stored: StoredModulus, tables: Mapping[str, Table]) -> dict[str, Any]:
-    """What the page of a study of moduli names, besides what was found and its tables."""
-    return {
-        "command": command(stored.found),
-    }
 
 
 def command(found: ModulusDocument) -> str:

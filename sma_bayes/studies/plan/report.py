@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
-from sma_bayes.report.tables import Table
 from sma_bayes.runs.documents import PLAN
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.plan.figures.plan import candidates_figure, narrowing_figure
@@ -24,13 +22,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     drawings: list[Callable[[StoredPlan], Drawing]] = [] if wanted.drawn == "none" else [candidates_figure]
     if drawings and stored.found.kind != "tell-apart":
         drawings.append(narrowing_figure)
-    assemble(__package__, stored, wanted, drawings, plan_tables, page_words)
-
-
-def page_words(stored: StoredPlan, tables: Mapping[str, Table]) -> dict[str, Any]:
-    """What the page of a plan names, besides what was found and its tables."""
     found = stored.found
     more = "" if found.available is None else f" --hours {found.available:g}"
-    return {
-        "command": f'sma-bayes plan "{found.source}" --for "{found.asked}" --out DIR --seed {found.seed}{more}'
-    }
+    command = f'sma-bayes plan "{found.source}" --for "{found.asked}" --out DIR --seed {found.seed}{more}'
+    assemble(__package__, stored, wanted, drawings, plan_tables, command=command)

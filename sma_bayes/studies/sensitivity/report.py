@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
-from sma_bayes.report.tables import Table
 from sma_bayes.runs.documents import SENSITIVITY
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.sensitivity.figures.sensitivity import powers_figure, readings_figure
@@ -23,7 +21,12 @@ from sma_bayes.studies.sensitivity.words import reported
 def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a study of sensitivity; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_finished(SENSITIVITY, SensitivityDocument, folder, in_declared_units)
-    assemble(__package__, stored, wanted, _drawings(stored, wanted.drawn), sensitivity_tables, page_words)
+    found = stored.found
+    at = "".join(f' --at "{t}"' for t in found.at)
+    command = f'sma-bayes sensitivity "{found.source}" --out DIR --seed {found.seed}{at}'
+    assemble(
+        __package__, stored, wanted, _drawings(stored, wanted.drawn), sensitivity_tables, command=command
+    )
 
 
 def _drawings(stored: StoredSensitivity, drawn: Drawn) -> list[Callable[[StoredSensitivity], Drawing]]:
@@ -35,12 +38,3 @@ def _drawings(stored: StoredSensitivity, drawn: Drawn) -> list[Callable[[StoredS
     ]
     told = [r for r in records if any(q.reading is not None for q in reported(r))]
     return drawings + [partial(readings_figure, record=r) for r in told]
-
-
-def page_words(stored: StoredSensitivity, tables: Mapping[str, Table]) -> dict[str, Any]:
-    """What the page of a study of sensitivity names, besides what was found and its tables."""
-    found = stored.found
-    at = "".join(f' --at "{t}"' for t in found.at)
-    return {
-        "command": f'sma-bayes sensitivity "{found.source}" --out DIR --seed {found.seed}{at}',
-    }

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import ReportOptions
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import Table
 from sma_bayes.runs.declared_units import shown_product, units_of
 from sma_bayes.runs.documents import SIMULATION
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.simulate.figures.course import course_figure
-from sma_bayes.studies.simulate.schema import SimulationDocument, StoredSimulation
+from sma_bayes.studies.simulate.schema import SimulationDocument
 from sma_bayes.studies.simulate.tables import simulation_tables
 from sma_bayes.studies.simulate.terminal import balance_text, closing, reach_lines
 
@@ -25,17 +22,17 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     stored = read_finished(SIMULATION, SimulationDocument, folder)
     conditions = dict.fromkeys(r.condition for r in stored.found.runs)
     drawings = [partial(course_figure, condition=condition) for condition in conditions]
-    assemble(__package__, stored, wanted, drawings, simulation_tables, page_words)
-
-
-def page_words(stored: StoredSimulation, tables: Mapping[str, Table]) -> dict[str, Any]:
-    """What the page of a simulation names, besides what was found and its tables."""
     found = stored.found
     kelvins = shown_product("K", units_of(found))
-    return {
-        "kelvins": {"factor": kelvins.factor, "label": unit_label(kelvins.shown)},
-        "balance": balance_text(found),
-        "reach": [] if found.reach is None else [line.strip() for line in reach_lines(found.reach)],
-        "closing": closing(found),
-        "slopes": list(dict.fromkeys(f"{r.condition}: {r.caution}" for r in found.runs if r.caution)),
-    }
+    assemble(
+        __package__,
+        stored,
+        wanted,
+        drawings,
+        simulation_tables,
+        kelvins={"factor": kelvins.factor, "label": unit_label(kelvins.shown)},
+        balance=balance_text(found),
+        reach=[] if found.reach is None else [line.strip() for line in reach_lines(found.reach)],
+        closing=closing(found),
+        slopes=list(dict.fromkeys(f"{r.condition}: {r.caution}" for r in found.runs if r.caution)),
+    )

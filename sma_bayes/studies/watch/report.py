@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import ReportOptions
-from sma_bayes.report.tables import Table
 from sma_bayes.runs.documents import WATCH
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.watch.figures.watched import evidence_figure, numbers_figure
-from sma_bayes.studies.watch.schema import StoredWatch, WatchDocument
+from sma_bayes.studies.watch.schema import WatchDocument
 from sma_bayes.studies.watch.shown import in_declared_units
 from sma_bayes.studies.watch.tables import watch_tables
 
@@ -21,14 +18,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a watch; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_finished(WATCH, WatchDocument, folder, in_declared_units)
     drawings = [evidence_figure, numbers_figure] if wanted.drawn != "none" and stored.found.cycles else []
-    assemble(__package__, stored, wanted, drawings, watch_tables, page_words)
-
-
-def page_words(stored: StoredWatch, tables: Mapping[str, Table]) -> dict[str, Any]:
-    """What the page of a watch names, besides what was found and its tables."""
-    return {
-        "command": command(stored.found),
-    }
+    assemble(__package__, stored, wanted, drawings, watch_tables, command=command(stored.found))
 
 
 def command(found: WatchDocument) -> str:
