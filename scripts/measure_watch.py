@@ -24,7 +24,8 @@ from sma_bayes.records.types import Record
 from sma_bayes.studies.cycles.sweeps import sweeps_of
 from sma_bayes.studies.watch.evidence import log_evidence, onset
 from sma_bayes.studies.watch.naming import causes_of, change_of, named
-from sma_bayes.studies.watch.reference import MeasuredNumbers, Reference, reference_of
+from sma_bayes.studies.watch.reference import Reference, reference_of
+from sma_bayes.studies.watch.state import StrandNumbers
 
 QUIET_BEFORE, FAULTY, ALPHA = 5, 15, 0.01
 
@@ -49,7 +50,7 @@ def records_of(spring: ModuleType, rig, cycles: list, folder: Path) -> tuple[Rec
     return read_campaign(folder).records
 
 
-def numbers_of(reference: Reference, records: tuple[Record, ...]) -> list[list[MeasuredNumbers]]:
+def numbers_of(reference: Reference, records: tuple[Record, ...]) -> list[list[StrandNumbers]]:
     """Numbers of many cycles at once."""
     by_strand = []
     for strand in reference.strands:
@@ -67,7 +68,9 @@ def numbers_of(reference: Reference, records: tuple[Record, ...]) -> list[list[M
             )
             noise = float(np.log(np.sqrt(np.mean(left**2)) / strand.span))
             found.append(
-                MeasuredNumbers((*own.numbers[i].tolist(), noise), tuple(own.sds[i].tolist()), left.size)
+                StrandNumbers(
+                    value=(*own.numbers[i].tolist(), noise), sd=tuple(own.sds[i].tolist()), samples=left.size
+                )
             )
         by_strand.append(found)
     return [list(cycle) for cycle in zip(*by_strand, strict=True)]

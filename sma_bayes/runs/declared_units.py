@@ -56,7 +56,7 @@ SHORT: Final = {"kelvin": "K", "fahrenheit": "degF", "degree_Fahrenheit": "degF"
 INTERVAL: Final = ("q05", "median", "q95")
 """Numbers of an interval."""
 
-P = TypeVar("P", bound=DocumentPart)
+P = TypeVar("P", bound=DocumentPart | None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,7 +325,7 @@ def shown_average(a: CorrelationAverage, units: Shown) -> CorrelationAverage:
     if u is None or u.stored != a.unit:
         return a
     rmse = None if a.rmse is None else {rule: in_unit(f, u) for rule, f in a.rmse.items()}
-    return a.model_copy(update={"unit": u.shown, "rmse": rmse})
+    return a.but(unit=u.shown, rmse=rmse)
 
 
 def declared_units(records: Sequence[RecordSummary]) -> list[str]:
@@ -342,12 +342,10 @@ def in_shown_units(summary: FitFindings, units: Shown) -> FitFindings:
     if not units:
         return summary
     names = {r.condition: r for r in summary.records}
-    return summary.model_copy(
-        update={
-            "records": tuple(_record(r, units) for r in summary.records),
-            "loops": tuple(_quantity(q, names.get(q.condition), units) for q in summary.loops),
-            "correlation_average": tuple(shown_average(a, units) for a in summary.correlation_average),
-        }
+    return summary.but(
+        records=tuple(_record(r, units) for r in summary.records),
+        loops=tuple(_quantity(q, names.get(q.condition), units) for q in summary.loops),
+        correlation_average=tuple(shown_average(a, units) for a in summary.correlation_average),
     )
 
 
@@ -390,13 +388,8 @@ def _record(r: RecordSummary, units: Shown) -> RecordSummary:
     by_channel = {c: u for c in CHANNELS if (u := _of_channel(r, c, units)) is not None}
     degrees, apart = (shown_as(r.temperature.unit, units, difference=d) for d in (False, True))
 
-    def measure(c: str, m: Measure) -> Measure:
-        return m.model_copy(update={"unit": by_channel[c].shown}) if c in by_channel else m
-
     def scaled(parts: Mapping[str, P], *names: str) -> dict[str, P]:
-        return {
-            c: in_unit(p, by_channel[c], *names) if c in by_channel else p for c, p in parts.items()
-        }  # fmt: skip
+        return {c: in_unit(p, by_channel[c], *names) if c in by_channel else p for c, p in parts.items()}
 
     def agreement(found: Mapping[str, Mapping[str, Factor]]) -> dict[str, dict[str, Factor]]:
         return {
@@ -411,44 +404,37 @@ def _record(r: RecordSummary, units: Shown) -> RecordSummary:
         return p.channel in by_channel and p.unit == by_channel[p.channel].stored
 
     fit = {
-        c: g.model_copy(
-            update={"sse": _product(g.sse, by_channel[c].factor ** 2), "rmse": _product(g.rmse, by_channel[c].factor)}
-        )
+        c: g.but(sse=_product(g.sse, by_channel[c].factor ** 2), rmse=_product(g.rmse, by_channel[c].factor))
         if c in by_channel
         else g
         for c, g in r.fit.items()
-    }  # fmt: skip
-    return r.model_copy(
-        update={
-            "quantities": {c: measure(c, m) for c, m in r.quantities.items()},
-            "held": scaled(r.held, "mean", "sd"),
-            "temperature": in_unit(r.temperature, degrees, "lowest", "highest").model_copy(
-                update={"sd": apart.value(r.temperature.sd)}
-            ),
-            "calibration": {
-                c: k.model_copy(
-                    update={"offset": degrees.value(k.offset), "offset_sd": apart.value(k.offset_sd)}
-                )
-                if c == TEMPERATURE.name
-                else k
-                for c, k in scaled(r.calibration, "offset", "offset_sd").items()
-            },
-            "discrepancy": {
-                c: m.model_copy(update={"at": degrees.value(m.at)})
-                for c, m in scaled(r.discrepancy, "rms", "largest").items()
-            },
-            "nearest": {
-                n: in_unit(p, shown_as(p.unit, units, _name(r, p.channel) if of_channel(p) else ""))
-                for n, p in r.nearest.items()
-            },
-            "transformation": {n: in_unit(t, shown_as(t.unit, units)) for n, t in r.transformation.items()},
-            "parameters": {n: _parameter(p, _of_parameter(n, p, r, units)) for n, p in r.parameters.items()},
-            "fit": fit,
-            "correlation": agreement(r.correlation),
-            "correlation_replicated": agreement(r.correlation_replicated),
-            "quantities_of_branch": tuple(_quantity(q, r, units) for q in r.quantities_of_branch),
-        }
-    )  # fmt: skip
+    }
+    return r.but(
+        quantities={
+            c: m.but(unit=by_channel[c].shown) if c in by_channel else m for c, m in r.quantities.items()
+        },
+        held=scaled(r.held, "mean", "sd"),
+        temperature=in_unit(r.temperature, degrees, "lowest", "highest", sd=apart.value(r.temperature.sd)),
+        calibration={
+            c: k.but(offset=degrees.value(k.offset), offset_sd=apart.value(k.offset_sd))
+            if c == TEMPERATURE.name
+            else k
+            for c, k in scaled(r.calibration, "offset", "offset_sd").items()
+        },
+        discrepancy={
+            c: m.but(at=degrees.value(m.at)) for c, m in scaled(r.discrepancy, "rms", "largest").items()
+        },
+        nearest={
+            n: in_unit(p, shown_as(p.unit, units, _name(r, p.channel) if of_channel(p) else ""))
+            for n, p in r.nearest.items()
+        },
+        transformation={n: in_unit(t, shown_as(t.unit, units)) for n, t in r.transformation.items()},
+        parameters={n: _parameter(p, _of_parameter(n, p, r, units)) for n, p in r.parameters.items()},
+        fit=fit,
+        correlation=agreement(r.correlation),
+        correlation_replicated=agreement(r.correlation_replicated),
+        quantities_of_branch=tuple(_quantity(q, r, units) for q in r.quantities_of_branch),
+    )
 
 
 def _parameter(p: ParameterSummary, u: ShownUnit) -> ParameterSummary:
@@ -458,7 +444,7 @@ def _parameter(p: ParameterSummary, u: ShownUnit) -> ParameterSummary:
     prior = {n: by[n].value(v) if n in by and isinstance(v, float) else v for n, v in p.prior.items()}
     own = in_unit(p, u, "warm_start", "mean", "q05", "median", "q95")
     spreads = {n: _product(getattr(p, n), u.factor) for n in ("warm_start_sd", "sd")}
-    return own.model_copy(update={"prior": prior, **spreads})
+    return own.but(prior=prior, **spreads)
 
 
 def _quantity(q: QuantitySummary, r: RecordSummary | None, units: Shown) -> QuantitySummary:
@@ -471,21 +457,25 @@ def _quantity(q: QuantitySummary, r: RecordSummary | None, units: Shown) -> Quan
     return in_unit(q, ShownUnit(q.unit, last.shown, factor * last.factor))
 
 
-def in_unit(part: P, u: ShownUnit, *names: str) -> P:
-    """A part of a document as it is shown, and its `unit` with it where it has one.
+def in_unit(part: P, u: ShownUnit, *names: str, **changed: object) -> P:
+    """A part of a document as it is shown, and its `unit` with it where it has one; None where there is none.
 
     Parameters
     ----------
-    part : DocumentPart
+    part : DocumentPart or None
     u : ShownUnit
     *names : str
         Its numbers in that unit; those of an interval if there are none.
+    **changed
+        Keys that are shown in another way.
     """
+    if part is None:
+        return part
     update: dict[str, object] = {n: u.value(getattr(part, n)) for n in names or INTERVAL}
     unit = getattr(part, "unit", None)
     if unit:
         update["unit"] = u.of(unit)
-    return part.model_copy(update=update)
+    return part.but(**(update | changed))
 
 
 def _product(value: float | None, factor: float) -> float | None:

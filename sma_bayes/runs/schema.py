@@ -69,6 +69,25 @@ class DocumentPart(BaseModel):
         return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
 
     @classmethod
+    def about(cls, source: object, **told: Any) -> Self:
+        """The part that tells of something: what is not given is its attribute of the same name.
+
+        Parameters
+        ----------
+        source : object
+            What the part tells of.
+        **told
+            Keys that are called otherwise there, or that are converted.
+        """
+        own = (n for n, f in cls.model_fields.items() if n not in told and f.alias not in told)
+        same = {n: getattr(source, n) for n in own if hasattr(source, n)}
+        return cls.model_validate(same | told, from_attributes=True)
+
+    def but(self, **changed: object) -> Self:
+        """The same part with other values of some keys, which are not checked again."""
+        return self.model_copy(update=changed)
+
+    @classmethod
     def read_as(cls, found: Mapping[str, Any], path: Path, expected: str, remedy: str) -> Self:
         """The part of a document that was read.
 

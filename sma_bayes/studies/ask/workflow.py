@@ -229,11 +229,9 @@ def ask(
             expected=f"one of {', '.join(_has(run, records))}",
         )
     answers = [_answer(run, r, question) for r in able]
-    return AnswersDocument(
+    return AnswersDocument.about(
+        run.summary,
         schema=SCHEMA,
-        campaign=run.summary.campaign,
-        seed=run.summary.seed,
-        data_sha256=run.summary.data_sha256,
         quantity=answers[0].quantity,
         value=value,
         tolerance=tolerance,
@@ -267,11 +265,9 @@ def _ask_at(
         _answer_at(run, r, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
         for r in records
     ]
-    return ValuesDocument(
+    return ValuesDocument.about(
+        run.summary,
         schema=AT_SCHEMA,
-        campaign=run.summary.campaign,
-        seed=run.summary.seed,
-        data_sha256=run.summary.data_sha256,
         at=tuple(asked),
         probability=probability,
         extrapolate=extrapolate,
@@ -320,12 +316,8 @@ def _answer_at(
             pred_median=pred_median,
             pred_high=pred_high,
         )
-    return ValuesOfRecord(
-        key=summary.key,
-        condition=summary.condition,
-        branch=summary.branch,
-        converged=summary.converged,
-        adequate=summary.adequate,
+    return ValuesOfRecord.about(
+        summary,
         temperature_unit=degrees,
         temperature=tuple(given.tolist()),
         measured=(low, high),
@@ -477,11 +469,8 @@ def _answer(run: FitSource, summary: RecordSummary, question: _InverseQuestion) 
 
     measured = values[:, (grid >= low) & (grid <= high)]
     reachable, stays_below, stays_above = _reached(curve, found, target, (low, high), ends)
-    return StatedAnswer(
-        key=summary.key,
-        condition=summary.condition,
-        branch=summary.branch,
-        converged=summary.converged,
+    return StatedAnswer.about(
+        summary,
         quantity=_name(summary, question.channel),
         unit=unit,
         temperature_unit=degrees,

@@ -355,15 +355,8 @@ def _stated_sweep(one: _Seen, law: PooledConstants, common: float) -> CardSweep:
 
 def _stated(name: str, c: Constant, meaning: str = "") -> CardConstant:
     unit, words = UNITS[name]
-    return CardConstant(
-        **interval(c.draws),
-        name=name,
-        unit=unit,
-        meaning=meaning or words,
-        value=c.value,
-        sd=float(c.draws.std()),
-        identified=c.identified,
-        why=c.why,
+    return CardConstant.about(
+        c, **interval(c.draws), name=name, unit=unit, meaning=meaning or words, sd=float(c.draws.std())
     )
 
 
@@ -396,11 +389,13 @@ def _stiffness(
 
 
 def _stated_table(t: TabulatedStiffness) -> StiffnessTable:
-    return StiffnessTable(
-        condition=t.condition, branch=t.branch, quantity=t.quantity, unit=t.unit, temperature_unit=t.temperature_unit,
-        first=float(t.temperature[0]), step=t.step, points=t.temperature.size, interpolation_error=t.error,
-        relative_error=t.relative, caution=t.caution,
-    )  # fmt: skip
+    return StiffnessTable.about(
+        t,
+        first=float(t.temperature[0]),
+        points=t.temperature.size,
+        interpolation_error=t.error,
+        relative_error=t.relative,
+    )
 
 
 def _cautions(made: _Made | None, tables: Sequence[TabulatedStiffness]) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
@@ -44,11 +43,11 @@ NUMBERS: Final = (
 def record_document(comparison: Comparison) -> ComparedRecord:
     """A comparison on one record, as `comparison.json` has it."""
     record = comparison.record
-    return ComparedRecord(
+    return ComparedRecord.about(
+        comparison,
         condition=record.condition.id,
         branch=record.branch.value,
         key=stem_of(comparison),
-        channel=comparison.channel,
         quantity=record.quantity(comparison.channel),
         unit=record.units[comparison.channel],
         temperature_unit=record.units["temperature"],
@@ -56,13 +55,10 @@ def record_document(comparison: Comparison) -> ComparedRecord:
         noise=comparison.noise.name,
         noise_choice=_noise_choice(comparison),
         discrepancy=comparison.has_discrepancy,
-        memory=comparison.memory,
         held_out=StatedFolds(kind=comparison.folds.kind, folds=tuple(comparison.folds.labels)),
         **dict(comparison.verdict),
         same_curve=_classes(comparison),
         models={c.name: _model(comparison, c) for c in comparison.entrants if _takes_part(comparison, c)},
-        converged=comparison.converged,
-        wall_s=comparison.wall_s,
     )
 
 
@@ -140,13 +136,13 @@ def _numbers(comparison: Comparison, found: FittedContender) -> dict[str, Any]:
         "refits": FitsAnew(samples=loo.refits, folds=out.refits),
         "refits_not_converged": FitsAnew(samples=loo.not_converged, folds=out.not_converged),
         "evidence_by": EvidenceByMethod(
-            importance=StatedEvidence(**asdict(found.importance)),
-            bridge=StatedEvidence(**asdict(found.bridge)),
+            importance=StatedEvidence.about(found.importance),
+            bridge=StatedEvidence.about(found.bridge),
         ),
         "evidences_agree": found.evidences_agree,
         "elpd_held_out": float(folds.sum()),
         "elpd_by_fold": folds.tolist(),
-        "behind_preferred": StatedDifference(**asdict(difference(folds, preferred))),
+        "behind_preferred": StatedDifference.about(difference(folds, preferred)),
         "draws": StatedDraws(
             method=found.draws.method, effective=found.draws.effective, pareto_k=found.draws.k
         ),
@@ -220,12 +216,10 @@ def _overall(channel: str, unit: str, group: Sequence[Comparison]) -> Overall:
         records=tuple(stem_of(c) for c in group),
         **dict(verdict),
         models={
-            s.name: OverallModel(
-                family=s.family,
-                ln_evidence=s.ln_evidence,
-                ln_evidence_sd=s.ln_evidence_sd,
+            s.name: OverallModel.about(
+                s,
                 elpd_held_out=float(s.folds.sum()),
-                behind_preferred=StatedDifference(**asdict(difference(s.folds, best.folds))),
+                behind_preferred=StatedDifference.about(difference(s.folds, best.folds)),
                 correlation_average=_averages(s.name, group),
             )
             for s in standings

@@ -32,11 +32,9 @@ def in_declared_units(found: ComparisonDocument) -> ComparisonDocument:
     units = units_of(found)
     if not units:
         return found
-    return found.model_copy(
-        update={
-            "records": tuple(_record(r, units) for r in found.records),
-            "overall": tuple(_overall(g, units) for g in found.overall),
-        }
+    return found.but(
+        records=tuple(_record(r, units) for r in found.records),
+        overall=tuple(_overall(g, units) for g in found.overall),
     )
 
 
@@ -49,45 +47,39 @@ def series_columns(stored: StoredComparison, place: str, record: ComparedRecord)
 
 def _record(r: ComparedRecord, units: Shown) -> ComparedRecord:
     u = shown_as(r.unit, units, r.quantity)
-    return r.model_copy(
-        update={
-            "unit": u.shown,
-            "temperature_unit": shown_as(r.temperature_unit, units).shown,
-            "models": {name: _model(m, u) for name, m in r.models.items()},
-        }
+    return r.but(
+        unit=u.shown,
+        temperature_unit=shown_as(r.temperature_unit, units).shown,
+        models={name: _model(m, u) for name, m in r.models.items()},
     )
 
 
 def _model(m: ComparedModel, u: ShownUnit) -> ComparedModel:
     factors = None if m.correlation is None else _model_factors(m.correlation, u)
-    return in_unit(m, u, "rmse_held_out").model_copy(update={"correlation": factors})
+    return in_unit(m, u, "rmse_held_out", correlation=factors)
 
 
 def _model_factors(c: ModelFactors, u: ShownUnit) -> ModelFactors:
-    return c.model_copy(
-        update={
-            "in_sample": _factors(c.in_sample, u),
-            "held_out": _factors(c.held_out, u),
-            "by_fold": tuple(_factors(f, u) for f in c.by_fold),
-        }
+    return c.but(
+        in_sample=_factors(c.in_sample, u),
+        held_out=_factors(c.held_out, u),
+        by_fold=tuple(_factors(f, u) for f in c.by_fold),
     )
 
 
 def _factors(c: CorrelationFactors, u: ShownUnit) -> CorrelationFactors:
-    return c.model_copy(update={"rmse": in_unit(c.rmse, u)})
+    return c.but(rmse=in_unit(c.rmse, u))
 
 
 def _overall(g: Overall, units: Shown) -> Overall:
     models = {name: _overall_model(m, units) for name, m in g.models.items()}
-    return g.model_copy(update={"unit": shown_as(g.unit, units, g.quantity).shown, "models": models})
+    return g.but(unit=shown_as(g.unit, units, g.quantity).shown, models=models)
 
 
 def _overall_model(m: OverallModel, units: Shown) -> OverallModel:
     averages = m.correlation_average
-    shown = averages.model_copy(
-        update={
-            "in_sample": tuple(shown_average(a, units) for a in averages.in_sample),
-            "held_out": tuple(shown_average(a, units) for a in averages.held_out),
-        }
+    shown = averages.but(
+        in_sample=tuple(shown_average(a, units) for a in averages.in_sample),
+        held_out=tuple(shown_average(a, units) for a in averages.held_out),
     )
-    return m.model_copy(update={"correlation_average": shown})
+    return m.but(correlation_average=shown)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -198,10 +198,8 @@ def _compared(
                 write_csv(folder / "samples" / f"{stem_of(compared)}.csv", sample_columns(compared))
     found = ComparisonFindings(
         schema="sma-bayes/comparison/1",
-        options=ComparisonOptions(
-            model=options.model, noise=options.noise, pool=options.pool, priors=options.priors.title
-        ),
-        model_choice=None if choice is None else ModelChoiceDocument(**asdict(choice)),
+        options=ComparisonOptions.about(options, priors=options.priors.title),
+        model_choice=None if choice is None else ModelChoiceDocument.about(choice),
         **of_campaign(campaign, options.seed),
         converged=all(c.converged for c in comparisons),
         **declared_parts(campaign.records),

@@ -14,7 +14,7 @@ from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.records.types import Condition, setting_unit
 from sma_bayes.runs.declared_units import in_unit_of_channel
-from sma_bayes.runs.schema import IntervalDocument, interval_document
+from sma_bayes.runs.schema import interval_document
 from sma_bayes.studies.conditions.design import SETTINGS, Design
 from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.conditions.features import Feature
@@ -73,53 +73,30 @@ def settings_of(condition: Condition) -> dict[str, float]:
 
 
 def _group(design: Design, specimen: bool) -> StatedGroup:
-    return StatedGroup(
+    return StatedGroup.about(
+        design,
         conditions=design.ids,
-        stated=design.stated,
         varied={
             v: VariedSetting(unit=setting_unit(v, specimen=specimen), values=tuple(design.values(v).tolist()))
             for v in design.varied
         },
-        rank=design.rank,
         columns=1 + len(design.varied),
-        spare=design.spare,
         aliased={v: design.aliased(v) for v in design.varied if design.aliased(v)},
     )
 
 
 def _feature(feature: Feature) -> StatedFeature:
-    return StatedFeature(
-        condition=feature.condition.id,
-        branch=feature.branch,
-        name=feature.name,
-        channel=feature.channel,
-        unit=feature.unit,
-        **feature.quantiles(),
-        measured=feature.measured,
-        at_edge=feature.at_edge,
-        meaning=feature.meaning,
-    )
+    return StatedFeature.about(feature, condition=feature.condition.id, **feature.quantiles())
 
 
 def _effect(effect: SettingEffect, study: ConditionStudy, specimen: bool) -> StatedEffect:
     (design,) = [d for d in study.designs if d.ids == effect.conditions]
-    ends: dict[str, Any] = {"from": effect.from_, "to": effect.to}
-    return StatedEffect(
-        feature=effect.feature,
-        branch=effect.branch,
-        channel=effect.channel,
+    return StatedEffect.about(
+        effect,
         unit="1" if effect.factor else effect.unit,
         kind="factor" if effect.factor else "difference",
-        setting=effect.setting,
         setting_unit=setting_unit(effect.setting, specimen=specimen),
-        **ends,
-        conditions=effect.conditions,
-        tested=_told(effect.tested),
-        beyond=_told(effect.beyond),
-        probability_rises=effect.probability_rises,
-        scatter=_told(effect.scatter),
         spare=design.spare,
-        aliased_with=effect.aliased_with,
         confounded_with=tuple(
             StatedConfounder(name=c.other, correlation=c.correlation, strong=c.strong)
             for c in effect.confounders
@@ -127,13 +104,8 @@ def _effect(effect: SettingEffect, study: ConditionStudy, specimen: bool) -> Sta
     )
 
 
-def _told(found: Mapping[str, float] | None) -> IntervalDocument | None:
-    return None if found is None else IntervalDocument(**found)
-
-
 def _population(population: Population) -> StatedPopulation:
-    density, sampling = population.density, population.sampling
-    prior = np.exp(density.draw_prior(np.random.default_rng(0), 4000))
+    prior = np.exp(population.density.draw_prior(np.random.default_rng(0), 4000))
     first = population.records[0]
     facts = first.posterior.model.parameters(first.units)
     logarithms = population.coordinates.signs != 0.0
@@ -143,12 +115,7 @@ def _population(population: Population) -> StatedPopulation:
         channels=tuple(population.records[0].channels),
         spare=population.design.spare,
         prior_led=population.prior_led,
-        sampling=PopulationSampling(
-            method=sampling.method,
-            k=sampling.k,
-            effective=sampling.effective,
-            converged=sampling.converged,
-        ),
+        sampling=PopulationSampling.about(population.sampling),
         correction=population.correction,
         coordinates=tuple(
             StatedCoordinate(
@@ -203,10 +170,7 @@ def _prediction(prediction: Prediction) -> PredictedCondition:
         temperature=TemperaturesCovered(
             unit=reference.units["temperature"], covered_from=low, covered_to=high
         ),
-        features=tuple(
-            PredictedFeature(name=f.name, channel=f.channel, unit=f.unit, **f.quantiles(), meaning=f.meaning)
-            for f in predicted_features(prediction)
-        ),
+        features=tuple(PredictedFeature.about(f, **f.quantiles()) for f in predicted_features(prediction)),
         channels={
             c: PredictedChannel(
                 quantity=q,

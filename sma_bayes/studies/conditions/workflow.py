@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -187,7 +187,7 @@ def _studied(question: _ConditionsQuestion, folder: Path | None, work: RunContex
             leave_out=q.left_out,
             model=AUTO_MODEL if q.chooses else None,
         ),
-        model_choice=None if choice is None else ModelChoiceDocument(**asdict(choice)),
+        model_choice=None if choice is None else ModelChoiceDocument.about(choice),
         refitted=tuple(refitted),
         **of_fit(q.run.summary, q.run.folder, q.seed),
         specimen=specimen,

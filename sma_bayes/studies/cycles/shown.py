@@ -24,13 +24,9 @@ def in_declared_units(found: CyclesDocument) -> CyclesDocument:
     if not units:
         return found
     specimen = found.specimen
-    return found.model_copy(
-        update={
-            "temperature_unit": shown_as(found.temperature_unit, units).shown,
-            "conditions": tuple(
-                _condition(c, units, found.temperature_unit, specimen) for c in found.conditions
-            ),
-        }
+    return found.but(
+        temperature_unit=shown_as(found.temperature_unit, units).shown,
+        conditions=tuple(_condition(c, units, found.temperature_unit, specimen) for c in found.conditions),
     )
 
 
@@ -43,19 +39,17 @@ def curve_columns(stored: StoredCycles, condition: str, branch: str, channel: st
 
 
 def _condition(c: ConditionCycles, units: Shown, temperature_unit: str, specimen: bool) -> ConditionCycles:
-    return c.model_copy(
-        update={
-            "curves": tuple(_curve(k, units, temperature_unit, specimen) for k in c.curves),
-            "changes": tuple(_change(n, units) for n in c.changes),
-            "quantities": tuple(_quantity(q, units, temperature_unit, specimen) for q in c.quantities),
-        }
+    return c.but(
+        curves=tuple(_curve(k, units, temperature_unit, specimen) for k in c.curves),
+        changes=tuple(_change(n, units) for n in c.changes),
+        quantities=tuple(_quantity(q, units, temperature_unit, specimen) for q in c.quantities),
     )
 
 
 def _curve(k: CommonCurve, units: Shown, temperature_unit: str, specimen: bool) -> CommonCurve:
     u = shown_as(k.unit, units, quantity_of(k.channel, specimen=specimen))
     midpoint = shown_as(temperature_unit, units).value(k.midpoint)
-    return in_unit(k, u, "level", "span", "noise").model_copy(update={"midpoint": midpoint})
+    return in_unit(k, u, "level", "span", "noise", midpoint=midpoint)
 
 
 def _change(n: ChangeOfNumber, units: Shown) -> ChangeOfNumber:
@@ -69,11 +63,9 @@ def _quantity(q: QuantityByCycle, units: Shown, temperature_unit: str, specimen:
     u, spread = (
         shown_as(q.unit, units, "" if q.name == RATIO else quantity, difference=d) for d in (False, True)
     )
-    return q.model_copy(
-        update={
-            "unit": u.shown,
-            "at": shown_as(temperature_unit, units).value(q.at),
-            "own_sd": tuple(map(spread.value, q.own_sd)),
-            **{k: tuple(map(u.value, getattr(q, k))) for k in ("own", "q05", "median", "q95")},
-        }
+    return q.but(
+        unit=u.shown,
+        at=shown_as(temperature_unit, units).value(q.at),
+        own_sd=tuple(map(spread.value, q.own_sd)),
+        **{k: tuple(map(u.value, getattr(q, k))) for k in ("own", "q05", "median", "q95")},
     )

@@ -256,19 +256,13 @@ def _studied(task: _Condition) -> _StudiedCondition:
 
 
 def _curve(s: Strand) -> CommonCurve:
-    return CommonCurve(
+    return CommonCurve.about(
+        s,
         branch=s.record.branch.value,
-        channel=s.channel,
-        unit=s.unit,
         model=s.model.name,
         parameters=dict(zip(s.model.parameter_names, s.theta.tolist(), strict=True)),
         midpoint=s.middle,
-        level=s.level,
-        span=s.span,
-        noise=s.noise,
         missed=s.noise / s.range,
-        lag1_correlation=s.lag1_correlation,
-        converged=s.converged,
     )
 
 
@@ -354,15 +348,8 @@ def _by_cycle(q: CycleSeries) -> QuantityByCycle:
     """Quantiles; null where some draws have no value."""
     with np.errstate(all="ignore"):
         quantiles = np.quantile(q.draws, list(INTERVAL.values()), axis=0).tolist()
-    return QuantityByCycle(
-        branch=q.branch,
-        channel=q.channel,
-        name=q.name,
-        unit=q.unit,
-        at=q.at,
-        own=q.own.tolist(),
-        own_sd=q.own_sd.tolist(),
-        **dict(zip(INTERVAL, quantiles, strict=True)),
+    return QuantityByCycle.about(
+        q, own=q.own.tolist(), own_sd=q.own_sd.tolist(), **dict(zip(INTERVAL, quantiles, strict=True))
     )
 
 

@@ -158,7 +158,7 @@ def _parameter(a: ParameterSummary | None, b: ParameterSummary | None) -> Compar
 
 
 def _of_run(p: ParameterSummary | None) -> ParameterOfRun | None:
-    return None if p is None else ParameterOfRun(median=p.median, q05=p.q05, q95=p.q95, sd=p.sd)
+    return None if p is None else ParameterOfRun.about(p)
 
 
 def _shift(difference: float, sd: float) -> float:

@@ -91,7 +91,7 @@ class RecordFit(Fit):
         """What ``summary.json`` says of the record."""
         measured, again = correlation_factors(self, self._replicated, self.index)
         found = record_summary(self, self.index, measured, again)
-        return found if self.self_check is None else found.model_copy(update={"self_check": self.self_check})
+        return found if self.self_check is None else found.but(self_check=self.self_check)
 
     @cached_property
     def document(self) -> dict[str, Any]:

@@ -41,7 +41,7 @@ from sma_bayes.limits import REPLICATES
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.progress import Progress
 from sma_bayes.records.types import Record
-from sma_bayes.runs.fit_document import CoverageSummary, RankSummary, SelfCheckSummary
+from sma_bayes.runs.fit_document import RankSummary, SelfCheckSummary
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.store import write_csv
 from sma_bayes.sampling.importance import few_draws
@@ -241,17 +241,15 @@ def summarised(ranks: RecordRanks, replicates: int) -> SelfCheckSummary:
         false_alarm_rate=FALSE_ALARMS,
         passed=not wrong.any() and ranks.failed <= LOST * replicates,
         quantities=tuple(
-            RankSummary(
-                name=q.name,
-                kind=q.kind,
-                channel=q.channel,
+            RankSummary.about(
+                q,
                 shift=one.shift,
                 spread=one.spread,
                 p_location=one.p_values[0],
                 p_spread=one.p_values[1],
                 p_distribution=one.p_values[2],
                 uniform=not bool(wrong[k].any()),
-                coverage=tuple(CoverageSummary.model_validate(c, from_attributes=True) for c in one.coverage),
+                coverage=one.coverage,
             )
             for k, (q, one) in enumerate(zip(ranks.quantities, each, strict=True))
         ),

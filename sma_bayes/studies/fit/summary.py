@@ -24,27 +24,18 @@ from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import channel_unit
 from sma_bayes.runs.fit_document import (
     NOISE,
-    CalibrationSummary,
-    CheckSummary,
-    DirectionSummary,
-    DiscrepancySummary,
-    GoodnessSummary,
     HeldSummary,
     Measure,
     NearestSummary,
     NoiseSummary,
     ParameterSummary,
-    PathSummary,
-    QuantitySummary,
-    ReasonSummary,
     RecordSummary,
     SamplerSummary,
     SamplingSummary,
-    SweepSummary,
     TemperatureSummary,
     TransformationSummary,
 )
-from sma_bayes.runs.schema import Factor, ModelChoiceDocument
+from sma_bayes.runs.schema import Factor
 from sma_bayes.sampling.audit import Audit
 
 
@@ -70,16 +61,13 @@ def record_summary(
     noise_sd = {
         c: float(np.median(fit.flat[:, at[0]])) for c, at in fit.posterior.layout[record].noise.items()
     }
-    return RecordSummary(
+    return RecordSummary.about(
+        r,
         condition=r.condition.id,
         branch=r.branch.value,
-        key=r.key,
         settings=settings,
         settings_declared_units={k: r.declared_units[k] for k in settings if k in r.declared_units},
-        n=r.n,
-        rows_averaged=r.rows_averaged,
         segments=int(np.unique(r.inputs["segment"]).size),
-        channels=r.channels,
         quantities={
             c: Measure(
                 name=r.quantity(c), unit=channel_unit(r.units, c), declared_unit=r.declared_units.get(c)
@@ -99,39 +87,29 @@ def record_summary(
             )
             for c, h in r.held.items()
         },
-        calibration={
-            c: CalibrationSummary.model_validate(k, from_attributes=True) for c, k in r.calibration.items()
-        },
+        calibration=dict(r.calibration),
         converged=fit.converged,
         adequate=not why,
-        why=tuple(ReasonSummary.model_validate(reason, from_attributes=True) for reason in why),
+        why=why,
         model=fit.posterior.model.name,
         rung=fit.posterior.model.rung,
-        model_choice=None
-        if fit.model_choice is None
-        else ModelChoiceDocument.model_validate(fit.model_choice, from_attributes=True),
+        model_choice=fit.model_choice,
         nearest=_nearest(fit, record),
-        discrepancy={m.channel: DiscrepancySummary.model_validate(m, from_attributes=True) for m in of_curve},
+        discrepancy={m.channel: m for m in of_curve},
         parameters=_parameters(fit, record),
-        fit={
-            c: GoodnessSummary.model_validate(g, from_attributes=True) for c, g in start.fit[record].items()
-        },
+        fit=start.fit[record],
         jacobian_rank=start.rank,
         free_at_warm_start=start.free_directions,
         at_bound=start.at_bound,
         correlation=_factors(measured),
         correlation_replicated=_factors(again),
-        free_directions=tuple(
-            DirectionSummary.model_validate(d, from_attributes=True) for d in free_directions(fit)
-        ),
+        free_directions=free_directions(fit),
         shape=_shape(fit, record),
-        path=PathSummary.model_validate(path_remark(r, noise_sd), from_attributes=True),
-        quantities_of_branch=tuple(
-            QuantitySummary.model_validate(q, from_attributes=True) for q in branch_quantities(fit, record)
-        ),
+        path=path_remark(r, noise_sd),
+        quantities_of_branch=branch_quantities(fit, record),
         transformation=_transformation(fit, record),
-        checks=tuple(CheckSummary.model_validate(c, from_attributes=True) for c in checks),
-        left_out_sweeps=tuple(SweepSummary.model_validate(s, from_attributes=True) for s in sweeps),
+        checks=checks,
+        left_out_sweeps=sweeps,
         noise=_noise(fit),
         sampler=_sampler(fit),
         sampling=_audit(fit),
@@ -165,13 +143,8 @@ def _noise(fit: Fit) -> NoiseSummary:
 
 
 def _sampler(fit: Fit) -> SamplerSummary:
-    return SamplerSummary(
-        method=fit.draws.method,
-        acceptance=fit.draws.acceptance,
-        efficiency=fit.draws.efficiency,
-        greatest_weight=fit.draws.greatest_weight,
-        modes=len(fit.draws.modes),
-        draws=int(np.prod(fit.draws.z.shape[:3])),
+    return SamplerSummary.about(
+        fit.draws, modes=len(fit.draws.modes), draws=int(np.prod(fit.draws.z.shape[:3]))
     )
 
 
@@ -221,10 +194,7 @@ def _parameters(fit: Fit, record: int) -> dict[str, ParameterSummary]:
 
 def _nearest(fit: Fit, record: int) -> dict[str, NearestSummary]:
     """Published parameters of the nearest curves: least mean square over the measured temperatures."""
-    return {
-        n.name: NearestSummary(unit=n.unit, channel=n.channel, **n.interval, defined=n.defined)
-        for n in nearest_parameters(fit, record)
-    }
+    return {n.name: NearestSummary.about(n, **n.interval) for n in nearest_parameters(fit, record)}
 
 
 def _parts(model: ResponseModel) -> list[tuple[str, str]]:
@@ -235,17 +205,7 @@ def _parts(model: ResponseModel) -> list[tuple[str, str]]:
 def _transformation(fit: Fit, record: int) -> dict[str, TransformationSummary]:
     """Transformation temperatures by name, each with what supports it."""
     return {
-        t.name: TransformationSummary(
-            unit=t.unit,
-            meaning=t.meaning,
-            channel=t.channel,
-            **t.interval,
-            within_data=t.within_data,
-            outstanding=t.outstanding,
-            samples=t.samples,
-            defined=t.defined,
-        )
-        for t in transformation_temperatures(fit, record)
+        t.name: TransformationSummary.about(t, **t.interval) for t in transformation_temperatures(fit, record)
     }
 
 

@@ -218,12 +218,10 @@ def _assess_task(task: FitTask) -> _Assessed:
         summary, agreements = _assess_record(found, i, record, task, task.folder, own)
         account.take(own.document())
         summaries.append(
-            summary.model_copy(
-                update={
-                    "stages_s": {**summary.stages_s, **own.wall},
-                    "stages_cpu_s": {**summary.stages_cpu_s, **own.cpu},
-                    "wall_s": (summary.wall_s or 0.0) + sum(own.wall.values()),
-                }
+            summary.but(
+                stages_s={**summary.stages_s, **own.wall},
+                stages_cpu_s={**summary.stages_cpu_s, **own.cpu},
+                wall_s=(summary.wall_s or 0.0) + sum(own.wall.values()),
             )
         )
         scored += agreements
@@ -247,13 +245,13 @@ def _assess_record(
     with account.timed("write"):
         path = folder / "posterior" / f"{record.key}.nc"
         write_posterior(path, found, i, replicated)
-        summary = summary.model_copy(update={"posterior_sha256": file_checksum(path)})
+        summary = summary.but(posterior_sha256=file_checksum(path))
         written = {}
         for channel, band in bands.items():
             place = band_path(folder, record.key, channel)
             write_csv(place, band.columns(record.units["temperature"]))
             written[channel] = file_checksum(place)
-        summary = summary.model_copy(update={"band_sha256": written})
+        summary = summary.but(band_sha256=written)
     return summary, [
         Scored(
             record.key,
@@ -279,8 +277,5 @@ def _loops(fits: Sequence[Fit]) -> list[QuantitySummary]:
         other = f"{record.condition.id}-{Branch.COOLING.value}"
         if record.branch is Branch.HEATING and other in place and key != other:
             cooling, j = place[other]
-            out += [
-                QuantitySummary.model_validate(q, from_attributes=True)
-                for q in loop_quantities(heating, cooling, (i, j))
-            ]
+            out += [QuantitySummary.about(q) for q in loop_quantities(heating, cooling, (i, j))]
     return out

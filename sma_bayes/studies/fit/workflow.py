@@ -247,9 +247,7 @@ def fit_campaign(
             sampler=sampler,
             extrapolate=extrapolate,
             priors=options.priors.title,
-            bias_spring=None
-            if bias is None
-            else BiasSpringSummary.model_validate(bias, from_attributes=True),
+            bias_spring=None if bias is None else BiasSpringSummary.about(bias),
         ),
         versions=all_versions(),
         data_sha256=campaign.sha256,
@@ -261,7 +259,7 @@ def fit_campaign(
         findings=tuple(FindingDocument.model_validate(finding_document(f)) for f in campaign.findings),
     )
     if campaign.data_dir:
-        summary = summary.model_copy(update={"data_dir": campaign.data_dir})
+        summary = summary.but(data_dir=campaign.data_dir)
     stated = work.end(folder, summary.as_json())
     remove_parts(folder)
     return stated
@@ -273,7 +271,7 @@ def _checked(
     """Entries of records with what their self-check says; its ranks are written to the folder."""
     draws = [(draws_of(folder, r, seed), bool(r.quantities_of_branch)) for r in records]
     found = checked(draws, replicates, seed, folder, work.jobs, work.account, work.tell)
-    return [r.model_copy(update={"self_check": one}) for r, one in zip(records, found, strict=True)]
+    return [r.but(self_check=one) for r, one in zip(records, found, strict=True)]
 
 
 def _to_do(groups: Sequence[tuple[Record, ...]], options: FitOptions) -> str:

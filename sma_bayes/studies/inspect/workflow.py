@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -49,14 +48,11 @@ def _described(record: Record) -> InspectedRecord:
     posterior = build_posterior([record], NOISE_MODELS["independent"], priors)
     start = warm_start(posterior, np.random.default_rng(0))
     choice = choose_noise(posterior, start, priors)
-    return InspectedRecord(
-        key=record.key,
+    return InspectedRecord.about(
+        record,
         condition=record.condition.id,
         branch=record.branch.value,
-        source=record.source,
-        n=record.n,
         rows=(int(record.row.min()), int(record.row.max())),
-        rows_averaged=record.rows_averaged,
         segments=int(np.unique(record.inputs["segment"]).size),
         temperature=TemperatureRange(
             unit=record.units["temperature"],
@@ -74,5 +70,5 @@ def _described(record: Record) -> InspectedRecord:
             for c, h in record.held.items()
         },
         noise=InspectedNoise(name=choice.name, reason=choice.reason, lag1=dict(choice.lag1)),
-        fit={c: GoodnessSummary(**asdict(g)) for c, g in start.fit[0].items()},
+        fit={c: GoodnessSummary.about(g) for c, g in start.fit[0].items()},
     )

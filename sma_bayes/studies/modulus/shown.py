@@ -23,13 +23,11 @@ def in_declared_units(found: F) -> F:
     degrees, apart = degrees_of(found), degrees_of(found, difference=True)
     if (degrees.factor, degrees.zero) == (1.0, 0.0):
         return found
-    return found.model_copy(
-        update={
-            "temperature_unit": degrees.shown,
-            "sweeps": tuple(_sweep(s, degrees, apart) for s in found.sweeps),
-            "shifts": tuple(_shift(s, degrees, apart) for s in found.shifts),
-            "by_frequency": tuple(in_unit(b, degrees, "at") for b in found.by_frequency),
-        }
+    return found.but(
+        temperature_unit=degrees.shown,
+        sweeps=tuple(_sweep(s, degrees, apart) for s in found.sweeps),
+        shifts=tuple(_shift(s, degrees, apart) for s in found.shifts),
+        by_frequency=tuple(in_unit(b, degrees, "at") for b in found.by_frequency),
     )
 
 
@@ -48,26 +46,23 @@ def parameter_unit(
 
 
 def _sweep(s: ModulusSweep, degrees: ShownUnit, apart: ShownUnit) -> ModulusSweep:
-    return in_unit(s, degrees, "temperature_from", "temperature_to").model_copy(
-        update={
-            "temperatures": tuple(_temperature(t, degrees, apart) for t in s.temperatures),
-            "values": tuple(v.model_copy(update={"at": degrees.value(v.at)}) for v in s.values),
-        }
+    return in_unit(
+        s,
+        degrees,
+        "temperature_from",
+        "temperature_to",
+        temperatures=tuple(_temperature(t, degrees, apart) for t in s.temperatures),
+        values=tuple(v.but(at=degrees.value(v.at)) for v in s.values),
     )
 
 
 def _temperature(t: TransitionTemperature, degrees: ShownUnit, apart: ShownUnit) -> TransitionTemperature:
-    return in_unit(t, degrees, "q05", "median", "q95", "mean").model_copy(update={"sd": apart.value(t.sd)})
+    return in_unit(t, degrees, "q05", "median", "q95", "mean", sd=apart.value(t.sd))
 
 
 def _shift(s: FrequencyShift, degrees: ShownUnit, apart: ShownUnit) -> FrequencyShift:
-    return s.model_copy(
-        update={
-            "points": tuple(
-                in_unit(p, degrees, "temperature").model_copy(update={"sd": apart.value(p.sd)})
-                for p in s.points
-            ),
-            "shift": None if s.shift is None else in_unit(s.shift, apart),
-            "scatter": None if s.scatter is None else in_unit(s.scatter, apart),
-        }
+    return s.but(
+        points=tuple(in_unit(p, degrees, "temperature", sd=apart.value(p.sd)) for p in s.points),
+        shift=in_unit(s.shift, apart),
+        scatter=in_unit(s.scatter, apart),
     )

@@ -81,10 +81,8 @@ def study_sweep(task: SweepTask) -> SweepFound:
     low, high = float(sweep.storage.temperature.min()), float(sweep.storage.temperature.max())
     rng = np.random.default_rng(np.random.SeedSequence([task.seed, 9, *sweep.id.encode()]))
     curves = _Curves(fits, rng)
-    document = ModulusSweep(
-        id=sweep.id,
-        test=sweep.test,
-        frequency=sweep.frequency,
+    document = ModulusSweep.about(
+        sweep,
         branch=sweep.branch.value,
         temperature_from=low,
         temperature_to=high,

@@ -15,10 +15,10 @@ published curve rises from the least to the greatest stiffness that Tables 9 and
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from pydantic import Field
 from scipy.optimize import least_squares
 from scipy.special import expit
 
@@ -27,6 +27,7 @@ from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
 from sma_bayes.paper.tables import STATISTICS_TABLES, CellStatus, PrintedCell
 from sma_bayes.paper.twin import Recipe, curves, recipes
 from sma_bayes.quantities import convert
+from sma_bayes.runs.schema import DocumentPart, Number, NumberOrNull
 
 GRID: Final = 4001
 BEYOND: Final = 3.0
@@ -35,61 +36,45 @@ WIDTHS, CENTRES = (3.0, 6.0, 12.0), (0.3, 0.5, 0.7, 1.0)
 """Where the search for the nearest logistic begins: its rate times the range, its centre in shares of the range."""
 
 
-@dataclass(frozen=True, slots=True)
-class Distance:
-    """Distance of a published curve from its rivals over the printed range of stiffness.
+class PublishedDistance(DocumentPart):
+    """How far a published curve is from its rivals over the printed range of stiffness [N/cm]."""
 
-    Attributes
-    ----------
-    condition, branch : str
-    least, greatest : float
-        Stiffness at the ends of the temperatures used [N/cm].
-    printed_least, printed_greatest : float
-        As Tables 9 and 10 print them, in the same unit; the curve need not reach them.
-    rmse : float or None
-        Printed RMSE; None where it is lost [N/cm].
-    logistic, line : float
-        Root mean square distance from the nearest one [N/cm].
-    """
-
-    condition: str
-    branch: str
-    least: float
-    greatest: float
-    printed_least: float
-    printed_greatest: float
-    rmse: float | None
-    logistic: float
-    line: float
-
-    @property
-    def reaches_greatest(self) -> bool:
-        """Whether the curve reaches the printed greatest stiffness at any temperature."""
-        return self.greatest > 0.99 * self.printed_greatest
+    condition: str = Field(description="id of the condition")
+    branch: str = Field(description="`heating` or `cooling`")
+    least: Number = Field(description="stiffness at the lower end of what was used")
+    greatest: Number = Field(description="at the upper end")
+    printed_least: Number = Field(description="least stiffness of Tables 9 and 10")
+    printed_greatest: Number = Field(description="greatest stiffness there")
+    rmse: NumberOrNull = Field(description="printed RMSE; null where it is lost")
+    logistic: Number = Field(description="root mean square distance from the nearest logistic curve")
+    line: Number = Field(description="the same from the nearest straight line")
+    reaches_greatest: bool = Field(description="whether the curve reaches the printed greatest stiffness")
 
 
-def distances() -> tuple[Distance, ...]:
+def distances() -> tuple[PublishedDistance, ...]:
     """Distances of the published curves of Tables 3 and 4, whose range of stiffness Tables 9 and 10 print."""
     printed = {**extremes(TABLE_9), **extremes(TABLE_10)}
     return tuple(_distance(r, printed[r.condition.id]) for r in recipes() if r.condition.id in printed)
 
 
-def _distance(recipe: Recipe, row: dict[str, float]) -> Distance:
+def _distance(recipe: Recipe, row: dict[str, float]) -> PublishedDistance:
     low, high = (
         float(convert(row[f"stiffness_{end}"], "N/m", "N/cm", what="stiffness")) for end in ("min", "max")
     )
     temperature, stiffness = rising_part(recipe, low, high)
     rmse = _rmse(recipe)
-    return Distance(
+    least, greatest = float(stiffness.min()), float(stiffness.max())
+    return PublishedDistance(
         condition=recipe.condition.id,
         branch=recipe.branch.value,
-        least=float(stiffness.min()),
-        greatest=float(stiffness.max()),
+        least=least,
+        greatest=greatest,
         printed_least=low,
         printed_greatest=high,
         rmse=None if rmse.status is CellStatus.DAMAGED else rmse.value,
         logistic=_rms(stiffness - nearest_logistic(temperature, stiffness)),
         line=_rms(stiffness - nearest_line(temperature, stiffness)),
+        reaches_greatest=greatest > 0.99 * high,
     )
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
-from typing import Any, Final
+from typing import Final
 
 from sma_bayes.assess.correlation_average import Scored, averages
 from sma_bayes.paper.extremes import EXTREME_TABLES
 from sma_bayes.report.figures.sheet import FigureFiles
-from sma_bayes.runs.schema import CorrelationAverage, IntervalDocument
+from sma_bayes.runs.schema import CorrelationAverage
 from sma_bayes.studies.compare.schema import OverallModel, StoredComparison
 from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.identity import all_versions
@@ -20,15 +19,12 @@ from sma_bayes.studies.paper.distance import distances
 from sma_bayes.studies.paper.export import SOURCE, implied_summary
 from sma_bayes.studies.paper.printed import printed_effects
 from sma_bayes.studies.paper.schema import (
-    AlongWith,
     AveragedR,
     AveragedR2,
-    EvidenceForClaim,
     JudgedClaim,
     ModelOfTwin,
     PageFigure,
     PrintedEffect,
-    PublishedDistance,
     ReproducedEntry,
     ReproductionDocument,
     TwinComparison,
@@ -65,30 +61,21 @@ def reproduction_document(
         straight_line_correlation=straight_line_correlation(study),
         correlation_average=_averages(study),
         comparison=_comparison(study.comparison),
-        distances=tuple(
-            PublishedDistance(**asdict(d), reaches_greatest=d.reaches_greatest) for d in distances()
-        ),
+        distances=distances(),
         printed_effects={
             str(t.number): tuple(_effect(e) for e in printed_effects(t).values()) for t in EXTREME_TABLES
         },
         tables={number: tuple(entries) for number, entries in tables.items()},
-        figures=tuple(PageFigure(**asdict(f)) for f in figures),
+        figures=tuple(map(PageFigure.about, figures)),
     )
 
 
 def judged_claim(claim: Claim) -> JudgedClaim:
     """A claim with its verdict."""
-    return JudgedClaim(
-        id=claim.id,
+    return JudgedClaim.about(
+        claim,
         claim=claim.text,
-        lines=claim.lines,
-        verdict=claim.verdict,
-        why=claim.why,
-        errata=claim.errata,
-        confounded=claim.confounded,
-        lost=claim.lost,
         allowed_error=claim.allowed,
-        evidence=tuple(EvidenceForClaim(**asdict(e)) for e in claim.evidence),
     )
 
 
@@ -106,18 +93,10 @@ def _averages(study: TwinStudy) -> tuple[CorrelationAverage, ...]:
 def _comparison(stored: StoredComparison) -> TwinComparison:
     found = stored.found
     (overall,) = found.overall
-    return TwinComparison(
-        verdict=overall.verdict,
-        preferred=overall.preferred,
-        rival=overall.rival,
-        ln_bayes_factor=overall.ln_bayes_factor,
-        why=overall.why,
-        verdicts=overall.verdicts,
+    return TwinComparison.about(
+        overall,
         models={name: _model(m) for name, m in overall.models.items()},
-        records=tuple(
-            VerdictOnRecord(**{key: getattr(r, key) for key in VerdictOnRecord.model_fields})
-            for r in found.records
-        ),
+        records=tuple(map(VerdictOnRecord.about, found.records)),
         unavailable={n: m.unavailable for n, m in found.records[0].models.items() if m.unavailable},
     )
 
@@ -125,28 +104,15 @@ def _comparison(stored: StoredComparison) -> TwinComparison:
 def _model(m: OverallModel) -> ModelOfTwin:
     """A model with its averages over both branches, which stand last."""
     inside, outside = m.correlation_average.in_sample[-1], m.correlation_average.held_out[-1]
-    return ModelOfTwin(
-        family=m.family,
-        ln_evidence=m.ln_evidence,
-        ln_evidence_sd=m.ln_evidence_sd,
-        elpd_held_out=m.elpd_held_out,
-        behind_preferred=m.behind_preferred,
+    return ModelOfTwin.about(
+        m,
         r=AveragedR(in_sample=inside.r or {}, held_out=outside.r or {}),
         r2=AveragedR2(in_sample=inside.r2 or {}, held_out=outside.r2 or {}),
     )
 
 
 def _effect(e: SettingEffect) -> PrintedEffect:
-    ends: dict[str, Any] = {"from": e.from_, "to": e.to}
-    return PrintedEffect(
-        **ends,
-        feature=e.feature,
-        unit=e.unit,
-        setting=e.setting,
-        factor=e.factor,
-        conditions=e.conditions,
+    return PrintedEffect.about(
+        e,
         tested=None if e.tested is None else e.tested["median"],
-        beyond=None if e.beyond is None else IntervalDocument(**e.beyond),
-        probability_rises=e.probability_rises,
-        confounders=tuple(AlongWith(**asdict(c), strong=c.strong) for c in e.confounders),
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from io import StringIO
 from pathlib import Path
@@ -96,18 +96,14 @@ def select(table: int | None = None, *, errata_only: bool = False) -> Selection:
 
 def printed_entry(table: PrintedTable, cell: PrintedCell) -> PrintedEntry:
     """One printed cell: where it stands, what is printed, whether it can be believed."""
-    return PrintedEntry(
+    return PrintedEntry.about(
+        cell,
         table=table.number,
-        line=cell.line,
-        condition=cell.condition,
         branch="" if cell.branch is None else cell.branch.value,
-        quantity=cell.quantity,
-        unit=cell.unit,
         printed=cell.entry or cell.printed,
         published=None if cell.status is CellStatus.DAMAGED else cell.value,
         status=cell.status.value,
         corrected=cell.reconstructed,
-        reason=cell.reason,
         errata=" ".join(_doubts().get(address(table, cell), ())),
     )
 
@@ -125,14 +121,9 @@ def _doubts() -> dict[str, tuple[str, ...]]:
 
 def erratum_entry(erratum: Erratum) -> ErratumEntry:
     """One erratum, with what it amounts to."""
-    return ErratumEntry(
-        id=erratum.id,
-        lines=erratum.lines,
-        tables=erratum.tables,
+    return ErratumEntry.about(
+        erratum,
         confidence=erratum.confidence.value,
-        printed=erratum.printed,
-        problem=erratum.problem,
-        correction=erratum.correction,
         cells=tuple(address(table, cell) for table, cell in erratum.doubted()),
         effect=tuple(recomputed_amount(a) for a in erratum.effect()),
     )
@@ -140,13 +131,7 @@ def erratum_entry(erratum: Erratum) -> ErratumEntry:
 
 def recomputed_amount(amount: Amount) -> RecomputedAmount:
     """One recomputed number."""
-    return RecomputedAmount(
-        what=amount.name,
-        value=amount.value,
-        unit=amount.unit,
-        claimed=amount.claimed or None,
-        agrees=amount.agrees,
-    )
+    return RecomputedAmount.about(amount, what=amount.name, claimed=amount.claimed or None)
 
 
 def sheets(selection: Selection) -> tuple[Sheet, ...]:
@@ -181,16 +166,12 @@ def _table_sheets(selection: Selection) -> list[Sheet]:
 
 def correlation_row(found: ImpliedCorrelation) -> ImpliedCorrelationRow:
     """The correlation factor that a column of Tables 6 to 8 implies."""
-    return ImpliedCorrelationRow(
-        table=found.table,
-        condition=found.condition,
+    return ImpliedCorrelationRow.about(
+        found,
         branch=found.branch.value,
         status=found.status.value,
-        r2=found.r2,
         r_from_r2=found.r,
         r_from_r2_rounded=found.r_rounded,
-        adj_r2=found.adj_r2,
-        dof=found.dof,
         r_from_adj_r2=found.r_adjusted,
         claimed=CLAIMED,
     )
@@ -231,7 +212,7 @@ def tables_document(selection: Selection) -> PaperTablesDocument:
 
 def implied_summary() -> ImpliedAverageSummary:
     """What all printed R² that can be read say together."""
-    return ImpliedAverageSummary(**asdict(implied_average()))
+    return ImpliedAverageSummary.about(implied_average())
 
 
 def _number(value: object) -> str:

@@ -17,12 +17,12 @@ from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.compare.schema import StatedDifference
 from sma_bayes.studies.compare.tables import short
 from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN, SURE
+from sma_bayes.studies.paper.distance import PublishedDistance
 from sma_bayes.studies.paper.schema import (
     JudgedClaim,
     ModelOfTwin,
     PageFigure,
     PrintedEffect,
-    PublishedDistance,
     RecomputedValue,
     ReproducedEntry,
     ReproductionDocument,

@@ -21,7 +21,13 @@ from sma_bayes.records.types import Branch, Record
 from sma_bayes.report.figures.sheet import Drawing, FigureFiles, save_picture
 from sma_bayes.response.logistic import Logistic, printed_constants
 from sma_bayes.studies.compare.figures.averages import model_average_figure
-from sma_bayes.studies.paper.distance import Distance, distances, nearest_line, nearest_logistic, rising_part
+from sma_bayes.studies.paper.distance import (
+    PublishedDistance,
+    distances,
+    nearest_line,
+    nearest_logistic,
+    rising_part,
+)
 from sma_bayes.studies.paper.figures import (
     BandedCurve,
     NearestRivals,
@@ -207,7 +213,7 @@ def nearest() -> list[NearestRivals]:
     return [_nearest(d, by_key) for d in distances()]
 
 
-def _nearest(d: Distance, by_key: Mapping[str, Any]) -> NearestRivals:
+def _nearest(d: PublishedDistance, by_key: Mapping[str, Any]) -> NearestRivals:
     t, k = rising_part(by_key[f"{d.condition}-{d.branch}"], d.printed_least, d.printed_greatest)
     name = d.condition.removesuffix("-table3").removesuffix("-10mHz")
     return NearestRivals(

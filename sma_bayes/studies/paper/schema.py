@@ -18,6 +18,7 @@ from sma_bayes.runs.schema import (
 )
 from sma_bayes.studies.compare.schema import StatedDifference
 from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN
+from sma_bayes.studies.paper.distance import PublishedDistance
 
 
 class ImpliedAverageSummary(DocumentPart):
@@ -206,21 +207,6 @@ class TwinComparison(DocumentPart):
     models: dict[str, ModelOfTwin] = Field(description="the models, by name")
     records: Items[VerdictOnRecord] = Field(description="record by record")
     unavailable: dict[str, str] = Field(description="why others could not take part, by name")
-
-
-class PublishedDistance(DocumentPart):
-    """How far a published curve is from its rivals over the printed range of stiffness [N/cm]."""
-
-    condition: str = Field(description="id of the condition")
-    branch: str = Field(description="`heating` or `cooling`")
-    least: Number = Field(description="stiffness at the lower end of what was used")
-    greatest: Number = Field(description="at the upper end")
-    printed_least: Number = Field(description="least stiffness of Tables 9 and 10")
-    printed_greatest: Number = Field(description="greatest stiffness there")
-    rmse: NumberOrNull = Field(description="printed RMSE; null where it is lost")
-    logistic: Number = Field(description="root mean square distance from the nearest logistic curve")
-    line: Number = Field(description="the same from the nearest straight line")
-    reaches_greatest: bool = Field(description="whether the curve reaches the printed greatest stiffness")
 
 
 class AlongWith(DocumentPart):

@@ -42,21 +42,11 @@ def planned(
     branches, other_load, nats, probability, expected, pairs
         See `PlannedCandidate`.
     """
-    return PlannedCandidate(
+    return PlannedCandidate.about(
+        c,
         rank=rank,
-        name=c.name,
-        condition=c.condition,
-        lowest=c.lowest,
-        peak=c.peak,
-        rate=c.rate,
-        load=c.load,
         other_load=other_load,
-        cycles=c.cycles,
-        samples=c.samples,
-        setup=c.setup,
-        hours=c.hours,
         branches=tuple(branches),
-        beyond=c.beyond,
         fits=available is None or c.hours <= available * (1.0 + 1e-9),
         nats=nats,
         nats_per_hour=None if nats is None else nats / c.hours,
@@ -68,7 +58,7 @@ def planned(
 
 def with_advice(found: PlanFindings, folder: Path | None) -> PlanFindings:
     """What `plan.json` holds, advice included; the candidates are written to the folder, if there is one."""
-    found = found.model_copy(update={"advice": advice(in_declared_units(found))})
+    found = found.but(advice=advice(in_declared_units(found)))
     if folder is not None:
         write_csv(folder / CANDIDATES, columns(found))
     return found

@@ -35,21 +35,16 @@ def in_declared_units(found: P) -> P:
         for k, shown in zip(found.quantities, quantities, strict=True)
     }
     design = found.design
-    return found.model_copy(
-        update={
-            "temperature_unit": degrees.shown,
-            "quantities": quantities,
-            "scatter": tuple(_scatter(s, units, apart, specimen=specimen) for s in found.scatter),
-            "candidates": tuple(_candidate(c, units, degrees, names) for c in found.candidates),
-            "design": None
-            if design is None
-            else _outcome(design, names).model_copy(
-                update={
-                    "steps": tuple(_step(s, degrees) for s in design.steps),
-                    "even": _outcome(design.even, names),
-                }
-            ),
-        }
+    return found.but(
+        temperature_unit=degrees.shown,
+        quantities=quantities,
+        scatter=tuple(_scatter(s, units, apart, specimen=specimen) for s in found.scatter),
+        candidates=tuple(_candidate(c, units, degrees, names) for c in found.candidates),
+        design=None
+        if design is None
+        else _outcome(design, names).but(
+            steps=tuple(_step(s, degrees) for s in design.steps), even=_outcome(design.even, names)
+        ),
     )
 
 
@@ -71,15 +66,15 @@ def _known(k: KnownQuantity, degrees: ShownUnit) -> KnownQuantity:
     name = k.name
     if k.at is not None:
         name = f"{name.partition(' at ')[0]} at {degrees.value(k.at):.6g} {unit_text(degrees.shown)}"
-    return in_unit(k, u).model_copy(
-        update={
-            "name": name,
-            "at": degrees.value(k.at),
-            "unit": u.shown,
-            "sd": u.factor * k.sd,
-            "shown_factor": 1.0,
-            "shown_zero": 0.0,
-        }
+    return in_unit(
+        k,
+        u,
+        name=name,
+        at=degrees.value(k.at),
+        unit=u.shown,
+        sd=u.factor * k.sd,
+        shown_factor=1.0,
+        shown_zero=0.0,
     )
 
 
@@ -87,25 +82,23 @@ def _expected(expected: tuple[ExpectedQuantity, ...], names: Names) -> tuple[Exp
     out = []
     for e in expected:
         name, factor = names[(e.key, e.name)]
-        out.append(e.model_copy(update={"name": name, "sd": factor * e.sd}))
+        out.append(e.but(name=name, sd=factor * e.sd))
     return tuple(out)
 
 
 def _outcome(outcome: DesignOutcome, names: Names) -> DesignOutcome:
-    return outcome.model_copy(update={"expected": _expected(outcome.expected, names)})
+    return outcome.but(expected=_expected(outcome.expected, names))
 
 
 def _step(step: S, degrees: ShownUnit) -> S:
-    return in_unit(step, degrees, "lowest", "peak").model_copy(update={"rate": degrees.factor * step.rate})
+    return in_unit(step, degrees, "lowest", "peak", rate=degrees.factor * step.rate)
 
 
 def _candidate(c: PlannedCandidate, units: Shown, degrees: ShownUnit, names: Names) -> PlannedCandidate:
     load = units["load"].value(c.load) if "load" in units else c.load
-    return _step(c, degrees).model_copy(update={"load": load, "expected": _expected(c.expected, names)})
+    return _step(c, degrees).but(load=load, expected=_expected(c.expected, names))
 
 
 def _scatter(s: ScatterOfSweeps, units: Shown, apart: ShownUnit, *, specimen: bool) -> ScatterOfSweeps:
     u = units.get(quantity_of(s.channel, specimen=specimen))
-    return s.model_copy(
-        update={"offset": s.offset * (1.0 if u is None else u.factor), "shift": apart.value(s.shift)}
-    )
+    return s.but(offset=s.offset * (1.0 if u is None else u.factor), shift=apart.value(s.shift))

@@ -228,14 +228,7 @@ def _candidate(
         other_load=c.load != settings[c.condition].load,
         probability=probability,
         pairs=[
-            TellingApart(
-                first=names[a],
-                second=names[b],
-                separation=d.separation,
-                probability=d.probability,
-                if_first=d.if_first,
-                if_second=d.if_second,
-            )
+            TellingApart.about(d, first=names[a], second=names[b])
             for (a, b), d in zip(rivals.pairs, told, strict=True)
         ],
     )

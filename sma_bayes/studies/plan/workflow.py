@@ -423,18 +423,7 @@ def _design(
     gains = expectations.of_design(parts)
     even = even_design([settings[c] for c in conditions], tried, o.hours, o.setup, rate)
     gains_of_even = expectations.of_design(even)
-    steps = tuple(
-        DesignStep(
-            condition=c.condition,
-            lowest=c.lowest,
-            peak=c.peak,
-            rate=c.rate,
-            cycles=n,
-            samples=c.samples,
-            hours=c.setup + n * c.cycle_hours,
-        )
-        for c, n in parts
-    )
+    steps = tuple(DesignStep.about(c, cycles=n, hours=c.setup + n * c.cycle_hours) for c, n in parts)
     return PlannedDesign(
         hours=sum(s.hours for s in steps),
         nats=nats_of(gains),

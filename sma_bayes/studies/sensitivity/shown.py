@@ -23,7 +23,7 @@ def in_declared_units(found: S) -> S:
     units = units_of(found)
     if not units:
         return found
-    return found.model_copy(update={"records": tuple(record_shown(r, units) for r in found.records)})
+    return found.but(records=tuple(record_shown(r, units) for r in found.records))
 
 
 def reading_columns(
@@ -44,11 +44,9 @@ def reading_columns(
 
 def record_shown(r: RecordSensitivity, units: Shown) -> RecordSensitivity:
     """The same of one record."""
-    return r.model_copy(
-        update={
-            "temperature_unit": shown_as(r.temperature_unit, units).shown,
-            "quantities": tuple(_quantity(q, r.temperature_unit, units) for q in r.quantities),
-        }
+    return r.but(
+        temperature_unit=shown_as(r.temperature_unit, units).shown,
+        quantities=tuple(_quantity(q, r.temperature_unit, units) for q in r.quantities),
     )
 
 
@@ -64,12 +62,16 @@ def _quantity(q: QuantitySensitivity, temperature_unit: str, units: Shown) -> Qu
     u = shown_as(q.unit, units, q.quantity, difference=q.difference)
     spread = shown_as(q.unit, units, q.quantity, difference=True)
     degrees = shown_as(temperature_unit, units)
-    return in_unit(q, u, "q05", "median", "q95", "mean").model_copy(
-        update={
-            "sd": spread.value(q.sd),
-            "name": _name(q, temperature_unit, units),
-            "temperature": degrees.value(q.temperature),
-            "bootstrap": None if q.bootstrap is None else in_unit(q.bootstrap, u),
-            "reading": None if q.reading is None else in_unit(q.reading, degrees, "temperature"),
-        }
+    return in_unit(
+        q,
+        u,
+        "q05",
+        "median",
+        "q95",
+        "mean",
+        sd=spread.value(q.sd),
+        name=_name(q, temperature_unit, units),
+        temperature=degrees.value(q.temperature),
+        bootstrap=in_unit(q.bootstrap, u),
+        reading=in_unit(q.reading, degrees, "temperature"),
     )

@@ -144,14 +144,8 @@ def _quantities(
         found = interval_where_defined(q.draws[finite])
         changes = [(one.mean[i] - mean[i]) * per_sd[i] for one in left_out]
         out.append(
-            QuantitySensitivity(
-                name=q.name,
-                kind=q.kind,
-                channel=q.channel,
-                unit=q.unit,
-                meaning=q.meaning,
-                quantity=q.quantity,
-                difference=q.difference,
+            QuantitySensitivity.about(
+                q,
                 diagnosis=diagnosis,
                 leading_prior=None if diagnosis == NONE else _leading(draws, q.draws, densities),
                 reading=readings[i] if np.isfinite(per_sd[i]) else None,
@@ -165,7 +159,6 @@ def _quantities(
                 likelihood=of_likelihood[i],
                 prior_shift=prior_shift[i],
                 likelihood_shift=likelihood_shift[i],
-                temperature=q.temperature,
             )
         )
     return tuple(out)

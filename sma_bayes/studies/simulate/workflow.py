@@ -357,11 +357,7 @@ def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) ->
         balance=_stated_balance(q, balances),
         profile=_stated_profile(q, balances),
         runs=tuple(runs),
-        reach=None
-        if w is None
-        else ReachDocument(
-            asked=w.asked, tolerance=w.tolerance, probability=w.probability, conditions=tuple(reaches)
-        ),
+        reach=None if w is None else ReachDocument.about(w, conditions=tuple(reaches)),
         cautions=tuple(cautions),
     )
 

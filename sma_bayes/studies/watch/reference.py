@@ -14,6 +14,7 @@ from sma_bayes.records.types import Branch, Record
 from sma_bayes.studies.cycles.laws import FORMS, NONE, PACES, POWERS, LawPosterior, Series, approach
 from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, Strand, fit_strand, sweeps_of
 from sma_bayes.studies.watch.evidence import Watched
+from sma_bayes.studies.watch.state import StrandNumbers
 
 NOISE: Final = "noise"
 WATCHED: Final = (*NUMBERS, NOISE)
@@ -21,24 +22,6 @@ WATCHED: Final = (*NUMBERS, NOISE)
 LIKELY: Final = 0.95
 """Share of the posterior of N0 whose values count as possible while nothing changes."""
 MOST_PACES: Final = 7
-
-
-@dataclass(frozen=True, slots=True)
-class MeasuredNumbers:
-    """Numbers of one sweep.
-
-    Attributes
-    ----------
-    value : tuple of float
-        As `WATCHED` has them: offset over span, ln stroke, shift [K], ln width, ln of what is left over span.
-    sd : tuple of float
-        Of the first four.
-    samples : int
-    """
-
-    value: tuple[float, ...]
-    sd: tuple[float, ...]
-    samples: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +34,7 @@ class Reference:
         One for each branch and channel.
     cycle : ndarray, shape (m,)
         Cycles of which all sweeps were fitted.
-    numbers : tuple of tuple of MeasuredNumbers
+    numbers : tuple of tuple of StrandNumbers
         Of each strand, by cycle.
     law : str
         Law of training that the fitted sweeps follow, or ``none``.
@@ -62,7 +45,7 @@ class Reference:
 
     strands: tuple[Strand, ...]
     cycle: Floats
-    numbers: tuple[tuple[MeasuredNumbers, ...], ...]
+    numbers: tuple[tuple[StrandNumbers, ...], ...]
     law: str
     paces: tuple[tuple[float, float], ...]
     remarks: tuple[str, ...]
@@ -77,7 +60,7 @@ class Reference:
         """Strand and number of each watched series."""
         return [(s, n) for s in range(len(self.strands)) for n in range(len(WATCHED))]
 
-    def measure(self, sweeps: Mapping[str, Record]) -> list[MeasuredNumbers]:
+    def measure(self, sweeps: Mapping[str, Record]) -> list[StrandNumbers]:
         """Numbers of the sweeps of a new cycle, by strand."""
         out = []
         for strand in self.strands:
@@ -86,12 +69,12 @@ class Reference:
             out.append(_numbers(strand, own))
         return out
 
-    def watched(self, later: Sequence[Sequence[MeasuredNumbers]]) -> Watched:
+    def watched(self, later: Sequence[Sequence[StrandNumbers]]) -> Watched:
         """All numbers, cycle by cycle.
 
         Parameters
         ----------
-        later : sequence of sequence of MeasuredNumbers
+        later : sequence of sequence of StrandNumbers
             Of watched cycles, by strand.
         """
         rows = [[self.numbers[s][i] for s in range(len(self.strands))] for i in range(self.fitted)]
@@ -167,7 +150,7 @@ def _told(fitted: int, law: str) -> list[str]:
     return few + trained
 
 
-def _numbers(strand: Strand, sweep: Record, *, fitted: bool = False) -> MeasuredNumbers:
+def _numbers(strand: Strand, sweep: Record, *, fitted: bool = False) -> StrandNumbers:
     """Numbers of one sweep about the common curve."""
     own = strand.about(sweep, np.ones(1))
     left = sweep.observed[strand.channel] - strand.curve(own.numbers[0], sweep.temperature)
@@ -176,11 +159,13 @@ def _numbers(strand: Strand, sweep: Record, *, fitted: bool = False) -> Measured
         n = strand.record.n
         taken = strand.free.size + (0.0 if strand.weights is None else strand.weights.degrees_of_freedom)
         noise += 0.5 * float(np.log(n / max(n - taken, 1.0)))
-    return MeasuredNumbers((*own.numbers[0].tolist(), noise), tuple(own.sds[0].tolist()), sweep.n)
+    return StrandNumbers(
+        value=(*own.numbers[0].tolist(), noise), sd=tuple(own.sds[0].tolist()), samples=sweep.n
+    )
 
 
 def _law(
-    strands: Sequence[Strand], cycle: Floats, numbers: Sequence[Sequence[MeasuredNumbers]]
+    strands: Sequence[Strand], cycle: Floats, numbers: Sequence[Sequence[StrandNumbers]]
 ) -> tuple[str, tuple[tuple[float, float], ...]]:
     """The law of training of the fitted cycles, if one is supported, and what of it is possible."""
     series = [

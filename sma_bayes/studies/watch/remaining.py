@@ -14,7 +14,8 @@ from sma_bayes.records.declaration import CHANNEL_OF
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.cycles.study import CycleSeries, Pooled, pool, quantities, stiffness_unit
 from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand
-from sma_bayes.studies.watch.reference import MeasuredNumbers, Reference
+from sma_bayes.studies.watch.reference import Reference
+from sma_bayes.studies.watch.state import StrandNumbers
 
 AHEAD: Final = 200
 """Cycles over which limits are looked for."""
@@ -135,7 +136,7 @@ def require_known(limit: WatchLimit, strands: Sequence[Strand]) -> None:
 
 def remaining_cycles(
     reference: Reference,
-    later: Sequence[Sequence[MeasuredNumbers]],
+    later: Sequence[Sequence[StrandNumbers]],
     limits: Sequence[WatchLimit],
     begins: int | None,
     seed: int,
@@ -145,7 +146,7 @@ def remaining_cycles(
     Parameters
     ----------
     reference : Reference
-    later : sequence of sequence of MeasuredNumbers
+    later : sequence of sequence of StrandNumbers
         Watched cycles, by strand.
     limits : sequence of WatchLimit
     begins : int or None
@@ -169,7 +170,7 @@ def remaining_cycles(
     return [r for limit in limits for r in _of_limit(reference, settled, limit)]
 
 
-def _extended(reference: Reference, s: int, later: Sequence[Sequence[MeasuredNumbers]], first: int) -> Strand:
+def _extended(reference: Reference, s: int, later: Sequence[Sequence[StrandNumbers]], first: int) -> Strand:
     """All sweeps of a strand, fitted and watched, from one on."""
     sweeps = [*reference.numbers[s], *(cycle[s] for cycle in later)][first:]
     cycle = np.concatenate([reference.cycle, reference.cycle[-1] + 1.0 + np.arange(len(later))])[first:]

@@ -15,17 +15,14 @@ def in_declared_units(found: WatchDocument) -> WatchDocument:
     if not units:
         return found
     causes = tuple(
-        c.model_copy(update={"amounts": tuple(amount_shown(a, units, specimen) for a in c.amounts)})
-        for c in found.change.causes
+        c.but(amounts=tuple(amount_shown(a, units, specimen) for a in c.amounts)) for c in found.change.causes
     )
     limits = tuple(_limit(r, found.temperature_unit, units, specimen) for r in found.limits)
-    return found.model_copy(
-        update={
-            "temperature_unit": shown_as(found.temperature_unit, units).shown,
-            "numbers": tuple(_number(n, units, specimen) for n in found.numbers),
-            "change": found.change.model_copy(update={"causes": causes}),
-            "limits": limits,
-        }
+    return found.but(
+        temperature_unit=shown_as(found.temperature_unit, units).shown,
+        numbers=tuple(_number(n, units, specimen) for n in found.numbers),
+        change=found.change.but(causes=causes),
+        limits=limits,
     )
 
 
@@ -40,13 +37,13 @@ def _number(n: WatchedNumber, units: Shown, specimen: bool) -> WatchedNumber:
     quantity = "" if n.number == RATIO else quantity_of(n.channel, specimen=specimen)
     u = shown_as(n.unit, units, quantity, difference=True)
     sides = {k: tuple(map(u.value, getattr(n, k))) for k in ("value", "normal_low", "normal_high")}
-    return n.model_copy(update={"unit": u.shown, **sides})
+    return n.but(unit=u.shown, **sides)
 
 
 def _limit(r: LimitDocument, temperature_unit: str, units: Shown, specimen: bool) -> LimitDocument:
     channel = "stiffness" if r.quantity == "stiffness" else r.channel
     quantity = "" if r.quantity == RATIO else quantity_of(channel, specimen=specimen)
     u = shown_as(r.unit, units, quantity, difference=r.quantity == "shift")
-    return in_unit(r, u, "fitted", "target").model_copy(
-        update={"now": in_unit(r.now, u), "at": shown_as(temperature_unit, units).value(r.at)}
+    return in_unit(
+        r, u, "fitted", "target", now=in_unit(r.now, u), at=shown_as(temperature_unit, units).value(r.at)
     )

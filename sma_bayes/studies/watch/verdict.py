@@ -20,7 +20,7 @@ from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.cycles.sweeps import Strand
 from sma_bayes.studies.watch.evidence import Watched, least_squares_of, onset
 from sma_bayes.studies.watch.naming import Change, NamedCause, causes_of, change_of, interval, named
-from sma_bayes.studies.watch.reference import WATCHED, MeasuredNumbers, Reference
+from sma_bayes.studies.watch.reference import WATCHED, Reference
 from sma_bayes.studies.watch.remaining import Remaining
 from sma_bayes.studies.watch.schema import (
     AlarmDocument,
@@ -35,7 +35,7 @@ from sma_bayes.studies.watch.schema import (
     WatchFindings,
 )
 from sma_bayes.studies.watch.shown import amount_shown
-from sma_bayes.studies.watch.state import WatchState
+from sma_bayes.studies.watch.state import StrandNumbers, WatchState
 
 NORMAL: Final = 0.975
 LOG10: Final = float(np.log(10.0))
@@ -62,7 +62,7 @@ class WatchVerdict:
 
 def judged(
     reference: Reference,
-    later: Sequence[Sequence[MeasuredNumbers]],
+    later: Sequence[Sequence[StrandNumbers]],
     state: WatchState,
     alpha: float,
     units: Shown,
@@ -72,7 +72,7 @@ def judged(
     Parameters
     ----------
     reference : Reference
-    later : sequence of sequence of MeasuredNumbers
+    later : sequence of sequence of StrandNumbers
         Watched cycles, by strand.
     state : WatchState
         With the evidence after each.
@@ -257,19 +257,13 @@ def _statement(
 def limit_document(r: Remaining) -> LimitDocument:
     """What `watch.json` holds of a limit."""
     low, middle, high = r.remaining
-    return LimitDocument(
+    return LimitDocument.about(
+        r,
         limit=r.limit.asked,
-        branch=r.branch,
-        channel=r.channel,
         quantity=r.limit.name,
         at=r.limit.at,
-        unit=r.unit,
-        fitted=r.fitted,
         now=IntervalDocument(**as_interval(r.now)),
-        target=r.target,
         remaining=IntervalDocument(q05=low, median=middle, q95=high),
-        probability=r.probability,
-        horizon=r.horizon,
         statement=_remaining_statement(r),
     )
 

@@ -37,7 +37,7 @@ from sma_bayes.studies.watch.reading import (
     chosen_condition,
     stored_declaration,
 )
-from sma_bayes.studies.watch.reference import WATCHED, MeasuredNumbers, Reference, reference_of
+from sma_bayes.studies.watch.reference import WATCHED, Reference, reference_of
 from sma_bayes.studies.watch.remaining import WatchLimit, limit_of, remaining_cycles, require_known
 from sma_bayes.studies.watch.schema import WatchFindings
 from sma_bayes.studies.watch.state import (
@@ -238,7 +238,7 @@ class Watch:
                 f"{total} cycles", file=file.path, expected=f"at most {MOST_CYCLES} of a watch",
                 remedy="fit the latest cycles, and watch from there",
             )  # fmt: skip
-        swept = [tuple(_as_document(n) for n in self.reference.measure(c.sweeps)) for c in fresh]
+        swept = [tuple(self.reference.measure(c.sweeps)) for c in fresh]
         evidence = self._evidence(swept)
         added = tuple(
             CountedCycle(
@@ -246,13 +246,8 @@ class Watch:
             )
             for c, s, e in zip(fresh, swept, evidence, strict=True)
         )
-        told = ReadFile(
-            name=file.path.name,
-            sha256=file.sha256,
-            counted=len(fresh),
-            repeated=len(file.cycles) - len(fresh),
-            partial=file.partial,
-            remarks=file.remarks,
+        told = ReadFile.about(
+            file, name=file.path.name, counted=len(fresh), repeated=len(file.cycles) - len(fresh)
         )
         if self.state.file(file.sha256) is None:
             files = (*self.state.files, told)
@@ -261,17 +256,16 @@ class Watch:
             files = tuple(
                 f.model_copy(update=again) if f.sha256 == file.sha256 else f for f in self.state.files
             )
-        self.state = self.state.model_copy(update={"files": files, "cycles": (*self.state.cycles, *added)})
+        self.state = self.state.but(files=files, cycles=(*self.state.cycles, *added))
 
     def _evidence(self, fresh: Sequence[tuple[StrandNumbers, ...]]) -> Floats:
         """Evidence after each of some new cycles."""
         later = [*(c.sweeps for c in self.state.cycles), *fresh]
-        watched = self.reference.watched([[_as_numbers(s) for s in cycle] for cycle in later])
-        return log_evidence(watched, len(later) - len(fresh))
+        return log_evidence(self.reference.watched(later), len(later) - len(fresh))
 
-    def later(self) -> list[list[MeasuredNumbers]]:
+    def later(self) -> list[tuple[StrandNumbers, ...]]:
         """Numbers of all watched cycles, by strand."""
-        return [[_as_numbers(s) for s in c.sweeps] for c in self.state.cycles]
+        return [c.sweeps for c in self.state.cycles]
 
     @property
     def alarmed(self) -> bool:
@@ -297,13 +291,11 @@ class Watch:
         summary = self.run.summary
         settled = all(s.converged for s in self.reference.strands)
         converged = bool(summary.converged and settled)
-        return WatchFindings(
+        return WatchFindings.about(
+            self,
             schema="sma-bayes/watch/1",
             campaign=summary.campaign,
             fit=str(self.run.folder),
-            condition=self.condition,
-            seed=self.seed,
-            alpha=self.alpha,
             temperature_unit=_temperature_unit(self.run, self.condition),
             specimen=self.reference.strands[0].record.specimen,
             **declared_parts(self._own()),
@@ -342,14 +334,6 @@ class Watch:
         if self.limits and self.reference.fitted + len(self.state.cycles) < 3:
             out.append("remaining cycles are told from three cycles on")
         return out
-
-
-def _as_document(n: MeasuredNumbers) -> StrandNumbers:
-    return StrandNumbers(value=n.value, sd=n.sd, samples=n.samples)
-
-
-def _as_numbers(n: StrandNumbers) -> MeasuredNumbers:
-    return MeasuredNumbers(tuple(n.value), tuple(n.sd), n.samples)
 
 
 class WatchTable(FromFitTable):
