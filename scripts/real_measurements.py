@@ -23,8 +23,7 @@ from joblib import Parallel, delayed
 sys.path.insert(0, str(Path(__file__).parent))
 
 from calibration.trials import read
-from real_records.page import joined, write_page
-from real_records.page import targets as reached
+from real_records.page import joined, targets as reached, write_page
 from real_records.records import SETS, measured_records
 from real_records.trials import METHODS, attempt
 

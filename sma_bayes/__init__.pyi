@@ -8,15 +8,12 @@ from .assess.loops import loop_quantities as loop_quantities
 from .assess.transformation import transformation_temperatures as transformation_temperatures
 from .errors import SmaBayesError as SmaBayesError
 from .fitting.fit_records import fit_records as fit_records
-from .fitting.least_squares import LeastSquares as LeastSquares
-from .fitting.least_squares import least_squares as least_squares
+from .fitting.least_squares import LeastSquares as LeastSquares, least_squares as least_squares
 from .paper.twin import twin_campaign as twin_campaign
 from .parameters.priors_file import read_priors as read_priors
 from .records.campaign import read_campaign as read_campaign
 from .records.memory import campaign_of as campaign_of
-from .records.types import Campaign as Campaign
-from .records.types import Condition as Condition
-from .records.types import Record as Record
+from .records.types import Campaign as Campaign, Condition as Condition, Record as Record
 from .runs.jobs import cluster as cluster
 from .runs.stored_draws import stored_draws as stored_draws
 from .simulated.campaign import simulated_campaign as simulated_campaign
@@ -28,10 +25,8 @@ from .studies.conditions.features import condition_features as condition_feature
 from .studies.conditions.workflow import study_conditions as study_conditions
 from .studies.cycles.workflow import cycles as cycles
 from .studies.diff.workflow import diff as diff
-from .studies.fit.fitted import Fits as Fits
-from .studies.fit.fitted import RecordFit as RecordFit
-from .studies.fit.workflow import fit as fit
-from .studies.fit.workflow import fit_campaign as fit_campaign
+from .studies.fit.fitted import Fits as Fits, RecordFit as RecordFit
+from .studies.fit.workflow import fit as fit, fit_campaign as fit_campaign
 from .studies.gap.workflow import study_gap as study_gap
 from .studies.init.workflow import start_campaign as start_campaign
 from .studies.inspect.workflow import inspect_campaign as inspect_campaign

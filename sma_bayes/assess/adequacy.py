@@ -9,10 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import Field
 
 from sma_bayes.assess.checks import Check
 from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.identifiability import contraction
+from sma_bayes.document_part import DocumentPart
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import exact_channels
 from sma_bayes.fitting.noise_choice import LONGEST_MEMORY
@@ -113,22 +115,21 @@ class Missed:
     ln_bayes_factor: float
 
 
-@dataclass(frozen=True, slots=True)
-class Reason:
-    """One reason why a fit is not adequate.
+class Reason(DocumentPart):
+    """One reason why a fit is not adequate."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `SENTENCES`.
-    channel : str
-        Empty where it concerns all.
-    message : str
-    """
-
-    kind: str
-    channel: str
-    message: str
+    kind: str = Field(
+        description="`curve` (it misses more than 2 % of the range and three standard deviations of the noise "
+        "somewhere), `check` (p-value of a predictive check below 0.002 or above 0.998), `noise` (its standard "
+        "deviation is more than a quarter of the range of the curve), `memory` (as many samples count as one as are in "
+        "half a sweep, at the median: what is missed passes for noise), `tempered` (`effective_samples`: no density of "
+        "the data), `prior` (contraction of a midpoint or rate below 0.75; no stiffness is given then), `conflict` "
+        "(the prior hardly allows what the data say, or what they say by themselves where it wins; comes before "
+        "these) or `exact` (the noise is less than 1e-8 of the range of the channel: the readings were computed; "
+        "comes first)"
+    )
+    channel: str = Field(description="empty where it concerns all")
+    message: str = Field(description="the reason in words")
 
 
 def missed(fit: Fit, record: int = 0) -> tuple[Missed, ...]:
@@ -218,7 +219,7 @@ def _response(fit: Fit, record: int, channel: str) -> float:
 
 
 def _reason(kind: str, channel: str, what: str) -> Reason:
-    return Reason(kind, channel, SENTENCES[kind].format(what=what))
+    return Reason(kind=kind, channel=channel, message=SENTENCES[kind].format(what=what))
 
 
 def led_by_prior(fit: Fit, record: int = 0) -> tuple[str, ...]:

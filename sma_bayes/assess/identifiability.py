@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from pydantic import Field
 
 from sma_bayes.arrays import Floats
+from sma_bayes.document_part import DocumentPart, NumberOrNull
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.transforms import Logit
 
@@ -14,19 +14,13 @@ IDENTIFIED = 0.9
 """Contraction from which a parameter counts as identified: its variance is a tenth of the prior's or less."""
 
 
-@dataclass(frozen=True, slots=True)
-class Direction:
-    """A combination of parameters that the data leave to the prior.
+class Direction(DocumentPart):
+    """A combination of parameters that the data leave to the prior."""
 
-    Attributes
-    ----------
-    text : str
-        Such as ``0.71 ln A1 + 0.71 ln B1``, in units of each prior's standard deviation.
-    contraction : float
-    """
-
-    text: str
-    contraction: float
+    text: str = Field(description="the combination, in units of each prior's standard deviation")
+    contraction: NumberOrNull = Field(
+        description="1 less the ratio of posterior to prior variance along it [1]"
+    )
 
 
 def contraction(fit: Fit) -> Floats:
@@ -54,7 +48,7 @@ def free_directions(fit: Fit) -> tuple[Direction, ...]:
     out = []
     for k in np.flatnonzero(variance > 0.5)[::-1]:
         v = vector[:, k] * np.sign(vector[np.argmax(np.abs(vector[:, k])), k])
-        out.append(Direction(_combination(v, fit), float(1.0 - variance[k])))
+        out.append(Direction(text=_combination(v, fit), contraction=float(1.0 - variance[k])))
     return tuple(out)
 
 

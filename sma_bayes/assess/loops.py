@@ -2,43 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from pydantic import Field
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.adequacy import led_by_prior
 from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
+from sma_bayes.document_part import IntervalDocument
 from sma_bayes.fitting.curves import interval
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
 from sma_bayes.response.modified_sigmoid import channel_unit
 
 
-@dataclass(frozen=True, slots=True)
-class QuantityInterval:
-    """A quantity with its 90 % interval.
+class QuantityInterval(IntervalDocument):
+    """A quantity of a branch, or of the loop that both branches make."""
 
-    Attributes
-    ----------
-    name, condition, branch, channel, unit : str
-        `branch` is empty where both make it.
-    q05, median, q95 : float
-    meaning : str
-    negative : bool
-        Of a magnitude: whether what it is the magnitude of is negative.
-    """
-
-    name: str
-    condition: str
-    branch: str
-    channel: str
-    unit: str
-    q05: float
-    median: float
-    q95: float
-    meaning: str
-    negative: bool = False
+    name: str = Field(description="such as `greatest_stiffness`, `hysteresis_width`, `loop_area`")
+    condition: str = Field(description="id of the condition")
+    branch: str = Field(default="", description="empty where both make it")
+    channel: str = Field(description="of whose curve it is")
+    unit: str = Field(description="unit of its numbers")
+    meaning: str = Field(default="", description="in words")
+    negative: bool = Field(
+        default=False,
+        description="of least and greatest stiffness, which are magnitudes: whether the stiffness is negative there, "
+        "as bands and `ask` have it",
+    )
 
 
 def branch_quantities(fit: Fit, record: int = 0) -> list[QuantityInterval]:
@@ -119,5 +109,6 @@ def _interval(
     r = fit.records[record]
     shown = r.branch.value if branch is None else branch
     return QuantityInterval(
-        name, r.condition.id, shown, channel, unit, **interval(draws), meaning=meaning, negative=negative
-    )
+        name=name, condition=r.condition.id, branch=shown, channel=channel, unit=unit, **interval(draws),
+        meaning=meaning, negative=negative,
+    )  # fmt: skip

@@ -7,10 +7,10 @@ spring's stiffness, whatever the alloy does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from pydantic import Field
 
+from sma_bayes.document_part import DocumentPart
 from sma_bayes.quantities import ARBITRARY, CHANNELS, convert, unit_text
 from sma_bayes.records.types import Record
 from sma_bayes.response.modified_sigmoid import channel_unit
@@ -21,19 +21,14 @@ TOLD = 0.25
 """Share of the range of the force that the noise may take for the shape of the path to be told at all."""
 
 
-@dataclass(frozen=True, slots=True)
-class PathRemark:
-    """What the rig says about the path slope.
+class PathRemark(DocumentPart):
+    """What dF/dX means on this rig."""
 
-    Attributes
-    ----------
-    kind : str
-        ``constant_load``, ``constant_displacement``, ``straight_path``, ``path_slope`` or ``not_observed``.
-    message : str
-    """
-
-    kind: str
-    message: str
+    kind: str = Field(
+        default="",
+        description="`constant_load`, `constant_displacement`, `straight_path`, `path_slope` or `not_observed`",
+    )
+    message: str = Field(default="", description="in words")
 
 
 def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
@@ -51,15 +46,15 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
     if "force" in record.held:
         held = record.held["force"]
         return PathRemark(
-            "constant_load",
-            f"the rig held the {force} at {_as_declared(record, 'force', held.mean)} "
+            kind="constant_load",
+            message=f"the rig held the {force} at {_as_declared(record, 'force', held.mean)} "
             f"(sd {_as_declared(record, 'force', held.sd, 2)}): the slope {slope_text} of the path is zero by "
             f"construction and says nothing about the {tested}; only the {displacement} is fitted",
         )
     if "displacement" in record.held:
         return PathRemark(
-            "constant_displacement",
-            f"the rig held the {displacement}: the slope {slope_text} of the path is not defined; only "
+            kind="constant_displacement",
+            message=f"the rig held the {displacement}: the slope {slope_text} of the path is not defined; only "
             f"the {force} is fitted",
         )
     if not {"force", "displacement"} <= set(record.channels):
@@ -70,7 +65,7 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
             if kind == "path_slope"
             else f"{force} and {displacement} were not both observed: no {stiffness} follows from this record"
         )
-        return PathRemark(kind, text)
+        return PathRemark(kind=kind, message=text)
     x, f = record.observed["displacement"], record.observed["force"]
     slope, intercept = np.polyfit(x, f, 1)
     residual = float(np.sqrt(np.mean((f - intercept - slope * x) ** 2)))
@@ -78,15 +73,15 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
     if residual <= STRAIGHT * noise and noise <= TOLD * float(np.ptp(f)):
         other = "an elastic constraint" if record.specimen else "a bias spring"
         return PathRemark(
-            "straight_path",
-            f"{force} is a straight line in {displacement} within the noise, with slope "
+            kind="straight_path",
+            message=f"{force} is a straight line in {displacement} within the noise, with slope "
             f"{_as_declared(record, 'stiffness', float(slope))}: that is what {other} of this {stiffness} imposes at "
             f"every temperature, so the path slope tells {other}'s {stiffness} and nothing about the alloy",
         )
     return PathRemark(
-        "path_slope",
-        f"{stiffness} is the slope {slope_text} of the actuation path, along which temperature changes; it is not the "
-        f"{stiffness} of the {tested} at constant temperature",
+        kind="path_slope",
+        message=f"{stiffness} is the slope {slope_text} of the actuation path, along which temperature changes; it is "
+        f"not the {stiffness} of the {tested} at constant temperature",
     )
 
 

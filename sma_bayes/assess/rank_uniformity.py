@@ -26,10 +26,12 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 from scipy.special import betaincinv, kolmogi, kolmogorov, ndtr, ndtri
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.holm import holm_limits
+from sma_bayes.document_part import DocumentPart, Number
 
 FALSE_ALARMS: Final = 0.01
 """Chance that ranks which are uniform are called otherwise, over all quantities of a record together."""
@@ -37,22 +39,13 @@ EXACT: Final = 0.95
 """Probability of the intervals of coverages."""
 
 
-@dataclass(frozen=True, slots=True)
-class Coverage:
-    """Share of truths within central intervals.
+class Coverage(DocumentPart):
+    """Share of truths within central intervals."""
 
-    Attributes
-    ----------
-    level : float
-        Probability of the intervals [1].
-    share, low, high : float
-        Share, and its exact binomial interval [1].
-    """
-
-    level: float
-    share: float
-    low: float
-    high: float
+    level: Number = Field(description="probability of the intervals [1]")
+    share: Number = Field(description="share of truths in them [1]")
+    low: Number = Field(description="lower end of its exact binomial 95 % interval [1]")
+    high: Number = Field(description="upper end of it [1]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +117,8 @@ def uniformity(u: Floats) -> Uniformity:
     coverage = []
     for level in (0.5, 0.9):
         inside = int(np.sum(np.abs(u - 0.5) <= 0.5 * level))
-        coverage.append(Coverage(level, inside / n, *_proportion(inside, n)))
+        low, high = _proportion(inside, n)
+        coverage.append(Coverage(level=level, share=inside / n, low=low, high=high))
     p_values = (float(two_sided[0]), float(two_sided[1]), float(kolmogorov(distance * _effective_root(n))))
     return Uniformity(float(score.mean()), float(score.std()), p_values, tuple(coverage))
 

@@ -20,15 +20,16 @@ A. Vehtari, A. Gelman, J. Gabry, Statistics and Computing 27 (2017) 1413 (weight
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from pydantic import Field
 from scipy.special import logsumexp
 from scipy.stats import f as f_distribution
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.checks import Check
 from sma_bayes.assess.held_out import evaluated_on, missed_by, of_samples, part
+from sma_bayes.document_part import DocumentPart, NumberOrNull
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.records.types import Record
@@ -44,36 +45,23 @@ MEANING = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class LeftOutSweep:
-    """A sweep of one channel that had no part in the fit.
+class LeftOutSweep(DocumentPart):
+    """A sweep, predicted from the others."""
 
-    Attributes
-    ----------
-    sweep : int
-        Its number in the record, from 1.
-    channel : str
-    distance : float or None
-        ``d' (1 + C)^-1 d / r``; about 1 is expected. None where it can't be told: the weights can't be relied on, and
-        no fit without the sweep was made, or it did not reach its target.
-    pit : float or None
-        Share of such distances that are smaller, uniform if the sweep is like the others.
-    r, spare : int
-        Degrees of freedom of that distribution.
-    pareto_k : float
-        Of the weights.
-    refitted : bool
-        Whether the others were fitted again.
-    """
-
-    sweep: int
-    channel: str
-    distance: float | None
-    pit: float | None
-    r: int
-    spare: int
-    pareto_k: float
-    refitted: bool
+    sweep: int = Field(description="its number, from 1")
+    channel: str = Field(description="whose samples")
+    distance: NumberOrNull = Field(
+        description="squared distance of the sweep from its prediction, along the tangents of the curve and over "
+        "`r`; about 1 where it is like the others, null where it can't be told [1]",
+    )
+    pit: NumberOrNull = Field(
+        description="probability integral transform: share of such distances that are smaller, uniform where the "
+        "sweep is like the others; null where it can't be told [1]",
+    )
+    r: int = Field(description="degrees of freedom of the numerator of their F distribution")
+    spare: int = Field(description="degrees of freedom of its denominator")
+    pareto_k: NumberOrNull = Field(description="Pareto k of the weights of the draws [1]")
+    refitted: bool = Field(description="whether the others were fitted again")
 
 
 def samples_of_sweeps(record: Record) -> list[Ints]:
@@ -162,8 +150,11 @@ def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
             pit = None if distance is None else float(f_distribution.cdf(distance, rows.shape[0], spare))
             refitted = drawn is not None and not k[i] <= RELIABLE
             out.append(
-                LeftOutSweep(i + 1, channel, distance, pit, rows.shape[0], spare, float(k[i]), refitted)
-            )
+                LeftOutSweep(
+                    sweep=i + 1, channel=channel, distance=distance, pit=pit, r=rows.shape[0], spare=spare,
+                    pareto_k=float(k[i]), refitted=refitted,
+                )
+            )  # fmt: skip
     return out
 
 

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from pydantic import Field
 
+from sma_bayes.document_part import DocumentPart, Number
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
 from sma_bayes.paper.tables import STATISTICS_TABLES, CellStatus, PrintedCell
 from sma_bayes.paper.twin import FITTED_PARAMETERS
@@ -95,31 +97,19 @@ def _implied(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class ImpliedAverage:
-    """What the readable columns together say of the claimed average [1].
+class ImpliedAverage(DocumentPart):
+    """What the printed R² that can be read say of the average correlation factor that the text claims [1]."""
 
-    Attributes
-    ----------
-    columns, lost : int
-        Readable and lost columns.
-    least, plain, fisher : float
-        Of the correlations that the printed R2 allow at least: the least, their mean, and ``tanh`` of the mean of
-        ``artanh``.
-    lost_needed : float
-        Mean of the lost columns at which the plain mean of all would be no more than the claim.
-    claimed, r2_claimed : float
-        The claim, and the greatest R2 that goes with it.
-    """
-
-    columns: int
-    lost: int
-    least: float
-    plain: float
-    fisher: float
-    lost_needed: float
-    claimed: float
-    r2_claimed: float
+    columns: int = Field(description="columns of Tables 6 to 8 that can be read")
+    lost: int = Field(description="those that can't")
+    least: Number = Field(description="least r that any of the former allows")
+    plain: Number = Field(description="mean of what they allow at least")
+    fisher: Number = Field(description="the same by Fisher's transformation")
+    lost_needed: Number = Field(
+        description="mean of the lost ones at which that of all is no more than the claim"
+    )
+    claimed: Number = Field(description="the claim")
+    r2_claimed: Number = Field(description="R² that goes with it at most")
 
 
 def implied_average() -> ImpliedAverage:

@@ -8,6 +8,8 @@ from functools import cached_property
 from typing import Final, Protocol
 
 from sma_bayes.arrays import Floats
+from sma_bayes.assess.adequacy import Reason
+from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.report.choice import MANY
@@ -17,8 +19,6 @@ from sma_bayes.runs.declared_units import ShownUnit
 from sma_bayes.runs.fit_document import (
     FitFindings,
     ParameterSummary,
-    QuantitySummary,
-    ReasonSummary,
     RecordSummary,
 )
 from sma_bayes.runs.schema import AverageR, CorrelationAverage, FindingDocument
@@ -203,7 +203,7 @@ class RecordContent:
         return self.model != DEFAULT_MODEL or bool(self.document.discrepancy)
 
     @property
-    def stiffness_withheld(self) -> tuple[ReasonSummary, ...]:
+    def stiffness_withheld(self) -> tuple[Reason, ...]:
         """Why no stiffness is given of this record: its curves are led by their priors; empty where it is given."""
         if self.channel("stiffness") is None:
             return ()
@@ -348,7 +348,7 @@ class Content:
     ----------
     campaign, source : str
     records : tuple of RecordContent
-    loops : tuple of QuantitySummary
+    loops : tuple of QuantityInterval
     findings : tuple of FindingDocument
     printed : tuple of PrintedComparison
         Empty but for the twin of the paper.
@@ -368,7 +368,7 @@ class Content:
     campaign: str
     source: str
     records: tuple[RecordContent, ...]
-    loops: tuple[QuantitySummary, ...]
+    loops: tuple[QuantityInterval, ...]
     findings: tuple[FindingDocument, ...]
     printed: tuple[PrintedComparison, ...]
     averages: tuple[AverageFactor, ...]
@@ -446,7 +446,7 @@ class Content:
             offsets={},
         )
 
-    def loops_of(self, condition: str) -> tuple[QuantitySummary, ...]:
+    def loops_of(self, condition: str) -> tuple[QuantityInterval, ...]:
         """Loop quantities of a condition, where all of its branches converged."""
         if not all(r.converged for r in self.branches(condition)):
             return ()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final, TypeVarTuple
 
 from sma_bayes.assess.checks import CHECKED
+from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_text, tex_unit, wrapped
 from sma_bayes.records.severity import severity
 from sma_bayes.report.content import (
@@ -28,9 +29,6 @@ from sma_bayes.report.notation import (
     unit_label,
     write,
     write_interval,
-)
-from sma_bayes.runs.fit_document import (
-    QuantitySummary,
 )
 from sma_bayes.runs.store import write_csv, write_text
 
@@ -383,7 +381,7 @@ def quantity_table(content: Content) -> Table:
     )
 
 
-def _quantity_cells(r: RecordContent, q: QuantitySummary) -> tuple[Cell, ...]:
+def _quantity_cells(r: RecordContent, q: QuantityInterval) -> tuple[Cell, ...]:
     name = q.name.replace("_", " ").replace("stiffness", r.name_of("stiffness"))
     return name, r.name_of(q.channel), unit_label(q.unit) or "1", Estimate.of(q, q.unit), q.meaning
 

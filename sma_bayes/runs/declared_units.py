@@ -17,6 +17,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import band_channels
+from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.errors import QuantityError
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import (
@@ -36,7 +37,6 @@ from sma_bayes.runs.fit_document import (
     Measure,
     NearestSummary,
     ParameterSummary,
-    QuantitySummary,
     RecordSummary,
 )
 from sma_bayes.runs.schema import CorrelationAverage, DeclaredUnits, DocumentPart, Factor
@@ -447,7 +447,7 @@ def _parameter(p: ParameterSummary, u: ShownUnit) -> ParameterSummary:
     return own.but(prior=prior, **spreads)
 
 
-def _quantity(q: QuantitySummary, r: RecordSummary | None, units: Shown) -> QuantitySummary:
+def _quantity(q: QuantityInterval, r: RecordSummary | None, units: Shown) -> QuantityInterval:
     u = None if r is None else _of_channel(r, q.channel, units)
     unit, factor = q.unit, 1.0
     if u is not None and (q.name == "loop_area" or (q.unit == u.stored and u.stored != "1")):

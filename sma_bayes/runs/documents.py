@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from sma_bayes.checksum import KEY, document_checksum, file_checksum
+from sma_bayes.document_part import plain
 from sma_bayes.errors import OutputError
 from sma_bayes.limits import DOCUMENT_BYTES
-from sma_bayes.runs.store import plain
 
 MARK: Final = "run.json"
 """File that tells to which run a folder belongs."""

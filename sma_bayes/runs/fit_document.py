@@ -7,6 +7,12 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.assess.adequacy import Reason
+from sma_bayes.assess.identifiability import Direction
+from sma_bayes.assess.loops import QuantityInterval
+from sma_bayes.assess.path import PathRemark
+from sma_bayes.assess.rank_uniformity import Coverage
+from sma_bayes.assess.sweeps import LeftOutSweep
 from sma_bayes.errors import OutputError
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.documents import FIT
@@ -78,23 +84,6 @@ class CalibrationSummary(DocumentPart):
         description="value at which the error is `offset_sd` alone [that of the channel]",
     )
     offset_sd: Number = Field(description="standard deviation of the offset [that of the channel]")
-
-
-class ReasonSummary(DocumentPart):
-    """One reason why a fit is not adequate."""
-
-    kind: str = Field(
-        description="`curve` (it misses more than 2 % of the range and three standard deviations of the noise "
-        "somewhere), `check` (p-value of a predictive check below 0.002 or above 0.998), `noise` (its standard "
-        "deviation is more than a quarter of the range of the curve), `memory` (as many samples count as one as are in "
-        "half a sweep, at the median: what is missed passes for noise), `tempered` (`effective_samples`: no density of "
-        "the data), `prior` (contraction of a midpoint or rate below 0.75; no stiffness is given then), `conflict` "
-        "(the prior hardly allows what the data say, or what they say by themselves where it wins; comes before "
-        "these) or `exact` (the noise is less than 1e-8 of the range of the channel: the readings were computed; "
-        "comes first)"
-    )
-    channel: str = Field(description="empty where it concerns all")
-    message: str = Field(description="the reason in words")
 
 
 class NearestSummary(IntervalDocument):
@@ -186,41 +175,6 @@ class GoodnessSummary(DocumentPart):
     p: int = Field(description="parameters of the channel")
 
 
-class DirectionSummary(DocumentPart):
-    """A combination of parameters that the data leave to the prior."""
-
-    text: str = Field(description="the combination, in units of each prior's standard deviation")
-    contraction: NumberOrNull = Field(
-        description="1 less the ratio of posterior to prior variance along it [1]"
-    )
-
-
-class PathSummary(DocumentPart):
-    """What dF/dX means on this rig."""
-
-    kind: str = Field(
-        default="",
-        description="`constant_load`, `constant_displacement`, `straight_path`, `path_slope` or `not_observed`",
-    )
-    message: str = Field(default="", description="in words")
-
-
-class QuantitySummary(IntervalDocument):
-    """A quantity of a branch, or of the loop that both branches make."""
-
-    name: str = Field(description="such as `greatest_stiffness`, `hysteresis_width`, `loop_area`")
-    condition: str = Field(description="id of the condition")
-    branch: str = Field(default="", description="empty where both make it")
-    channel: str = Field(description="of whose curve it is")
-    unit: Unit
-    meaning: str = Field(default="", description="in words")
-    negative: bool = Field(
-        default=False,
-        description="of least and greatest stiffness, which are magnitudes: whether the stiffness is negative there, "
-        "as bands and `ask` have it",
-    )
-
-
 class TransformationSummary(IntervalDocument):
     """Start or finish of the transformation by the tangent rule."""
 
@@ -256,25 +210,6 @@ class CheckSummary(DocumentPart):
     def failed(self) -> bool:
         """Whether chance hardly ever gives this."""
         return not CHECK_TAIL <= self.p_value <= 1.0 - CHECK_TAIL
-
-
-class SweepSummary(DocumentPart):
-    """A sweep, predicted from the others."""
-
-    sweep: int = Field(description="its number, from 1")
-    channel: str = Field(description="whose samples")
-    distance: NumberOrNull = Field(
-        description="squared distance of the sweep from its prediction, along the tangents of the curve and over "
-        "`r`; about 1 where it is like the others, null where it can't be told [1]",
-    )
-    pit: NumberOrNull = Field(
-        description="probability integral transform: share of such distances that are smaller, uniform where the "
-        "sweep is like the others; null where it can't be told [1]",
-    )
-    r: int = Field(description="degrees of freedom of the numerator of their F distribution")
-    spare: int = Field(description="degrees of freedom of its denominator")
-    pareto_k: NumberOrNull = Field(description="Pareto k of the weights of the draws [1]")
-    refitted: bool = Field(description="whether the others were fitted again")
 
 
 class NoiseSummary(DocumentPart):
@@ -323,15 +258,6 @@ class SamplingSummary(DocumentPart):
     )
 
 
-class CoverageSummary(DocumentPart):
-    """Share of truths within central intervals."""
-
-    level: Number = Field(description="probability of the intervals [1]")
-    share: Number = Field(description="share of truths in them [1]")
-    low: Number = Field(description="lower end of its exact binomial 95 % interval [1]")
-    high: Number = Field(description="upper end of it [1]")
-
-
 class RankSummary(DocumentPart):
     """Ranks of the truths of one number among the draws of the refits."""
 
@@ -352,7 +278,7 @@ class RankSummary(DocumentPart):
     uniform: bool = Field(
         description="whether none of these is rejected by Holm's rule over all of the record"
     )
-    coverage: Items[CoverageSummary] = Field(description="of central 50 % and 90 % intervals")
+    coverage: Items[Coverage] = Field(description="of central 50 % and 90 % intervals")
 
 
 class SelfCheckSummary(DocumentPart):
@@ -400,7 +326,7 @@ class RecordSummary(DocumentPart):
     )
     converged: bool = Field(description="whether every parameter reached the target")
     adequate: bool = Field(description="whether curve and noise describe the data")
-    why: Items[ReasonSummary] = Field(description="reasons why not")
+    why: Items[Reason] = Field(description="reasons why not")
     model: str = Field(description="name of the response model")
     rung: int | None = Field(
         default=None,
@@ -430,7 +356,7 @@ class RecordSummary(DocumentPart):
     correlation_replicated: dict[str, dict[str, Factor]] = Field(
         default_factory=dict, description="the same against data replicated from the posterior"
     )
-    free_directions: Items[DirectionSummary] = Field(
+    free_directions: Items[Direction] = Field(
         default=(), description="combinations that are left to the prior"
     )
     shape: dict[str, Number] = Field(
@@ -438,8 +364,8 @@ class RecordSummary(DocumentPart):
         description="posterior probability that the stiffness is a `hump`, `unbounded` or a `sigmoid` (bounded, not "
         "zero at both ends); empty where the model gives no limits of it [1]",
     )
-    path: PathSummary = Field(default=PathSummary(), description="what dF/dX means on this rig")
-    quantities_of_branch: Items[QuantitySummary] = Field(
+    path: PathRemark = Field(default=PathRemark(), description="what dF/dX means on this rig")
+    quantities_of_branch: Items[QuantityInterval] = Field(
         default=(), description="least and greatest stiffness and their ratio"
     )
     transformation: dict[str, TransformationSummary] = Field(
@@ -448,7 +374,7 @@ class RecordSummary(DocumentPart):
         "(../explanation/transformation_temperatures.md)); empty where only stiffness was measured",
     )
     checks: Items[CheckSummary] = Field(default=(), description="predictive checks")
-    left_out_sweeps: Items[SweepSummary] = Field(
+    left_out_sweeps: Items[LeftOutSweep] = Field(
         default=(), description="each sweep, predicted from the others; empty with fewer than three"
     )
     noise: NoiseSummary = Field(default=NoiseSummary(), description="the noise model")
@@ -526,7 +452,7 @@ class FitFindings(DocumentPart):
     correlation_average: Items[CorrelationAverage] = Field(
         default=(), description="averages of the correlation factors, one a channel, branch and kind of data"
     )
-    loops: Items[QuantitySummary] = Field(
+    loops: Items[QuantityInterval] = Field(
         default=(), description="hysteresis width and loop area of conditions with both branches"
     )
     findings: Items[FindingDocument] = Field(default=(), description="what was found about the measurements")

@@ -1,122 +1,28 @@
-"""Typed documents: what a verb found, declared once.
-
-From a declaration come the JSON that is written, the JSON Schema of it, the typed reader and the table of its keys in
-the reference. A key without a default is always there; one with a default is written only where it was given.
-"""
+"""Typed documents: what a verb found, and the parts that several of them have; see `sma_bayes.document_part`."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final, Self, TypeVar
+from typing import Any, Final, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, GetPydanticSchema, Strict, ValidationError, WithJsonSchema
+from pydantic import Field
 from pydantic.json_schema import GenerateJsonSchema
-from pydantic_core.core_schema import no_info_plain_validator_function
 
 from sma_bayes.arrays import Floats
 from sma_bayes.checksum import numbers_checksum
-from sma_bayes.errors import OutputError
+from sma_bayes.document_part import (
+    DocumentPart as DocumentPart,
+    IntervalDocument as IntervalDocument,
+    Items as Items,
+    Number as Number,
+    NumberOrNull as NumberOrNull,
+)
 from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.runs.documents import Document
-from sma_bayes.runs.store import plain
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
 
-T = TypeVar("T")
-M = TypeVar("M", bound="DocumentPart")
-
-
-def _finite(value: object) -> Any:
-    """Number of Python; a whole one stays whole, so that it is written as it came."""
-    if type(value) is float and math.isfinite(value):  # nearly all are, in documents of thousands of records
-        return value
-    found = plain(value)
-    if isinstance(found, bool | str) or not isinstance(found, int | float):
-        raise ValueError("a finite number")
-    return found
-
-
-def _finite_or_null(value: object) -> Any:
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return None
-    return _finite(value)
-
-
-def _as_it_is(check: Callable[[object], Any]) -> GetPydanticSchema:
-    """What a check gives, written without another conversion."""
-    return GetPydanticSchema(lambda source, handler: no_info_plain_validator_function(check))
-
-
-Items = Annotated[tuple[T, ...], Strict(False)]
-"""A list of JSON."""
-Number = Annotated[float, _as_it_is(_finite), WithJsonSchema({"type": "number"})]
-"""A finite number."""
-NumberOrNull = Annotated[
-    float | None, _as_it_is(_finite_or_null), WithJsonSchema({"type": ["number", "null"]})
-]
-"""A number; null where it is not told, or is not finite."""
-
-
-class DocumentPart(BaseModel):
-    """A part of a document: immutable, its keys declared; keys of later versions are kept as they are."""
-
-    model_config = ConfigDict(frozen=True, extra="allow", strict=True, populate_by_name=True)
-
-    def as_json(self) -> dict[str, Any]:
-        """The part as values that JSON knows, in the order of the declaration."""
-        return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
-
-    @classmethod
-    def about(cls, source: object, **told: Any) -> Self:
-        """The part that tells of something: what is not given is its attribute of the same name.
-
-        Parameters
-        ----------
-        source : object
-            What the part tells of.
-        **told
-            Keys that are called otherwise there, or that are converted.
-        """
-        own = (n for n, f in cls.model_fields.items() if n not in told and f.alias not in told)
-        same = {n: getattr(source, n) for n in own if hasattr(source, n)}
-        return cls.model_validate(same | told, from_attributes=True)
-
-    def but(self, **changed: object) -> Self:
-        """The same part with other values of some keys, which are not checked again."""
-        return self.model_copy(update=changed)
-
-    @classmethod
-    def read_as(cls, found: Mapping[str, Any], path: Path, expected: str, remedy: str) -> Self:
-        """The part of a document that was read.
-
-        Parameters
-        ----------
-        found : mapping
-            As parsed.
-        path : Path
-            File of the document, for messages.
-        expected, remedy : str
-            See `OutputError`.
-
-        Raises
-        ------
-        OutputError
-            With the key, where one is missing or of another kind.
-        """
-        try:
-            return cls.model_validate(found)
-        except ValidationError as error:
-            first = error.errors()[0]
-            *above, key = (str(name) for name in first["loc"]) if first["loc"] else ("",)
-            where = f" in {'.'.join(above)}" if above else ""
-            if first["type"] == "missing":
-                told = f"lacks {key!r}{where}"
-            else:
-                wanted = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-                told = f"has {first['input']!r:.200} as {key!r}{where}, not {wanted}"
-            raise OutputError(told, file=path, expected=expected, remedy=remedy) from None
+M = TypeVar("M", bound=DocumentPart)
 
 
 def read_document(document: Document, model: type[M], folder: Path) -> M:
@@ -223,20 +129,6 @@ class FindingDocument(DocumentPart):
     severity: str = Field(
         description="`serious`: numbers may be other than they seem; `look`: an assumption to confirm; `note`"
     )
-
-
-class IntervalDocument(DocumentPart):
-    """Equal-tailed 90 % interval and median; null where not told."""
-
-    q05: NumberOrNull = Field(description="lower end")
-    median: NumberOrNull = Field(description="median")
-    q95: NumberOrNull = Field(description="upper end")
-
-    @property
-    def quantiles(self) -> tuple[float, float, float]:
-        """The three, least first; NaN where not told."""
-        low, median, high = (math.nan if q is None else q for q in (self.q05, self.median, self.q95))
-        return low, median, high
 
 
 def interval_document(draws: Floats) -> IntervalDocument:

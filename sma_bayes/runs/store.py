@@ -18,6 +18,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.disk import NEEDED, reason, unwritable, writing
+from sma_bayes.document_part import plain
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.posterior import versions
 from sma_bayes.records.types import Record
@@ -161,21 +162,6 @@ def unguarded_text(text: str) -> str:
 def or_nan(value: float | None) -> float:
     """A number of a document as a table has it: a cell that stays empty where nothing is told."""
     return np.nan if value is None else value
-
-
-def plain(value: Any) -> Any:
-    """Value as JSON knows it; what is not finite becomes null."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [plain(v) for v in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value if value is None else str(value)
 
 
 def write_posterior(path: Path, fit: Fit, record: int, replicated: Mapping[str, Floats]) -> None:

@@ -104,7 +104,7 @@ def finish(
     is not ``adequate``. What says nothing of these is good.
     """
     if as_json:
-        from sma_bayes.runs.store import plain
+        from sma_bayes.document_part import plain
 
         found = plain(found)
     show_found(found, quiet, as_json, show)

@@ -16,8 +16,7 @@ import pytest
 from sma_bayes import cli
 from sma_bayes.sampling.convergence import Target
 from sma_bayes.sampling.ensembles import Plan
-from sma_bayes.studies.fit import tasks as fit_tasks
-from sma_bayes.studies.fit import workflow as campaign_fit
+from sma_bayes.studies.fit import tasks as fit_tasks, workflow as campaign_fit
 
 Run = Callable[..., Any]
 

@@ -9,8 +9,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from sma_bayes import errors
 from sma_bayes.errors import MeasurementError, PriorError, SmaBayesError, near_matches

@@ -23,8 +23,7 @@ from scipy.special import expit
 
 from sma_bayes.arrays import Floats
 from sma_bayes.records.types import Branch
-from sma_bayes.studies.card.features import LEAST as LEAST_EXPONENT
-from sma_bayes.studies.card.features import NAMES, SweepFeatures, logits
+from sma_bayes.studies.card.features import LEAST as LEAST_EXPONENT, NAMES, SweepFeatures, logits
 from sma_bayes.studies.card.law import Moduli, shift, transformation_strain
 
 FREEDOM: Final = 2.0

@@ -14,8 +14,9 @@ import numpy as np
 from sma_bayes.account import Account
 from sma_bayes.assess.correlation import Agreement
 from sma_bayes.assess.correlation_average import Scored
+from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.errors import OutputError
-from sma_bayes.runs.fit_document import QuantitySummary, RecordSummary
+from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.store import write_file
 
 FOLDER: Final = "parts"
@@ -30,7 +31,7 @@ class Part:
     Attributes
     ----------
     records : list of RecordSummary
-    loops : list of QuantitySummary
+    loops : list of QuantityInterval
     scored : list of Scored
         Draws of the correlation factors, for their averages.
     account : Account
@@ -38,7 +39,7 @@ class Part:
     """
 
     records: list[RecordSummary]
-    loops: list[QuantitySummary]
+    loops: list[QuantityInterval]
     scored: list[Scored]
     account: Account = field(default_factory=Account)
 
@@ -88,7 +89,7 @@ def read_part(folder: Path, condition: str) -> Part:
             ]
         return Part(
             [RecordSummary.model_validate(r) for r in document["records"]],
-            [QuantitySummary.model_validate(q) for q in document["loops"]],
+            [QuantityInterval.model_validate(q) for q in document["loops"]],
             scored,
         )
     except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:

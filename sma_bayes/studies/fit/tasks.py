@@ -12,7 +12,7 @@ from sma_bayes.account import Account
 from sma_bayes.assess.bands import band_channels, credible_band, overall_band
 from sma_bayes.assess.correlation import correlation_factors
 from sma_bayes.assess.correlation_average import Scored
-from sma_bayes.assess.loops import loop_quantities
+from sma_bayes.assess.loops import QuantityInterval, loop_quantities
 from sma_bayes.checksum import file_checksum
 from sma_bayes.errors import OutputError, SmaBayesError
 from sma_bayes.fitting.fit import Fit
@@ -21,7 +21,7 @@ from sma_bayes.progress import lines_about
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import MARK
-from sma_bayes.runs.fit_document import QuantitySummary, RecordSummary
+from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.outputs import band_path
 from sma_bayes.runs.store import write_csv, write_posterior
@@ -269,7 +269,7 @@ def _assess_record(
     ]
 
 
-def _loops(fits: Sequence[Fit]) -> list[QuantitySummary]:
+def _loops(fits: Sequence[Fit]) -> list[QuantityInterval]:
     place = {r.key: (f, i) for f in fits for i, r in enumerate(f.records)}
     out = []
     for key, (heating, i) in place.items():
@@ -277,5 +277,5 @@ def _loops(fits: Sequence[Fit]) -> list[QuantitySummary]:
         other = f"{record.condition.id}-{Branch.COOLING.value}"
         if record.branch is Branch.HEATING and other in place and key != other:
             cooling, j = place[other]
-            out += [QuantitySummary.about(q) for q in loop_quantities(heating, cooling, (i, j))]
+            out += loop_quantities(heating, cooling, (i, j))
     return out

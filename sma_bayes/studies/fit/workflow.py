@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from sma_bayes.account import Account
 from sma_bayes.assess.correlation_average import Averages
 from sma_bayes.assess.draws import record_draws
+from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import AUTO
@@ -32,7 +33,6 @@ from sma_bayes.runs.fit_document import (
     BiasSpringSummary,
     FitFindings,
     OptionsSummary,
-    QuantitySummary,
     RecordSummary,
 )
 from sma_bayes.runs.jobs import run
@@ -286,12 +286,12 @@ def _fitted(
     folder: Path,
     work: RunContext,
     doubted: Collection[str],
-) -> tuple[list[RecordSummary], list[CorrelationAverage], list[QuantitySummary]]:
+) -> tuple[list[RecordSummary], list[CorrelationAverage], list[QuantityInterval]]:
     """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
     total = sum(len(group) for group in groups)
     work.tell(0, total, _to_do(groups, options))
     records: list[RecordSummary] = []
-    loops: list[QuantitySummary] = []
+    loops: list[QuantityInterval] = []
     averages = {"measured": Averages(), "replicated": Averages()}
     for part in fitted(groups, options, folder, work.jobs, work.account, lines_inside(work.tell), doubted):
         records += part.records

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 from sma_bayes.assess.correlation_average import Scored, averages
+from sma_bayes.paper.correlation import implied_average
 from sma_bayes.paper.extremes import EXTREME_TABLES
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.runs.schema import CorrelationAverage
@@ -16,7 +17,7 @@ from sma_bayes.studies.paper.claims import claims
 from sma_bayes.studies.paper.claims.claim import Claim
 from sma_bayes.studies.paper.claims.correlation import straight_line_correlation
 from sma_bayes.studies.paper.distance import distances
-from sma_bayes.studies.paper.export import SOURCE, implied_summary
+from sma_bayes.studies.paper.export import SOURCE
 from sma_bayes.studies.paper.printed import printed_effects
 from sma_bayes.studies.paper.schema import (
     AveragedR,
@@ -57,7 +58,7 @@ def reproduction_document(
         data_sha256=study.campaign.sha256,
         converged=study.converged,
         claims=tuple(judged_claim(c) for c in claims(study)),
-        implied_correlation=implied_summary(),
+        implied_correlation=implied_average(),
         straight_line_correlation=straight_line_correlation(study),
         correlation_average=_averages(study),
         comparison=_comparison(study.comparison),

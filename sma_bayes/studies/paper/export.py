@@ -17,14 +17,18 @@ from typing import Any, Final
 
 from sma_bayes.errors import OutputError, UnknownNameError, near_matches
 from sma_bayes.latex import longtable, tex_row, wrapped
-from sma_bayes.paper.correlation import CLAIMED, ImpliedCorrelation, implied_average, implied_correlations
+from sma_bayes.paper.correlation import (
+    CLAIMED,
+    ImpliedCorrelation,
+    implied_average,
+    implied_correlations,
+)
 from sma_bayes.paper.effects import Amount
 from sma_bayes.paper.errata import PRINTED_TABLES, Erratum, address, errata, printed_table
 from sma_bayes.paper.tables import CellStatus, PrintedCell, PrintedTable
 from sma_bayes.quantities import unit_text
 from sma_bayes.studies.paper.schema import (
     ErratumEntry,
-    ImpliedAverageSummary,
     ImpliedCorrelationRow,
     ImpliedCorrelations,
     PaperTablesDocument,
@@ -205,14 +209,9 @@ def tables_document(selection: Selection) -> PaperTablesDocument:
             )
             for t in selection.tables
         ),
-        implied_correlation=ImpliedCorrelations(columns=_implied(selection), average=implied_summary()),
+        implied_correlation=ImpliedCorrelations(columns=_implied(selection), average=implied_average()),
         errata=tuple(erratum_entry(e) for e in selection.errata),
     )
-
-
-def implied_summary() -> ImpliedAverageSummary:
-    """What all printed R² that can be read say together."""
-    return ImpliedAverageSummary.about(implied_average())
 
 
 def _number(value: object) -> str:

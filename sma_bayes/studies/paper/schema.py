@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.paper.correlation import ImpliedAverage
 from sma_bayes.runs.schema import (
     AverageR,
     CorrelationAverage,
@@ -19,21 +20,6 @@ from sma_bayes.runs.schema import (
 from sma_bayes.studies.compare.schema import StatedDifference
 from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN
 from sma_bayes.studies.paper.distance import PublishedDistance
-
-
-class ImpliedAverageSummary(DocumentPart):
-    """What the printed R² that can be read say of the average correlation factor that the text claims [1]."""
-
-    columns: int = Field(description="columns of Tables 6 to 8 that can be read")
-    lost: int = Field(description="those that can't")
-    least: Number = Field(description="least r that any of the former allows")
-    plain: Number = Field(description="mean of what they allow at least")
-    fisher: Number = Field(description="the same by Fisher's transformation")
-    lost_needed: Number = Field(
-        description="mean of the lost ones at which that of all is no more than the claim"
-    )
-    claimed: Number = Field(description="the claim")
-    r2_claimed: Number = Field(description="R² that goes with it at most")
 
 
 class PrintedEntry(DocumentPart):
@@ -85,7 +71,7 @@ class ImpliedCorrelations(DocumentPart):
     """What the printed R² imply for the correlation factor."""
 
     columns: Items[ImpliedCorrelationRow] = Field(description="each column of the tables that were asked for")
-    average: ImpliedAverageSummary = Field(description="all columns together")
+    average: ImpliedAverage = Field(description="all columns together")
 
 
 class RecomputedAmount(DocumentPart):
@@ -269,7 +255,7 @@ class ReproductionDocument(DocumentPart):
     data_sha256: str = Field(description="SHA-256 of the twin's measurements")
     converged: bool = Field(description="whether every fit and every model of the comparison converged")
     claims: Items[JudgedClaim] = Field(description="the claims of the paper")
-    implied_correlation: ImpliedAverageSummary = Field(description="what the printed R² imply")
+    implied_correlation: ImpliedAverage = Field(description="what the printed R² imply")
     straight_line_correlation: Number = Field(
         description="mean r over the twin's records of stiffness and temperature [1]"
     )

@@ -25,8 +25,7 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
-from scipy.stats import f as f_distribution
-from scipy.stats import t as t_distribution
+from scipy.stats import f as f_distribution, t as t_distribution
 
 from sma_bayes.arrays import Floats
 from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand

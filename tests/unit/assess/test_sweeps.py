@@ -115,8 +115,12 @@ def test_two_sweeps_are_not_judged() -> None:
 
 def test_what_cannot_be_told_is_said_and_paid_for() -> None:
     """The least of four probabilities counts four times, also where one sweep could not be told."""
-    told = LeftOutSweep(1, "force", 5.0, 0.99, 4, 100, 0.3, False)
-    unknown = LeftOutSweep(2, "force", None, None, 4, 100, 1.2, False)
+    told = LeftOutSweep(
+        sweep=1, channel="force", distance=5.0, pit=0.99, r=4, spare=100, pareto_k=0.3, refitted=False
+    )
+    unknown = LeftOutSweep(
+        sweep=2, channel="force", distance=None, pit=None, r=4, spare=100, pareto_k=1.2, refitted=False
+    )
     (check,) = sweep_checks([told, unknown, unknown, unknown])
     (alone,) = sweep_checks([told])
     assert check.p_value == pytest.approx(1.0 - (1.0 - alone.p_value) ** 4)

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.parameters.priors_file import read_priors

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from sma_bayes import fit_campaign
+from sma_bayes.assess.adequacy import Reason
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.figures.sheet import STYLE, save
 from sma_bayes.report.tables import report_tables
-from sma_bayes.runs.fit_document import ReasonSummary
 from sma_bayes.runs.outputs import StoredRun, read_run
 from sma_bayes.runs.schema import ModelChoiceDocument
 from sma_bayes.runs.stored_draws import draws_of
@@ -106,7 +106,7 @@ def test_a_model_that_was_chosen_is_told_with_its_reason(steps: Content) -> None
 
 
 def test_stiffness_that_is_withheld_is_told(steps: Content) -> None:
-    why = ReasonSummary(
+    why = Reason(
         kind="prior",
         channel="force",
         message="the data hardly tell where and how fast force changes: its prior does",

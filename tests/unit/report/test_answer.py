@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from sma_bayes.assess.adequacy import Reason
+from sma_bayes.assess.path import PathRemark
 from sma_bayes.report.content import Content, Estimate, RecordContent
-from sma_bayes.runs.fit_document import PathSummary, ReasonSummary
 from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.studies.fit.answer import answer_tables, belief, next_steps
 from sma_bayes.studies.fit.findings import finding_groups, severity
@@ -75,9 +76,7 @@ def test_no_number_is_given_of_what_did_not_converge(content: Content) -> None:
 
 def test_an_inadequate_record_is_named_with_its_reason_and_a_remedy(content: Content) -> None:
     first, *others = content.records
-    reason = ReasonSummary(
-        kind="curve", channel="force", message="the curve misses 9 % of the range of force"
-    )
+    reason = Reason(kind="curve", channel="force", message="the curve misses 9 % of the range of force")
     bad = replace(content, records=(replace(told(first, why=(reason,)), adequate=False), *others))
     assert belief(bad.records[0]) == f"with care: {reason.message}"
     (step,) = (s for s in next_steps(bad) if reason.message in s)
@@ -87,7 +86,7 @@ def test_an_inadequate_record_is_named_with_its_reason_and_a_remedy(content: Con
 
 def test_a_slope_that_is_the_rigs_is_said_to_be_and_no_temperature_is_looked_for(content: Content) -> None:
     straight = tuple(
-        replace(told(r, path=PathSummary(kind="straight_path", message="a bias spring")), adequate=True)
+        replace(told(r, path=PathRemark(kind="straight_path", message="a bias spring")), adequate=True)
         for r in content.records
     )
     flat = replace(content, records=straight)

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
+from sma_bayes.assess.identifiability import Direction
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.html import Picture, anchor, select
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.tables import Column, Table, report_tables
-from sma_bayes.runs.fit_document import DirectionSummary
 from sma_bayes.runs.schema import FindingDocument
 from sma_bayes.studies.fit.page import noise_groups, parameter_overview, render, without_empty
 
@@ -203,7 +203,7 @@ def test_prior_driven_and_bound_parameters_are_listed(content: Content) -> None:
         p.model_copy(update={"identified": p.name != "B1", "contraction": 0.31, "at_bound": p.name == "A2"})
         for p in record.parameters
     )
-    free = DirectionSummary(text="0.71 ln A1 + 0.71 ln B1", contraction=0.02)
+    free = Direction(text="0.71 ln A1 + 0.71 ln B1", contraction=0.02)
     changed = replace(told(record, free_directions=(free,)), parameters=parameters)
     reader = page_of(replace(content, records=(changed, *content.records[1:])))
     identified = re.sub(r"<[^>]+>|\s+", " ", reader.section("identified", "checks"))

@@ -6,8 +6,7 @@ from decimal import Context, Decimal, localcontext
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from sma_bayes.quantities import ARBITRARY
 from sma_bayes.response import RESPONSE_MODELS

@@ -9,8 +9,7 @@ from pathlib import Path
 import emcee
 import numpy as np
 import pytest
-from scipy.stats import norm
-from scipy.stats import t as student_t
+from scipy.stats import norm, t as student_t
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.errors import ResumeError

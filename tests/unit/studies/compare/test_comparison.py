@@ -21,8 +21,13 @@ from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.sampling.importance import WeightedDraws
 from sma_bayes.studies.compare.comparison import Comparison, FittedContender, compare_record
-from sma_bayes.studies.compare.contenders import contenders, observables, of_channel, posterior_of
-from sma_bayes.studies.compare.contenders import joined as joined_records
+from sma_bayes.studies.compare.contenders import (
+    contenders,
+    joined as joined_records,
+    observables,
+    of_channel,
+    posterior_of,
+)
 from sma_bayes.studies.compare.document import record_document
 
 PRIORS = read_priors("modified_sigmoid")

@@ -10,8 +10,9 @@ import pytest
 
 from sma_bayes.assess.correlation import Agreement, agreement
 from sma_bayes.assess.correlation_average import Averages, Scored
+from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.errors import OutputError
-from sma_bayes.runs.fit_document import QuantitySummary, RecordSummary, TemperatureSummary
+from sma_bayes.runs.fit_document import RecordSummary, TemperatureSummary
 from sma_bayes.studies.fit.parts import Part, part_path, read_part, remove_parts, write_part
 
 
@@ -27,7 +28,7 @@ def test_a_part_comes_back_as_it_was(tmp_path: Path) -> None:
         temperature=TemperatureSummary(unit="degC", lowest=0.1 + 0.2, highest=90.0), converged=True, adequate=True,
         why=(), model="modified_sigmoid", nearest={}, discrepancy={}, parameters={}, ln_evidence=None,
     )  # fmt: skip
-    loop = QuantitySummary(
+    loop = QuantityInterval(
         name="loop_area", condition="c", channel="force", unit="N degC", q05=None, median=0.1, q95=1.0
     )
     part = Part([record], [loop], [scored(0), scored(1)])

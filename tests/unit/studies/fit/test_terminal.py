@@ -8,13 +8,12 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from sma_bayes.assess.adequacy import SENTENCES, remedy
+from sma_bayes.assess.adequacy import SENTENCES, Reason, remedy
 from sma_bayes.runs.fit_document import (
     FitSummary,
     Measure,
     NoiseSummary,
     ParameterSummary,
-    ReasonSummary,
     RecordSummary,
     TemperatureSummary,
 )
@@ -35,7 +34,7 @@ def record(key: str, *why: tuple[str, str], **more: Any) -> RecordSummary:
         temperature=TemperatureSummary(unit="degC", lowest=20.0, highest=90.0),
         converged=True,
         adequate=not why,
-        why=tuple(ReasonSummary(kind=kind, channel="", message=text) for kind, text in why),
+        why=tuple(Reason(kind=kind, channel="", message=text) for kind, text in why),
         model="modified_sigmoid",
         nearest={},
         discrepancy={},
