@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from sma_bayes import errors
-from sma_bayes.errors import MeasurementError, PriorError, SmaBayesError, near_matches
+from sma_bayes.errors import MeasurementError, PriorError, QuantityError, SmaBayesError, near_matches
 
 FAMILY = sorted(
     (c for c in vars(errors).values() if isinstance(c, type) and issubclass(c, SmaBayesError)),
@@ -123,3 +123,11 @@ def test_near_matches_lists_the_nearest_first() -> None:
 
 def test_near_matches_lists_everything_where_nothing_is_near() -> None:
     assert near_matches("xyz", iter(("b", "a"))) == "known: 'a', 'b'"
+
+
+def test_an_error_with_another_place_keeps_its_kind_and_what_is_not_changed() -> None:
+    first = QuantityError("no such unit", row=3, expected="one of length", remedy="correct it")
+    second = first.but(file="a.csv", column="x", remedy=None)
+    assert type(second) is QuantityError
+    assert str(second) == "a.csv, row 3, column 'x': no such unit\nexpected: one of length"
+    assert str(first.but("no unit")).startswith("row 3: no unit\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import jsonschema
@@ -94,3 +95,37 @@ def test_the_schema_takes_what_is_written() -> None:
 def test_a_number_that_must_be_there_is_not_replaced(value: object) -> None:
     with pytest.raises(ValidationError, match="a finite number"):
         Reading.model_validate({"at": value, "value": 1.0})
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """What a part tells of; it knows more than the part tells."""
+
+    at: float
+    value: float
+    sensor: str = "left"
+
+
+@dataclass(frozen=True)
+class Session:
+    """With a schema of its own, which is not that of the document."""
+
+    schema_: str
+    readings: tuple[Sensed, ...]
+
+
+def test_a_part_takes_the_keys_that_are_called_alike_at_any_depth() -> None:
+    session = Session("another", (Sensed(20.0, np.nan), Sensed(30.0, 2.0)))
+    told = Readings.about(session, schema=READINGS.schema, by_name={"last": session.readings[1]})
+    assert told.as_json() == {
+        "schema": READINGS.schema,
+        "readings": [{"at": 20.0, "value": None}, {"at": 30.0, "value": 2.0}],
+        "by_name": {"last": {"at": 30.0, "value": 2.0}},
+    }
+    with pytest.raises(ValidationError, match="by_name"):
+        Readings.about(session, schema=READINGS.schema)
+
+
+def test_a_part_with_other_keys_leaves_the_first_as_it_was() -> None:
+    first = Reading(at=20.0, value=1.0)
+    assert (first.but(value=2.0).as_json(), first.value) == ({"at": 20.0, "value": 2.0}, 1.0)
