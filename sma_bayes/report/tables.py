@@ -107,6 +107,11 @@ class Column:
         )
 
 
+def words(*names: str) -> tuple[Column, ...]:
+    """Columns of words, whose keys are their names with underscores for blanks."""
+    return tuple(Column(name, name.replace(" ", "_")) for name in names)
+
+
 @dataclass(frozen=True, slots=True)
 class Table:
     """A table.
@@ -312,10 +317,7 @@ def average_table(averages: Sequence[AverageFactor]) -> Table:
         "Fisher: tanh of the mean of artanh r; pooled: one factor over all samples of all records. "
         f"P(r > {PAPER_CORRELATION:g}): posterior probability that the average exceeds what the paper states.",
         (
-            Column("channel", "channel"),
-            Column("data", "data"),
-            Column("branch", "branch"),
-            Column("rule", "rule"),
+            *words("channel", "data", "branch", "rule"),
             *AVERAGE_COLUMNS,
         ),
         tuple(
@@ -371,9 +373,7 @@ def quantity_table(content: Content) -> Table:
         f"Median and {INTERVAL}. The posteriors of the two branches of a loop are independent.",
         (
             *_RECORD,
-            Column("quantity", "quantity"),
-            Column("channel", "channel"),
-            Column("unit", "unit"),
+            *words("quantity", "channel", "unit"),
             Column("value", "value", OF_ROW),
             Column("meaning", "meaning", brief=False),
         ),
@@ -481,8 +481,7 @@ def adequacy_table(records: Sequence[RecordContent]) -> Table:
         "the response to be seen, and the data, not the prior, tell where and how fast it changes.",
         (
             *_RECORD,
-            Column("model", "model"),
-            Column("adequate", "adequate"),
+            *words("model", "adequate"),
             Column("why not", "why"),
         ),
         tuple(
@@ -620,13 +619,7 @@ def finding_table(content: Content) -> Table:
         "Findings about the measurements",
         "Rows are lines of the file, counted from 1. Nothing is repaired or left out silently.",
         (
-            Column("kind", "kind"),
-            Column("severity", "severity"),
-            Column("file", "file"),
-            Column("rows", "rows"),
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("column", "column"),
+            *words("kind", "severity", "file", "rows", "condition", "branch", "column"),
             Column("rows concerned", "count", "1"),
             Column("kept out", "dropped", "1"),
             Column("finding", "finding"),

@@ -8,7 +8,7 @@ from typing import Final
 from sma_bayes.report.averages import average_factors
 from sma_bayes.report.content import INTERVAL, PAPER_CORRELATION, AverageFactor, Estimate, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import AVERAGE_COLUMNS, OF_ROW, Cell, Column, Table, average_cells
+from sma_bayes.report.tables import AVERAGE_COLUMNS, OF_ROW, Cell, Column, Table, average_cells, words
 from sma_bayes.studies.compare.schema import ComparedRecord, StatedDifference, StoredComparison
 
 SHORT: Final[Mapping[str, str]] = {
@@ -76,10 +76,7 @@ def model_average_table(stored: StoredComparison) -> Table:
         "records' factors; Fisher: tanh of the mean of artanh r; pooled: one factor over all samples of all records. "
         f"P(r > {PAPER_CORRELATION:g}): posterior probability that the average exceeds what the paper states.",
         (
-            Column("channel", "channel"),
-            Column("model", "model"),
-            Column("data", "data"),
-            Column("rule", "rule"),
+            *words("channel", "model", "data", "rule"),
             *AVERAGE_COLUMNS,
         ),
         tuple((a.document.quantity, short(name), a.data, a.rule, *average_cells(a)) for name, a in found),
@@ -96,10 +93,7 @@ def model_correlation_table(stored: StoredComparison) -> Table:
         "it, and the folds are joined; R² is about the mean of the held-out samples and can be negative. Folds below "
         "their mean: whose own R² is negative, so that their mean tells more than the model does.",
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("channel", "channel"),
-            Column("model", "model"),
+            *words("condition", "branch", "channel", "model"),
             Column("r, in sample", "r_in_sample", "1"),
             Column("r, held out", "r_held_out", "1"),
             Column("R², in sample", "r2_in_sample", "1", brief=False),
@@ -138,12 +132,7 @@ def verdict_table(stored: StoredComparison) -> Table:
         "The preferred model has the greatest evidence; the preference is decisive if it is 20 times that of every "
         "model of another family beyond its error and what was held out does not speak against it.",
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("channel", "channel"),
-            Column("verdict", "verdict"),
-            Column("preferred", "preferred"),
-            Column("rival", "rival"),
+            *words("condition", "branch", "channel", "verdict", "preferred", "rival"),
             Column("ln Bayes factor", "ln_bayes_factor", "1"),
             Column("noise", "noise", brief=False),
             Column("held out", "held_out"),
@@ -173,9 +162,7 @@ def overall_table(stored: StoredComparison) -> Table:
         "Each record has parameters of its own; evidences and held-out folds are added up. Behind the preferred: "
         "held-out log density less that of the preferred model, with its 95 % interval from the scatter of the folds.",
         (
-            Column("channel", "channel"),
-            Column("verdict", "verdict"),
-            Column("model", "model"),
+            *words("channel", "verdict", "model"),
             Column("ln evidence", "ln_evidence", "1"),
             Column("held-out log density", "elpd_held_out", "1"),
             Column("behind the preferred", "behind", "1"),
@@ -211,10 +198,7 @@ def model_table(stored: StoredComparison) -> Table:
         "elpd: log density of each sample left out in turn (PSIS-LOO), a sample counted by its share. RMSE and r are "
         "of predictions of held-out folds. A model without numbers of its own has those of another, named beside.",
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("channel", "channel"),
-            Column("model", "model"),
+            *words("condition", "branch", "channel", "model"),
             Column("elpd", "elpd", "1"),
             Column("its se", "elpd_se", "1"),
             Column("effective parameters", "p_eff", "1"),

@@ -8,7 +8,7 @@ from typing import Final
 from sma_bayes.quantities import quantity_of
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, table_of
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, table_of, words
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
@@ -189,13 +189,10 @@ def feature_table(stored: StoredConditions) -> Table:
         "Median and 90 % interval; conditions.json says what each means. An extreme at an end of the sweep tells how "
         "far the temperature went.",
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("feature", "feature"),
+            *words("condition", "branch", "feature"),
             Column("of", "channel"),
             Column("value", "value", OF_ROW),
-            Column("unit", "unit"),
-            Column("remark", "remark"),
+            *words("unit", "remark"),
         ),
         tuple(rows),
         grouped=2,
@@ -212,12 +209,7 @@ def effect_table(stored: StoredConditions) -> Table:
         "the setting does, conditions scattering about a straight line. Of many effects that are not there, one in "
         "ten has an interval without 1 (×) or 0 all the same.",
         (
-            Column("group", "group"),
-            Column("setting", "setting"),
-            Column("from", "from"),
-            Column("to", "to"),
-            Column("feature", "feature"),
-            Column("branch", "branch"),
+            *words("group", "setting", "from", "to", "feature", "branch"),
             Column("of", "channel"),
             Column("kind", "kind"),
             Column("tested", "tested", OF_ROW),
@@ -266,9 +258,7 @@ def scatter_table(stored: StoredConditions) -> Table:
         "Standard deviation of the scatter of conditions about level and straight lines, in each coordinate and its "
         "unit, before and after the data; and the change over the tested range of each setting.",
         (
-            Column("conditions", "conditions"),
-            Column("branch", "branch"),
-            Column("coordinate", "coordinate"),
+            *words("conditions", "branch", "coordinate"),
             Column("scatter before", "scatter_prior", OF_ROW),
             Column("scatter", "scatter", OF_ROW),
             Column("unit", "unit"),
@@ -300,13 +290,10 @@ def prediction_table(stored: StoredConditions) -> Table:
         "Conditions that were not measured",
         "Median and 90 % interval of what a run under these conditions would give.",
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("feature", "feature"),
+            *words("condition", "branch", "feature"),
             Column("of", "channel"),
             Column("value", "value", OF_ROW),
-            Column("unit", "unit"),
-            Column("warning", "warning"),
+            *words("unit", "warning"),
             Column("meaning", "meaning", brief=False),
         ),
         tuple(rows),
@@ -334,9 +321,7 @@ def held_out_table(stored: StoredConditions) -> Table:
         "its median over the span of the curve; of stiffness, of its natural logarithm. Temperatures of one curve go "
         "together: one condition is about one trial.",
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("quantity", "quantity"),
+            *words("condition", "branch", "quantity"),
             Column("method", "way"),
             Column("curve covered", "covers_curve", "1"),
             Column("samples covered", "covers_samples", "1"),

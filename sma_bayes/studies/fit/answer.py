@@ -8,7 +8,7 @@ from typing import Final
 from sma_bayes.assess.adequacy import remedy
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.report.content import INTERVAL, Content, Estimate, RecordContent
-from sma_bayes.report.tables import Cell, Column, Table
+from sma_bayes.report.tables import Cell, Column, Table, words
 from sma_bayes.studies.fit.findings import finding_groups
 
 ENDS_OF_STIFFNESS: Final = ("least_stiffness", "greatest_stiffness")
@@ -52,8 +52,7 @@ def _answer_table(part: Content, number: int) -> Table:
         "finish of the transformation by the tangent rule (As, Af on heating; Ms, Mf on cooling); hysteresis: midpoint "
         "on heating less midpoint on cooling.",
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
+            *words("condition", "branch"),
             *stiffness,
             *temperatures,
             Column("hysteresis", "hysteresis", temperature),

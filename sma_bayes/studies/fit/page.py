@@ -22,7 +22,7 @@ from sma_bayes.report.explorer import chart_data
 from sma_bayes.report.figures.sheet import FigureFiles, numbered
 from sma_bayes.report.html import Picture, embedded, estimate_text, rendered
 from sma_bayes.report.notation import MISSING, write
-from sma_bayes.report.tables import Cell, Column, Table, cell_text, report_tables
+from sma_bayes.report.tables import Cell, Column, Table, cell_text, report_tables, words
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.runs.fit_document import CHECK_TAIL
 from sma_bayes.runs.store import write_text
@@ -182,8 +182,7 @@ def _overview(records: tuple[RecordContent, ...], names: list[str], title: str) 
     units = {n: [p.unit for r in records for p in r.parameters if p.name == n] for n in names}
     same = {n: len(set(u)) == 1 for n, u in units.items()}
     columns = (
-        Column("condition", "condition"),
-        Column("branch", "branch"),
+        *words("condition", "branch"),
         *(Column(n, n, units[n][0] if same[n] else "") for n in names),
     )
     rows = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sma_bayes.report.content import Number
-from sma_bayes.report.tables import Cell, Column, Table
+from sma_bayes.report.tables import Cell, Column, Table, words
 from sma_bayes.runs.fit_document import FitSummary, RankSummary, RecordSummary, SelfCheckSummary
 
 ONE = "1"
@@ -20,8 +20,7 @@ def self_check_tables(summary: FitSummary) -> dict[str, Table]:
         "Spread of truths over that of the draws is 1 where intervals are as wide as they should be, more where they "
         "are too narrow; shift is in standard deviations. Both are those of the number that is farthest off.",
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
+            *words("condition", "branch"),
             Column("refits", "refits", ONE),
             Column("failed", "failed", ONE),
             Column("largest shift", "largest_shift", ONE),
@@ -38,9 +37,7 @@ def self_check_tables(summary: FitSummary) -> dict[str, Table]:
         "Self-check, number by number",
         "Shares of truths in central 50 % and 90 % intervals, with their exact binomial 95 % intervals.",
         (
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("number", "number"),
+            *words("condition", "branch", "number"),
             Column("shift", "shift", ONE),
             Column("spread", "spread", ONE),
             Column("p-value of location", "p_location", ONE),

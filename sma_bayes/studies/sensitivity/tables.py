@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sma_bayes.report.content import INTERVAL, Estimate, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, table_of
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, table_of, words
 from sma_bayes.studies.sensitivity.schema import (
     NONE,
     RecordSensitivity,
@@ -82,10 +82,7 @@ def _readings(records: tuple[RecordSensitivity, ...]) -> Table:
         "how many the influence is spread; sd is that of the posterior.",
         (
             *_OF_RECORD,
-            Column("number", "number"),
-            Column("row", "row"),
-            Column("sweep", "sweep"),
-            Column("channel", "channel"),
+            *words("number", "row", "sweep", "channel"),
             Column("temperature", "temperature", OF_ROW),
             Column("unit", "unit", brief=False),
             Column("change, first order", "change", SD),
@@ -117,9 +114,7 @@ def _sweeps(records: tuple[RecordSensitivity, ...], reliable: float) -> Table:
         "Shown is the number that changes most, in its posterior standard deviations (sd).",
         (
             *_OF_RECORD,
-            Column("sweep", "sweep"),
-            Column("first row", "first_row"),
-            Column("readings", "readings"),
+            *words("sweep", "first row", "readings"),
             Column("Pareto k", "pareto_k", "1"),
             Column("fitted again", "refitted"),
             Column("changes most", "number"),
@@ -149,8 +144,7 @@ def _bootstrap(records: tuple[RecordSensitivity, ...]) -> Table:
         "narrow. The change is in posterior standard deviations (sd).",
         (
             *_OF_RECORD,
-            Column("number", "number"),
-            Column("unit", "unit"),
+            *words("number", "unit"),
             Column("posterior", "posterior", OF_ROW),
             Column("bootstrap", "bootstrap", OF_ROW),
             Column("width, over the posterior's", "width", "1"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sma_bayes.report.content import Estimate
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import Column, Table, table_of
+from sma_bayes.report.tables import Column, Table, table_of, words
 from sma_bayes.studies.simulate.schema import SimulationDocument, StoredSimulation
 from sma_bayes.studies.simulate.terminal import shown_parameters, start_text
 
@@ -24,8 +24,7 @@ def _balance(found: SimulationDocument) -> Table:
         (
             Column("parameter", "parameter"),
             Column("value", "value", "unit"),
-            Column("unit", "unit"),
-            Column("meaning", "meaning"),
+            *words("unit", "meaning"),
         ),
         tuple(
             (name, Estimate.of(p, p.unit), unit_label(p.unit), p.meaning)
@@ -83,8 +82,7 @@ def _reach(found: SimulationDocument) -> Table:
         "Heated from cold until the temperature no longer changes. The best current meets the value within the "
         "tolerance most surely.",
         (
-            Column("condition", "condition"),
-            Column("direction", "direction"),
+            *words("condition", "direction"),
             Column("current", "current", "A"),
             Column("in a share of the draws", "share"),
             Column("reachable with probability", "reachable"),
