@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,21 +13,29 @@ SHOWN: Final = 20
 """Entries of a list on the screen, where there are very many."""
 
 
-def screen() -> Console:
+class Screen(Console):
+    """What people read on."""
+
+    def tell(self, *sentences: str) -> None:
+        """Print sentences, each on a line that is as long as it takes."""
+        for sentence in sentences:
+            self.print(sentence, soft_wrap=True)
+
+
+def screen() -> Screen:
     """What people read on; as wide as the widest table where it is no terminal."""
-    return Console(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
+    return Screen(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
 
 
-def show_end(console: Console, found: dict[str, Any], out: Path) -> None:
-    """Tell what was left out, what was lost on the way, how long it took and where it is."""
+def show_end(console: Screen, found: Mapping[str, Any], out: Path | None) -> None:
+    """Tell what was left out, what was lost on the way, how long it took and where it is, if it is anywhere."""
+    if out is None:
+        return
     if found.get("figures") == "report":
-        console.print(
-            f"figures of the report only; `sma-bayes report {out} --figures all` draws the others",
-            soft_wrap=True,
-        )
-    for text in found.get("workers", {}).get("lost", ()):
-        console.print(f"a worker came to an end ({text}); what it did was done again", soft_wrap=True)
-    console.print(f"{found['wall_s']:.1f} s; results in {out}", soft_wrap=True)
+        console.tell(f"figures of the report only; `sma-bayes report {out} --figures all` draws the others")
+    lost = found.get("workers", {}).get("lost", ())
+    console.tell(*(f"a worker came to an end ({text}); what it did was done again" for text in lost))
+    console.tell(f"{found['wall_s']:.1f} s; results in {out}")
 
 
 def show_text(text: str, found: dict[str, Any], out: Path) -> None:

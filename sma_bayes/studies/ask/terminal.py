@@ -35,10 +35,9 @@ def show_values_at(found: Mapping[str, Any]) -> None:
     """What temperatures give: a table for each record, a row for each temperature."""
     document = ValuesDocument.model_validate(found)
     console = screen()
-    console.print(
+    console.tell(
         f"{document.campaign}: median, and in brackets the interval that holds {document.probability:g}"
-        f"{_set_to(document)}",
-        soft_wrap=True,
+        f"{_set_to(document)}"
     )
     for a in document.answers:
         console.print()
@@ -46,13 +45,13 @@ def show_values_at(found: Mapping[str, Any]) -> None:
         if any(a.extrapolated):
             told = all(v is not None for q in a.quantities.values() for v in q.median)
             remedy = "" if told else "; --extrapolate tells values there all the same"
-            console.print(f"* {_range(a)}{remedy}", soft_wrap=True)
+            console.tell(f"* {_range(a)}{remedy}")
         if not a.converged:
-            console.print("NOT CONVERGED: these numbers must not be relied on", soft_wrap=True)
+            console.tell("NOT CONVERGED: these numbers must not be relied on")
         if not a.adequate:
-            console.print("NOT ADEQUATE: curve and noise do not describe the data", soft_wrap=True)
+            console.tell("NOT ADEQUATE: curve and noise do not describe the data")
         if a.caution:
-            console.print(f"caution: {a.caution}", soft_wrap=True)
+            console.tell(f"caution: {a.caution}")
 
 
 def _range(a: StatedAnswer | ValuesOfRecord) -> str:

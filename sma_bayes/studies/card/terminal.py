@@ -17,26 +17,24 @@ def show_card(found: dict[str, Any], out: Path | None) -> None:
     """Tell what `card.json` says."""
     document = CardFindings.model_validate(found)
     console = screen()
-    console.print(f"{document.campaign}: {headline(document)}", soft_wrap=True)
+    console.tell(f"{document.campaign}: {headline(document)}")
     if document.constitutive is not None:
         console.print()
         console.print(_constants(document.constitutive))
         for c in document.constitutive.constants:
             if c.why:
-                console.print(f"{c.name}: {c.why}", soft_wrap=True)
+                console.tell(f"{c.name}: {c.why}")
     else:
-        console.print(f"no constitutive card: {document.no_constitutive}", soft_wrap=True)
+        console.tell(f"no constitutive card: {document.no_constitutive}")
     console.print()
     if document.stiffness:
         console.print(_tables(document.stiffness))
     else:
-        console.print(f"no stiffness table: {document.no_stiffness}", soft_wrap=True)
-    for text in document.cautions:
-        console.print(f"caution: {text}", soft_wrap=True)
+        console.tell(f"no stiffness table: {document.no_stiffness}")
+    console.tell(*(f"caution: {text}" for text in document.cautions))
     if not document.converged:
         console.print("NOT CONVERGED: these numbers must not be relied on.")
-    if out is not None:
-        show_end(console, found, out)
+    show_end(console, found, out)
 
 
 def headline(document: CardFindings) -> str:

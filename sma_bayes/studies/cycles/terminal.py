@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from rich.console import Console
 from rich.table import Table
 
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.report.screen import SHOWN, Screen, screen, show_end
 from sma_bayes.studies.cycles.schema import ConditionCycles, CyclesDocument, QuantityByCycle
 from sma_bayes.studies.cycles.shown import in_declared_units
 
@@ -22,21 +21,19 @@ def show_cycles(told: Mapping[str, Any], out: Path) -> None:
     """Tell what was found of each condition, and what to doubt."""
     found = in_declared_units(CyclesDocument.model_validate(told))
     console = screen()
-    console.print(f"{found.campaign}, seed {found.seed}", soft_wrap=True)
+    console.tell(f"{found.campaign}, seed {found.seed}")
     for one in found.conditions[:SHOWN]:
         _show_condition(console, one, found.temperature_unit)
     if len(found.conditions) > SHOWN:
         console.print(f"and {len(found.conditions) - SHOWN} more conditions")
-    for text in found.declared_differently:
-        console.print(f"remark: {text}", soft_wrap=True)
-    for text in found.left_out:
-        console.print(f"left out {text}", soft_wrap=True)
+    console.tell(*(f"remark: {text}" for text in found.declared_differently))
+    console.tell(*(f"left out {text}" for text in found.left_out))
     if not found.converged:
         console.print("NOT CONVERGED: the numbers must not be relied on.")
-    show_end(console, dict(told), out)
+    show_end(console, told, out)
 
 
-def _show_condition(console: Console, one: ConditionCycles, temperature_unit: str) -> None:
+def _show_condition(console: Screen, one: ConditionCycles, temperature_unit: str) -> None:
     console.print()
     for branch in dict.fromkeys(q.branch for q in one.quantities):
         own = [q for q in one.quantities if q.branch == branch]
@@ -47,21 +44,21 @@ def _show_condition(console: Console, one: ConditionCycles, temperature_unit: st
             *(q for q in own if q.name[-1] in "sf"),
         ]
         _show_branch(console, one, branch, list(dict.fromkeys(map(id, shown))), own, temperature_unit)
-    console.print(f"law of training: {one.law.reason}", soft_wrap=True)
-    for h in one.held_out:
-        console.print(
+    console.tell(f"law of training: {one.law.reason}")
+    console.tell(
+        *(
             f"cycles {_span(h.held_out)} forecast from {_span(h.trained)}, {h.branch}, {h.channel}: misses "
             f"{h.rmse:.2%} of the range (the last curve {h.rmse_last:.2%}); "
-            f"{h.covered:.0%} of the samples in their 90 % intervals",
-            soft_wrap=True,
+            f"{h.covered:.0%} of the samples in their 90 % intervals"
+            for h in one.held_out
         )
-    for text in one.remarks:
-        console.print(f"remark: {text}", soft_wrap=True)
-    console.print(f"{one.condition}: {one.stable.statement}", soft_wrap=True)
+    )
+    console.tell(*(f"remark: {text}" for text in one.remarks))
+    console.tell(f"{one.condition}: {one.stable.statement}")
 
 
 def _show_branch(
-    console: Console,
+    console: Screen,
     one: ConditionCycles,
     branch: str,
     order: list[int],

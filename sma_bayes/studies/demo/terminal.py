@@ -22,10 +22,5 @@ def show_demo(summary: dict[str, Any], out: Path) -> None:
         for parts in [[k.within for k in known if k.name == name]]
     )
     console = screen()
-    console.print(
-        f"truth known; share of the temperatures at which the 90 % band contains it: {held}", soft_wrap=True
-    )
-    console.print(
-        f"the measurements: {out / MEASUREMENTS}; `sma-bayes demo --paper` fits the paper's twin",
-        soft_wrap=True,
-    )
+    console.tell(f"truth known; share of the temperatures at which the 90 % band contains it: {held}")
+    console.tell(f"the measurements: {out / MEASUREMENTS}; `sma-bayes demo --paper` fits the paper's twin")

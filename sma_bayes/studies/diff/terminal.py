@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from sma_bayes.quantities import SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.types import setting_unit
-from sma_bayes.report.screen import SHOWN, screen
+from sma_bayes.report.screen import SHOWN, Screen, screen
 from sma_bayes.studies.diff.schema import ComparedRecords, DifferenceDocument, ParameterOfRun
 
 
@@ -18,7 +17,7 @@ def show_diff(told: Mapping[str, Any]) -> None:
     """Tell what went in differently, which records differ, and by how much."""
     found = DifferenceDocument.model_validate(told)
     console = screen()
-    console.print(f"a: {found.a}\nb: {found.b}", soft_wrap=True)
+    console.tell(f"a: {found.a}\nb: {found.b}")
     if found.inputs:
         table = Table(title="what went in differently", title_justify="left")
         for name in ("", "a", "b"):
@@ -28,8 +27,7 @@ def show_diff(told: Mapping[str, Any]) -> None:
         console.print(table)
     else:
         console.print("the same data, options and versions")
-    for sentence in found.declared_differently:
-        console.print(sentence, soft_wrap=True)
+    console.tell(*found.declared_differently)
     differing = [r for r in found.records if not r.same]
     for r in differing[:SHOWN]:
         _show_record(console, r, found)
@@ -39,7 +37,7 @@ def show_diff(told: Mapping[str, Any]) -> None:
     level = f"{found.tolerance:g} standard deviations"
     verdict = "the same" if found.same else "DIFFERENT"
     counted = f"{alike} of {len(found.records)} records agree"
-    console.print(f"{verdict}: {counted}, medians of parameters and bands within {level}", soft_wrap=True)
+    console.tell(f"{verdict}: {counted}, medians of parameters and bands within {level}")
 
 
 def _differing(value: object, other: object) -> object:
@@ -87,7 +85,7 @@ def _short(value: object) -> str:
     return text if len(text) <= 60 else text[:12] + "..."
 
 
-def _show_record(console: Console, r: ComparedRecords, found: DifferenceDocument) -> None:
+def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument) -> None:
     console.print()
     if r.in_ != "both":
         console.print(f"{r.key}: only in {r.in_}")
@@ -96,12 +94,16 @@ def _show_record(console: Console, r: ComparedRecords, found: DifferenceDocument
     for name, (a, b) in r.changed.items():
         units = _units_of(name, (a, b), r, found.declared_units)
         a, b = (_with_units(_differing(one, other), units) for one, other in ((a, b), (b, a)))
-        console.print(f"  {name.replace('_', ' ')}: {_short(a)} in a, {_short(b)} in b", soft_wrap=True)
+        console.tell(f"  {name.replace('_', ' ')}: {_short(a)} in a, {_short(b)} in b")
     for side, why in zip("ab", r.why, strict=True):
-        for message in why if r.adequate[0] != r.adequate[1] else ():
-            console.print(f"  not adequate in {side}: {message}", soft_wrap=True)
+        console.tell(
+            *(
+                f"  not adequate in {side}: {message}"
+                for message in (why if r.adequate[0] != r.adequate[1] else ())
+            )
+        )
     if r.priors:
-        console.print(f"  other priors of {', '.join(r.priors)}", soft_wrap=True)
+        console.tell(f"  other priors of {', '.join(r.priors)}")
     table = Table()
     for name in ("", "a: median (90 %)", "b: median (90 %)", "b - a [sd]"):
         table.add_column(name, justify="left" if not name else "right")

@@ -74,8 +74,9 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         console.print(f"{len(found.records)} records, {converged} converged; above are the worst by R-hat")
     alone = [f for f in found.findings if f.kind == "one-branch"]
     doubtful = [f for f in found.findings if f.kind in DOUBTS]
-    for finding in (*alone[:SHOWN], *doubtful[:SHOWN]):
-        console.print(f"{finding.condition}: {finding.message}", soft_wrap=True)
+    console.tell(
+        *(f"{finding.condition}: {finding.message}" for finding in (*alone[:SHOWN], *doubtful[:SHOWN]))
+    )
     if found.findings:
         findings, rows = (
             many(len(found.findings), "finding"),
@@ -93,14 +94,10 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
             for f in found.findings
             if f.kind == "no-transformation" and f"{f.condition}-{f.branch}" in names
         ]
-        for finding in unseen[:SHOWN]:
-            console.print(f"{finding.condition}: {finding.message}", soft_wrap=True)
-    for sentence in thermometer_sentences(found.records):
-        console.print(sentence, soft_wrap=True)
-    for sentence in adequacy_sentences(found.records, found.options.model):
-        console.print(sentence, soft_wrap=True)
-    for sentence in self_check_sentences(found.records):
-        console.print(sentence, soft_wrap=True)
+        console.tell(*(f"{finding.condition}: {finding.message}" for finding in unseen[:SHOWN]))
+    console.tell(*thermometer_sentences(found.records))
+    console.tell(*adequacy_sentences(found.records, found.options.model))
+    console.tell(*self_check_sentences(found.records))
     show_end(console, summary, out)
 
 

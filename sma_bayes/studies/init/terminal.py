@@ -16,16 +16,15 @@ def show_start(found: Mapping[str, Any]) -> None:
     document, console = StartDocument.model_validate(found), screen()
 
     def tell(lines: Sequence[str]) -> None:
-        for line in lines[:SHOWN]:
-            console.print(f"  {line}", soft_wrap=True)
+        console.tell(*(f"  {line}" for line in lines[:SHOWN]))
         if len(lines) > SHOWN:
             console.print(f"  and {len(lines) - SHOWN} more")
 
-    console.print(f"{document.file}: {many(len(document.conditions), 'condition')}", soft_wrap=True)
+    console.tell(f"{document.file}: {many(len(document.conditions), 'condition')}")
     if document.guesses:
         console.print("guessed, please check:")
         tell(document.guesses)
     if document.left_out:
         console.print("left out:")
         tell([f"{name}: {why}" for name, why in document.left_out.items()])
-    console.print(f"next: sma-bayes inspect {Path(document.file).parent}", soft_wrap=True)
+    console.tell(f"next: sma-bayes inspect {Path(document.file).parent}")

@@ -20,23 +20,21 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
     """Tell what was found of each sweep and of the shift with frequency."""
     found = in_declared_units(ModulusDocument.model_validate(told))
     console = screen()
-    console.print(f"{many(len(found.sweeps), 'sweep')}, seed {found.seed}", soft_wrap=True)
+    console.tell(f"{many(len(found.sweeps), 'sweep')}, seed {found.seed}")
     console.print(_table(found))
     for text in dict.fromkeys(s.statement for s in found.shifts if s.shift is not None):
         branch = next(s.branch for s in found.shifts if s.statement == text)
-        console.print(f"{branch}, {text}", soft_wrap=True)
+        console.tell(f"{branch}, {text}")
     for b in found.by_frequency:
         f = b.factor
-        console.print(
+        console.tell(
             f"{b.branch}, storage modulus at {b.at:.6g} {unit_text(found.temperature_unit)}: times "
-            f"{interval_text(f.median, f.q05, f.q95)} per decade of frequency",
-            soft_wrap=True,
+            f"{interval_text(f.median, f.q05, f.q95)} per decade of frequency"
         )
-    for text in (*found.declared_differently, *found.remarks, *(f"left out {t}" for t in found.left_out)):
-        console.print(text, soft_wrap=True)
+    console.tell(*(*found.declared_differently, *found.remarks, *(f"left out {t}" for t in found.left_out)))
     if not found.converged:
         console.print("NOT CONVERGED: the numbers must not be relied on.")
-    show_end(console, dict(told), out)
+    show_end(console, told, out)
 
 
 def _table(found: ModulusDocument) -> Table:

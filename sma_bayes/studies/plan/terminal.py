@@ -30,25 +30,21 @@ def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
     """What `plan.json` says, for a terminal."""
     found = in_declared_units(PlanFindings.model_validate(told))
     console = screen()
-    console.print(f"{found.campaign}: what to measure next for {found.asked}", soft_wrap=True)
+    console.tell(f"{found.campaign}: what to measure next for {found.asked}")
     for k in found.quantities if found.kind == "quantity" else ():
         if k.median is not None:
             unit = f" {unit_text(k.shown_unit)}".rstrip()
             value = f"{k.median * k.shown_factor:.4g} {half_width(k.sd, k)}{unit}"
-            console.print(
-                f"{quantity_name(k, found)}: {value} now (half of the 90 % interval)", soft_wrap=True
-            )
+            console.tell(f"{quantity_name(k, found)}: {value} now (half of the 90 % interval)")
     for p in found.rivals:
         state = "told apart already" if p.told_apart else "not told apart"
-        console.print(f"{pair_name(p)}: {state}, ln Bayes factor {p.ln_bayes_factor:.1f}", soft_wrap=True)
+        console.tell(f"{pair_name(p)}: {state}, ln Bayes factor {p.ln_bayes_factor:.1f}")
     console.print(_table(found))
-    for remark in (*found.declared_differently, *found.remarks):
-        console.print(f"remark: {remark}", soft_wrap=True)
+    console.tell(*(f"remark: {remark}" for remark in (*found.declared_differently, *found.remarks)))
     if not found.converged:
         console.print("NOT CONVERGED: these numbers must not be relied on.")
-    console.print(found.advice, soft_wrap=True)
-    if out is not None:
-        show_end(console, dict(told), out)
+    console.tell(found.advice)
+    show_end(console, told, out)
 
 
 def _table(found: PlanFindings) -> Table:

@@ -23,10 +23,9 @@ def show_sensitivity(found: dict[str, Any], out: Path | None) -> None:
     """Tell what `sensitivity.json` says."""
     document = in_declared_units(SensitivityFindings.model_validate(found))
     console = screen()
-    console.print(
+    console.tell(
         f"{document.campaign}: what moves each number. Sensitive from {document.thresholds.sensitivity:g}; changes in "
-        "posterior standard deviations",
-        soft_wrap=True,
+        "posterior standard deviations"
     )
     for record in document.records[:SHOWN]:
         console.print()
@@ -35,12 +34,10 @@ def show_sensitivity(found: dict[str, Any], out: Path | None) -> None:
         console.print(f"and {len(document.records) - SHOWN} records more: see --json or --out")
     console.print()
     if not document.converged:
-        console.print("NOT CONVERGED: these numbers must not be relied on", soft_wrap=True)
-    for text in document.declared_differently:
-        console.print(f"remark: {text}", soft_wrap=True)
-    console.print(document.conclusion, soft_wrap=True)
-    if out is not None:
-        show_end(console, found, out)
+        console.tell("NOT CONVERGED: these numbers must not be relied on")
+    console.tell(*(f"remark: {text}" for text in document.declared_differently))
+    console.tell(document.conclusion)
+    show_end(console, found, out)
 
 
 def _table(record: RecordSensitivity) -> Table:

@@ -29,19 +29,16 @@ def show_simulation(found: dict[str, Any], out: Path | None) -> None:
     """What `simulate.json` says, for a terminal."""
     document = SimulationFindings.model_validate(found)
     console = screen()
-    console.print(f"{document.campaign}: {balance_text(document)}", soft_wrap=True)
+    console.tell(f"{document.campaign}: {balance_text(document)}")
     if document.profile is not None:
         console.print()
         console.print(_ends(document))
     if document.reach is not None:
         console.print()
-        for line in reach_lines(document.reach):
-            console.print(line, soft_wrap=True)
-    for caution in document.cautions:
-        console.print(f"caution: {caution}", soft_wrap=True)
-    console.print(closing(document), soft_wrap=True)
-    if out is not None:
-        show_end(console, found, out)
+        console.tell(*reach_lines(document.reach))
+    console.tell(*(f"caution: {caution}" for caution in document.cautions))
+    console.tell(closing(document))
+    show_end(console, found, out)
 
 
 def balance_text(document: SimulationFindings) -> str:

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from rich.console import Console
 from rich.table import Table
 
 from sma_bayes.errors import many
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.report.screen import SHOWN, Screen, screen, show_end
 from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
 from sma_bayes.studies.watch.shown import in_declared_units
 
@@ -28,27 +27,22 @@ def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
     """Tell what the watched cycles say."""
     found = in_declared_units(WatchDocument.model_validate(told))
     console = screen()
-    console.print(
+    console.tell(
         f"{found.campaign}, {found.condition}: {many(len(found.fitted), 'cycle')} fitted, {len(found.cycles)} watched; "
-        f"false alarms, ever: at most {found.alpha:.2g}",
-        soft_wrap=True,
+        f"false alarms, ever: at most {found.alpha:.2g}"
     )
     if found.cycles:
         _show_numbers(console, found)
-    for text in found.partial[-SHOWN:]:
-        console.print(f"not whole, not counted: {text}", soft_wrap=True)
-    for text in (*found.declared_differently, *found.remarks[-SHOWN:]):
-        console.print(f"remark: {text}", soft_wrap=True)
-    for limit in found.limits:
-        console.print(limit.statement, soft_wrap=True)
+    console.tell(*(f"not whole, not counted: {text}" for text in found.partial[-SHOWN:]))
+    console.tell(*(f"remark: {text}" for text in (*found.declared_differently, *found.remarks[-SHOWN:])))
+    console.tell(*(limit.statement for limit in found.limits))
     if not found.converged:
         console.print("NOT CONVERGED: the fit must not be relied on.")
-    console.print(found.statement, soft_wrap=True)
-    if out is not None:
-        show_end(console, dict(told), out)
+    console.tell(found.statement)
+    show_end(console, told, out)
 
 
-def _show_numbers(console: Console, found: WatchDocument) -> None:
+def _show_numbers(console: Screen, found: WatchDocument) -> None:
     last = found.cycles[-LAST:]
     table = Table(title="watched cycles; ! is outside the normal range (95 %)", title_justify="left")
     for name in ("", "normal"):

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from sma_bayes.assess.adequacy import SENTENCES, Reason, remedy
+from sma_bayes.report.screen import Screen
 from sma_bayes.runs.fit_document import (
     FitSummary,
     Measure,
@@ -82,7 +82,7 @@ def test_kinds_are_told_apart() -> None:
 def test_a_narrow_screen_cuts_no_word_off(
     width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(fit, "screen", lambda: Console(width=width, markup=False, emoji=False))
+    monkeypatch.setattr(fit, "screen", lambda: Screen(width=width, markup=False, emoji=False))
     why = ("curve", "the curve misses displacement by up to 5.0% of its range, at 60 °C")
     parameter = ParameterSummary(
         unit="degC",
