@@ -11,7 +11,7 @@ from typing import Any, Final, TypedDict
 import numpy as np
 from scipy.special import ndtri
 
-from sma_bayes.arrays import Floats
+from sma_bayes.arrays import Bools, Floats
 from sma_bayes.assess.at import IntervalAt, credible_at, predictive_at
 from sma_bayes.assess.bands import bias_draws
 from sma_bayes.assess.draws import RecordDraws
@@ -59,12 +59,11 @@ Curve = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, slots=True)
-class _InverseQuestion:
-    """What is wanted, as it was put.
+class _Terms:
+    """On what terms a question is answered.
 
     Attributes
     ----------
-    channel, value, tolerance : str
     probability : float
     extrapolate : float
         How far beyond the measured temperatures to search [unit of temperature].
@@ -74,9 +73,6 @@ class _InverseQuestion:
         Unit of temperature of question and answer; None for that of the fit.
     """
 
-    channel: str
-    value: str
-    tolerance: str
     probability: float
     extrapolate: float
     temperature_sd: float
@@ -213,13 +209,11 @@ def ask(
                 expected=f"a finite number of degrees, at least 0 and at most {DEGREES.value:g}",
             )
     records = _selected(run, condition, branch)
+    terms = _Terms(probability, extrapolate, temperature_sd, temperature_unit)
     if asked:
         units = [unit] if isinstance(unit, str) else list(unit or ())
-        return _ask_at(run, records, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
+        return _ask_at(run, records, asked, units, terms)
     ((channel, value),) = wanted.items()
-    question = _InverseQuestion(
-        channel, value, tolerance, probability, extrapolate, temperature_sd, temperature_unit
-    )
     able = [r for r in records if not _lacking(run, r, channel)]
     if not able:
         which = records[0].key if len(records) == 1 else f"any of the {len(records)} records"
@@ -228,20 +222,23 @@ def ask(
             file=run.folder,
             expected=f"one of {', '.join(_has(run, records))}",
         )
-    answers = [_answer(run, r, question) for r in able]
+    answers = [_answer(run, r, channel, value, tolerance, terms) for r in able]
     return AnswersDocument.about(
-        run.summary,
+        terms,
         schema=SCHEMA,
+        **_of_fit(run),
         quantity=answers[0].quantity,
         value=value,
         tolerance=tolerance,
-        probability=probability,
-        extrapolate=extrapolate,
-        temperature_sd=temperature_sd,
         converged=all(a.converged for a in answers),
         answers=tuple(answers),
         without={r.key: _lacking(run, r, channel) for r in records if r not in able},
     ).as_json()
+
+
+def _of_fit(run: FitSource) -> dict[str, Any]:
+    """Which fit an answer comes from."""
+    return {name: getattr(run.summary, name) for name in ("campaign", "seed", "data_sha256")}
 
 
 def _ask_at(
@@ -249,10 +246,7 @@ def _ask_at(
     records: Sequence[RecordSummary],
     asked: Sequence[str],
     units: Sequence[str],
-    probability: float,
-    extrapolate: float,
-    temperature_sd: float,
-    temperature_unit: str | None,
+    terms: _Terms,
 ) -> dict[str, Any]:
     for text in units:
         if not any(can_convert(q.unit, text) for r in records for q in r.quantities.values()):
@@ -261,60 +255,42 @@ def _ask_at(
                 expected="a unit that one of these can be turned into: "
                 + ", ".join(dict.fromkeys(q.unit for r in records for q in r.quantities.values())),
             )
-    answers = [
-        _answer_at(run, r, asked, units, probability, extrapolate, temperature_sd, temperature_unit)
-        for r in records
-    ]
+    answers = [_answer_at(run, r, asked, units, terms) for r in records]
     return ValuesDocument.about(
-        run.summary,
+        terms,
         schema=AT_SCHEMA,
+        **_of_fit(run),
         at=tuple(asked),
-        probability=probability,
-        extrapolate=extrapolate,
-        temperature_sd=temperature_sd,
         converged=all(a.converged for a in answers),
         answers=tuple(answers),
     ).as_json()
 
 
 def _answer_at(
-    run: FitSource,
-    summary: RecordSummary,
-    asked: Sequence[str],
-    units: Sequence[str],
-    level: float,
-    extrapolate: float,
-    temperature_sd: float,
-    temperature_unit: str | None,
+    run: FitSource, summary: RecordSummary, asked: Sequence[str], units: Sequence[str], terms: _Terms
 ) -> ValuesOfRecord:
     """What one record gives at the temperatures: all of them, also those that it can't tell of, in the asked order."""
     draws = run.draws(summary)
     stored = summary.temperature.unit
-    degrees = temperature_unit or number_and_unit(asked[0], what="temperature")[1] or stored
+    degrees = terms.temperature_unit or number_and_unit(asked[0], what="temperature")[1] or stored
     given = np.array([asked_temperature(text, stored, degrees) for text in asked])
     low, high = (_temperature(t, stored, degrees) for t in (draws.coldest, draws.hottest))
-    known = (given >= low - extrapolate) & (given <= high + extrapolate)
+    known = (given >= low - terms.extrapolate) & (given <= high + terms.extrapolate)
     beyond = (given < low) | (given > high)
-    error = temperature_sd * _normal_scores(draws.size) if temperature_sd else 0.0
+    error = terms.temperature_sd * _normal_scores(draws.size) if terms.temperature_sd else 0.0
     step = _temperature(1.0, stored, degrees) - _temperature(0.0, stored, degrees)
     at = np.array([_converted(t, degrees, stored, "temperature") for t in given])
     quantities = {}
     for channel in (*draws.quantities, *((OVERALL,) if not _lacking(run, summary, OVERALL) else ())):
         own = summary.quantities["stiffness" if channel == OVERALL else channel].unit
         unit = next((u for u in units if can_convert(own, u)), own)
-        curve = credible_at(_curve(run, draws, channel, own), at, level, error / step)
-        new = predictive_at(draws.curves, channel, at, level, run.summary.seed, error / step)
-        low_at, median_at, high_at = _where_known(curve, own, unit, known)
-        pred_low, pred_median, pred_high = _where_known(new, own, unit, known)
+        curve = credible_at(_curve(run, draws, channel, own), at, terms.probability, error / step)
+        new = predictive_at(draws.curves, channel, at, terms.probability, run.summary.seed, error / step)
         quantities[channel] = ValuesAt(
             name=_name(summary, channel),
             unit=unit,
-            low=low_at,
-            median=median_at,
-            high=high_at,
-            pred_low=pred_low,
-            pred_median=pred_median,
-            pred_high=pred_high,
+            **_where_known("", curve, own, unit, known),
+            **_where_known("pred_", new, own, unit, known),
         )
     return ValuesOfRecord.about(
         summary,
@@ -370,15 +346,15 @@ def _temperature_back(number: float, unit: str, stored: str) -> float:
 
 
 def _where_known(
-    found: IntervalAt | None, stored: str, unit: str, known: np.ndarray[Any, np.dtype[np.bool_]]
-) -> list[tuple[float | None, ...]]:
-    """Lower end, median and upper end in the unit of the answer; None at temperatures of which nothing is known."""
-    if found is None:
-        return [(None,) * known.size] * 3
-    return [
-        tuple(float(v) if k else None for v, k in zip(convert(values, stored, unit), known, strict=True))
-        for values in (found.low, found.median, found.high)
-    ]
+    prefix: str, found: IntervalAt | None, stored: str, unit: str, known: Bools
+) -> dict[str, tuple[float | None, ...]]:
+    """Ends and median in the unit of the answer, by name; None at temperatures of which nothing is known."""
+    out: dict[str, tuple[float | None, ...]] = {}
+    for name in ("low", "median", "high"):
+        values = np.full(known.size, np.nan) if found is None else convert(getattr(found, name), stored, unit)
+        told = known & (found is not None)
+        out[prefix + name] = tuple(float(v) if k else None for v, k in zip(values, told, strict=True))
+    return out
 
 
 def _selected(run: FitSource, condition: str | None, branch: str | None) -> list[RecordSummary]:
@@ -440,23 +416,25 @@ def _lacking(run: FitSource, record: RecordSummary, channel: str) -> str:
     return ""
 
 
-def _answer(run: FitSource, summary: RecordSummary, question: _InverseQuestion) -> StatedAnswer:
+def _answer(
+    run: FitSource, summary: RecordSummary, asked: str, value: str, tolerance: str, terms: _Terms
+) -> StatedAnswer:
     draws = run.draws(summary)
-    channel = "stiffness" if question.channel == OVERALL else question.channel
+    channel = "stiffness" if asked == OVERALL else asked
     stored = (summary.temperature.unit, summary.quantities[channel].unit)
-    what = _named(_name(summary, question.channel))
-    unit, target, bounds = wanted_value(question.value, question.tolerance, stored[1], what)
-    degrees = stored[0] if question.temperature_unit is None else question.temperature_unit
+    what = _named(_name(summary, asked))
+    unit, target, bounds = wanted_value(value, tolerance, stored[1], what)
+    degrees = stored[0] if terms.temperature_unit is None else terms.temperature_unit
     low, high = (_temperature(t, stored[0], degrees) for t in (draws.coldest, draws.hottest))
-    ends = (low - question.extrapolate, high + question.extrapolate)
-    curve = _in_units(_curve(run, draws, question.channel, stored[1]), stored, (degrees, unit))
-    t = search_grid(low, high, question.extrapolate)
+    ends = (low - terms.extrapolate, high + terms.extrapolate)
+    curve = _in_units(_curve(run, draws, asked, stored[1]), stored, (degrees, unit))
+    t = search_grid(low, high, terms.extrapolate)
     found = passages(curve, t, target)
-    level = question.probability
-    error = question.temperature_sd * _normal_scores(draws.size)
+    level = terms.probability
+    error = terms.temperature_sd * _normal_scores(draws.size)
     grid = finer(t, _temperatures(found, error))
     values = curve(grid)
-    set_values = curve(grid + error[:, None]) if question.temperature_sd else values
+    set_values = curve(grid + error[:, None]) if terms.temperature_sd else values
 
     def met_between(least: float, greatest: float) -> MetAt:
         surely = met(grid, set_values, (least, greatest))
@@ -471,7 +449,7 @@ def _answer(run: FitSource, summary: RecordSummary, question: _InverseQuestion) 
     reachable, stays_below, stays_above = _reached(curve, found, target, (low, high), ends)
     return StatedAnswer.about(
         summary,
-        quantity=_name(summary, question.channel),
+        quantity=_name(summary, asked),
         unit=unit,
         temperature_unit=degrees,
         measured=(low, high),
