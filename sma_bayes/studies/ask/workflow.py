@@ -591,13 +591,8 @@ def _quantiles(draws: Floats, level: float) -> list[float]:
 
 def _passage(p: Passage, level: float, low: float, high: float) -> StatedPassage:
     first, median, last = _quantiles(p.draws[np.isfinite(p.draws)], level)
-    return StatedPassage(
-        direction=p.direction,
-        probability=p.probability,
-        low=first,
-        median=median,
-        high=last,
-        extrapolated=first < low or last > high,
+    return StatedPassage.about(
+        p, low=first, median=median, high=last, extrapolated=first < low or last > high
     )
 
 

@@ -336,11 +336,10 @@ def _stated_sweep(one: _Seen, law: PooledConstants, common: float) -> CardSweep:
     moduli = Moduli(law.constants["E_A"].value, law.constants["E_M"].value)
     curve, offset = _card_curve(one, law, common, one.temperature)
     off = (curve - one.mean) / np.ptp(one.mean)
-    return CardSweep(
-        key=one.sweep.key,
+    return CardSweep.about(
+        one.sweep,
         condition=one.condition,
         branch=one.sweep.branch.value,
-        stress=one.sweep.stress,
         middle=interval_document(middle),
         start=interval_document(lower if heating else upper),
         finish=interval_document(upper if heating else lower),

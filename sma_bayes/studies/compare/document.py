@@ -179,14 +179,7 @@ def _parameters(found: FittedContender) -> dict[str, StatedParameter]:
     theta = found.posterior.space.constrain(found.draws.z)
     low, median, high = weighted_quantiles(theta, found.draws.log_weight, (0.05, 0.5, 0.95))
     return {
-        p.name: StatedParameter(
-            unit=p.unit,
-            meaning=p.meaning,
-            fixed=p.fixed is not None,
-            q05=low[i],
-            median=median[i],
-            q95=high[i],
-        )
+        p.name: StatedParameter.about(p, fixed=p.fixed is not None, q05=low[i], median=median[i], q95=high[i])
         for i, p in enumerate(found.posterior.space.parameters)
     }
 

@@ -109,14 +109,13 @@ def _population(population: Population) -> StatedPopulation:
     first = population.records[0]
     facts = first.posterior.model.parameters(first.units)
     logarithms = population.coordinates.signs != 0.0
-    return StatedPopulation(
+    return StatedPopulation.about(
+        population,
         conditions=population.design.ids,
         branch=population.records[0].branch.value,
         channels=tuple(population.records[0].channels),
         spare=population.design.spare,
-        prior_led=population.prior_led,
         sampling=PopulationSampling.about(population.sampling),
-        correction=population.correction,
         coordinates=tuple(
             StatedCoordinate(
                 name=label,

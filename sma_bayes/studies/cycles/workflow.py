@@ -275,9 +275,8 @@ def _law(pooled: Pooled) -> LawOfTraining:
         weights = p.pace_weights(best)
         reached = np.cumsum(weights) - 0.5 * weights
         n0 = IntervalDocument(**as_interval(np.interp(list(INTERVAL.values()), reached, PACES)))
-    return LawOfTraining(
-        chosen=p.chosen,
-        testable=p.testable,
+    return LawOfTraining.about(
+        p,
         ln_evidence={law: float(v) for law, v in p.ln_evidence.items()},
         probability={law: float(v) for law, v in p.probability.items()},
         n0=n0,

@@ -132,9 +132,8 @@ def _factors(found: Mapping[str, Agreement]) -> dict[str, dict[str, Factor]]:
 
 def _noise(fit: Fit) -> NoiseSummary:
     noise, choice = fit.posterior.noise, fit.noise_choice
-    return NoiseSummary(
-        name=noise.name,
-        title=noise.title,
+    return NoiseSummary.about(
+        noise,
         chosen_by="evidence" if fit.chosen else "the user",
         reason=choice.reason if choice else "",
         lag1=dict(choice.lag1) if choice else {},
@@ -171,9 +170,8 @@ def _parameters(fit: Fit, record: int) -> dict[str, ParameterSummary]:
         p = space.parameters[i]
         k = diagnostics.get(i)
         c = fit.draws.convergence
-        out[p.name.partition("[")[0]] = ParameterSummary(
-            unit=p.unit,
-            meaning=p.meaning,
+        out[p.name.partition("[")[0]] = ParameterSummary.about(
+            p,
             channel=channel,
             role=role,
             warm_start=float(fit.start[i]),

@@ -36,10 +36,6 @@ def start_campaign(folder: str | Path) -> dict[str, Any]:
         If no file in it can be fitted; the message says why, file by file.
     """
     found = write_starting_file(folder)
-    return StartDocument(
-        schema="sma-bayes/init/1",
-        file=str(found.path),
-        conditions=found.conditions,
-        guesses=found.guesses,
-        left_out=dict(found.left_out),
+    return StartDocument.about(
+        found, schema="sma-bayes/init/1", file=str(found.path), left_out=dict(found.left_out)
     ).as_json()

@@ -161,9 +161,9 @@ def modulus(
     def find(folder: Path | None) -> ModulusFindings:
         sweeps = _sweeps(tasks, folder, work)
         shifts, damping = shifts_of(sweeps, degrees), _damping(campaign.sweeps)
-        return ModulusFindings(
+        return ModulusFindings.about(
+            campaign,
             schema="sma-bayes/modulus/1",
-            source=campaign.source,
             seed=seed,
             options=options,
             temperature_unit="degC",
@@ -177,7 +177,6 @@ def modulus(
             shifts=shifts,
             by_frequency=_by_frequency(sweeps, told),
             remarks=_remarks(campaign, sweeps, told, damping, shifts, degrees_of(declared)),
-            left_out=campaign.left_out,
             findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
         )
 

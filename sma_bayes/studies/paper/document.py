@@ -49,14 +49,13 @@ def reproduction_document(
         As `table_entries` gives them.
     figures : iterable of FigureFiles
     """
-    return ReproductionDocument(
+    return ReproductionDocument.about(
+        study,
         schema=SCHEMA,
         paper=SOURCE,
         campaign=study.campaign.name,
-        seed=study.seed,
         versions=all_versions(),
         data_sha256=study.campaign.sha256,
-        converged=study.converged,
         claims=tuple(judged_claim(c) for c in claims(study)),
         implied_correlation=implied_average(),
         straight_line_correlation=straight_line_correlation(study),

@@ -357,10 +357,9 @@ def _known(target: PlanTarget, q: _FitQuestion, shown: Shown) -> Iterator[KnownQ
         u = factors.get(quantity.name) or ShownUnit(quantity.unit, quantity.unit, 1.0)
         if own is not None and own.stored == quantity.unit:
             u = own
-        yield KnownQuantity(
+        yield KnownQuantity.about(
+            quantity,
             key=draws.key,
-            name=quantity.name,
-            unit=quantity.unit,
             **interval(quantity.draws),
             sd=sd,
             shown_unit=u.shown,

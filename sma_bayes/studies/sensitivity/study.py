@@ -89,11 +89,10 @@ def studied(task: RecordTask) -> StudiedRecord:
     }
     record = draws.record
     sweeps = samples_of_sweeps(record)
-    found = RecordSensitivity(
-        key=draws.key,
+    found = RecordSensitivity.about(
+        draws,
         condition=draws.condition.id,
         branch=draws.branch.value,
-        converged=draws.converged,
         n=record.n,
         rows_averaged=record.rows_averaged,
         draws=draws.size,
@@ -101,12 +100,8 @@ def studied(task: RecordTask) -> StudiedRecord:
         memory=bool(draws.posterior.noise.autocorrelated),
         quantities=_quantities(draws, quantities, values, densities, influence, left_out, bootstrap),
         left_out_sweeps=tuple(
-            LeftOutSweepWeights(
-                sweep=i + 1,
-                first_row=int(record.row[s].min()),
-                readings=int(s.size),
-                pareto_k=one.pareto_k,
-                refitted=one.refitted,
+            LeftOutSweepWeights.about(
+                one, sweep=i + 1, first_row=int(record.row[s].min()), readings=int(s.size)
             )
             for i, (s, one) in enumerate(zip(sweeps, left_out, strict=False))
         ),

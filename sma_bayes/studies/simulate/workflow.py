@@ -346,10 +346,9 @@ def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) ->
     cautions += _said_of(runs)
     records = [r for pair in q.able for r in pair]
     w = q.wanted
-    return SimulationFindings(
+    return SimulationFindings.about(
+        q,
         schema="sma-bayes/simulation/1",
-        draws=q.draws,
-        rule=q.rule,
         **of_fit(q.run.summary, q.run.folder, q.seed),
         converged=all(r.converged for r in records),
         adequate=all(r.adequate for r in records),
@@ -370,11 +369,10 @@ def _stated_balance(q: _SimulationQuestion, balances: FittedBalance) -> StatedBa
         for i in at:
             p = space.parameters[i]
             parameters[p.name] = heat_parameter(p.unit, p.meaning, balances.draws[:, i])
-    return StatedBalance(
+    return StatedBalance.about(
+        study,
         parameters=parameters,
         effects=tuple(e.id for e in study.effects),
-        verdict=study.verdict,
-        p_value=study.p_value,
         pool=q.pool,
         sd={c: balances.sd(c) for c in q.followed},
         greatest_current=balances.greatest_current,
@@ -620,11 +618,8 @@ def _reach(
 
 def _passage(p: Passage, greatest_measured: float) -> CurrentPassage:
     current = interval(p.draws[np.isfinite(p.draws)])
-    return CurrentPassage(
-        direction=p.direction,
-        probability=p.probability,
-        **current,
-        beyond_measured=current["q95"] > greatest_measured * (1.0 + 1e-9),
+    return CurrentPassage.about(
+        p, **current, beyond_measured=current["q95"] > greatest_measured * (1.0 + 1e-9)
     )
 
 
