@@ -125,13 +125,13 @@ def operation_figure(stem: str, numbers: str, found: Sequence[Operation]) -> Dra
                 (o.setting, o.branch, what, *values)
                 for values in zip(curve.temperature, curve.low, curve.middle, curve.high, strict=True)
             ]
-    axes[0].set_xlabel("displacement [cm]")
-    axes[0].set_ylabel("force [N]")
-    axes[0].set_title("(a) force over displacement")
-    axes[1].set_xlabel(ARBITRARY_AXIS)
-    axes[1].set_ylabel(STIFFNESS_AXIS)
-    axes[1].set_title("(b) stiffness against temperature")
-    axes[1].set_ylim(0.0, None)
+    axes[0].set(xlabel="displacement [cm]", ylabel="force [N]", title="(a) force over displacement")
+    axes[1].set(
+        xlabel=ARBITRARY_AXIS,
+        ylabel=STIFFNESS_AXIS,
+        title="(b) stiffness against temperature",
+        ylim=(0.0, None),
+    )
     handles = [
         *(Line2D([], [], color=colours[s], label=s) for s in settings),
         *(Line2D([], [], color=INK, ls=s, label=b) for b, s in (("heating", "-"), ("cooling", "--"))),
@@ -173,9 +173,7 @@ def duty_cycle_figure(points: Sequence[Mapping[str, float]], error: Mapping[str,
             t, k, yerr=sd, fmt="o", ms=3.5, lw=1.0, color=colour, label=f"{p['duty_cycle']:.0%}".replace("%", " %")
         )  # fmt: skip
         rows += [(p["duty_cycle"], *values) for values in zip(t, k, sd, strict=True)]
-    ax.set_xlabel("temperature [°C]")
-    ax.set_ylabel(STIFFNESS_AXIS)
-    ax.set_ylim(0.0, None)
+    ax.set(xlabel="temperature [°C]", ylabel=STIFFNESS_AXIS, ylim=(0.0, None))
     handles, labels = ax.get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=len(points), borderaxespad=0.2)
     return Drawing(
@@ -208,8 +206,7 @@ def profile_figure(stem: str, numbers: str, profiles: Sequence[Profile]) -> Draw
             _band(ax, p.curves[SIGMOID], COLOURS[p.branch], "-")
         for value in chosen[0].extremes:
             ax.axhline(value, color=INK, lw=0.8, ls="--", zorder=1)
-        ax.set_title(title)
-        ax.set_ylim(0.0, None)
+        ax.set(title=title, ylim=(0.0, None))
     handles = [Line2D([], [], color=c, label=f"{b}: median and 90 % band") for b, c in COLOURS.items()]
     handles.append(dot_handle(FAINT, "samples of the twin"))
     if any(p.extremes for p in profiles):
@@ -246,8 +243,7 @@ def rival_figure(stem: str, numbers: str, rival: str, profiles: Sequence[Profile
             for model in (SIGMOID, rival):
                 style = "-" if p.branch == "heating" else "--"
                 _band(ax, p.curves[model], LOOKS[model][0], style)
-        ax.set_title(title)
-        ax.set_ylim(0.0, None)
+        ax.set(title=title, ylim=(0.0, None))
     handles = [
         *(Line2D([], [], color=LOOKS[m][0], label=short(m)) for m in (SIGMOID, rival)),
         *(Line2D([], [], color=INK, ls=s, label=b) for b, s in (("heating", "-"), ("cooling", "--"))),
@@ -393,9 +389,7 @@ def plugged_figure(found: Sequence[Plugged]) -> Drawing:
             colour, style = _PLUGGED_LOOKS[name]
             ax.plot(p.temperature, values, color=colour, ls=style, lw=1.3)
             rows += [(p.title, name, t, v) for t, v in zip(p.temperature, values, strict=True)]
-        ax.set_title(p.title)
-        ax.set_xlabel("temperature [°C]")
-        ax.set_ylim(0.0, None)
+        ax.set(title=p.title, xlabel="temperature [°C]", ylim=(0.0, None))
         if place == 0:
             ax.set_ylabel(STIFFNESS_AXIS)
     figure.legend(
@@ -444,8 +438,7 @@ def extremes_figure(entries: Sequence[ReproducedEntry]) -> Drawing:
         shown = [t for t in DECADES if low <= t <= high]
         ax.set_xticks(shown, [f"{t:g}" for t in shown])
         ax.minorticks_off()
-        ax.set_title(f"{'least' if kind == kinds[0] else 'greatest'} stiffness")
-        ax.set_xlabel(STIFFNESS_AXIS)
+        ax.set(title=f"{'least' if kind == kinds[0] else 'greatest'} stiffness", xlabel=STIFFNESS_AXIS)
     figure.legend(
         handles=[
             *(

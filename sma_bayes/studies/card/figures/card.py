@@ -84,9 +84,7 @@ def phase_figure(stored: StoredCard) -> Drawing:
     for s in card.sweeps:
         for told, hollow in ((s.start, False), (s.finish, True)):
             _point(ax, told.quantiles, s, hollow=hollow)
-    ax.set_xlabel("temperature [K]")
-    ax.set_ylabel("stress [MPa]")
-    ax.set_ylim(0.0, 1.18 * max(card.stresses))
+    ax.set(xlabel="temperature [K]", ylabel="stress [MPa]", ylim=(0.0, 1.18 * max(card.stresses)))
     handles: list[Any] = [dot_handle(COLOURS[b], f"{b}: start of a sweep") for b in COLOURS]
     handles += [
         dot_handle(INK, "finish", hollow=True),
@@ -139,10 +137,12 @@ def strain_figure(stored: StoredCard) -> Drawing:
         q05, median, q95 = s.strain.quantiles
         ax.plot([s.stress] * 2, [q05, q95], color=COLOURS[s.branch], lw=0.8)
         ax.plot(s.stress, median, "o", ms=4.5, color=COLOURS[s.branch])
-    ax.set_ylim(bottom=0.0)
-    ax.set_xlim(0.0, stress[-1])
-    ax.set_xlabel("stress [MPa]")
-    ax.set_ylabel(f"transformation strain [{in_units_of(take_power(ax.yaxis), '1')}]")
+    ax.set(
+        ylim=(0.0, None),
+        xlim=(0.0, stress[-1]),
+        xlabel="stress [MPa]",
+        ylabel=f"transformation strain [{in_units_of(take_power(ax.yaxis), '1')}]",
+    )
     handles: list[Any] = [dot_handle(COLOURS[b], b) for b in COLOURS]
     handles += [
         Line2D([], [], color=INK, lw=1.0, label="law of the card"),
@@ -186,8 +186,10 @@ def curves_figure(stored: StoredCard) -> Drawing:
                 ax.plot(temperature[own], measured[own], "o", ms=2.0, mec="none", color=colour, alpha=0.45,
                         rasterized=True)  # fmt: skip
                 ax.plot(temperature[own][order], law[own][order], color=colour, lw=1.1)
-        ax.set_title(f"{name}: {stress[condition == name].mean():.4g} MPa")
-        ax.set_ylabel(f"strain [{in_units_of(take_power(ax.yaxis), '1')}]")
+        ax.set(
+            title=f"{name}: {stress[condition == name].mean():.4g} MPa",
+            ylabel=f"strain [{in_units_of(take_power(ax.yaxis), '1')}]",
+        )
     for ax in axes.flat[len(ids) :]:
         ax.set_visible(False)
     for ax in axes.flat[max(0, len(ids) - across) : len(ids)]:
@@ -234,8 +236,10 @@ def stiffness_figure(stored: StoredCard, condition: str) -> Drawing:
         ax.fill_between(temperature[at], low[at], high[at], color=colour, alpha=0.25, linewidth=0.0)
         ax.plot(temperature[at], middle[at], "o-", ms=2.0, color=colour, lw=0.8)
     room = 3.0 * np.ptp(middle) + 1e-12
-    ax.set_ylim(max(low.min(), middle.min() - room), min(high.max(), middle.max() + room))
-    ax.set_xlabel(f"temperature [{unit_label(first.temperature_unit)}]")
+    ax.set(
+        ylim=(max(low.min(), middle.min() - room), min(high.max(), middle.max() + room)),
+        xlabel=f"temperature [{unit_label(first.temperature_unit)}]",
+    )
     symbol = QUANTITIES[first.quantity].symbol
     ax.set_ylabel(f"{symbol} [{in_units_of(take_power(ax.yaxis), first.unit)}]")
     handles: list[Any] = [Line2D([], [], color=COLOURS[b], marker="o", ms=3, label=b) for b in COLOURS]

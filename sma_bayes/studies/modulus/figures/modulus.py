@@ -138,8 +138,7 @@ def shift_figure(stored: StoredModulus) -> Drawing:
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
         ax.set_title(name.replace("_", " "), fontsize=7.5)
-        ax.set_xlabel("frequency [Hz]")
-        ax.set_ylabel(f"temperature [{unit_label(degrees_of(stored.found).shown)}]")
+        ax.set(xlabel="frequency [Hz]", ylabel=f"temperature [{unit_label(degrees_of(stored.found).shown)}]")
     heading(figure, "Shift with frequency", "")
     branch_legend(figure, (s.branch for s in shifts))
     caption = (

@@ -65,11 +65,9 @@ def candidates_figure(stored: StoredPlan) -> Drawing:
     if found.available is not None:
         ax.axvline(found.available, color=INK, lw=0.7, ls="--")
     if apart:
-        ax.set_ylim(-0.02, 1.05)
-        ax.set_ylabel("probability of telling apart [1]")
+        ax.set(ylim=(-0.02, 1.05), ylabel="probability of telling apart [1]")
     else:
-        ax.set_ylim(bottom=0.0)
-        ax.set_ylabel("expected information [nats]")
+        ax.set(ylim=(0.0, None), ylabel="expected information [nats]")
     take_power(ax.xaxis)
     ax.set_xlabel("time on the rig [h]")
     handles = [dot_handle(colour[c], c) for c in conditions[:COLOURS]]
@@ -143,8 +141,7 @@ def narrowing_figure(stored: StoredPlan) -> Drawing:
         for one, colour in zip(left, colours, strict=False):
             value = one.get((k.key, k.name), 1.0)
             ax.plot(value, place, "o", ms=5, color=colour)
-    ax.set_xlim(0.0, 1.08)
-    ax.set_xlabel("expected width of the interval, over that of now [1]")
+    ax.set(xlim=(0.0, 1.08), xlabel="expected width of the interval, over that of now [1]")
     handles = [dot_handle(c, name) for c, (name, _) in zip(colours, parts, strict=False)]
     ax.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
     heading(figure, "What is expected to be left", "" if found.converged else "NOT CONVERGED")

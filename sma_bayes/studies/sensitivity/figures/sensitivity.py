@@ -94,8 +94,7 @@ def powers_figure(stored: StoredSensitivity, record: RecordSensitivity) -> Drawi
 def _powers(ax: Axes, quantities: tuple[QuantitySensitivity, ...], threshold: float) -> None:
     name_rows(ax, [q.name for q in quantities], labelled=True)
     values = [v for q in quantities for v in (q.prior, q.likelihood) if v is not None]
-    ax.set_xscale("log")
-    ax.set_xlim(0.8 * LEAST, 1.6 * max([1.0, *values]))
+    ax.set(xscale="log", xlim=(0.8 * LEAST, 1.6 * max([1.0, *values])))
     ax.axvline(threshold, color=WARNING, lw=0.8, ls="--")
     for place, q in enumerate(quantities):
         if q.likelihood is not None:
@@ -116,8 +115,7 @@ def _sweeps(ax: Axes, quantities: tuple[QuantitySensitivity, ...], count: int) -
             if s.change is not None:
                 ax.plot(s.change, place, "o", ms=4, color=colours[s.sweep - 1], mec="white", mew=0.4)
                 reach = max(reach, abs(s.change))
-    ax.set_xlim(-1.15 * reach, 1.15 * reach)
-    ax.set_xlabel("change of the mean without a sweep [posterior sd]")
+    ax.set(xlim=(-1.15 * reach, 1.15 * reach), xlabel="change of the mean without a sweep [posterior sd]")
     ends = [dot_handle(colours[0], "sweep 1"), dot_handle(colours[-1], f"sweep {count}")]
     ax.legend(handles=ends, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
 

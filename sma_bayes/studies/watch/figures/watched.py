@@ -46,11 +46,9 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
     if found.alarm is not None:
         ax.axvline(found.alarm.cycle, color=ALARM, lw=0.7, ls=":")
     low, high = min(float(total.min()), -1.0), max(float(total.max()), needed)
-    ax.set_ylim(low - 0.6, high + 0.12 * (high - low) + 0.4)
-    ax.set_xlim(0.5, cycle[-1] + 0.5)
+    ax.set(ylim=(low - 0.6, high + 0.12 * (high - low) + 0.4), xlim=(0.5, cycle[-1] + 0.5))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8))
-    ax.set_xlabel("watched cycle")
-    ax.set_ylabel("evidence, log10 e")
+    ax.set(xlabel="watched cycle", ylabel="evidence, log10 e")
     ax.annotate(
         f"alarm at {1.0 / found.alpha:.4g}", (cycle[-1] + 0.5, needed), (-4, 3), textcoords="offset points",
         ha="right", fontsize=7.0, color=ALARM,
@@ -93,8 +91,7 @@ def numbers_figure(stored: StoredWatch) -> Drawing:
             ax.axvline(0.0, color=INK, lw=0.6, ls=":")
             if found.alarm is not None:
                 ax.axvline(found.alarm.cycle, color=ALARM, lw=0.7, ls=":")
-            ax.set_xlabel("watched cycle")
-            ax.set_xlim(cycle[0] - 0.5, cycle[-1] + 0.5)
+            ax.set(xlabel="watched cycle", xlim=(cycle[0] - 0.5, cycle[-1] + 0.5))
             ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=6))
             power = take_power(ax.yaxis)
             ax.set_title(f"{channel} {name} [{in_units_of(power, own[0].unit)}]", fontsize=7.5)
