@@ -18,7 +18,7 @@ from sma_bayes.runs.schema import (
     NumberOrNull,
 )
 from sma_bayes.studies.compare.schema import StatedDifference
-from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN
+from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN, EvidenceForClaim
 from sma_bayes.studies.paper.distance import PublishedDistance
 
 
@@ -106,19 +106,6 @@ class PaperTablesDocument(DocumentPart):
     tables: Items[PrintedTableDocument] = Field(description="the tables that were asked for")
     implied_correlation: ImpliedCorrelations = Field(description="what the printed R² imply")
     errata: Items[ErratumEntry] = Field(description="the errata that touch them")
-
-
-class EvidenceForClaim(DocumentPart):
-    """Something that speaks for or against a claim."""
-
-    source: Literal["printed", "twin"] = Field(
-        description="`printed`: from printed numbers alone; `twin`: from a campaign drawn from them"
-    )
-    text: str = Field(description="what was found")
-    probability: NumberOrNull = Field(
-        description="posterior probability of the claim by it; null where it has none [1]"
-    )
-    counts: bool = Field(description="whether the verdict may rest on it")
 
 
 class JudgedClaim(DocumentPart):

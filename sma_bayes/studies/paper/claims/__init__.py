@@ -1,13 +1,13 @@
 """The claims of the paper, each with its evidence and a verdict."""
 
-from sma_bayes.studies.paper.claims.claim import Claim, ClaimEvidence, judged
+from sma_bayes.studies.paper.claims.claim import Claim, EvidenceForClaim, judged
 from sma_bayes.studies.paper.claims.conditions import condition_claims
 from sma_bayes.studies.paper.claims.correlation import correlation_claims
 from sma_bayes.studies.paper.claims.models import model_claims
 from sma_bayes.studies.paper.claims.shape import shape_claims
 from sma_bayes.studies.paper.twin_study import TwinStudy
 
-__all__ = ["Claim", "ClaimEvidence", "claims"]
+__all__ = ["Claim", "EvidenceForClaim", "claims"]
 
 
 def claims(study: TwinStudy) -> tuple[Claim, ...]:

@@ -11,36 +11,40 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
+from pydantic import Field
 
 from sma_bayes.assess.holm import holm_limits
+from sma_bayes.document_part import DocumentPart, NumberOrNull
 
 SURE: Final = 0.95
 """Probability with which all verdicts together are right, by Holm's rule."""
 HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot tell from these numbers"
 
 
-@dataclass(frozen=True, slots=True)
-class ClaimEvidence:
-    """Something that speaks for or against a claim.
+class EvidenceForClaim(DocumentPart):
+    """Something that speaks for or against a claim."""
 
-    Attributes
-    ----------
-    source : str
-        ``printed`` or ``twin``.
-    text : str
-    probability : float or None
-        Posterior probability of the claim by this evidence; None where it has none [1].
-    counts : bool
-        Whether the verdict may rest on it.
-    """
+    source: Literal["printed", "twin"] = Field(
+        description="`printed`: from printed numbers alone; `twin`: from a campaign drawn from them"
+    )
+    text: str = Field(description="what was found")
+    probability: NumberOrNull = Field(
+        description="posterior probability of the claim by it; null where it has none [1]"
+    )
+    counts: bool = Field(description="whether the verdict may rest on it")
 
-    source: str
-    text: str
-    probability: float | None
-    counts: bool = True
+
+def from_print(text: str, probability: float | None) -> EvidenceForClaim:
+    """Evidence from printed numbers; the verdict may rest on it."""
+    return EvidenceForClaim(source="printed", text=text, probability=probability, counts=True)
+
+
+def from_twin(text: str, probability: float | None, counts: bool = False) -> EvidenceForClaim:
+    """Evidence from the campaign drawn from them, on which the verdict rests only where that is not circular."""
+    return EvidenceForClaim(source="twin", text=text, probability=probability, counts=counts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,7 @@ class Claim:
     id, text : str
     lines : tuple of int
         Of the source text.
-    evidence : tuple of ClaimEvidence
+    evidence : tuple of EvidenceForClaim
     why : str
         What the verdict means, and what to doubt.
     errata : tuple of str
@@ -67,7 +71,7 @@ class Claim:
     id: str
     text: str
     lines: tuple[int, ...]
-    evidence: tuple[ClaimEvidence, ...]
+    evidence: tuple[EvidenceForClaim, ...]
     why: str
     errata: tuple[str, ...] = ()
     confounded: tuple[str, ...] = ()
@@ -92,9 +96,9 @@ class Claim:
 
         Examples
         --------
-        >>> Claim("a", "", (), (ClaimEvidence("printed", "", 0.99), ClaimEvidence("twin", "", 0.2, False)), "").verdict
+        >>> Claim("a", "", (), (from_print("", 0.99), from_twin("", 0.2)), "").verdict
         'holds'
-        >>> Claim("a", "", (), (ClaimEvidence("printed", "", 0.99), ClaimEvidence("twin", "", 0.2)), "").verdict
+        >>> Claim("a", "", (), (from_print("", 0.99), from_twin("", 0.2, True)), "").verdict
         'cannot tell from these numbers'
         """
         found = self._probabilities
@@ -110,7 +114,7 @@ def judged(claims: Sequence[Claim]) -> tuple[Claim, ...]:
 
     Examples
     --------
-    >>> several = [Claim(str(p), "", (), (ClaimEvidence("printed", "", p),), "") for p in (0.97, 1.0, 0.01, 0.98, 0.5)]
+    >>> several = [Claim(str(p), "", (), (from_print("", p),), "") for p in (0.97, 1.0, 0.01, 0.98, 0.5)]
     >>> [c.verdict[:5] for c in judged(several)]
     ['canno', 'holds', 'does ', 'canno', 'canno']
     """

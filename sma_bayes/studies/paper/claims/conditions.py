@@ -15,7 +15,7 @@ from sma_bayes.records.types import Branch
 from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.conditions.effects import SettingEffect, operating_effects
 from sma_bayes.studies.conditions.features import BOTH, Feature
-from sma_bayes.studies.paper.claims.claim import Claim, ClaimEvidence
+from sma_bayes.studies.paper.claims.claim import Claim, EvidenceForClaim, from_print, from_twin
 from sma_bayes.studies.paper.printed import (
     printed_effects,
     probability_positive,
@@ -79,11 +79,11 @@ def _confounded(effect: SettingEffect) -> str:
     return f" It can't be told from {' and '.join(found)}." if found else ""
 
 
-def _of_twin(effect: SettingEffect | None) -> tuple[ClaimEvidence, ...]:
+def _of_twin(effect: SettingEffect | None) -> tuple[EvidenceForClaim, ...]:
     if effect is None:
         return ()
     told = f"{_change(effect)} in the greatest stiffness; {ASSUMED}"
-    return (ClaimEvidence("twin", told, _rises(effect), False),)
+    return (from_twin(told, _rises(effect)),)
 
 
 def _current(twin: SettingEffect | None) -> Iterator[Claim]:
@@ -94,8 +94,7 @@ def _current(twin: SettingEffect | None) -> Iterator[Claim]:
         "Stiffness rises with current",
         (419, 421),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 f"greatest stiffness {_change(greatest)} from 1 to 2 A; {TREND} (Table 9, and the second run at 2 A of "
                 "line 339)",
                 _rises(greatest),
@@ -110,7 +109,7 @@ def _current(twin: SettingEffect | None) -> Iterator[Claim]:
         "change-of-stiffness-rises-with-current",
         "The change from least to greatest stiffness rises with current",
         (421,),
-        (ClaimEvidence("printed", f"{_change(rise)} from 1 to 2 A; {TREND}", _rises(rise)),),
+        (from_print(f"{_change(rise)} from 1 to 2 A; {TREND}", _rises(rise)),),
         "An association of the same three tests." + _confounded(rise),
         ("E27", "E41"),
         _strong(rise),
@@ -124,8 +123,7 @@ def _current(twin: SettingEffect | None) -> Iterator[Claim]:
         "The greatest stiffness changes more from 1.5 to 2 A than from 1 to 1.5 A",
         (421,),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 f"{two - middle:.1f} against {middle - one:.1f} N/m by Table 9, {other - middle:.1f} N/m by the second "
                 "run at 2 A",
                 probability_positive(contrast, (0.5, 0.5, -2.0, 1.0), repeat_scatter("stiffness_max")),
@@ -143,11 +141,7 @@ def _load(twin: SettingEffect | None) -> Iterator[Claim]:
         "Stiffness rises with load",
         (427,),
         (
-            ClaimEvidence(
-                "printed",
-                f"greatest stiffness {_change(greatest)} from 100 to 200 g; {TREND}",
-                _rises(greatest),
-            ),
+            from_print(f"greatest stiffness {_change(greatest)} from 100 to 200 g; {TREND}", _rises(greatest)),
             *_of_twin(twin),
         ),
         "Three tests, and the greatest temperature is not the same in them.",
@@ -160,8 +154,7 @@ def _load(twin: SettingEffect | None) -> Iterator[Claim]:
         "The stiffness changes more from 100 to 150 g than from 150 to 200 g",
         (427,),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 f"{middle - low:.1f} against {high - middle:.1f} N/m, with the scatter of the repeated test at 2 A",
                 probability_positive(2.0 * middle - low - high, (2.0, -1.0, -1.0), repeat_scatter("stiffness_max")),
             ),
@@ -194,11 +187,11 @@ def _hysteresis(
             text,
             lines,
             (
-                ClaimEvidence(
-                    "twin",
+                from_twin(
                     f"distance of the midpoints of both branches, {_change(effect)} from least to greatest {setting}; "
                     f"{TREND}",
                     _rises(effect) if rising else _falls(effect),
+                    counts=True,
                 ),
             ),
             "From the printed midpoints, which the twin's assumptions hardly touch, in a unit of temperature that "
@@ -212,7 +205,7 @@ def _frequency(twin: SettingEffect | None) -> Iterator[Claim]:
         "stiffness-rises-with-frequency",
         "Stiffness rises slightly with frequency",
         (433, 435),
-        (ClaimEvidence("printed", "the stiffness of Table 12 is lost", None), *_of_twin(twin)),
+        (from_print("the stiffness of Table 12 is lost", None), *_of_twin(twin)),
         "The table that would show it holds copies of other columns.",
         ("E26", "E40", "E45"),
         lost="stiffness by frequency (Table 12)",
@@ -221,7 +214,7 @@ def _frequency(twin: SettingEffect | None) -> Iterator[Claim]:
         "modulus-hardly-varies-with-frequency",
         "The storage modulus varies little with frequency in martensite and austenite",
         (484,),
-        (ClaimEvidence("printed", "no number of Figs. 19 and 20 is printed", None),),
+        (from_print("no number of Figs. 19 and 20 is printed", None),),
         "It is the modulus of the material, not the stiffness of the spring. Of measurements `sma-bayes modulus` "
         "would tell by how much, with an interval.",
         ("E48",),
@@ -238,13 +231,7 @@ def _duty_cycle() -> Iterator[Claim]:
         "stiffness-rises-with-duty-cycle",
         "Stiffness rises consistently with duty cycle",
         (449,),
-        (
-            ClaimEvidence(
-                "printed",
-                f"greatest stiffness {_change(greatest)} from 40 to 80 %; {TREND}",
-                _rises(greatest),
-            ),
-        ),
+        (from_print(f"greatest stiffness {_change(greatest)} from 40 to 80 %; {TREND}", _rises(greatest)),),
         f"The printed stiffnesses need a shear modulus of up to {modulus / 1e9:.0f} GPa, which the alloy does not have."
         + _confounded(greatest),
         ("E38", "E39", "E43"),
@@ -255,8 +242,7 @@ def _duty_cycle() -> Iterator[Claim]:
         "The slope of the stiffness falls with duty cycle",
         (451,),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 f"mean slope between the printed extremes {_change(slope)} from 40 to 80 %; {TREND}",
                 _falls(slope),
             ),
@@ -280,8 +266,7 @@ def _range_of_change() -> Claim:
         "Stiffness changes most with temperature, less with frequency and stress",
         (437,),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 f"{by_temperature:.1f}-fold or more with temperature, {by_load_ratio:.2f}-fold with load",
                 probability_positive(
                     float(np.log(by_temperature / by_load_ratio)), (1.0, 1.0, -1.0), scatter
@@ -314,8 +299,7 @@ def _quality() -> Claim:
         "The quality of the fit improves with current",
         (320,),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 f"RMSE over the range of stiffness, heating, {_change(effect)} from 1 to 2 A, not steadily; R² "
                 f"{', '.join(r2)}; {TREND}",
                 _falls(effect),

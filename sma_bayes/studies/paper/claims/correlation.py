@@ -9,7 +9,7 @@ import numpy as np
 
 from sma_bayes.assess.correlation_average import average_draws
 from sma_bayes.paper.correlation import implied_average
-from sma_bayes.studies.paper.claims.claim import Claim, ClaimEvidence
+from sma_bayes.studies.paper.claims.claim import Claim, from_print, from_twin
 from sma_bayes.studies.paper.twin_study import TwinStudy
 
 ROUNDED: Final = 0.005
@@ -34,9 +34,9 @@ def correlation_claims(study: TwinStudy) -> Iterator[Claim]:
         f"The average correlation factor is {implied.claimed:g}",
         (3, 500),
         (
-            ClaimEvidence("printed", told, 0.0),
-            ClaimEvidence("twin", f"{twin}; the twin's noise is the printed RMSE", inside, False),
-            ClaimEvidence("twin", f"a straight line in temperature has a plain mean of r of {line:.3f}", None, False),
+            from_print(told, 0.0),
+            from_twin(f"{twin}; the twin's noise is the printed RMSE", inside),
+            from_twin(f"a straight line in temperature has a plain mean of r of {line:.3f}", None),
         ),
         "The claim contradicts the paper's own R², which are far better. Which average it was is not said; a straight "
         "line would nearly reach it.",
@@ -47,8 +47,8 @@ def correlation_claims(study: TwinStudy) -> Iterator[Claim]:
         f"The average correlation factor is {implied.claimed:g} or more, on the data that were fitted",
         (3, 320, 500),
         (
-            ClaimEvidence("printed", told, 1.0),
-            ClaimEvidence("twin", twin, float(np.mean(r > implied.claimed)), False),
+            from_print(told, 1.0),
+            from_twin(twin, float(np.mean(r > implied.claimed))),
         ),
         "True, and weak: the factor is of the data to which the curves were fitted, and a straight line has "
         f"{line:.3f}.",

@@ -8,7 +8,7 @@ import numpy as np
 
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
-from sma_bayes.studies.paper.claims.claim import Claim, ClaimEvidence
+from sma_bayes.studies.paper.claims.claim import Claim, from_print, from_twin
 from sma_bayes.studies.paper.distance import distances
 from sma_bayes.studies.paper.twin_study import TwinStudy
 
@@ -24,16 +24,13 @@ def model_claims(study: TwinStudy) -> Iterator[Claim]:
         "The modified sigmoid is superior to the logistic curve",
         (3, 366, 368, 500),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 "over the range of stiffness that Tables 9 and 10 print, the published curve is nearer to some "
                 f"logistic curve than its own printed RMSE in {near} of {len(known)} columns, and more than twice as "
                 f"far in {far}",
                 None,
             ),
-            ClaimEvidence(
-                "twin", _twin_comparison(study, "logistic"), _twin_probability(study, "logistic"), False
-            ),
+            from_twin(_twin_comparison(study, "logistic"), _twin_probability(study, "logistic")),
         ),
         "The paper plugged calorimetric temperatures and the extremes of the data into the logistic, and fitted six "
         "parameters of its own. In most columns a fitted logistic could hardly be told from Eq. (7) on the stiffness "
@@ -45,14 +42,13 @@ def model_claims(study: TwinStudy) -> Iterator[Claim]:
         "The modified sigmoid is superior to the polynomial",
         (3, 377, 500),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 "over the range of stiffness that Tables 9 and 10 print, the published curve is at least "
                 f"{least:.1f} times its printed RMSE away from every straight line, which Eq. (11) is at one "
                 "frequency; beyond 2 times no residuals could make up for it",
                 float(all(d.line > 2.0 * (d.rmse or np.inf) for d in known)),
             ),
-            ClaimEvidence("twin", _twin_comparison(study, "polynomial"), _twin_probability(study, "polynomial"), False),
+            from_twin(_twin_comparison(study, "polynomial"), _twin_probability(study, "polynomial")),
         ),
         "In sample, and if the printed RMSE are right.",
         ("E14", "E49"),
@@ -69,8 +65,7 @@ def model_claims(study: TwinStudy) -> Iterator[Claim]:
         "The logistic model appears as straight lines with abrupt changes",
         (368,),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 f"with the printed As and Af, Eq. (9) climbs from 10 to 90 % within {steep:.1f} K, of sweeps of "
                 f"{min(sweeps):.0f} to {max(sweeps):.0f} K; as printed its centre is at {(start - end) / 2:.1f} °C, "
                 "so that it is flat over the whole sweep",

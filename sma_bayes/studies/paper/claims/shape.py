@@ -12,7 +12,7 @@ from sma_bayes.assess.bands import curve_draws, temperature_grid
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, TABLE_11, extremes
 from sma_bayes.response.modified_sigmoid import shape_of
-from sma_bayes.studies.paper.claims.claim import Claim, ClaimEvidence
+from sma_bayes.studies.paper.claims.claim import Claim, from_print, from_twin
 from sma_bayes.studies.paper.printed import probability_positive, second_run
 from sma_bayes.studies.paper.twin_study import TwinStudy
 
@@ -32,19 +32,16 @@ def shape_claims(study: TwinStudy) -> Iterator[Claim]:
         "Stiffness against temperature, Eq. (7), is an S curve",
         (85, 150, 433, 449),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 "Eq. (7) is bounded only at A2 = B2, which no printed row has; the others return to zero or grow "
                 "without bound",
                 0.0,
             ),
-            ClaimEvidence(
-                "twin",
+            from_twin(
                 f"expected among {count} records: {kinds['hump']:.1f} humps, {kinds['unbounded']:.1f} unbounded, "
                 f"{kinds['sigmoid']:.1f} sigmoids; over the twin's temperatures the stiffness rises throughout in "
                 f"{rising:.1f}",
                 kinds["sigmoid"] / count,
-                False,
             ),
         ),
         "Where it rises it looks like one. It must not be used beyond the measured temperatures.",
@@ -75,8 +72,7 @@ def _ratio_claim() -> Claim:
         "The stiffness in austenite is more than 5 to 6 times that in martensite",
         (500,),
         (
-            ClaimEvidence(
-                "printed",
+            from_print(
                 f"Tables 9 and 10 print ratios of {min(ratios.values()):.1f} to {max(ratios.values()):.1f}; "
                 f"the least is that of {least}",
                 probability_positive(float(np.log(ratios[least] / AUSTENITE)), (1.0,), scatter),

@@ -9,13 +9,22 @@ import pytest
 from sma_bayes.paper.specifications import TABLE_1, TABLE_2
 from sma_bayes.paper.tables import TABLE_6
 from sma_bayes.records.types import Branch
-from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN, Claim, ClaimEvidence, judged
+from sma_bayes.studies.paper.claims.claim import (
+    FAILS,
+    HOLDS,
+    OPEN,
+    Claim,
+    EvidenceForClaim,
+    from_print,
+    from_twin,
+    judged,
+)
 from sma_bayes.studies.paper.document import judged_claim
 from sma_bayes.studies.paper.page import _untypeset, anchor, pipes, probability
 from sma_bayes.studies.paper.tables import printed_spread
 
 
-def claim(*evidence: ClaimEvidence) -> Claim:
+def claim(*evidence: EvidenceForClaim) -> Claim:
     return Claim("id", "text", (1,), evidence, "why")
 
 
@@ -36,34 +45,31 @@ def claim(*evidence: ClaimEvidence) -> Claim:
 def test_a_verdict_needs_all_evidence_that_counts(
     probabilities: tuple[float | None, ...], verdict: str
 ) -> None:
-    evidence = [ClaimEvidence("printed", "", p) for p in probabilities]
+    evidence = [from_print("", p) for p in probabilities]
     assert claim(*evidence).verdict == verdict
     for circular in (0.0, 1.0):
-        assert claim(*evidence, ClaimEvidence("twin", "", circular, False)).verdict == verdict
+        assert claim(*evidence, from_twin("", circular)).verdict == verdict
         assert judged_claim(claim(*evidence)).verdict == verdict
 
 
 def test_evidence_that_does_not_count_decides_nothing() -> None:
-    assert claim(ClaimEvidence("twin", "", 1.0, False)).verdict == OPEN
+    assert claim(from_twin("", 1.0)).verdict == OPEN
 
 
 def test_what_is_confounded_or_lost_never_holds() -> None:
-    sure = (ClaimEvidence("printed", "", 1.0),)
+    sure = (from_print("", 1.0),)
     assert Claim("id", "text", (1,), sure, "why", confounded=("power",)).verdict == OPEN
     assert Claim("id", "text", (1,), sure, "why", lost="stiffness").verdict == OPEN
-    assert (
-        Claim("id", "text", (1,), (ClaimEvidence("printed", "", 0.0),), "why", lost="stiffness").verdict
-        == OPEN
-    )
+    assert Claim("id", "text", (1,), (from_print("", 0.0),), "why", lost="stiffness").verdict == OPEN
 
 
 def test_verdicts_are_those_of_holm() -> None:
     """By hand: errors 0.001, 0.012, 0.02 and 0.03 of four tests; the limits are 5 % over 4, 3, 2 and 1."""
-    several = [claim(ClaimEvidence("printed", "", p)) for p in (0.97, 0.999, 0.012, 0.98, None)]
+    several = [claim(from_print("", p)) for p in (0.97, 0.999, 0.012, 0.98, None)]
     found = judged(several)
     assert [c.verdict for c in found] == [HOLDS, HOLDS, FAILS, HOLDS, OPEN]
     assert [round(c.allowed, 6) for c in found[:4]] == [0.05, 0.0125, round(0.05 / 3, 6), 0.025]
-    stopped = judged([claim(ClaimEvidence("printed", "", p)) for p in (0.96, 0.999, 0.97, 0.96)])
+    stopped = judged([claim(from_print("", p)) for p in (0.96, 0.999, 0.97, 0.96)])
     assert [c.verdict for c in stopped] == [OPEN, HOLDS, OPEN, OPEN]
 
 
