@@ -16,8 +16,10 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 import numpy as np
+from pydantic import Field
 
 from sma_bayes.arrays import Floats, Ints
+from sma_bayes.document_part import DocumentPart, Number, NumberOrNull
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, many, near_matches
 from sma_bayes.limits import SETTING
 from sma_bayes.quantities import can_convert, convert
@@ -120,26 +122,15 @@ class DmtaOptions:
                 )
 
 
-@dataclass(frozen=True, slots=True)
-class Damping:
-    """Declared tan delta beside the quotient of the declared moduli.
+class DeclaredDamping(DocumentPart):
+    """Declared tan delta beside the quotient of the declared moduli."""
 
-    Attributes
-    ----------
-    compared : int
-        Rows that state all three.
-    disagree : int
-        Those of them where both differ by more than `DISAGREE` of the greatest.
-    greatest : float
-        Greatest difference, as a share of the greatest declared [1].
-    row : int
-        Source line of it.
-    """
-
-    compared: int
-    disagree: int
-    greatest: float
-    row: int
+    test: str = Field(description="file, with its step or sheet where it has several")
+    frequency: NumberOrNull = Field(description="frequency [Hz]")
+    compared: int = Field(description="rows that state all three")
+    disagree: int = Field(description="rows in which they differ by more than 1 % of the greatest tan delta")
+    greatest: Number = Field(description="greatest difference, as a share of the greatest tan delta [1]")
+    row: int = Field(description="source line of that")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +152,7 @@ class DmtaSweep:
         Loss modulus [Pa] likewise.
     loss_from_tan_delta : bool
         Whether the loss modulus was made from tan delta and the storage modulus.
-    damping : Damping or None
+    damping : DeclaredDamping or None
         None where tan delta and both moduli are not all declared.
     """
 
@@ -172,7 +163,7 @@ class DmtaSweep:
     storage: Record
     loss: Record | None
     loss_from_tan_delta: bool
-    damping: Damping | None
+    damping: DeclaredDamping | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -588,7 +579,7 @@ def _sweeps_of(test: _Test, options: DmtaOptions) -> tuple[list[DmtaSweep], list
     left_out: list[str] = []
     for frequency, rows, wide in _by_frequency(test, options):
         name = test.label if frequency is None else f"{test.label}-{frequency:g}Hz"
-        moduli, from_tan_delta, damping = _moduli(test, rows, wide)
+        moduli, from_tan_delta, damping = _moduli(test, frequency, rows, wide)
         if not np.isfinite(moduli["storage_modulus"]).any():
             left_out.append(f"{name}: no storage modulus")
             continue
@@ -656,7 +647,9 @@ def _stated(text: str) -> float:
     return float(convert(value, unit, "Hz", what="--frequency"))
 
 
-def _moduli(test: _Test, rows: Ints, wide: float | None) -> tuple[dict[str, Floats], bool, Damping | None]:
+def _moduli(
+    test: _Test, frequency: float | None, rows: Ints, wide: float | None
+) -> tuple[dict[str, Floats], bool, DeclaredDamping | None]:
     """Moduli [Pa] of some rows, whether the loss comes from tan delta, and what the declared tan delta says."""
     found = {}
     for quantity in ("storage_modulus", "loss_modulus", "tan_delta"):
@@ -665,14 +658,16 @@ def _moduli(test: _Test, rows: Ints, wide: float | None) -> tuple[dict[str, Floa
             found[quantity] = values[rows]
     tan = found.pop("tan_delta", None)
     if "loss_modulus" in found:
-        return found, False, _damping(found, tan, test.row[rows])
+        return found, False, _damping(test, frequency, rows, found, tan)
     if tan is not None:
         found["loss_modulus"] = found["storage_modulus"] * tan
         return found, True, None
     return found, False, None
 
 
-def _damping(moduli: Mapping[str, Floats], tan: Floats | None, row: Ints) -> Damping | None:
+def _damping(
+    test: _Test, frequency: float | None, rows: Ints, moduli: Mapping[str, Floats], tan: Floats | None
+) -> DeclaredDamping | None:
     if tan is None:
         return None
     away = np.abs(tan - moduli["loss_modulus"] / moduli["storage_modulus"])
@@ -681,7 +676,10 @@ def _damping(moduli: Mapping[str, Floats], tan: Floats | None, row: Ints) -> Dam
         return None
     share = away / max(float(np.nanmax(np.abs(tan))), 1e-300)
     at = int(np.nanargmax(share))
-    return Damping(int(seen.sum()), int(np.sum(share[seen] > DISAGREE)), float(share[at]), int(row[at]))
+    return DeclaredDamping(
+        test=test.label, frequency=frequency, compared=int(seen.sum()),
+        disagree=int(np.sum(share[seen] > DISAGREE)), greatest=float(share[at]), row=int(test.row[rows][at]),
+    )  # fmt: skip
 
 
 def _run_of(test: _Test, name: str, frequency: float | None, rows: Ints, modulus: Floats) -> Run:

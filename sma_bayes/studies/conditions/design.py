@@ -7,9 +7,11 @@ from dataclasses import dataclass, fields
 from itertools import groupby
 
 import numpy as np
+from pydantic import Field
 from scipy.optimize import linprog
 
 from sma_bayes.arrays import Floats
+from sma_bayes.document_part import DocumentPart, Number
 from sma_bayes.errors import MeasurementError
 from sma_bayes.records.types import Condition
 
@@ -179,25 +181,13 @@ def _varies(values: Sequence[float]) -> bool:
     return max(values) - min(values) > SAME * max(abs(v) for v in values)
 
 
-@dataclass(frozen=True, slots=True)
-class Confounder:
-    """Something that varies along with a setting.
+class Confounder(DocumentPart):
+    """Something that varies along with a setting."""
 
-    Attributes
-    ----------
-    setting, other : str
-    correlation : float
-        Over the conditions [1].
-    """
-
-    setting: str
-    other: str
-    correlation: float
-
-    @property
-    def strong(self) -> bool:
-        """Whether the data can hardly tell one from the other."""
-        return abs(self.correlation) >= TOGETHER
+    setting: str = Field(description="the setting")
+    other: str = Field(description="setting or feature that varied along")
+    correlation: Number = Field(description="over the conditions [1]")
+    strong: bool = Field(description="whether the two can't be told apart")
 
 
 def heating_power(design: Design) -> Floats | None:
@@ -228,5 +218,5 @@ def confounders(design: Design, measured: Mapping[str, Floats]) -> tuple[Confoun
         for name, values in (others | came_about).items():
             if _varies(values.tolist()):
                 r = float(np.corrcoef(design.values(setting), values)[0, 1])
-                out.append(Confounder(setting, name, r))
+                out.append(Confounder(setting=setting, other=name, correlation=r, strong=abs(r) >= TOGETHER))
     return tuple(out)

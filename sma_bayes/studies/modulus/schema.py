@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.records.dmta import DeclaredDamping
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
@@ -109,17 +110,6 @@ class ModulusSweep(DocumentPart):
     values: Items[ModulusValue] = Field(
         description="moduli and tan delta at the temperatures that were asked"
     )
-
-
-class DeclaredDamping(DocumentPart):
-    """Declared tan delta beside the quotient of the declared moduli."""
-
-    test: str = Field(description="file, with its step or sheet where it has several")
-    frequency: NumberOrNull = Field(description="frequency [Hz]")
-    compared: int = Field(description="rows that state all three")
-    disagree: int = Field(description="rows in which they differ by more than 1 % of the greatest tan delta")
-    greatest: Number = Field(description="greatest difference, as a share of the greatest tan delta [1]")
-    row: int = Field(description="source line of that")
 
 
 class ShiftPoint(DocumentPart):

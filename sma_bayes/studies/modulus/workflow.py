@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -20,7 +19,7 @@ from sma_bayes.fitting.curves import as_interval
 from sma_bayes.fitting.posterior import versions
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import unit_text
-from sma_bayes.records.dmta import DmtaCampaign, DmtaOptions, DmtaSweep, read_dmta
+from sma_bayes.records.dmta import DeclaredDamping, DmtaCampaign, DmtaOptions, DmtaSweep, read_dmta
 from sma_bayes.records.severity import finding_document
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, STORAGE_LADDER, ResponseModel
@@ -32,7 +31,6 @@ from sma_bayes.runs.store import write_csv, write_json
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.modulus.schema import (
-    DeclaredDamping,
     FrequencyShift,
     Modulus,
     ModulusByFrequency,
@@ -160,7 +158,8 @@ def modulus(
 
     def find(folder: Path | None) -> ModulusFindings:
         sweeps = _sweeps(tasks, folder, work)
-        shifts, damping = shifts_of(sweeps, degrees), _damping(campaign.sweeps)
+        shifts = shifts_of(sweeps, degrees)
+        damping = tuple({(s.test, s.frequency): s.damping for s in campaign.sweeps if s.damping}.values())
         return ModulusFindings.about(
             campaign,
             schema="sma-bayes/modulus/1",
@@ -354,16 +353,6 @@ def _by_frequency(sweeps: Sequence[ModulusSweep], at: Sequence[float]) -> tuple[
                 )
             )
     return tuple(out)
-
-
-def _damping(sweeps: Sequence[DmtaSweep]) -> tuple[DeclaredDamping, ...]:
-    seen = {}
-    for s in sweeps:
-        if s.damping is not None:
-            seen[s.test, s.frequency] = DeclaredDamping(
-                test=s.test, frequency=s.frequency, **asdict(s.damping)
-            )
-    return tuple(seen.values())
 
 
 def _remarks(

@@ -18,6 +18,7 @@ from sma_bayes.runs.schema import (
     NumberOrNull,
 )
 from sma_bayes.studies.compare.schema import StatedDifference
+from sma_bayes.studies.conditions.design import Confounder
 from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN, EvidenceForClaim
 from sma_bayes.studies.paper.distance import PublishedDistance
 
@@ -182,15 +183,6 @@ class TwinComparison(DocumentPart):
     unavailable: dict[str, str] = Field(description="why others could not take part, by name")
 
 
-class AlongWith(DocumentPart):
-    """What varied along with a setting."""
-
-    setting: str = Field(description="the setting")
-    other: str = Field(description="setting or feature that varied along")
-    correlation: Number = Field(description="over the conditions [1]")
-    strong: bool = Field(description="whether the two can't be told apart")
-
-
 class PrintedEffect(DocumentPart):
     """What a setting does to a printed quantity, from its least to its greatest value."""
 
@@ -206,7 +198,7 @@ class PrintedEffect(DocumentPart):
         description="change in general, with scatter between tests; null where not told"
     )
     probability_rises: NumberOrNull = Field(description="that the quantity rises with the setting [1]")
-    confounders: Items[AlongWith] = Field(description="what varied along with the setting")
+    confounders: Items[Confounder] = Field(description="what varied along with the setting")
 
 
 class RecomputedValue(DocumentPart):
