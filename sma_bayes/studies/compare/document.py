@@ -26,9 +26,7 @@ from sma_bayes.studies.compare.schema import (
     OverallModel,
     StatedDifference,
     StatedDraws,
-    StatedEvidence,
     StatedFolds,
-    StatedNoiseChoice,
     StatedParameter,
 )
 from sma_bayes.studies.compare.verdict import Standing, difference, judge
@@ -53,21 +51,12 @@ def record_document(comparison: Comparison) -> ComparedRecord:
         temperature_unit=record.units["temperature"],
         n=record.n,
         noise=comparison.noise.name,
-        noise_choice=_noise_choice(comparison),
         discrepancy=comparison.has_discrepancy,
         held_out=StatedFolds(kind=comparison.folds.kind, folds=tuple(comparison.folds.labels)),
         **dict(comparison.verdict),
         same_curve=_classes(comparison),
         models={c.name: _model(comparison, c) for c in comparison.entrants if _takes_part(comparison, c)},
     )
-
-
-def _noise_choice(comparison: Comparison) -> StatedNoiseChoice | None:
-    """Why the noise is as it is; None where it was named."""
-    choice = comparison.noise_choice
-    if choice is None:
-        return None
-    return StatedNoiseChoice(reason=choice.reason, ln_evidence=dict(choice.ln_evidence))
 
 
 def stem_of(comparison: Comparison) -> str:
@@ -135,10 +124,7 @@ def _numbers(comparison: Comparison, found: FittedContender) -> dict[str, Any]:
         "pareto_k_anew_max": float(np.max([*loo.k_anew, *out.k_anew])),
         "refits": FitsAnew(samples=loo.refits, folds=out.refits),
         "refits_not_converged": FitsAnew(samples=loo.not_converged, folds=out.not_converged),
-        "evidence_by": EvidenceByMethod(
-            importance=StatedEvidence.about(found.importance),
-            bridge=StatedEvidence.about(found.bridge),
-        ),
+        "evidence_by": EvidenceByMethod.about(found),
         "evidences_agree": found.evidences_agree,
         "elpd_held_out": float(folds.sum()),
         "elpd_by_fold": folds.tolist(),

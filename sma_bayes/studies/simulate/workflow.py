@@ -554,12 +554,8 @@ def _columns(
 
 
 def _value_at(band: Mapping[str, Floats], i: int, name: str, unit: str) -> ValueAtEnd:
-    q05, median, q95, pred_q05, pred_q95 = (
-        float(band[key][i]) for key in ("q05", "q50", "q95", "pred_q05", "pred_q95")
-    )
-    return ValueAtEnd(
-        name=name, unit=unit, q05=q05, median=median, q95=q95, pred_q05=pred_q05, pred_q95=pred_q95
-    )
+    numbers = {key.replace("q50", "median"): float(values[i]) for key, values in band.items()}
+    return ValueAtEnd(name=name, unit=unit, **numbers)
 
 
 def _other_rule(
