@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,7 +38,7 @@ from sma_bayes.studies.conditions.population import SCATTER
 from sma_bayes.studies.conditions.schema import ConditionsFindings, ConditionsOptions
 from sma_bayes.studies.conditions.study import ConditionStudy, bands_of, study
 from sma_bayes.studies.fit.tasks import FitTask, sample_task
-from sma_bayes.studies.identity import all_versions, of_fit
+from sma_bayes.studies.identity import fit_identity, of_fit
 from sma_bayes.studies.options import FitOptions, check_model_and_noise, model_named
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
@@ -148,24 +147,14 @@ class _ConditionsQuestion:
 
     def identity(self) -> dict[str, Any]:
         """What decides the numbers: what `run.json` holds, and what must agree for a study to be resumed."""
-        digest = hashlib.sha256()
-        for record in self.records:
-            digest.update(f"{record.condition!r} {record.branch}".encode())
-            digest.update(record.theta.tobytes())
-        return {
-            "schema": "sma-bayes/run/1",
-            "kind": CONDITIONS.verb,
-            "data": self.run.summary.data_sha256,
-            "fit": digest.hexdigest(),
+        asked = {
             "at": [repr(c) for c in self.asked],
             "leave_out": list(self.left_out),
             "seed": self.seed,
             "scatter": self.scatter,
-            "models": [AUTO_MODEL]
-            if self.chooses
-            else sorted({r.posterior.model.name for r in self.records}),
-            "versions": all_versions(),
+            "model": AUTO_MODEL if self.chooses else None,
         }
+        return fit_identity(CONDITIONS.verb, self.run.summary, asked)
 
 
 def _studied(question: _ConditionsQuestion, folder: Path | None, work: RunContext) -> ConditionsFindings:
