@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Any, Final, Literal
-
-from sma_bayes.records.types import Finding
+from typing import Final, Literal
 
 Severity = Literal["serious", "look", "note"]
 """``serious``: numbers may be other than they seem; ``look``: rows kept out, or an assumption to confirm; ``note``:
@@ -33,8 +30,3 @@ def severity(kind: str) -> Severity:
     ('serious', 'look', 'note')
     """
     return "serious" if kind in _SERIOUS else "note" if kind in _NOTES else "look"
-
-
-def finding_document(finding: Finding) -> dict[str, Any]:
-    """Finding as JSON documents have it, with its severity."""
-    return {**asdict(finding), "severity": severity(finding.kind)}

@@ -13,6 +13,7 @@ import numpy as np
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY
+from sma_bayes.records.severity import Severity, severity
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -237,6 +238,11 @@ class Finding:
     condition: str = ""
     branch: str = ""
     column: str = ""
+
+    @property
+    def severity(self) -> Severity:
+        """How much it matters."""
+        return severity(self.kind)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,6 @@ from typing import Any
 
 from sma_bayes import __version__
 from sma_bayes.fitting.posterior import versions
-from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign
 from sma_bayes.runs.documents import read_mark
 from sma_bayes.runs.fit_document import FitFindings, FitSummary
@@ -33,7 +32,7 @@ def of_campaign(campaign: Campaign, seed: int) -> dict[str, Any]:
         "seed": seed,
         "versions": all_versions(),
         "data_sha256": campaign.sha256,
-        "findings": tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
+        "findings": tuple(map(FindingDocument.about, campaign.findings)),
     }
 
 

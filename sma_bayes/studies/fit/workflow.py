@@ -23,7 +23,6 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, lines_inside, silent
 from sma_bayes.records.declaration import CAMPAIGN_FILE
 from sma_bayes.records.plausibility import doubted_conditions
-from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import DEFAULT_MODEL
@@ -256,7 +255,7 @@ def fit_campaign(
         records=tuple(records),
         correlation_average=tuple(averages),
         loops=tuple(loops),
-        findings=tuple(FindingDocument.model_validate(finding_document(f)) for f in campaign.findings),
+        findings=tuple(map(FindingDocument.about, campaign.findings)),
     )
     if campaign.data_dir:
         summary = summary.but(data_dir=campaign.data_dir)

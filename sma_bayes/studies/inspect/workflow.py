@@ -10,7 +10,6 @@ from sma_bayes.fitting.noise_choice import choose_noise
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.records.severity import finding_document
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.fit_document import GoodnessSummary
@@ -39,7 +38,7 @@ def inspect_campaign(campaign: Campaign) -> dict[str, Any]:
         source=campaign.source,
         data_sha256=campaign.sha256,
         records=tuple(_described(r) for r in campaign.records),
-        findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
+        findings=tuple(map(FindingDocument.about, campaign.findings)),
     ).as_json()
 
 

@@ -20,7 +20,6 @@ from sma_bayes.fitting.posterior import versions
 from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.dmta import DeclaredDamping, DmtaCampaign, DmtaOptions, DmtaSweep, read_dmta
-from sma_bayes.records.severity import finding_document
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, STORAGE_LADDER, ResponseModel
 from sma_bayes.runs.declared_units import ShownUnit, declared_parts
@@ -176,7 +175,7 @@ def modulus(
             shifts=shifts,
             by_frequency=_by_frequency(sweeps, told),
             remarks=_remarks(campaign, sweeps, told, damping, shifts, degrees_of(declared)),
-            findings=tuple(FindingDocument(**finding_document(f)) for f in campaign.findings),
+            findings=tuple(map(FindingDocument.about, campaign.findings)),
         )
 
     found = work.execute(out, identity, resume, find)
