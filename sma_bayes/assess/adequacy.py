@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 
+from sma_bayes.assess import sweeps as left_out
 from sma_bayes.assess.checks import Check
 from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.identifiability import contraction
@@ -20,6 +21,7 @@ from sma_bayes.fitting.fit_records import exact_channels
 from sma_bayes.fitting.noise_choice import LONGEST_MEMORY
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import unit_text
+from sma_bayes.records.types import Record
 
 MISSED = 0.02
 """Share of the range of a channel that a curve may miss at its worst place and still describe the data."""
@@ -32,9 +34,12 @@ PRIOR_LED = 0.75
 MOST_SHOWN = 10.0
 """Multiple of the range of a curve from which on the number itself says nothing."""
 GRID = 161
+OF_SWEEPS = ("sweep_means", left_out.STATISTIC)
+"""Checks of whether the sweeps of a record are alike."""
 
 SENTENCES = {
     "curve": "the curve misses {what}",
+    "sweeps": "{what}",
     "check": "{what}",
     "noise": "the noise of a reading is {what}",
     "memory": "the noise of {what}: what the curve misses passes for it",
@@ -56,6 +61,7 @@ WORTH_TRYING = {
 }
 """What may describe the data better, by the kind of reason."""
 REMEDIES = {
+    "sweeps": "follow every cycle with `sma-bayes cycles`, or look for what moves them with `sma-bayes gap`",
     "noise": "measure a greater response or with less noise",
     "exact": "fit the readings as they were measured; of a computed curve least squares says all there is",
     "tempered": "leave out `--noise effective_samples`",
@@ -65,25 +71,26 @@ REMEDIES = {
 """What to do about the others."""
 
 
-def remedy(kind: str, model: str) -> str:
+def remedy(kind: str, model: str, noise: str) -> str:
     """What to do where a fit is not adequate for a reason of some kind, besides what was done.
 
     Parameters
     ----------
     kind : str
-    model : str
-        The response model that was asked for, by name or ``auto``.
+    model, noise : str
+        The response model and the noise that were asked for, by name or ``auto``.
 
     Examples
     --------
-    >>> remedy("check", "modified_sigmoid")
+    >>> remedy("check", "modified_sigmoid", "independent")
     'try `--model auto`, `--noise auto` or `sma-bayes gap`'
-    >>> remedy("check", "auto"), remedy("curve", "auto")
+    >>> remedy("check", "auto", "independent"), remedy("curve", "auto", "auto")
     ('try `--noise auto` or `sma-bayes gap`', 'try `sma-bayes gap`')
     """
     if kind not in WORTH_TRYING:
         return REMEDIES[kind]
-    *others, last = (way for way in WORTH_TRYING[kind] if way != f"`--model {model}`")
+    done = (f"`--model {model}`", f"`--noise {noise}`")
+    *others, last = (way for way in WORTH_TRYING[kind] if way not in done)
     return f"try {' or '.join(filter(None, (', '.join(others), last)))}"
 
 
@@ -120,7 +127,8 @@ class Reason(DocumentPart):
 
     kind: str = Field(
         description="`curve` (it misses more than 2 % of the range and three standard deviations of the noise "
-        "somewhere), `check` (p-value of a predictive check below 0.002 or above 0.998), `noise` (its standard "
+        "somewhere), `sweeps` (a predictive check of whether the sweeps are alike has a p-value below 0.002; comes "
+        "before these), `check` (that of another check is below 0.002 or above 0.998), `noise` (its standard "
         "deviation is more than a quarter of the range of the curve), `memory` (as many samples count as one as are in "
         "half a sweep, at the median: what is missed passes for noise), `tempered` (`effective_samples`: no density of "
         "the data), `prior` (contraction of a midpoint or rate below 0.75; no stiffness is given then), `conflict` "
@@ -176,6 +184,9 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
     if against := contradicted(fit, record):
         out.append(_reason("conflict", "", ", ".join(against)))
     sd = {c: float(median[at[0]]) for c, at in posterior.layout[record].noise.items()}
+    out += [
+        _reason("sweeps", c.channel, _failed(r, c)) for c in checks if c.failed and c.statistic in OF_SWEEPS
+    ]
     for m in of_curve:
         if m.share > MISSED and abs(m.largest) > NOTICED * sd[m.channel]:
             share = f"up to {m.share:.1%} of" if m.share < MOST_SHOWN else "more than ten times"
@@ -184,11 +195,11 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
                 "what it misses is in all bands"
             )
             out.append(_reason("curve", m.channel, what))
-    for c in checks:
-        if c.failed:
-            out.append(
-                _reason("check", c.channel, f"{r.quantity(c.channel)}: {c.meaning} (p = {c.p_value:.3g})")
-            )
+    out += [
+        _reason("check", c.channel, _failed(r, c))
+        for c in checks
+        if c.failed and c.statistic not in OF_SWEEPS
+    ]
     if not posterior.noise.is_density:
         out.append(_reason("tempered", "", ""))
     steps = posterior.steps[record]
@@ -216,6 +227,10 @@ def _response(fit: Fit, record: int, channel: str) -> float:
     t = fit.records[record].temperature
     grid = np.linspace(float(t.min()), float(t.max()), GRID)
     return float(np.ptp(np.median(fit.curves(record).curve(channel, grid), axis=0)))
+
+
+def _failed(record: Record, check: Check) -> str:
+    return f"{record.quantity(check.channel)}: {check.meaning} (p = {check.p_value:.3g})"
 
 
 def _reason(kind: str, channel: str, what: str) -> Reason:

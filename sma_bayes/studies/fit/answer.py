@@ -124,13 +124,13 @@ def next_steps(content: Content) -> tuple[str, ...]:
 def _next_steps(content: Content) -> Iterator[str]:
     if content.unconverged:
         yield f"Don't use {_names(content.unconverged)}: not converged. Section 3.1 says which parameter"
-    model = content.document.options.model
+    options = content.document.options
     kinds: dict[str, list[RecordContent]] = {}
     for r in content.inadequate:
         if r.document.why:
             kinds.setdefault(r.document.why[0].kind, []).append(r)
     for kind, records in kinds.items():
-        yield f"{_names(records)}: {records[0].document.why[0].message}; {remedy(kind, model)}"
+        yield f"{_names(records)}: {records[0].document.why[0].message}; {remedy(kind, options.model, options.noise)}"
     extrapolated = [
         r for r in content.converged if any(not t.within_data for t in r.document.transformation.values())
     ]

@@ -15,7 +15,7 @@ from sma_bayes.quantities import unit_text
 from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.screen import SHOWN, screen, show_end
-from sma_bayes.runs.fit_document import FitSummary, RecordSummary
+from sma_bayes.runs.fit_document import FitSummary, OptionsSummary, RecordSummary
 
 COLUMNS = (
     "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
@@ -96,7 +96,7 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         ]
         console.tell(*(f"{finding.condition}: {finding.message}" for finding in unseen[:SHOWN]))
     console.tell(*thermometer_sentences(found.records))
-    console.tell(*adequacy_sentences(found.records, found.options.model))
+    console.tell(*adequacy_sentences(found.records, found.options))
     console.tell(*self_check_sentences(found.records))
     show_end(console, summary, out)
 
@@ -120,6 +120,7 @@ def _columns_beside(keys: Sequence[str], width: int) -> list[str]:
 
 SUBJECTS = {
     "curve": "The curve does not describe {records}",
+    "sweeps": "One curve does not describe all sweeps of {records}",
     "check": "Curve and noise do not give data like those of {records}",
     "noise": "The noise hides the response in {records}",
     "memory": "The noise takes the place of the curve in {records}",
@@ -133,20 +134,20 @@ NAMED = 3
 """Records that such a sentence names."""
 
 
-def adequacy_sentences(records: Sequence[RecordSummary], model: str) -> list[str]:
+def adequacy_sentences(records: Sequence[RecordSummary], options: OptionsSummary) -> list[str]:
     """What to say where fits are not adequate: one sentence for each kind of first reason, empty where all are.
 
     Parameters
     ----------
     records : sequence of RecordSummary
-    model : str
-        Name of the response model that was asked for; what was tried already is not advised.
+    options : OptionsSummary
+        What was asked for; what was tried already is not advised.
     """
     kinds: dict[str, list[RecordSummary]] = {}
     for r in records:
         if r.why:
             kinds.setdefault(r.why[0].kind, []).append(r)
-    return [_adequacy_sentence(kind, found, model) for kind, found in kinds.items()]
+    return [_adequacy_sentence(kind, found, options) for kind, found in kinds.items()]
 
 
 def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
@@ -195,12 +196,12 @@ def self_check_sentences(records: Sequence[RecordSummary]) -> list[str]:
     return sentences
 
 
-def _adequacy_sentence(kind: str, records: Sequence[RecordSummary], model: str) -> str:
+def _adequacy_sentence(kind: str, records: Sequence[RecordSummary], options: OptionsSummary) -> str:
     named = ", ".join(r.key for r in records[:NAMED])
     more = f" and {len(records) - NAMED} more" if len(records) > NAMED else ""
     which = f"{records[0].key}: " if len(records) > 1 else ""
-    message = records[0].why[0].message
-    return f"{SUBJECTS[kind].format(records=named + more)}: {which}{message}; {remedy(kind, model)}."
+    message, advice = records[0].why[0].message, remedy(kind, options.model, options.noise)
+    return f"{SUBJECTS[kind].format(records=named + more)}: {which}{message}; {advice}."
 
 
 def _worth_a_row(records: Sequence[RecordSummary]) -> Sequence[RecordSummary]:

@@ -55,6 +55,17 @@ def test_a_check_that_fails_is_a_reason(good: Fit, p_value: float) -> None:
     assert why.message == f"force: memory (p = {p_value:.3g})"
 
 
+def test_sweeps_that_differ_come_before_other_checks(good: Fit) -> None:
+    """Sweeps that differ leave a memory and misfit, too, of which one curve of any shape or noise can't be rid."""
+    checks = [
+        Check("force", "lag1", 0.9, -0.2, 0.2, 0.0, "memory"),
+        Check("force", "sweep_means", 90.0, 1.0, 9.0, 0.0, "sweeps that differ"),
+    ]
+    first, second = reasons(good, 0, checks, ())
+    assert (first.kind, second.kind) == ("sweeps", "check")
+    assert "sweeps that differ" in first.message
+
+
 def test_a_misfit_smaller_than_chance_is_no_reason(good: Fit) -> None:
     """Parameters were fitted: means by temperature that are nearer nought than those of replications are no sign."""
     assert reasons(good, 0, [Check("force", "block_means", 1.0, 3.0, 20.0, 1.0, "misfit")], ()) == ()

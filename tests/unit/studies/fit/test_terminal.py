@@ -13,6 +13,7 @@ from sma_bayes.runs.fit_document import (
     FitSummary,
     Measure,
     NoiseSummary,
+    OptionsSummary,
     ParameterSummary,
     RecordSummary,
     TemperatureSummary,
@@ -20,6 +21,8 @@ from sma_bayes.runs.fit_document import (
 from sma_bayes.runs.schema import Factor, Workers
 from sma_bayes.studies.fit import terminal as fit
 from sma_bayes.studies.fit.terminal import SUBJECTS, adequacy_sentences
+
+PLAIN = OptionsSummary(model="modified_sigmoid", noise="independent")
 
 
 def record(key: str, *why: tuple[str, str], **more: Any) -> RecordSummary:
@@ -44,12 +47,12 @@ def record(key: str, *why: tuple[str, str], **more: Any) -> RecordSummary:
 
 
 def test_an_adequate_run_says_nothing() -> None:
-    assert adequacy_sentences([record("a-heating"), record("a-cooling")], "modified_sigmoid") == []
+    assert adequacy_sentences([record("a-heating"), record("a-cooling")], PLAIN) == []
 
 
 def test_the_sentence_names_record_reason_and_what_to_try() -> None:
     why = ("curve", "the curve misses strain by up to 5.0% of its range, at 60 °C")
-    (sentence,) = adequacy_sentences([record("a-heating", why), record("a-cooling")], "modified_sigmoid")
+    (sentence,) = adequacy_sentences([record("a-heating", why), record("a-cooling")], PLAIN)
     assert sentence == (
         "The curve does not describe a-heating: the curve misses strain by up to 5.0% of its range, at 60 °C; "
         "try `--model auto` or `sma-bayes gap`."
@@ -58,14 +61,21 @@ def test_the_sentence_names_record_reason_and_what_to_try() -> None:
 
 def test_what_was_tried_already_is_not_advised() -> None:
     for kind in ("curve", "check"):
-        (sentence,) = adequacy_sentences([record("a-heating", (kind, "x"))], "auto")
+        (sentence,) = adequacy_sentences([record("a-heating", (kind, "x"))], OptionsSummary(model="auto"))
         assert "--model auto" not in sentence
+        assert "--noise auto" not in sentence
         assert sentence.endswith("`sma-bayes gap`.")
+
+
+def test_sweeps_that_differ_are_followed_cycle_by_cycle() -> None:
+    (sentence,) = adequacy_sentences([record("a-heating", ("sweeps", "sweeps that differ"))], PLAIN)
+    assert sentence.startswith("One curve does not describe all sweeps of a-heating")
+    assert "`sma-bayes cycles`" in sentence
 
 
 def test_many_records_are_counted_and_the_first_reason_is_that_of_the_first() -> None:
     records = [record(f"{i}-heating", ("curve", f"reason {i}"), ("check", "another")) for i in range(5)]
-    (sentence,) = adequacy_sentences(records, "modified_sigmoid")
+    (sentence,) = adequacy_sentences(records, PLAIN)
     assert sentence.startswith(
         "The curve does not describe 0-heating, 1-heating, 2-heating and 2 more: 0-heating: reason 0;"
     )
@@ -73,7 +83,7 @@ def test_many_records_are_counted_and_the_first_reason_is_that_of_the_first() ->
 
 def test_kinds_are_told_apart() -> None:
     records = [record("a", ("noise", "x")), record("b", ("prior", "y")), record("c", ("tempered", "z"))]
-    found = adequacy_sentences(records, "modified_sigmoid")
+    found = adequacy_sentences(records, PLAIN)
     assert [s.partition(":")[0].split()[-1] for s in found] == ["a", "b", "c"]
     assert len(set(found)) == 3
 
@@ -118,8 +128,9 @@ def test_a_narrow_screen_cuts_no_word_off(
 @pytest.mark.parametrize("kind", SENTENCES)
 def test_every_kind_of_reason_has_its_words(kind: str) -> None:
     assert "{records}" in SUBJECTS[kind]
-    assert remedy(kind, "modified_sigmoid")
-    assert "--model auto" not in remedy(kind, "auto"), "what was done is not advised"
+    assert remedy(kind, "modified_sigmoid", "independent")
+    done = remedy(kind, "auto", "auto")
+    assert "auto" not in done, "what was done is not advised"
 
 
 @pytest.mark.parametrize("length", [10, 30, 45, 60])
