@@ -100,6 +100,20 @@ class MemoryNoise(NoiseModel):
     def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
         return memory_series(innovation, self.phi(shape, steps))
 
+    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
+        # products of each sample with itself and with the one before serve all memories
+        phi = self.phi(shape, steps)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            own = 1.0 / (1.0 - phi * phi)
+            cross = phi * own
+            own[..., :-1] += (phi * cross)[..., 1:]
+        i, j = np.tril_indices(len(rows))
+        before = np.concatenate([np.zeros((len(rows), 1)), rows[:, :-1]], axis=1)
+        found = own @ (rows[i] * rows[j]).T - cross @ (rows[i] * before[j] + rows[j] * before[i]).T
+        gram = np.empty((len(rows), len(rows), len(phi)))
+        gram[i, j] = gram[j, i] = found.T
+        return np.moveaxis(gram, -1, 0)
+
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         phi = self.phi(shape, steps)
         return memory_series(rng.standard_normal(phi.shape), phi)
