@@ -29,21 +29,20 @@ from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.arrangement import ArrangedSpring
 from sma_bayes.runs.documents import FIT
 from sma_bayes.runs.fit_document import (
-    BiasSpringSummary,
     FitFindings,
     OptionsSummary,
     RecordSummary,
 )
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.output_folder import claimed_folder
-from sma_bayes.runs.schema import CorrelationAverage, FindingDocument
+from sma_bayes.runs.schema import CorrelationAverage
 from sma_bayes.runs.store import write_file, write_text
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.fit.fitted import Fits, by_record, shown_progress
 from sma_bayes.studies.fit.parts import remove_parts
 from sma_bayes.studies.fit.self_check import check_self_check, checked, replicates_asked
 from sma_bayes.studies.fit.tasks import fitted, sample_task, tasks_of
-from sma_bayes.studies.identity import all_versions, run_identity
+from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import (
     DEFAULT_SAMPLER,
     FitOptions,
@@ -236,26 +235,15 @@ def fit_campaign(
             write_file(folder / CAMPAIGN_FILE, lambda place: place.write_bytes(campaign.declaration))
     summary = FitFindings(
         schema="sma-bayes/fit/1",
-        campaign=campaign.name,
-        source=campaign.source,
-        seed=seed,
-        options=OptionsSummary(
-            model=model,
-            noise=noise,
-            pool=pool,
-            sampler=sampler,
-            extrapolate=extrapolate,
-            priors=options.priors.title,
-            bias_spring=None if bias is None else BiasSpringSummary.about(bias),
+        **of_campaign(campaign, seed),
+        options=OptionsSummary.about(
+            options, sampler=sampler, priors=options.priors.title, bias_spring=options.bias
         ),
-        versions=all_versions(),
-        data_sha256=campaign.sha256,
         converged=all(r.converged for r in records),
         adequate=all(r.adequate for r in records),
         records=tuple(records),
         correlation_average=tuple(averages),
         loops=tuple(loops),
-        findings=tuple(map(FindingDocument.about, campaign.findings)),
     )
     if campaign.data_dir:
         summary = summary.but(data_dir=campaign.data_dir)
