@@ -416,78 +416,68 @@ def transformation_table(records: Sequence[RecordContent]) -> Table:
 
 def diagnostics_table(records: Sequence[RecordContent]) -> Table:
     """Convergence and sampling of every record."""
-    return Table(
+    return table_of(
         "diagnostics",
         "Convergence",
         "Worst R-hat and least effective sample size (ESS) of any sampled parameter, with its name; likelihood "
         "evaluations; acceptance of the ensemble moves; modes found; rank of the least-squares Jacobian.",
+        [(r, r.document, r.document.sampler, r.worst_rhat, r.least_ess) for r in records],
+        *_OF_RECORD,
+        (Column("samples", "n", "1"), lambda r, d, s, rhat, ess: d.n),
+        (Column("parameters", "parameters", "1"), lambda r, *_: sum(not p.fixed for p in r.parameters)),
         (
-            *_RECORD,
-            Column("samples", "n", "1"),
-            Column("parameters", "parameters", "1"),
             Column("worst R-hat", "rhat", "1"),
-            Column("parameter with it", "rhat_of"),
-            Column("least ESS", "ess", "1"),
-            Column("parameter with it", "ess_of"),
-            Column("draws", "draws", "1"),
-            Column("evaluations", "evaluations", "1"),
-            Column("acceptance", "acceptance", "1"),
-            Column("efficiency", "efficiency", "1", brief=False),
-            Column("greatest weight", "greatest_weight", "1", brief=False),
-            Column("modes", "modes", "1"),
-            Column("sampler", "sampler"),
-            Column("rank", "jacobian_rank", "1"),
-            Column("at bound", "at_bound"),
-            Column("ln evidence", "ln_evidence", "1", brief=False),
-            Column("its sd", "ln_evidence_sd", "1", brief=False),
-            Column("time", "wall", "s", brief=False),
+            lambda r, d, s, rhat, ess: Number(rhat.rhat if rhat else None, "1", 0.01),
         ),
-        tuple((*_head(r), *_diagnostic_cells(r)) for r in records),
-    )
-
-
-def _diagnostic_cells(r: RecordContent) -> tuple[Cell, ...]:
-    rhat, ess, d = r.worst_rhat, r.least_ess, r.document
-    s = d.sampler
-    return (
-        d.n,
-        sum(not p.fixed for p in r.parameters),
-        Number(rhat.rhat if rhat else None, "1", 0.01),
-        rhat.name if rhat else None,
-        Number(ess.ess if ess else None, "1", 10.0),
-        ess.name if ess else None,
-        s.draws,
-        d.log_likelihood_evaluations,
-        Number(s.acceptance, "1", 0.1),
-        Number(s.efficiency, "1", 0.1),
-        Number(s.greatest_weight),
-        s.modes,
-        s.method,
-        d.jacobian_rank,
-        ", ".join(p.name for p in r.parameters if p.at_bound) or None,
-        Number(d.ln_evidence, "1", d.ln_evidence_sd),
-        Number(d.ln_evidence_sd, "1", d.ln_evidence_sd),
-        Number(d.wall_s or 0.0, "s", 0.1),
+        (Column("parameter with it", "rhat_of"), lambda r, d, s, rhat, ess: rhat.name if rhat else None),
+        (
+            Column("least ESS", "ess", "1"),
+            lambda r, d, s, rhat, ess: Number(ess.ess if ess else None, "1", 10.0),
+        ),
+        (Column("parameter with it", "ess_of"), lambda r, d, s, rhat, ess: ess.name if ess else None),
+        (Column("draws", "draws", "1"), lambda r, d, s, *_: s.draws),
+        (Column("evaluations", "evaluations", "1"), lambda r, d, *_: d.log_likelihood_evaluations),
+        (Column("acceptance", "acceptance", "1"), lambda r, d, s, *_: Number(s.acceptance, "1", 0.1)),
+        (
+            Column("efficiency", "efficiency", "1", brief=False),
+            lambda r, d, s, *_: Number(s.efficiency, "1", 0.1),
+        ),
+        (
+            Column("greatest weight", "greatest_weight", "1", brief=False),
+            lambda r, d, s, *_: Number(s.greatest_weight),
+        ),
+        (Column("modes", "modes", "1"), lambda r, d, s, *_: s.modes),
+        (Column("sampler", "sampler"), lambda r, d, s, *_: s.method),
+        (Column("rank", "jacobian_rank", "1"), lambda r, d, *_: d.jacobian_rank),
+        (
+            Column("at bound", "at_bound"),
+            lambda r, *_: ", ".join(p.name for p in r.parameters if p.at_bound) or None,
+        ),
+        (
+            Column("ln evidence", "ln_evidence", "1", brief=False),
+            lambda r, d, *_: Number(d.ln_evidence, "1", d.ln_evidence_sd),
+        ),
+        (
+            Column("its sd", "ln_evidence_sd", "1", brief=False),
+            lambda r, d, *_: Number(d.ln_evidence_sd, "1", d.ln_evidence_sd),
+        ),
+        (Column("time", "wall", "s", brief=False), lambda r, d, *_: Number(d.wall_s or 0.0, "s", 0.1)),
     )
 
 
 def adequacy_table(records: Sequence[RecordContent]) -> Table:
     """Whether curve and noise describe each record, and why not."""
-    return Table(
+    return table_of(
         "adequacy",
         "Adequacy",
         "A record is adequate where curve and noise could have made its data: the curve misses at no temperature more "
         "than 2 % of the range and three standard deviations of the noise, no predictive check fails, the noise leaves "
         "the response to be seen, and the data, not the prior, tell where and how fast it changes.",
-        (
-            *_RECORD,
-            *words("model", "adequate"),
-            Column("why not", "why"),
-        ),
-        tuple(
-            (*_head(r), r.model, r.adequate, "; ".join(reason.message for reason in r.document.why) or None)
-            for r in records
-        ),
+        [(r,) for r in records],
+        *_OF_RECORD,
+        (Column("model", "model"), lambda r: r.model),
+        (Column("adequate", "adequate"), lambda r: r.adequate),
+        (Column("why not", "why"), lambda r: "; ".join(reason.message for reason in r.document.why) or None),
     )
 
 
