@@ -76,7 +76,7 @@ class DocumentPart(BaseModel):
         return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
 
     @classmethod
-    def about(cls, source: object, **told: Any) -> Self:
+    def about(cls, source: object, /, **told: Any) -> Self:
         """The part that tells of something: what is not given is its attribute of the same name.
 
         Parameters
@@ -90,7 +90,7 @@ class DocumentPart(BaseModel):
         same = {n: getattr(source, n) for n in own if hasattr(source, n)}
         return cls.model_validate(same | told, from_attributes=True)
 
-    def but(self, **changed: object) -> Self:
+    def but(self, /, **changed: object) -> Self:
         """The same part with other values of some keys, which are not checked again."""
         return self.model_copy(update=changed)
 

@@ -114,6 +114,17 @@ class Session:
     readings: tuple[Sensed, ...]
 
 
+class FromFile(DocumentPart):
+    """A reading with the name of its file."""
+
+    source: str
+    at: Number
+
+
+def test_a_key_may_be_called_source() -> None:
+    assert FromFile.about(Sensed(20.0, 1.0), source="a.csv").as_json() == {"source": "a.csv", "at": 20.0}
+
+
 def test_a_part_takes_the_keys_that_are_called_alike_at_any_depth() -> None:
     session = Session("another", (Sensed(20.0, np.nan), Sensed(30.0, 2.0)))
     told = Readings.about(session, schema=READINGS.schema, by_name={"last": session.readings[1]})
