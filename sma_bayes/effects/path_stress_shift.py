@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,10 @@ from sma_bayes.parameters.space import Parameter
 
 STEEPEST, FLATTEST = -50.0, -0.2
 """Bounds of the slope that the secant method uses, which is -1 without the effect."""
+CLOSE = 1e-8
+"""Relative error with which the shifted force is found, so that differences of it can be taken."""
+MOST_STEPS = 12
+"""Steps in which it is found, at most: some four for a usual shift, ten for one much wider than the transformation."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +29,7 @@ class PathStressShift:
     part of the bend into the rates. Compliance of the fixture also adds a share of the force, but to the displacement
     instead of the temperature: a blocked spring against a dead weight tells which.
 
-    The force that shifts is the shifted force, so ``u = F(T - c u)`` is solved for ``u`` by the secant method.
+    The force that shifts is the shifted force, so ``u = F(T - c u)`` is solved for ``u`` between both ends.
     """
 
     id = "path_stress_shift"
@@ -43,13 +48,29 @@ class PathStressShift:
             shifted = {**inputs, "temperature": inputs["temperature"] - c * u}
             return response(shifted)["force"] - u
 
-        old = response(inputs)["force"]
-        error = excess(old)
-        u, slope = old + 0.5 * error, np.full(error.shape, -1.0)
-        for _ in range(2):
-            new = excess(u)
-            change = u - old
-            np.divide(new - error, change, out=slope, where=change != 0.0)
-            old, error = u, new
-            u = u - new / np.clip(slope, STEEPEST, FLATTEST)
-        return moved(response, inputs, -c * u)
+        return moved(response, inputs, -c * _root(excess, response(inputs)["force"]))
+
+
+def _root(excess: Callable[[Floats], Floats], start: Floats) -> Floats:
+    """Where a function that falls with the force is 0, by regula falsi with halved ends (Illinois) on every sample.
+
+    Where the force rises with temperature the root lies between the start and the start plus the excess there. Where it
+    falls there may be none or several, and steps are those of the secant method with a bounded slope.
+    """
+    near = CLOSE * np.max(np.abs(start), axis=-1, keepdims=True)
+    old, error = start, excess(start)
+    u, new = start + error, excess(start + error)
+    for _ in range(MOST_STEPS):
+        far = np.abs(new) > near
+        if not far.any():
+            break
+        slope = np.full(u.shape, -1.0)
+        np.divide(new - error, u - old, out=slope, where=u != old)
+        enclosed = new * error < 0.0
+        step = -new / np.where(enclosed, slope, np.clip(slope, STEEPEST, FLATTEST))
+        further = u + np.where(far, step, 0.0)
+        left = excess(further)
+        replaced = (left * new < 0.0) | ~enclosed
+        old, error = np.where(replaced, u, old), np.where(replaced, new, 0.5 * error)
+        u, new = further, left
+    return u
