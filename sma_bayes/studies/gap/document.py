@@ -240,6 +240,7 @@ def _effect(outcome: GapOutcome, effect: Effect) -> AddedEffect:
 
 
 def _refitted(c: Candidate) -> RefittedCandidate:
+    again = None if c.in_own_noise is None else c.in_own_noise.beside
     return RefittedCandidate(
         id=c.effect.id,
         ln_bayes_factor=c.ln_bayes_factor,
@@ -247,6 +248,7 @@ def _refitted(c: Candidate) -> RefittedCandidate:
         guard_covariate=c.guard_covariate,
         ln_bayes_factor_beside=None if c.beside is None else c.beside.over,
         share=None if c.beside is None else c.beside.carried,
+        share_in_own_noise=None if again is None else again.carried,
         ln_bayes_factor_beyond_shape=None if c.beside is None else c.beside.beyond_shape,
         one_stage=c.one_stage,
     )

@@ -8,7 +8,7 @@ equations, a sixth fewer predictions, and, as MINPACK decomposes the rows themse
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -178,6 +178,26 @@ def climbed(
     for free in (z.size - held, z.size):
         z = problem.climb(z, noise, steps, free)
     return z, problem.log_likelihood(z, noise)
+
+
+def fit_held(hypothesis: Hypothesis, start: Floats, noise: Noise, held: int) -> FittedHypothesis:
+    """The mode where the last coordinates stay at a start, as if they were known: nothing adapts by them.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+    start : ndarray, shape (D,)
+        Sampled coordinates.
+    noise : tuple of BlockNoise
+    held : int
+        How many of them.
+    """
+    problem = _PosteriorMode(hypothesis)
+    count = start.size - held
+    found = problem.fitted(problem.climb(np.asarray(start, dtype=float), noise, free=count), noise)
+    jacobian, precision = found.jacobian.copy(), found.precision.copy()
+    jacobian[:, count:] = precision[:count, count:] = precision[count:, :count] = 0.0
+    return replace(found, jacobian=jacobian, precision=precision)
 
 
 def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> FittedHypothesis:

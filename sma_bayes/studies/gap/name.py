@@ -25,8 +25,23 @@ from sma_bayes.effects.needs import untestable
 from sma_bayes.effects.types import Effect
 from sma_bayes.parameters.distributions import Distribution, LogNormal
 from sma_bayes.studies.gap.finite import STRONG, gained_in_steps
-from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by, fit_hypothesis, stacked
-from sma_bayes.studies.gap.flexible import FlexibleTerms, TermEvidence, TermWorth, offer, worth_of
+from sma_bayes.studies.gap.fitting import (
+    FittedHypothesis,
+    added_by,
+    fit_held,
+    fit_hypothesis,
+    fit_with_noise,
+    stacked,
+)
+from sma_bayes.studies.gap.flexible import (
+    FlexibleTerms,
+    TermEvidence,
+    TermWorth,
+    gains,
+    offer,
+    terms_of,
+    worth_of,
+)
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.one_stage import OneStageShapes, claims_a_stage
 from sma_bayes.studies.gap.scatter import lay_together, members_of
@@ -51,6 +66,10 @@ MISSHAPEN = 20.0
 """Log Bayes factor from which on a curve surely has another shape than the model's."""
 BELIEVABLE = 0.999
 """Share of the prior of a parameter within which an effect is what its name says; its size may lie anywhere."""
+HALF = 0.5
+"""Share that an effect must carry to be judged by the noise beside it as well."""
+CANCELS = 2.0
+"""What an effect adds to a channel over all that was measured of it, beyond which it can only cancel something else."""
 REFITTED = 6
 """Greatest number of candidates that are refitted at a step."""
 CONTAINED = 0.5
@@ -196,6 +215,8 @@ class Candidate:
     one_stage : float
         Log Bayes factor of the best shape that a curve of one stage can have, for an effect that hangs on it; -inf for
         others.
+    in_own_noise : Candidate or None
+        The same, with the noise that is left beside it, if it was judged by that, too; see `in_own_noise`.
     """
 
     effect: Effect
@@ -206,11 +227,20 @@ class Candidate:
     beside: EvidenceBeside | None = None
     untestable: str = ""
     one_stage: float = -np.inf
+    in_own_noise: Candidate | None = None
 
     @property
     def plausible(self) -> bool:
-        """Whether its numbers, but for its size, are those of the mechanism; see `is_plausible`."""
-        return self.fitted is None or is_plausible(self.fitted.hypothesis, self.fitted.z)
+        """Whether its numbers, but for its size, are those of the mechanism, and it does not cancel something else."""
+        found = self.fitted
+        return found is None or (is_plausible(found.hypothesis, found.z) and not cancels(found))
+
+    @property
+    def worthy(self) -> bool:
+        """Whether it is worth more than functions without meaning and the shape of the curve, in one of both noises."""
+        own = self.in_own_noise
+        passes = self.plausible and self.beats_flexible and self.beats_shape
+        return passes or (own is not None and own.worthy)
 
     @property
     def beats_flexible(self) -> bool:
@@ -297,7 +327,51 @@ def candidates(
             continue
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
         out.append(judged(fitted, found, s, flexible, rivals))
-    return sorted(out, key=lambda c: -c.ln_bayes_factor)
+    out.sort(key=lambda c: -c.ln_bayes_factor)
+    if (
+        steps
+        and flexible
+        and flexible[0].ln_bayes_factor >= STRONG
+        and not any(c.fitted and c.worthy for c in out)
+    ):
+        return _best_again(fitted, out)
+    return out
+
+
+def _best_again(fitted: FittedHypothesis, found: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates with the best law among them judged by the noise that is left beside it as well."""
+    laws = [c for c in found if c.beside is not None and c.plausible and not members_of(c.effect)]
+    if not laws or laws[0].fitted is None or laws[0].beside is None or laws[0].beside.carried < HALF:
+        return list(found)
+    again = in_own_noise(fitted, laws[0].fitted)
+    return [replace(c, in_own_noise=again) if c is laws[0] else c for c in found]
+
+
+def in_own_noise(fitted: FittedHypothesis, extended: FittedHypothesis) -> Candidate | None:
+    """Judge an effect by the noise that is left beside it.
+
+    The noise of the model without the effect is estimated beside smooth functions. What a strong effect has that is not
+    smooth, such as the corner of a limit, passes for noise then, with a memory in which most of the effect counts for
+    little, and the little that its form leaves for much.
+
+    Parameters
+    ----------
+    fitted, extended : FittedHypothesis
+        The model, and the same with the effect around it.
+
+    Returns
+    -------
+    Candidate or None
+        None where that noise is not smaller, by `STRONG` in log likelihood, so that nothing would change.
+    """
+    found = fit_with_noise(extended.hypothesis, extended.z)
+    smaller = sum(a.log_scale - b.log_scale for a, b in zip(fitted.noise, found.noise, strict=True))
+    if smaller < STRONG:
+        return None
+    bare = fit_hypothesis(fitted.hypothesis, fitted.z, found.noise)
+    flexible = gains(bare, terms_of(bare))
+    effect = extended.hypothesis.effects[-1]
+    return judged(bare, found, screen(bare, effect), flexible, Rivals.of(bare, flexible))
 
 
 def _best_law(fitted: FittedHypothesis, screened: Sequence[Screened]) -> float:
@@ -342,6 +416,7 @@ def judged(
     rivals : Rivals
         The best of that, and shapes.
     """
+    extended = within_range(extended)
     guard, covariate = flexible_alternative(signature_at_mode(fitted, extended), flexible, screened)
     gained = extended.ln_evidence - fitted.ln_evidence
     beside = EvidenceBeside.of(gained, offer(extended), rivals.terms) if gained >= WORTH else None
@@ -421,14 +496,48 @@ def is_plausible(hypothesis: Hypothesis, z: Floats) -> bool:
     How large an effect is may surprise. But a time constant, a width or a ratio beyond what `BELIEVABLE` of its prior
     holds, a range from the literature, is that of something else.
     """
+    return np.array_equal(_nearest_believable(hypothesis, z), z)
+
+
+def within_range(fitted: FittedHypothesis) -> FittedHypothesis:
+    """A fit as it is if its last effect has numbers that its mechanism can have, or with the nearest ones that it can.
+
+    A time constant that is shorter than the data resolve has its mode anywhere below. What counts is whether the effect
+    explains as much with numbers that can be believed.
+    """
+    nearest = _nearest_believable(fitted.hypothesis, fitted.z)
+    if np.array_equal(nearest, fitted.z):
+        return fitted
+    held = fitted.hypothesis.effect_positions[fitted.hypothesis.effects[-1].id].size - 1
+    return fit_held(fitted.hypothesis, nearest, fitted.noise, held)
+
+
+def _nearest_believable(hypothesis: Hypothesis, z: Floats) -> Floats:
+    """Sampled coordinates with the numbers of the last effect, but for its size, moved into their ranges."""
     effect = hypothesis.effects[-1]
-    theta = hypothesis.space.constrain(z)[hypothesis.effect_positions[effect.id]]
     tails = np.array([0.5 - 0.5 * BELIEVABLE, 0.5 + 0.5 * BELIEVABLE])
-    for value, parameter in zip(theta[1:].tolist(), effect.parameters(hypothesis.scales)[1:], strict=True):
-        low, high = parameter.prior.quantile(tails).tolist()
-        if not low <= value <= high:
-            return False
-    return True
+    out, numbers = z.copy(), effect.parameters(hypothesis.scales)[1:]
+    for i, parameter in enumerate(numbers, z.size - len(numbers)):
+        ends = parameter.prior.transform.unconstrain(parameter.prior.quantile(tails))
+        out[i] = np.clip(z[i], *np.sort(ends))
+    return out
+
+
+def cancels(fitted: FittedHypothesis) -> bool:
+    """Whether the last effect adds several times as much to a channel as was measured of it in all.
+
+    Then the model has to take that away again, and what was measured is the small difference of two large things that
+    nobody has seen: the shape of the one is made of the other. A heat balance takes a part of every loss into its own,
+    so its temperature does not count.
+    """
+    effect = fitted.hypothesis.effects[-1]
+    change = added_by(effect, fitted.hypothesis, fitted.blocks, fitted.theta)
+    for channel in fitted.hypothesis.channels:
+        own = [b.at for b in fitted.blocks if b.channel == channel]
+        added, seen = (np.concatenate([x[at] for at in own]) for x in (change, fitted.observed))
+        if channel != "temperature" and np.ptp(added) > CANCELS * np.ptp(seen):
+            return True
+    return False
 
 
 def signature_at_mode(fitted: FittedHypothesis, extended: FittedHypothesis) -> Floats:

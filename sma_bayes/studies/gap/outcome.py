@@ -24,7 +24,7 @@ from sma_bayes.studies.gap.density import sample_hypothesis
 from sma_bayes.studies.gap.experiments import ProposedExperiment, next_experiment
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.heating import study_heating
-from sma_bayes.studies.gap.name import CARRIED_BESIDE, WORTH, Candidate
+from sma_bayes.studies.gap.name import CANCELS, CARRIED_BESIDE, WORTH, Candidate, cancels
 from sma_bayes.studies.gap.schema import NamedChannel, Status
 from sma_bayes.studies.gap.study import (
     APART,
@@ -254,6 +254,11 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
     if candidate.ln_bayes_factor < WORTH:
         return "rejected", f"ln Bayes factor {candidate.ln_bayes_factor:.1f}, below {WORTH:g}"
     if not candidate.plausible:
+        if candidate.fitted is not None and cancels(candidate.fitted):
+            return "rejected", (
+                f"it would have to add more than {CANCELS:g} times what was measured of a channel, which the model "
+                "would have to take away again"
+            )
         return "rejected", "it fits only with numbers that the mechanism cannot have"
     if not candidate.beats_flexible:
         return "rejected", (
@@ -309,7 +314,13 @@ def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[Status, 
             "rejected",
             f"added in round {place}, but too much of the disagreement remains for it to be the cause",
         )
-    if candidate.ln_bayes_factor > candidate.guard:
+    own = candidate.in_own_noise
+    if own is not None and own.worthy and own.beside is not None:
+        why = (
+            "by the noise that is left beside it, which that of the model without it exceeds, it carries "
+            f"{100.0 * own.beside.carried:.0f} % of what it and a flexible term on top explain"
+        )
+    elif candidate.ln_bayes_factor > candidate.guard:
         why = "worth more than its price, and than a flexible term in its place"
     elif is_worthy(candidate) and candidate.beside is not None:
         why = (

@@ -142,6 +142,10 @@ class RefittedCandidate(DocumentPart):
         "was not looked for [1]"
     )
     share: NumberOrNull = Field(description="share of the effect in what it and that term explain [1]")
+    share_in_own_noise: NumberOrNull = Field(
+        description="the same share with the noise that is left beside the effect; null where it was not judged by "
+        "that [1]"
+    )
     ln_bayes_factor_beyond_shape: NumberOrNull = Field(
         description="of the effect where the curve is free to have any shape, with the effect as without [1]"
     )

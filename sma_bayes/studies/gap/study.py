@@ -305,7 +305,7 @@ def is_worthy(candidate: Candidate) -> bool:
     explained. A further stage of the transformation has to be worth more than the shapes of one. And the numbers of the
     effect must be those of the mechanism.
     """
-    return candidate.plausible and candidate.beats_flexible and candidate.beats_shape
+    return candidate.worthy
 
 
 def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:

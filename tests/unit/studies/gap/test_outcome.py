@@ -117,7 +117,8 @@ EFFECT: dict[str, Any] = {
     "id": "x", "title": "", "equation": "", "reference": "", "round": 1, "class": ["x", "y"], "probability": 1.0,
     "ln_bayes_factor": 9.0, "guard": None, "guard_covariate": "", "ln_bayes_factor_beside": None, "share": None,
     "shape_apart": False,
-    "ln_bayes_factor_beyond_shape": None, "one_stage": None, "remainder": None, "parameters": {},
+    "share_in_own_noise": None, "ln_bayes_factor_beyond_shape": None,
+    "one_stage": None, "remainder": None, "parameters": {},
     "next_experiment": None,
 }  # fmt: skip
 NOISE: dict[str, Any] = {

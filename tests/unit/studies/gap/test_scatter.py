@@ -11,9 +11,9 @@ from sma_bayes.effects import EFFECTS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import histories
 from sma_bayes.records.types import Campaign
-from sma_bayes.studies.gap.fitting import fit_with_noise
+from sma_bayes.studies.gap.fitting import fit_held, fit_with_noise, held_at
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.name import Rivals, candidates, is_plausible, screen_all
+from sma_bayes.studies.gap.name import Rivals, cancels, candidates, is_plausible, screen_all, within_range
 from sma_bayes.studies.gap.scatter import holds_beside, lay_together, members_of
 from sma_bayes.studies.gap.study import baseline_start, study_campaign
 
@@ -116,3 +116,33 @@ def test_a_time_constant_that_no_sensor_has_is_not_plausible(rig) -> None:
     drift, pace = 1.0, np.log(12.0)
     assert is_plausible(extended, np.append(fitted.z, [drift, pace]))
     assert not is_plausible(extended, np.append(fitted.z, [drift, np.log(12.0) + 3.5 * 0.85]))
+
+
+def test_an_effect_with_a_number_beyond_its_range_is_judged_with_the_nearest_within(rig) -> None:
+    """The rest is fitted anew, the size too, and nothing adapts by the number that is held."""
+    fitted = baseline_of(rig(drift=0.02).campaign())
+    extended = fitted.hypothesis.extended(EFFECTS["training_drift"])
+    middle, wide = np.log(12.0), 0.85
+    far = fit_held(extended, np.append(fitted.z, [0.001, middle + 4.0 * wide]), fitted.noise, 1)
+    assert not is_plausible(extended, far.z)
+    nearest = within_range(far)
+    assert nearest.z[-1] == pytest.approx(middle + 3.2905 * wide, abs=1e-3)
+    assert is_plausible(extended, nearest.z)
+    assert not np.any(nearest.jacobian[:, -1])
+    assert np.any(nearest.jacobian[:, -2])
+    again = fit_held(extended, nearest.z, fitted.noise, 1)
+    assert nearest.log_likelihood == pytest.approx(again.log_likelihood, abs=0.05)
+    assert within_range(nearest) is nearest
+
+
+@pytest.mark.parametrize(("share", "beyond"), [(1.9, False), (2.1, True), (-2.1, True)])
+def test_an_effect_cannot_add_several_times_what_was_measured(rig, share: float, beyond: bool) -> None:
+    fitted = baseline_of(rig(channels=("force", "displacement")).campaign())
+    extended = fitted.hypothesis.extended(EFFECTS["bias_spring"])
+    span = {b.channel: np.ptp(np.concatenate([fitted.observed[o.at] for o in fitted.blocks if o.channel == b.channel]))
+            for b in fitted.blocks}  # fmt: skip
+    stiffness = share * span["force"] / span["displacement"]
+    position = extended.effect_positions["bias_spring"]
+    theta = np.append(fitted.theta, stiffness)
+    assert position.tolist() == [theta.size - 1]
+    assert cancels(held_at(extended, extended.space.unconstrain(theta), fitted.noise)) is beyond
