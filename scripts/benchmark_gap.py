@@ -112,13 +112,14 @@ def read(path: Path) -> list[dict[str, object]]:
 
 GOOD = {
     "null": ("none", "unnamed"),
-    "hidden": ("right", "class"),
+    "hidden": ("right", "class", "shape"),
     "left_out": ("unnamed",),
     "outside": ("unnamed",),
     "pairs": ("right", "class"),
     "triples": ("right", "class"),
 }
-"""Outcomes that count as right. Where nothing is hidden only a name is wrong."""
+"""Outcomes that count as right. Where nothing is hidden only a name is wrong. Asymmetric kinetics are a bent curve, and
+``shape`` says so."""
 NAMED = ("right", "class", "part", "wrong", "confident")
 ENOUGH = 50
 """Campaigns from which on a rate counts as measured."""
@@ -139,7 +140,7 @@ def exact(successes: int, n: int) -> tuple[float, float]:
     return float(found.low), float(found.high)
 
 
-OUTCOMES = ("right", "class", "part", "unnamed", "none", "wrong", "confident")
+OUTCOMES = ("right", "class", "shape", "part", "unnamed", "none", "wrong", "confident")
 
 
 def counted(rows: Sequence[Mapping[str, object]], keys: Sequence[str]) -> tuple[list[str], list[list[str]]]:
@@ -262,18 +263,21 @@ def measured(rows: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, str, s
         (*NAMED, "unnamed"),
         0.02,
     )
-    for s in sorted({float(str(r["sigma"])) for r in suite("hidden")}):
+    told, physical = GOOD["hidden"], suite("hidden", in_range="True")
+    for s in sorted({float(str(r["sigma"])) for r in physical}):
         goal = 0.85 if s < 10.0 else 0.95
         of = [
-            r
-            for r in suite("hidden")
-            if float(str(r["sigma"])) == s and float(str(r["sigma_reached"])) > 0.99 * s
+            r for r in physical if float(str(r["sigma"])) == s and float(str(r["sigma_reached"])) > 0.99 * s
         ]
-        yield share(
-            f"hidden at {s:g} sigma: right effect or class in {goal:.0%}", of, ("right", "class"), goal
-        )
+        yield share(f"hidden at {s:g} sigma: right effect, class or shape in {goal:.0%}", of, told, goal)
     for law in LAWS:
-        yield share(f"of these by the {law} law: in 95%", suite("hidden", law=law), ("right", "class"), 0.95)
+        yield share(
+            f"of these by the {law} law: in 95%", [r for r in physical if r["law"] == law], told, 0.95
+        )
+    beyond = suite("hidden", in_range="False")
+    yield share(
+        "beyond its physical range: a confident wrong name in at most 1 %", beyond, ("confident",), 0.01
+    )
     missing = suite("left_out", "outside")
     yield share("not in the catalogue: an effect named in at most 1 %", suite("outside"), NAMED, 0.01)
     yield share(

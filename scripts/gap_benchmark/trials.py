@@ -56,6 +56,8 @@ ENGINE = (
     "effects", "response", "records/history.py", "noise",
 )  # fmt: skip
 """Modules that decide what a study finds."""
+BEND = "asymmetric_kinetics"
+"""The effect that is a bend of the curve and no more: data can't tell it from a curve that is bent by itself."""
 LAW_OF = {("stress_shift", "second"): "branch_stress_shift"}
 """Effects that have a law of another's as their own: with a slope of each branch it is they that are to be named."""
 
@@ -282,7 +284,12 @@ def attempt(trial: Trial, *, folds: bool = False) -> Row | None:
 
 def outcome_of(study: GapStudy, wanted: Sequence[str]) -> str:
     """``right``: named itself; ``class``: in the class of a name; ``part``: only some of several; ``wrong``: another
-    name; ``confident``: another name with no rival; or ``none`` or ``unnamed``."""
+    name; ``confident``: another name with no rival; or ``none`` or ``unnamed``.
+
+    ``shape``: unnamed, and told as the shape of the curve, where that is what was hidden.
+    """
+    if study.verdict == "unnamed" and list(wanted) == [BEND] and study.steps[-1].only_shape:
+        return "shape"
     if study.verdict != "named":
         return study.verdict
     strangers = [c for c in study.classes.values() if not set(c) & set(wanted)]

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import pytest
 from benchmark_gap import measured, read, with_tables
+from gap_benchmark.trials import outcome_of
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 
@@ -27,3 +31,20 @@ def test_a_rate_is_reached_or_missed_only_where_there_are_enough_campaigns() -> 
     assert met(0, 20) == "open"  # the interval reaches up to 17 %
     assert met(0, 1000) == met(8, 1000) == "yes"
     assert met(3, 20) == met(30, 1000) == "**no**"
+
+
+@pytest.mark.parametrize(
+    ("verdict", "only_shape", "hidden", "outcome"),
+    [
+        ("unnamed", True, "asymmetric_kinetics", "shape"),
+        ("unnamed", False, "asymmetric_kinetics", "unnamed"),
+        ("none", True, "asymmetric_kinetics", "none"),
+        ("unnamed", True, "bias_spring", "unnamed"),
+    ],
+)
+def test_a_shape_is_the_answer_only_where_a_bent_curve_was_hidden(
+    verdict: str, only_shape: bool, hidden: str, outcome: str
+) -> None:
+    study: Any = SimpleNamespace(verdict=verdict, steps=[SimpleNamespace(only_shape=only_shape)])
+    assert outcome_of(study, [hidden]) == outcome
+    assert outcome_of(study, [hidden, "r_phase"]) == verdict
