@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
 from typing import Final
@@ -72,10 +72,12 @@ class Recipe:
         In the order of the sweep [arbitrary].
     curves : mapping of str to ndarray, shape (n,)
         Force [N], displacement [cm] and stiffness [N/cm] without noise.
-    noise_sd : mapping of str to float
-        Standard deviation of the noise of each channel, in its unit.
-    points_reason, noise_reason : str
-        Where the number of points and the noise come from.
+    points_reason : str
+        Where the number of points comes from.
+    rmse : PrintedCell
+        Of the stiffness, as printed.
+    noise_share : float
+        Standard deviation of the noise over the span of a curve, of each channel [1].
     """
 
     condition: Condition
@@ -83,14 +85,29 @@ class Recipe:
     parameters: Mapping[str, PrintedCell]
     temperature: Floats
     curves: Mapping[str, Floats]
-    noise_sd: Mapping[str, float]
     points_reason: str
-    noise_reason: str
+    rmse: PrintedCell
+    noise_share: float
 
     @property
     def key(self) -> str:
         """Key of the record: ``<condition>-<branch>``."""
         return f"{self.condition.id}-{self.branch.value}"
+
+    @property
+    def noise_sd(self) -> dict[str, float]:
+        """Standard deviation of the noise of each channel, in its unit."""
+        return {channel: self.noise_share * float(np.ptp(curve)) for channel, curve in self.curves.items()}
+
+    @property
+    def noise_reason(self) -> str:
+        """Where the noise comes from."""
+        if self.rmse.sound:
+            why = f"since the RMSE of line {self.rmse.line} is {self.rmse.printed} {self.rmse.unit}"
+        else:
+            doubt = f"the RMSE of line {self.rmse.line} is marked {self.rmse.status}"
+            why = f"assumed, the median of the sound records: {doubt}"
+        return f"stiffness noise {self.noise_share:.2%} of the span, {why}"
 
 
 def curves(temperature: Floats, parameters: Mapping[str, float]) -> dict[str, Floats]:
@@ -208,8 +225,8 @@ def twin_campaign(seed: int = 0, channels: Collection[str] = CHANNELS) -> Campai
 @cache
 def recipes() -> tuple[Recipe, ...]:
     """How each of the 18 records is made, in the order of the tables; heating, then cooling."""
-    drafts = tuple(
-        _draft(
+    made = tuple(
+        _recipe(
             CONDITIONS[condition],
             branch,
             parameters.select(condition, branch),
@@ -219,31 +236,20 @@ def recipes() -> tuple[Recipe, ...]:
         for condition in dict.fromkeys(cell.condition for cell in parameters.cells)
         for branch in Branch
     )
-    median = float(np.median([_share(draft) for draft in drafts if draft.statistics["rmse"].sound]))
-    return tuple(_recipe(draft, median) for draft in drafts)
+    median = float(np.median([recipe.noise_share for recipe in made if recipe.rmse.sound]))
+    return tuple(recipe if recipe.rmse.sound else replace(recipe, noise_share=median) for recipe in made)
 
 
-@dataclass(frozen=True, slots=True)
-class _Draft:
-    """A record before its noise is known: that depends on the other records."""
-
-    condition: Condition
-    branch: Branch
-    parameters: Mapping[str, PrintedCell]
-    statistics: Mapping[str, PrintedCell]
-    temperature: Floats
-    curves: Mapping[str, Floats]
-    points_reason: str
-
-
-def _draft(
+def _recipe(
     condition: Condition,
     branch: Branch,
     parameters: Mapping[str, PrintedCell],
     statistics: Mapping[str, PrintedCell],
-) -> _Draft:
+) -> Recipe:
+    """How a record is made; the share of its noise is NaN where the RMSE is lost or contradicts others."""
     value = {name: cell.value for name, cell in parameters.items()}
-    n, reason = _points(statistics["sse"], statistics["rmse"])
+    rmse = statistics["rmse"]
+    n, reason = _points(statistics["sse"], rmse)
     low, high = (
         choose(value["A3"] + side / value["A2"], value["B3"] + side / value["B2"])
         for choose, side in ((min, -RECIPROCAL_RATES), (max, RECIPROCAL_RATES))
@@ -253,7 +259,8 @@ def _draft(
     noiseless = curves(temperature, value)
     for array in (temperature, *noiseless.values()):  # recipes are shared between calls
         array.setflags(write=False)
-    return _Draft(condition, branch, parameters, statistics, temperature, noiseless, reason)
+    share = float(rmse.value / np.ptp(noiseless["stiffness"])) if rmse.sound else np.nan
+    return Recipe(condition, branch, parameters, temperature, noiseless, reason, rmse, share)
 
 
 def _points(sse: PrintedCell, rmse: PrintedCell) -> tuple[int, str]:
@@ -264,33 +271,6 @@ def _points(sse: PrintedCell, rmse: PrintedCell) -> tuple[int, str]:
             return DEFAULT_POINTS, f"{DEFAULT_POINTS} points, assumed: {doubt}"
     n = round(sse.value / rmse.value**2) + FITTED_PARAMETERS
     return n, f"{n} points: SSE/RMSE**2 of lines {sse.line} and {rmse.line}, plus {FITTED_PARAMETERS}"
-
-
-def _share(draft: _Draft) -> float:
-    """Printed noise of the stiffness over the span of its curve [1]."""
-    return float(draft.statistics["rmse"].value / np.ptp(draft.curves["stiffness"]))
-
-
-def _recipe(draft: _Draft, median: float) -> Recipe:
-    rmse = draft.statistics["rmse"]
-    if rmse.sound:
-        share = _share(draft)
-        reason = f"since the RMSE of line {rmse.line} is {rmse.printed} {rmse.unit}"
-    else:
-        share = median
-        reason = (
-            f"assumed, the median of the sound records: the RMSE of line {rmse.line} is marked {rmse.status}"
-        )
-    return Recipe(
-        condition=draft.condition,
-        branch=draft.branch,
-        parameters=draft.parameters,
-        temperature=draft.temperature,
-        curves=draft.curves,
-        noise_sd={channel: share * float(np.ptp(curve)) for channel, curve in draft.curves.items()},
-        points_reason=draft.points_reason,
-        noise_reason=f"stiffness noise {share:.2%} of the span, {reason}",
-    )
 
 
 def _draw(recipe: Recipe, index: int, seed: int, channels: Collection[str]) -> Record:

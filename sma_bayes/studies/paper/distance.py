@@ -24,7 +24,7 @@ from scipy.special import expit
 
 from sma_bayes.arrays import Floats
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
-from sma_bayes.paper.tables import STATISTICS_TABLES, CellStatus, PrintedCell
+from sma_bayes.paper.tables import CellStatus
 from sma_bayes.paper.twin import Recipe, curves, recipes
 from sma_bayes.quantities import convert
 from sma_bayes.runs.schema import DocumentPart, Number, NumberOrNull
@@ -62,7 +62,6 @@ def _distance(recipe: Recipe, row: dict[str, float]) -> PublishedDistance:
         float(convert(row[f"stiffness_{end}"], "N/m", "N/cm", what="stiffness")) for end in ("min", "max")
     )
     temperature, stiffness = rising_part(recipe, low, high)
-    rmse = _rmse(recipe)
     least, greatest = float(stiffness.min()), float(stiffness.max())
     return PublishedDistance(
         condition=recipe.condition.id,
@@ -71,17 +70,11 @@ def _distance(recipe: Recipe, row: dict[str, float]) -> PublishedDistance:
         greatest=greatest,
         printed_least=low,
         printed_greatest=high,
-        rmse=None if rmse.status is CellStatus.DAMAGED else rmse.value,
+        rmse=None if recipe.rmse.status is CellStatus.DAMAGED else recipe.rmse.value,
         logistic=_rms(stiffness - nearest_logistic(temperature, stiffness)),
         line=_rms(stiffness - nearest_line(temperature, stiffness)),
         reaches_greatest=greatest > 0.99 * high,
     )
-
-
-def _rmse(recipe: Recipe) -> PrintedCell:
-    place = (recipe.condition.id, recipe.branch)
-    (table,) = (t for t in STATISTICS_TABLES if any((c.condition, c.branch) == place for c in t.cells))
-    return table.select(*place)["rmse"]
 
 
 def rising_part(recipe: Recipe, low: float, high: float) -> tuple[Floats, Floats]:
