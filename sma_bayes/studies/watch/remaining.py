@@ -8,13 +8,16 @@ from typing import Final
 
 import numpy as np
 
+from sma_bayes.document_part import IntervalDocument
 from sma_bayes.errors import SmaBayesError
+from sma_bayes.fitting.curves import INTERVAL, as_interval
 from sma_bayes.quantities import ARBITRARY, convert, number_and_unit
 from sma_bayes.records.declaration import CHANNEL_OF
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.cycles.study import CycleSeries, Pooled, pool, quantities, stiffness_unit
 from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand
 from sma_bayes.studies.watch.reference import Reference
+from sma_bayes.studies.watch.schema import LimitDocument
 from sma_bayes.studies.watch.state import StrandNumbers
 
 AHEAD: Final = 200
@@ -52,37 +55,6 @@ class WatchLimit:
     share: float | None
     value: float | None
     unit: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Remaining:
-    """Cycles that remain for one quantity.
-
-    Attributes
-    ----------
-    limit : WatchLimit
-    branch, channel, unit : str
-    fitted, now : tuple of float
-        5, 50 and 95 % of the quantity in the fitted cycles (a number), and after the last.
-    target : float
-        The limit [unit].
-    remaining : tuple of (float or None)
-        5, 50 and 95 %; None beyond the horizon.
-    probability : float
-        That it is reached within the horizon.
-    horizon : int
-    """
-
-    limit: WatchLimit
-    branch: str
-    channel: str
-    unit: str
-    fitted: float
-    now: tuple[float, float, float]
-    target: float
-    remaining: tuple[float | None, float | None, float | None]
-    probability: float
-    horizon: int
 
 
 def limit_of(text: str, temperature_unit: str) -> WatchLimit:
@@ -140,7 +112,7 @@ def remaining_cycles(
     limits: Sequence[WatchLimit],
     begins: int | None,
     seed: int,
-) -> list[Remaining]:
+) -> list[LimitDocument]:
     """Cycles that remain until each limit, for each branch and channel that has the quantity.
 
     Parameters
@@ -178,7 +150,7 @@ def _extended(reference: Reference, s: int, later: Sequence[Sequence[StrandNumbe
     return replace(reference.strands[s], cycle=cycle, numbers=values, sds=np.array([n.sd for n in sweeps]))
 
 
-def _of_limit(reference: Reference, pooled: Pooled, limit: WatchLimit) -> Iterator[Remaining]:
+def _of_limit(reference: Reference, pooled: Pooled, limit: WatchLimit) -> Iterator[LimitDocument]:
     found = list(_fitting(pooled, limit))
     if not found:
         there = sorted({q.name for q in quantities(pooled, ())})
@@ -196,7 +168,7 @@ def _fitting(pooled: Pooled, limit: WatchLimit) -> Iterator[CycleSeries]:
             yield q
 
 
-def _reached(reference: Reference, pooled: Pooled, q: CycleSeries, limit: WatchLimit) -> Remaining:
+def _reached(reference: Reference, pooled: Pooled, q: CycleSeries, limit: WatchLimit) -> LimitDocument:
     last = int(np.searchsorted(pooled.cycle, pooled.last))
     fitted = _as_fitted(reference, q)
     target = fitted * (1.0 + limit.share) if limit.share is not None else _converted(limit, q.unit)
@@ -205,14 +177,34 @@ def _reached(reference: Reference, pooled: Pooled, q: CycleSeries, limit: WatchL
     over = q.draws[:, last:] >= target if rises else q.draws[:, last:] <= target
     when = np.where(over.any(axis=1), over.argmax(axis=1), np.inf)
     horizon = int(pooled.cycle.size - 1 - last)
-    low, middle, high = (float(v) for v in np.quantile(when, [0.05, 0.5, 0.95], method="inverted_cdf"))
+    levels = tuple(INTERVAL.values())
+    remaining = IntervalDocument(**as_interval(np.quantile(when, levels, method="inverted_cdf")))
+    probability = float(np.mean(np.isfinite(when)))
     with np.errstate(all="ignore"):
-        a, b, c = (float(v) for v in np.nanquantile(now, [0.05, 0.5, 0.95]))
-    return Remaining(
-        limit, q.branch, q.channel, q.unit, fitted, (a, b, c), target,
-        tuple(v if np.isfinite(v) else None for v in (low, middle, high)),  # type: ignore[arg-type]
-        float(np.mean(np.isfinite(when))), horizon,
-    )  # fmt: skip
+        at_last = IntervalDocument(**as_interval(np.nanquantile(now, levels)))
+    return LimitDocument.about(
+        q,
+        limit=limit.asked,
+        quantity=limit.name,
+        fitted=fitted,
+        now=at_last,
+        target=target,
+        remaining=remaining,
+        probability=probability,
+        horizon=horizon,
+        statement=f"{q.branch} {q.channel}, {limit.asked}: {_statement(remaining, horizon, probability)}",
+    )
+
+
+def _statement(remaining: IntervalDocument, horizon: int, probability: float) -> str:
+    low, middle, high = remaining.q05, remaining.median, remaining.q95
+    if middle == 0.0:
+        return "reached"
+    if middle is None:
+        least = "" if low is None else f", or in {low:.0f} at the earliest (5 %)"
+        return f"not within {horizon} cycles{least}; probability {probability:.0%}"
+    upper = f"{high:.0f}" if high is not None else f"more than {horizon}"
+    return f"in {middle:.0f} cycles (90 %: {low:.0f} to {upper})"
 
 
 def _as_fitted(reference: Reference, q: CycleSeries) -> float:

@@ -15,19 +15,16 @@ from sma_bayes.errors import many
 from sma_bayes.fitting.curves import as_interval
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.runs.declared_units import Shown
-from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.cycles.sweeps import Strand
 from sma_bayes.studies.watch.evidence import Watched, least_squares_of, onset
 from sma_bayes.studies.watch.naming import Change, NamedCause, causes_of, change_of, interval, named
 from sma_bayes.studies.watch.reference import WATCHED, Reference
-from sma_bayes.studies.watch.remaining import Remaining
 from sma_bayes.studies.watch.schema import (
     AlarmDocument,
     AmountDocument,
     CauseDocument,
     ChangeDocument,
-    LimitDocument,
     OnsetDocument,
     VerdictFindings,
     WatchedCycle,
@@ -252,32 +249,6 @@ def _statement(
     o = alarm.onset
     since = f"cycle {o.median}" + ("" if o.low == o.high else f" ({o.low} to {o.high})")
     return f"changed: alarm with cycle {alarm.cycle} ({alarm.file}), a {o.shape} since {since}: {change.statement}"
-
-
-def limit_document(r: Remaining) -> LimitDocument:
-    """What `watch.json` holds of a limit."""
-    low, middle, high = r.remaining
-    return LimitDocument.about(
-        r,
-        limit=r.limit.asked,
-        quantity=r.limit.name,
-        at=r.limit.at,
-        now=IntervalDocument(**as_interval(r.now)),
-        remaining=IntervalDocument(q05=low, median=middle, q95=high),
-        statement=_remaining_statement(r),
-    )
-
-
-def _remaining_statement(r: Remaining) -> str:
-    what = f"{r.branch} {r.channel}, {r.limit.asked}"
-    low, middle, high = r.remaining
-    if middle == 0.0:
-        return f"{what}: reached"
-    if middle is None:
-        least = "" if low is None else f", or in {low:.0f} at the earliest (5 %)"
-        return f"{what}: not within {r.horizon} cycles{least}; probability {r.probability:.0%}"
-    upper = f"{high:.0f}" if high is not None else f"more than {r.horizon}"
-    return f"{what}: in {middle:.0f} cycles (90 %: {low:.0f} to {upper})"
 
 
 def csv_columns(found: WatchFindings) -> dict[str, dict[str, Any]]:

@@ -49,7 +49,7 @@ from sma_bayes.studies.watch.state import (
     read_state,
     write_state,
 )
-from sma_bayes.studies.watch.verdict import csv_columns, judged, limit_document
+from sma_bayes.studies.watch.verdict import csv_columns, judged
 
 ALPHA: Final = 0.01
 MOST_CYCLES: Final = 20_000
@@ -287,7 +287,7 @@ class Watch:
     def _found(self) -> WatchFindings:
         later = self.later()
         verdict = judged(self.reference, later, self.state, self.alpha, shown_units(self._own()))
-        remaining = remaining_cycles(self.reference, later, self.limits, verdict.begins, self.seed)
+        limits = remaining_cycles(self.reference, later, self.limits, verdict.begins, self.seed)
         summary = self.run.summary
         settled = all(s.converged for s in self.reference.strands)
         converged = bool(summary.converged and settled)
@@ -302,7 +302,7 @@ class Watch:
             versions=all_versions(),
             converged=converged,
             **dict(verdict.found),
-            limits=tuple(limit_document(r) for r in remaining),
+            limits=tuple(limits),
             files=self.state.files,
             partial=tuple(self._partial()),
             remarks=(*self.reference.remarks, *self._remarks()),
