@@ -60,6 +60,8 @@ WORTH = 3.0
 """Least ln Bayes factor of an effect that is added, and of one that is kept."""
 CARRIED_BESIDE = 0.85
 """Share that an effect must carry of what it and a flexible term on top of it explain, to get in beside such a term."""
+CARRIED_IN_OWN_NOISE = 0.95
+"""The same by the noise that is left beside the effect, which has a part of what its form leaves; shape counted."""
 BEYOND = 0.2
 """Share of what an effect explains that must lie beyond any shape of the curve: less may be the form of a shape."""
 MISSHAPEN = 20.0
@@ -240,7 +242,13 @@ class Candidate:
         """Whether it is worth more than functions without meaning and the shape of the curve, in one of both noises."""
         own = self.in_own_noise
         passes = self.plausible and self.beats_flexible and self.beats_shape
-        return passes or (own is not None and own.worthy)
+        return passes or (own is not None and own.worthy and own.carries_nearly_all)
+
+    @property
+    def carries_nearly_all(self) -> bool:
+        """Whether it carries `CARRIED_IN_OWN_NOISE` of what it and a flexible term explain, the shape being one."""
+        found = self.beside
+        return found is not None and share_of(self.ln_bayes_factor, found.on_top) >= CARRIED_IN_OWN_NOISE
 
     @property
     def beats_flexible(self) -> bool:

@@ -315,7 +315,7 @@ def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[Status, 
             f"added in round {place}, but too much of the disagreement remains for it to be the cause",
         )
     own = candidate.in_own_noise
-    if own is not None and own.worthy and own.beside is not None:
+    if own is not None and own.worthy and own.carries_nearly_all and own.beside is not None:
         why = (
             "by the noise that is left beside it, which that of the model without it exceeds, it carries "
             f"{100.0 * own.beside.carried:.0f} % of what it and a flexible term on top explain"
