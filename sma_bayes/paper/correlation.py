@@ -7,13 +7,12 @@ adjusted R2 implies for the printed degrees of freedom.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from pydantic import Field
 
-from sma_bayes.document_part import DocumentPart, Number
+from sma_bayes.document_part import DocumentPart, Number, NumberOrNull
 from sma_bayes.paper.specifications import TEXT_VALUES, specification
 from sma_bayes.paper.tables import STATISTICS_TABLES, CellStatus, PrintedCell
 from sma_bayes.paper.twin import FITTED_PARAMETERS
@@ -21,50 +20,33 @@ from sma_bayes.records.types import Branch
 
 CLAIMED: Final = specification(TEXT_VALUES, "correlation_factor", "1")
 """Average correlation factor that the text states [1]."""
+IMPLIED: Final = ("r2", "adj_r2", "dof", "r_from_r2", "r_from_r2_rounded", "r_from_adj_r2")
+"""Numbers of a row that are null where R2 is lost."""
 
 
-@dataclass(frozen=True, slots=True)
-class ImpliedCorrelation:
-    """Correlation factor that one column of Tables 6 to 8 implies; None where its numbers are lost [1].
+class ImpliedCorrelationRow(DocumentPart):
+    """The correlation factor that a column of Tables 6 to 8 implies [1]."""
 
-    Attributes
-    ----------
-    table : int
-    condition : str
-    branch : Branch
-    status : CellStatus
-        Of the printed R2.
-    r2, adj_r2 : float or None
-        As printed.
-    dof : float or None
-        Residual degrees of freedom, ``SSE/RMSE**2`` of the printed values.
-    r : float or None
-        Least correlation that the printed R2 allows, ``sqrt(R2)``.
-    r_rounded : float or None
-        The same for the least R2 that rounds to the printed one.
-    r_adjusted : float or None
-        Least correlation that the printed adjusted R2 allows, for 6 parameters.
-    """
-
-    table: int
-    condition: str
-    branch: Branch
-    status: CellStatus
-    r2: float | None
-    adj_r2: float | None
-    dof: float | None
-    r: float | None
-    r_rounded: float | None
-    r_adjusted: float | None
+    table: int = Field(description="number of the table")
+    condition: str = Field(description="id of the condition")
+    branch: str = Field(description="`heating` or `cooling`")
+    status: str = Field(description="of the printed R²")
+    r2: NumberOrNull = Field(description="R² as printed; null, as what follows, where it is lost")
+    r_from_r2: NumberOrNull = Field(description="least r that it allows")
+    r_from_r2_rounded: NumberOrNull = Field(description="the same for the least R² that rounds to it")
+    adj_r2: NumberOrNull = Field(description="adjusted R² as printed")
+    dof: NumberOrNull = Field(description="residual degrees of freedom that SSE and RMSE imply")
+    r_from_adj_r2: NumberOrNull = Field(description="least r that the adjusted R² allows, for 6 parameters")
+    claimed: Number = Field(description="average that the text claims")
 
 
-def implied_correlations() -> tuple[ImpliedCorrelation, ...]:
+def implied_correlations() -> tuple[ImpliedCorrelationRow, ...]:
     """Every column of Tables 6 to 8, in their order.
 
     Examples
     --------
     >>> first = implied_correlations()[0]
-    >>> first.condition, first.r2, round(first.r, 4)
+    >>> first.condition, first.r2, round(first.r_from_r2, 4)
     ('1A-10mHz', 0.998, 0.999)
     """
     return tuple(
@@ -77,23 +59,21 @@ def implied_correlations() -> tuple[ImpliedCorrelation, ...]:
 
 def _implied(
     table: int, condition: str, branch: Branch, column: dict[str, PrintedCell]
-) -> ImpliedCorrelation:
+) -> ImpliedCorrelationRow:
     r2, adjusted, sse, rmse = (column[name] for name in ("r2", "adj_r2", "sse", "rmse"))
-    if r2.status is CellStatus.DAMAGED:
-        return ImpliedCorrelation(table, condition, branch, r2.status, *[None] * 6)
-    dof = sse.value / rmse.value**2
-    whole = 1.0 - (1.0 - adjusted.value) * dof / (dof + FITTED_PARAMETERS - 1.0)
-    return ImpliedCorrelation(
+    numbers: dict[str, float | None] = dict.fromkeys(IMPLIED)
+    if r2.status is not CellStatus.DAMAGED:
+        dof = sse.value / rmse.value**2
+        whole = 1.0 - (1.0 - adjusted.value) * dof / (dof + FITTED_PARAMETERS - 1.0)
+        least = np.sqrt([r2.value, r2.value - 0.5 * r2.resolution, whole])
+        numbers = dict(zip(IMPLIED, (r2.value, adjusted.value, dof, *least), strict=True))
+    return ImpliedCorrelationRow(
         table=table,
         condition=condition,
-        branch=branch,
-        status=r2.status,
-        r2=r2.value,
-        adj_r2=adjusted.value,
-        dof=dof,
-        r=float(np.sqrt(r2.value)),
-        r_rounded=float(np.sqrt(r2.value - 0.5 * r2.resolution)),
-        r_adjusted=float(np.sqrt(whole)),
+        branch=branch.value,
+        status=r2.status.value,
+        claimed=CLAIMED,
+        **numbers,
     )
 
 
@@ -122,7 +102,7 @@ def implied_average() -> ImpliedAverage:
     (12, 0.999, 0.85)
     """
     columns = implied_correlations()
-    r = np.array([c.r for c in columns if c.r is not None])
+    r = np.array([c.r_from_r2 for c in columns if c.r_from_r2 is not None])
     lost = len(columns) - r.size
     return ImpliedAverage(
         columns=int(r.size),

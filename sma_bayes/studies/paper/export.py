@@ -18,8 +18,7 @@ from typing import Any, Final
 from sma_bayes.errors import OutputError, UnknownNameError, near_matches
 from sma_bayes.latex import longtable, tex_row, wrapped
 from sma_bayes.paper.correlation import (
-    CLAIMED,
-    ImpliedCorrelation,
+    ImpliedCorrelationRow,
     implied_average,
     implied_correlations,
 )
@@ -29,7 +28,6 @@ from sma_bayes.paper.tables import CellStatus, PrintedCell, PrintedTable
 from sma_bayes.quantities import unit_text
 from sma_bayes.studies.paper.schema import (
     ErratumEntry,
-    ImpliedCorrelationRow,
     ImpliedCorrelations,
     PaperTablesDocument,
     PrintedEntry,
@@ -168,22 +166,9 @@ def _table_sheets(selection: Selection) -> list[Sheet]:
     ]
 
 
-def correlation_row(found: ImpliedCorrelation) -> ImpliedCorrelationRow:
-    """The correlation factor that a column of Tables 6 to 8 implies."""
-    return ImpliedCorrelationRow.about(
-        found,
-        branch=found.branch.value,
-        status=found.status.value,
-        r_from_r2=found.r,
-        r_from_r2_rounded=found.r_rounded,
-        r_from_adj_r2=found.r_adjusted,
-        claimed=CLAIMED,
-    )
-
-
 def _implied(selection: Selection) -> tuple[ImpliedCorrelationRow, ...]:
     numbers = {table.number for table in selection.tables}
-    return tuple(correlation_row(c) for c in implied_correlations() if c.table in numbers)
+    return tuple(c for c in implied_correlations() if c.table in numbers)
 
 
 def _correlation_sheets(selection: Selection) -> list[Sheet]:

@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
-from sma_bayes.paper.correlation import ImpliedAverage
+from sma_bayes.paper.correlation import ImpliedAverage, ImpliedCorrelationRow
 from sma_bayes.runs.schema import (
     AverageR,
     CorrelationAverage,
@@ -50,22 +50,6 @@ class PrintedTableDocument(DocumentPart):
     number: int = Field(description="its number; 0 is the running text")
     title: str = Field(description="its title")
     cells: Items[PrintedEntry] = Field(description="its cells, in the order in which they are printed")
-
-
-class ImpliedCorrelationRow(DocumentPart):
-    """The correlation factor that a column of Tables 6 to 8 implies [1]."""
-
-    table: int = Field(description="number of the table")
-    condition: str = Field(description="id of the condition")
-    branch: str = Field(description="`heating` or `cooling`")
-    status: str = Field(description="of the printed R²")
-    r2: NumberOrNull = Field(description="R² as printed; null, as what follows, where it is lost")
-    r_from_r2: NumberOrNull = Field(description="least r that it allows")
-    r_from_r2_rounded: NumberOrNull = Field(description="the same for the least R² that rounds to it")
-    adj_r2: NumberOrNull = Field(description="adjusted R² as printed")
-    dof: NumberOrNull = Field(description="residual degrees of freedom that SSE and RMSE imply")
-    r_from_adj_r2: NumberOrNull = Field(description="least r that the adjusted R² allows, for 6 parameters")
-    claimed: Number = Field(description="average that the text claims")
 
 
 class ImpliedCorrelations(DocumentPart):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from sma_bayes.paper.correlation import implied_average, implied_correlations
-from sma_bayes.records.types import Branch
 from sma_bayes.studies.paper.export import render, select, sheets
 
 R2 = np.array(
@@ -18,21 +17,19 @@ R2 = np.array(
 
 
 def test_columns_that_can_be_read() -> None:
-    found = [c for c in implied_correlations() if c.r is not None]
+    found = [c for c in implied_correlations() if c.r_from_r2 is not None]
     assert len(implied_correlations()) == 18
     np.testing.assert_allclose([c.r2 for c in found], R2)
-    np.testing.assert_allclose([c.r for c in found], R2**0.5)
-    np.testing.assert_allclose([c.r_rounded for c in found], (R2 - 0.00005) ** 0.5)
+    np.testing.assert_allclose([c.r_from_r2 for c in found], R2**0.5)
+    np.testing.assert_allclose([c.r_from_r2_rounded for c in found], (R2 - 0.00005) ** 0.5)
 
 
 def test_adjusted_r2_and_r2_imply_the_same_where_both_are_sound() -> None:
     """1.5 A heating: 0.9979 adjusted, SSE 0.0118, RMSE 0.0133, so 67 degrees of freedom of 72."""
-    column = next(
-        c for c in implied_correlations() if (c.condition, c.branch) == ("1.5A-10mHz", Branch.HEATING)
-    )
+    column = next(c for c in implied_correlations() if (c.condition, c.branch) == ("1.5A-10mHz", "heating"))
     assert column.dof == pytest.approx(0.0118 / 0.0133**2)
-    assert column.r_adjusted == pytest.approx((1 - 0.0021 * 66.71 / 71.71) ** 0.5, abs=1e-6)
-    assert column.r_adjusted == pytest.approx(column.r, abs=6e-5)
+    assert column.r_from_adj_r2 == pytest.approx((1 - 0.0021 * 66.71 / 71.71) ** 0.5, abs=1e-6)
+    assert column.r_from_adj_r2 == pytest.approx(column.r_from_r2, abs=6e-5)
 
 
 def test_the_average() -> None:
