@@ -17,11 +17,7 @@ from typing import Any, Final
 
 from sma_bayes.errors import OutputError, UnknownNameError, near_matches
 from sma_bayes.latex import longtable, tex_row, wrapped
-from sma_bayes.paper.correlation import (
-    ImpliedCorrelationRow,
-    implied_average,
-    implied_correlations,
-)
+from sma_bayes.paper.correlation import ImpliedCorrelationRow, implied_average, implied_correlations
 from sma_bayes.paper.effects import Amount
 from sma_bayes.paper.errata import PRINTED_TABLES, Erratum, address, errata, printed_table
 from sma_bayes.paper.tables import CellStatus, PrintedCell, PrintedTable

@@ -20,20 +20,13 @@ from sma_bayes.quantities import convert, number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
 from sma_bayes.response.modified_sigmoid import channel_unit
-from sma_bayes.runs.documents import (
-    STUDY,
-    sealed,
-)
+from sma_bayes.runs.documents import STUDY, sealed
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.store import write_json
 from sma_bayes.studies.ask.workflow import AT_SCHEMA, OVERALL, WANTED, ask, asked_temperature, wanted_value
 from sma_bayes.studies.conditions.study import EACH
 from sma_bayes.studies.identity import all_versions
-from sma_bayes.studies.options import (
-    check_model_and_noise,
-    model_named,
-    prior_set,
-)
+from sma_bayes.studies.options import check_model_and_noise, model_named, prior_set
 from sma_bayes.studies.registry import study_steps
 from sma_bayes.studies.run.schema import StatedStep, StudyDocument
 from sma_bayes.studies.run.study_file import Study, read_study
@@ -270,42 +263,27 @@ def _result(step: _Step, before: Sequence[StatedStep], tell: Progress, *, strict
     clock = time.perf_counter()
     failed = next((r for r in before if r.step == step.needs and r.exit_status == WRONG), None)
     if failed:
-        return _not_done(step, SKIPPED, f"{failed.step} failed", 0.0)
+        return _stated(step, SKIPPED, WRONG, 0.0, error=f"{failed.step} failed")
     try:
         found = step.run(lambda done, total, message: tell(done, total, f"{step.name}: {message}"))
     except ResumeError:  # options were changed under results that are there: the call is wrong, not the step
         raise
     except SmaBayesError as error:
-        return _not_done(step, STATUS[WRONG], str(error), time.perf_counter() - clock)
+        return _stated(step, STATUS[WRONG], WRONG, time.perf_counter() - clock, error=str(error))
     status = DONE if found["converged"] else NOT_CONVERGED
     word = STATUS[status]
     if found["converged"] and found.get("exit_status", DONE) != DONE:
         word, status = ALARM, found["exit_status"]
     if strict and found["converged"] and not found.get("adequate", True):
         word, status = INADEQUATE, NOT_CONVERGED
-    return StatedStep(
-        step=step.name,
-        summary=step.summary,
-        schema=found["schema"],
-        told=step.told(found),
-        error=None,
-        status=word,
-        exit_status=status,
-        wall_s=time.perf_counter() - clock,
-    )
+    wall_s, told = time.perf_counter() - clock, step.told(found)
+    return _stated(step, word, status, wall_s, summary=step.summary, schema=found["schema"], told=told)
 
 
-def _not_done(step: _Step, status: str, why: str, wall_s: float) -> StatedStep:
-    return StatedStep(
-        step=step.name,
-        summary=None,
-        schema=None,
-        told=None,
-        error=why,
-        status=status,
-        exit_status=WRONG,
-        wall_s=wall_s,
-    )
+def _stated(step: _Step, status: str, exit_status: int, wall_s: float, **told: str) -> StatedStep:
+    """What became of a step; what is not told is null."""
+    none = dict.fromkeys(("summary", "schema", "told", "error"))
+    return StatedStep(step=step.name, status=status, exit_status=exit_status, wall_s=wall_s, **(none | told))
 
 
 def _told(found: Mapping[str, Any]) -> str:
