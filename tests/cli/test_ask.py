@@ -159,6 +159,7 @@ def test_beyond_what_was_measured_nothing_is_told_unless_asked(
     ("arguments", "told"),
     [
         (("--at", "60"), "has no unit"),
+        (("--at", "60 degC, 80 degC"), "is more than one"),
         (("--at", "60 N"), "wrong kind"),
         (("--at", "hot"), "a number with its unit"),
         ((*AT, "--force", "1 N"), "values and temperatures are asked for"),

@@ -325,6 +325,12 @@ def asked_temperature(text: str, stored: str, degrees: str) -> float:
         If it is no temperature, has no unit, or lies below absolute zero or beyond `DEGREES`.
     """
     number, unit = number_and_unit(text, what="temperature")
+    if "," in unit or ";" in unit:
+        raise QuantityError(
+            f"temperature {text!r} is more than one",
+            expected=f"one temperature, such as '{number:g} {degrees}'",
+            remedy="give each an --at of its own (in Python, a list)",
+        )
     if not unit and stored != ARBITRARY:
         raise QuantityError(
             f"temperature {text!r} has no unit",

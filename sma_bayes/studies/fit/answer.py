@@ -46,11 +46,10 @@ def _answer_table(part: Content, number: int) -> Table:
             rows.append(_answer_row(part, r, bool(stiffness), transformed, first=place == 0))
     return Table(
         "answer" if number == 1 else f"answer-{number}",
-        "Stiffness and transformation",
-        f"Median and {INTERVAL}. Least and greatest magnitude of the stiffness over the temperatures that were measured"
-        f"{_signs(part)}; start and "
-        "finish of the transformation by the tangent rule (As, Af on heating; Ms, Mf on cooling); hysteresis: midpoint "
-        "on heating less midpoint on cooling.",
+        "Stiffness and transformation" if stiffness else "Transformation",
+        f"Median and {INTERVAL}. {_of_stiffness(part) if stiffness else ''}Start and finish of the transformation "
+        "by the tangent rule (As, Af on heating; Ms, Mf on cooling); hysteresis: midpoint on heating less midpoint on "
+        "cooling.",
         (
             *words("condition", "branch"),
             *stiffness,
@@ -62,13 +61,14 @@ def _answer_table(part: Content, number: int) -> Table:
     )
 
 
-def _signs(part: Content) -> str:
-    """Where a stiffness that is told by its magnitude is negative."""
+def _of_stiffness(part: Content) -> str:
+    """What the ends of the stiffness are, and where one that is told by its magnitude is negative."""
+    told = "Least and greatest magnitude of the stiffness over the temperatures that were measured"
     below = [r for r in part.records if any(q.negative for q in r.document.quantities_of_branch)]
     if not below:
-        return ""
+        return f"{told}. "
     where = "" if len(below) == len(part.records) else f" of {_names(below)}"
-    return f" (the stiffness itself{where} is negative, as the curves show it)"
+    return f"{told} (the stiffness itself{where} is negative, as the curves show it). "
 
 
 def _answer_row(

@@ -107,3 +107,14 @@ def test_findings_are_grouped_and_the_serious_come_first(content: Content) -> No
     steps = next_steps(replace(content, findings=tuple(findings)))
     assert [s for s in steps if "what clipped means" in s]
     assert not [s for s in steps if "reduced" in s]
+
+
+def test_a_table_without_stiffness_does_not_speak_of_it(content: Content) -> None:
+    strain = tuple(
+        replace(r, channels=tuple(c for c in r.channels if c.channel == "displacement"))
+        for r in content.records
+    )
+    (with_stiffness,) = answer_tables(content)
+    assert (with_stiffness.title, "tiffness" in with_stiffness.note) == ("Stiffness and transformation", True)
+    (without,) = answer_tables(replace(content, records=strain))
+    assert (without.title, "tiffness" in without.note) == ("Transformation", False)

@@ -138,7 +138,7 @@ def strain_figure(stored: StoredCard) -> Drawing:
         ax.plot([s.stress] * 2, [q05, q95], color=COLOURS[s.branch], lw=0.8)
         ax.plot(s.stress, median, "o", ms=4.5, color=COLOURS[s.branch])
     ax.set(
-        ylim=(0.0, None),
+        ylim=(0.0, 1.1 * max(float(high.max()), *(s.strain.quantiles[2] for s in card.sweeps))),
         xlim=(0.0, stress[-1]),
         xlabel="stress [MPa]",
         ylabel=f"transformation strain [{in_units_of(take_power(ax.yaxis), '1')}]",
