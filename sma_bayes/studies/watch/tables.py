@@ -5,7 +5,7 @@ from __future__ import annotations
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
-from sma_bayes.studies.watch.schema import LimitDocument, StoredWatch, WatchDocument
+from sma_bayes.studies.watch.schema import LimitDocument, StoredWatch, WatchDocument, WatchedNumber
 
 CURVE = (Column("branch", "branch"), Column("channel", "channel"))
 
@@ -27,8 +27,10 @@ def _numbers(found: WatchDocument) -> Table:
     rows = tuple(
         (
             n.branch, n.channel, n.number, unit_label(n.unit) or "1",
-            _value(sum(n.value[:count]) / count, n.unit), _value(n.value[-1], n.unit),
-            _value(n.normal_low[-1], n.unit), _value(n.normal_high[-1], n.unit),
+            *(
+                _value(value, n.unit, _scatter(n))
+                for value in (sum(n.value[:count]) / count, n.value[-1], n.normal_low[-1], n.normal_high[-1])
+            ),
             Number(n.log10_e[-1], "1", 0.01) if n.log10_e else None, "yes" if n.alarm else "no",
         )
         for n in found.numbers
@@ -40,8 +42,15 @@ def _numbers(found: WatchDocument) -> Table:
     return Table("numbers", "What is watched", note, columns, rows, 2)
 
 
-def _value(value: float | None, unit: str) -> Cell:
-    return None if value is None else Number(value, unit, abs(value) * 1e-4 or 1e-4)
+def _scatter(n: WatchedNumber) -> float | None:
+    """Standard deviation of a sweep while nothing changes, roughly; None where it is not known yet."""
+    low, high = n.normal_low[-1], n.normal_high[-1]
+    return None if low is None or high is None else 0.25 * (high - low)
+
+
+def _value(value: float | None, unit: str, sd: float | None = None) -> Cell:
+    """A value with the digits that a standard deviation bears, one in ten thousand of it where there is none."""
+    return None if value is None else Number(value, unit, sd or abs(value) * 1e-4 or 1e-4)
 
 
 def _causes(found: WatchDocument) -> Table:
