@@ -112,14 +112,13 @@ def read(path: Path) -> list[dict[str, object]]:
 
 GOOD = {
     "null": ("none", "unnamed"),
-    "hidden": ("right", "class", "shape"),
+    "hidden": ("right", "class"),
     "left_out": ("unnamed",),
     "outside": ("unnamed",),
     "pairs": ("right", "class"),
     "triples": ("right", "class"),
 }
-"""Outcomes that count as right. Where nothing is hidden only a name is wrong. Asymmetric kinetics are a bent curve, and
-``shape`` says so."""
+"""Outcomes that count as right. Where nothing is hidden only a name is wrong."""
 NAMED = ("right", "class", "part", "wrong", "confident")
 ENOUGH = 50
 """Campaigns from which on a rate counts as measured."""
@@ -263,17 +262,21 @@ def measured(rows: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, str, s
         (*NAMED, "unnamed"),
         0.02,
     )
-    told, physical = GOOD["hidden"], suite("hidden", in_range="True")
-    for s in sorted({float(str(r["sigma"])) for r in physical}):
+    for s in sorted({float(str(r["sigma"])) for r in suite("hidden")}):
         goal = 0.85 if s < 10.0 else 0.95
         of = [
-            r for r in physical if float(str(r["sigma"])) == s and float(str(r["sigma_reached"])) > 0.99 * s
+            r
+            for r in suite("hidden")
+            if float(str(r["sigma"])) == s and float(str(r["sigma_reached"])) > 0.99 * s
         ]
-        yield share(f"hidden at {s:g} sigma: right effect, class or shape in {goal:.0%}", of, told, goal)
-    for law in LAWS:
+        yield share(f"hidden at {s:g} sigma: right effect or class in {goal:.0%}", of, GOOD["hidden"], goal)
+        physical = [r for r in of if r["in_range"] == "True"]
         yield share(
-            f"of these by the {law} law: in 95%", [r for r in physical if r["law"] == law], told, 0.95
-        )
+            "the same within its physical range, a bent curve told as a shape counted",
+            physical, (*GOOD["hidden"], "shape"), goal,
+        )  # fmt: skip
+    for law in LAWS:
+        yield share(f"of these by the {law} law: in 95%", suite("hidden", law=law), GOOD["hidden"], 0.95)
     beyond = suite("hidden", in_range="False")
     yield share(
         "beyond its physical range: a confident wrong name in at most 1 %", beyond, ("confident",), 0.01

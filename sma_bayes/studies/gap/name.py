@@ -511,13 +511,14 @@ def within_range(fitted: FittedHypothesis) -> FittedHypothesis:
     """A fit as it is if its last effect has numbers that its mechanism can have, or with the nearest ones that it can.
 
     A time constant that is shorter than the data resolve has its mode anywhere below. What counts is whether the effect
-    explains as much with numbers that can be believed.
+    explains as much, within `WORTH`, with numbers that can be believed; where it does not, it fits only with others.
     """
     nearest = _nearest_believable(fitted.hypothesis, fitted.z)
     if np.array_equal(nearest, fitted.z):
         return fitted
     held = fitted.hypothesis.effect_positions[fitted.hypothesis.effects[-1].id].size - 1
-    return fit_held(fitted.hypothesis, nearest, fitted.noise, held)
+    believable = fit_held(fitted.hypothesis, nearest, fitted.noise, held)
+    return believable if believable.ln_evidence > fitted.ln_evidence - WORTH else fitted
 
 
 def _nearest_believable(hypothesis: Hypothesis, z: Floats) -> Floats:
