@@ -33,6 +33,7 @@ from scipy.special import softmax
 
 from sma_bayes.arrays import Floats
 from sma_bayes.noise import NoiseModel, Steps
+from sma_bayes.noise.base import weighted_products
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 FUNCTIONS = 30
@@ -381,7 +382,7 @@ class Whitened:
         if even:
             gram = noise.weighted_gram(self.rows, shape, self.steps) * inverse[:, :, None] ** 2
         elif not noise.autocorrelated:
-            gram = count[:, None, None] * _weighted_products(self.rows, inverse * inverse)
+            gram = count[:, None, None] * weighted_products(inverse * inverse, self.rows)
         else:
             white = noise.decorrelate(self.rows * inverse[:, None, :], shape[:, None, :], self.steps)
             gram = count[:, None, None] * (white @ np.swapaxes(white, 1, 2))
@@ -426,15 +427,6 @@ class Whitened:
         """Weights (W, m) [unit of the channel] drawn given everything else."""
         weights = self._system()
         return np.asarray(self.size * (self._likeliest(weights) + weights.draw(rng)))
-
-
-def _weighted_products(rows: Floats, weight: Floats) -> Floats:
-    """Sums (W, m, m) over samples of weights (W, n) times products of rows (m, n): these are the same for all W."""
-    m = len(rows)
-    i, j = np.triu_indices(m)
-    place = np.empty((m, m), dtype=np.intp)
-    place[i, j] = place[j, i] = np.arange(i.size)
-    return np.asarray((weight @ (rows[i] * rows[j]).T)[:, place])
 
 
 def safe_cholesky(information: Floats) -> tuple[Floats, NDArray[np.bool_]]:

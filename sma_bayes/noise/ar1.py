@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.noise.base import NoiseModel, Steps, sd_fact
+from sma_bayes.noise.base import NoiseModel, Steps, sd_fact, weighted_products
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
@@ -107,12 +107,8 @@ class MemoryNoise(NoiseModel):
             own = 1.0 / (1.0 - phi * phi)
             cross = phi * own
             own[..., :-1] += (phi * cross)[..., 1:]
-        i, j = np.tril_indices(len(rows))
         before = np.concatenate([np.zeros((len(rows), 1)), rows[:, :-1]], axis=1)
-        found = own @ (rows[i] * rows[j]).T - cross @ (rows[i] * before[j] + rows[j] * before[i]).T
-        gram = np.empty((len(rows), len(rows), len(phi)))
-        gram[i, j] = gram[j, i] = found.T
-        return np.moveaxis(gram, -1, 0)
+        return weighted_products(own, rows) - weighted_products(cross, rows, before)
 
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         phi = self.phi(shape, steps)

@@ -338,6 +338,29 @@ class OfSeries(NoiseModel):
         return self.series.correlate(innovation, shape, steps)
 
 
+def weighted_products(weight: Floats, rows: Floats, before: Floats | None = None) -> Floats:
+    """Sums over samples of weights times products of rows, which are the same for all weights.
+
+    Parameters
+    ----------
+    weight : ndarray, shape (W, n)
+    rows : ndarray, shape (m, n)
+    before : ndarray, shape (m, n), optional
+        Rows by which they are multiplied, in both orders; by default themselves, once.
+
+    Returns
+    -------
+    ndarray, shape (W, m, m)
+        Symmetric.
+    """
+    m = len(rows)
+    i, j = np.triu_indices(m)
+    place = np.empty((m, m), dtype=np.intp)
+    place[i, j] = place[j, i] = np.arange(i.size)
+    products = rows[i] * rows[j] if before is None else rows[i] * before[j] + rows[j] * before[i]
+    return np.asarray((weight @ products.T)[:, place])
+
+
 def lag1(residual: Floats, first: NDArray[np.bool_]) -> Floats:
     """Correlation of neighbouring residuals (..., n) within sweeps, whose first samples are marked; 0 where all are."""
     after = np.flatnonzero(~first)

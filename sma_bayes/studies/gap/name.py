@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -195,7 +196,7 @@ class Rivals:
         return Rivals(offer(fitted, flexible), OneStageShapes(fitted))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """What was found about an effect at a step.
 
@@ -231,7 +232,7 @@ class Candidate:
     one_stage: float = -np.inf
     in_own_noise: Candidate | None = None
 
-    @property
+    @cached_property
     def plausible(self) -> bool:
         """Whether its numbers, but for its size, are those of the mechanism, and it does not cancel something else."""
         found = self.fitted
