@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from sma_bayes.assess import sweeps as left_out
-from sma_bayes.assess.checks import Check
+from sma_bayes.assess.checks import CHANCE, Check
 from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.identifiability import contraction
 from sma_bayes.document_part import DocumentPart
@@ -35,6 +35,8 @@ MOST_SHOWN = 10.0
 """Multiple of the range of a curve from which on the number itself says nothing."""
 GRID = 161
 OF_SWEEPS = ("sweep_means", left_out.STATISTIC)
+LEAST_P = CHANCE
+"""p-value that is told as less than this."""
 """Checks of whether the sweeps of a record are alike."""
 
 SENTENCES = {
@@ -49,6 +51,26 @@ SENTENCES = {
     "conflict": "prior and data contradict each other about {what}",
 }
 """Reasons why a fit is not adequate, by their kind."""
+FAILURES = {
+    "greatest": (
+        "even the largest residual is small for this noise",
+        "single readings lie too far out for this noise",
+    ),
+    "lag1": (
+        "neighbouring residuals alternate more than the noise model allows",
+        "neighbouring residuals are alike, more than the noise model allows",
+    ),
+    "block_means": ("", "residuals do not average out along the temperature"),
+    "sweep_means": ("", "its sweeps differ by more than the noise"),
+    "sd_by_temperature": ("", "the noise changes along the temperature"),
+    "sd_by_response": (
+        "the noise falls as the response grows, more than its model says",
+        "the noise grows with the response, more than its model says",
+    ),
+    "pit": ("", "the noise has another distribution than its model"),
+    left_out.STATISTIC: ("", "sweep {sweep} is not what the other sweeps predict"),
+}
+"""What a predictive check shows that fails with a p-value near 1, and near 0."""
 WORTH_TRYING = {
     "curve": ("`--model auto`", "`sma-bayes gap`"),
     "check": ("`--model auto`", "`--noise auto`", "`sma-bayes gap`"),
@@ -189,7 +211,7 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
     ]
     for m in of_curve:
         if m.share > MISSED and abs(m.largest) > NOTICED * sd[m.channel]:
-            share = f"up to {m.share:.1%} of" if m.share < MOST_SHOWN else "more than ten times"
+            share = f"up to {100.0 * m.share:.1f} % of" if m.share < MOST_SHOWN else "more than ten times"
             what = (
                 f"{r.quantity(m.channel)} by {share} its range, at {m.at:.4g} {unit_text(r.units['temperature'])}; "
                 "what it misses is in all bands"
@@ -212,7 +234,9 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
             out.append(_reason("memory", channel, what))
         response = _response(fit, record, channel)
         if own > SWALLOWED * response:
-            share = f"{own / response:.0%} of" if own < MOST_SHOWN * response else "more than ten times"
+            share = (
+                f"{100.0 * own / response:.0f} % of" if own < MOST_SHOWN * response else "more than ten times"
+            )
             out.append(_reason("noise", channel, f"{share} what {r.quantity(channel)} changes by"))
     for channel in led_by_prior(fit, record):
         out.append(_reason("prior", channel, f"where and how fast {r.quantity(channel)} changes"))
@@ -230,7 +254,16 @@ def _response(fit: Fit, record: int, channel: str) -> float:
 
 
 def _failed(record: Record, check: Check) -> str:
-    return f"{record.quantity(check.channel)}: {check.meaning} (p = {check.p_value:.3g})"
+    low, high = FAILURES.get(check.statistic, (check.meaning, check.meaning))
+    said = (low if check.p_value > 0.5 else high).format(sweep=check.sweep)
+    return f"{record.quantity(check.channel)}: {said} ({_probability(check.p_value)})"
+
+
+def _probability(p: float) -> str:
+    """A p-value, of which nothing beyond a thousandth is told: replications are hundreds."""
+    if p < LEAST_P:
+        return f"p < {LEAST_P:g}"
+    return f"p > {1.0 - LEAST_P:g}" if p > 1.0 - LEAST_P else f"p = {p:.2g}"
 
 
 def _reason(kind: str, channel: str, what: str) -> Reason:

@@ -159,6 +159,8 @@ class Check:
     p_value : float
         Share of draws whose replication exceeds the measurement (half of ties); near 0 or 1 the model misses it.
     meaning : str
+    sweep : int
+        That it is about, from 1; 0 where it is about all.
     """
 
     channel: str
@@ -168,6 +170,7 @@ class Check:
     q95: float
     p_value: float
     meaning: str
+    sweep: int = 0
 
     @property
     def failed(self) -> bool:

@@ -31,7 +31,7 @@ class PathRemark(DocumentPart):
     message: str = Field(default="", description="in words")
 
 
-def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
+def path_remark(record: Record, noise_sd: dict[str, float], *, slope_supported: bool = True) -> PathRemark:
     """Judge the actuation path of a record.
 
     Parameters
@@ -39,16 +39,16 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
     record : Record
     noise_sd : dict
         Standard deviation of the noise of each observed channel.
+    slope_supported : bool
+        Whether the fit supports a stiffness; if not, the slope of a straight path is not told either.
     """
     force, displacement, stiffness = (record.quantity(c) for c in CHANNELS)
     slope_text = f"d{record.symbol('force')}/d{record.symbol('displacement')}"
     tested = "specimen" if record.specimen else "spring"
     if "force" in record.held:
-        held = record.held["force"]
         return PathRemark(
             kind="constant_load",
-            message=f"the rig held the {force} at {_as_declared(record, 'force', held.mean)} "
-            f"(sd {_as_declared(record, 'force', held.sd, 2)}): the slope {slope_text} of the path is zero by "
+            message=f"the rig is taken to hold the {force} constant: the slope {slope_text} of such a path is zero by "
             f"construction and says nothing about the {tested}; only the {displacement} is fitted",
         )
     if "displacement" in record.held:
@@ -72,10 +72,12 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
     noise = float(np.hypot(noise_sd["force"], slope * noise_sd["displacement"]))
     if residual <= STRAIGHT * noise and noise <= TOLD * float(np.ptp(f)):
         other = "an elastic constraint" if record.specimen else "a bias spring"
+        within = (
+            f"the noise, with slope {_as_declared(record, float(slope))}" if slope_supported else "the noise"
+        )
         return PathRemark(
             kind="straight_path",
-            message=f"{force} is a straight line in {displacement} within the noise, with slope "
-            f"{_as_declared(record, 'stiffness', float(slope))}: that is what {other} of this {stiffness} imposes at "
+            message=f"{force} is a straight line in {displacement} within {within}: that is what {other} imposes at "
             f"every temperature, so the path slope tells {other}'s {stiffness} and nothing about the alloy",
         )
     return PathRemark(
@@ -85,12 +87,12 @@ def path_remark(record: Record, noise_sd: dict[str, float]) -> PathRemark:
     )
 
 
-def _as_declared(record: Record, channel: str, value: float, digits: int = 4) -> str:
-    """A value of a channel with its unit, as the measurements declare it; of a stiffness as force and displacement."""
-    unit, declared = channel_unit(record.units, channel), record.declared_units
+def _as_declared(record: Record, slope: float) -> str:
+    """A slope of the path in the unit that the measurements declare of the stiffness, or of force and displacement."""
+    unit, declared = channel_unit(record.units, "stiffness"), record.declared_units
     parts = [declared.get(c) for c in ("force", "displacement")]
     derived = parts[0] if record.specimen else "/".join(p for p in parts if p) if all(parts) else None
-    shown = declared.get(channel) or (derived if channel == "stiffness" else None) or unit
+    shown = declared.get("stiffness") or derived or unit
     if ARBITRARY not in unit and ARBITRARY not in shown:
-        value, unit = float(convert(value, unit, shown, what=channel)), shown
-    return f"{value:.{digits}g} {unit_text(unit)}".rstrip()
+        slope, unit = float(convert(slope, unit, shown, what="stiffness")), shown
+    return f"{slope:.4g} {unit_text(unit)}".rstrip()

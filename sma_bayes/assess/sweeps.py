@@ -176,10 +176,12 @@ def sweep_checks(sweeps: Sequence[LeftOutSweep]) -> list[Check]:
         low, high = (
             float(f_distribution.ppf(q ** (1.0 / len(own)), worst.r, worst.spare)) for q in (0.05, 0.95)
         )
-        meaning = f"{MEANING}; sweep {worst.sweep}"
+        meaning = f"{MEANING}: here of sweep {worst.sweep}"
         if len(told) < len(own):
-            meaning += f", {len(own) - len(told)} of {len(own)} can't be told"
-        out.append(Check(channel, STATISTIC, float(worst.distance or 0.0), low, high, p, meaning))
+            meaning += f"; {len(own) - len(told)} of {len(own)} sweeps can't be judged"
+        out.append(
+            Check(channel, STATISTIC, float(worst.distance or 0.0), low, high, p, meaning, worst.sweep)
+        )
     return out
 
 

@@ -146,14 +146,15 @@ def power_text(exponent: int) -> str:
 
 
 def compact(value: float) -> str:
-    """Number of at most three digits, without zeros behind.
+    """Number of three digits without zeros behind; all digits before the point below 100,000.
 
     Examples
     --------
-    >>> compact(1.0), compact(0.72197), compact(2.5e-7)
-    ('1', '0.722', '2.5 × 10⁻⁷')
+    >>> compact(1.0), compact(0.72197), compact(2.5e-7), compact(1096.2)
+    ('1', '0.722', '2.5 × 10⁻⁷', '1096')
     """
-    digits, _, power = f"{value:.3g}".partition("e")
+    whole = 1e3 <= abs(value) < 1e5
+    digits, _, power = (f"{value:.0f}" if whole else f"{value:.3g}").partition("e")
     return _signed(digits) + (f" × 10{power_text(int(power))}" if power else "")
 
 

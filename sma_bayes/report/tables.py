@@ -314,8 +314,7 @@ def average_table(averages: Sequence[AverageFactor]) -> Table:
         "correlation_average",
         "Average correlation factors",
         f"Over the records that converged: median and {INTERVAL} of the average. Plain: mean of the records' factors; "
-        "Fisher: tanh of the mean of artanh r; pooled: one factor over all samples of all records. "
-        f"P(r > {PAPER_CORRELATION:g}): posterior probability that the average exceeds what the paper states.",
+        "Fisher: tanh of the mean of artanh r; pooled: one factor over all samples of all records.",
         (
             *words("channel", "data", "branch", "rule"),
             *AVERAGE_COLUMNS,

@@ -42,8 +42,8 @@ def tell_apart(ax: Axes, channel: tuple[str, str], channels: Sequence[tuple[str,
         ax.set_xlabel(f"r [1], {name} in {unit_label(unit)}")
 
 
-def correlation_axis(ax: Axes, marks: Sequence[Mark]) -> None:
-    """Draw correlation factors against an axis that is logarithmic in 1 − r, with the paper's value."""
+def correlation_axis(ax: Axes, marks: Sequence[Mark], *, beside_paper: bool = True) -> None:
+    """Draw correlation factors against an axis that is logarithmic in 1 − r, beside the paper's value if wished."""
     seen = [PAPER_CORRELATION]
     for m in marks:
         e = m.estimate
@@ -54,7 +54,8 @@ def correlation_axis(ax: Axes, marks: Sequence[Mark]) -> None:
         face = "white" if m.hollow else m.colour
         ax.plot([mid], [m.place], marker="o", ms=3.6, mfc=face, mec=m.colour, mew=0.9, ls="none")
         seen += [e.q05, e.q95]
-    ax.axvline(1.0 - PAPER_CORRELATION, color=INK, lw=0.8, ls="--", zorder=0)
+    if beside_paper:
+        ax.axvline(1.0 - PAPER_CORRELATION, color=INK, lw=0.8, ls="--", zorder=0)
     far, near = max(1.0 - v for v in seen), max(min(1.0 - v for v in seen), NEAREST)
     ax.set_xscale("log")
     ax.set_xlim(far * 1.6, near / 1.6)

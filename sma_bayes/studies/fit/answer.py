@@ -10,6 +10,7 @@ from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.report.content import INTERVAL, Content, Estimate, RecordContent
 from sma_bayes.report.tables import Cell, Column, Table, words
 from sma_bayes.studies.fit.findings import finding_groups
+from sma_bayes.studies.fit.inadequate import reason_groups, shortened
 
 ENDS_OF_STIFFNESS: Final = ("least_stiffness", "greatest_stiffness")
 """Names of the quantities of a branch that are told first."""
@@ -125,12 +126,8 @@ def _next_steps(content: Content) -> Iterator[str]:
     if content.unconverged:
         yield f"Don't use {_names(content.unconverged)}: not converged. Section 3.1 says which parameter"
     options = content.document.options
-    kinds: dict[str, list[RecordContent]] = {}
-    for r in content.inadequate:
-        if r.document.why:
-            kinds.setdefault(r.document.why[0].kind, []).append(r)
-    for kind, records in kinds.items():
-        yield f"{_names(records)}: {records[0].document.why[0].message}; {remedy(kind, options.model, options.noise)}"
+    for group in reason_groups(r.document for r in content.inadequate):
+        yield f"{group.names}: {group.quoted}; {remedy(group.kind, options.model, options.noise)}"
     extrapolated = [
         r for r in content.converged if any(not t.within_data for t in r.document.transformation.values())
     ]
@@ -140,36 +137,48 @@ def _next_steps(content: Content) -> Iterator[str]:
             "curve is flat"
         )
     for message, records in _by_message(content):
-        several = "the slope is that of the rig, not of the alloy (section 2.6); " if len(records) > 1 else ""
-        yield f"{_names(records)}: {several}{message}"
-    for group in finding_groups(content.findings):
-        if group.severity == "serious":
-            where = f" ({', '.join(group.conditions[:3])})" if group.conditions else ""
-            yield f"Check the measurements{where}: {group.message}"
+        yield f"{_names(records)}: {message}"
+    for finding in finding_groups(content.findings):
+        if finding.severity == "serious":
+            where = f" ({', '.join(finding.conditions[:3])})" if finding.conditions else ""
+            yield f"Check the measurements{where}: {finding.message}"
     told = [r for r in content.converged if r.document.path.kind not in TRIVIAL and not r.stiffness_withheld]
     some = next((r for r in told if r.channel("stiffness") is not None), None)
     if some is not None:
         channel = some.channel("stiffness")
         assert channel is not None
         name = "modulus" if channel.name == SPECIMEN_QUANTITY["stiffness"] else "stiffness"
-        greatest = (q for q in some.document.quantities_of_branch if q.name == "greatest_stiffness")
-        found = next(greatest, None)
-        if found is not None and found.median is not None:
-            value = -found.median if found.negative else found.median
-            yield f'Which temperature gives a {name}? `sma-bayes ask DIR --{name} "{value:.3g} {channel.unit}"`'
-    if len(content.conditions) > 1:
-        yield "What do current, load and frequency do? `sma-bayes conditions DIR --out NEW`"
+        ends = [q for q in some.document.quantities_of_branch if q.name in ENDS_OF_STIFFNESS]
+        medians = [-q.median if q.negative else q.median for q in ends if q.median is not None]
+        if medians:
+            value = sum(medians) / len(medians)
+            yield f'Which temperature gives a {name}? `sma-bayes ask DIR --{name} "{value:.2g} {channel.unit}"`'
+    if varied := _varied_settings(content):
+        verb = "does" if len(varied) == 1 else "do"
+        yield f"What {verb} {' and '.join(varied)} do? `sma-bayes conditions DIR --out NEW`"
+
+
+def _varied_settings(content: Content) -> list[str]:
+    """Settings in which the conditions differ."""
+    specimen = set(SPECIMEN_QUANTITY.values())
+    found: dict[str, set[float]] = {}
+    for r in content.records:
+        stressed = any(q.name in specimen for q in r.document.quantities.values())
+        for name, setting in r.document.settings.items():
+            found.setdefault("stress" if stressed and name == "load" else name, set()).add(setting)
+    return [name.replace("_", " ") for name, values in found.items() if len(values) > 1]
 
 
 def _by_message(content: Content) -> list[tuple[str, list[RecordContent]]]:
-    """Records whose slope is that of the rig, by what is said of it."""
+    """Records whose slope is that of the rig, by what is said of it; numbers are those of one record."""
     found: dict[str, list[RecordContent]] = {}
     for r in content.converged:
         if r.document.path.kind in TRIVIAL:
             found.setdefault(r.document.path.kind, []).append(r)
-    return [(records[0].document.path.message, records) for records in found.values()]
+    general = "the slope is that of the rig, not of the alloy (section 2.6)"
+    said = {kind: {r.document.path.message for r in records} for kind, records in found.items()}
+    return [(said[kind].pop() if len(said[kind]) == 1 else general, found[kind]) for kind in found]
 
 
 def _names(records: list[RecordContent] | tuple[RecordContent, ...], most: int = 3) -> str:
-    shown = ", ".join(r.key for r in records[:most])
-    return f"{shown} and {len(records) - most} more" if len(records) > most else shown
+    return shortened([r.key for r in records], most)

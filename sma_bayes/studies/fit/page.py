@@ -157,11 +157,20 @@ def render(
         parts=content.by_units(),
         answers=answer_tables(content),
         steps=next_steps(content),
+        by_path=_by_path_message(content.converged),
         methods=methods_text(content),
         groups=finding_groups(content.findings),
         arbitrary=any(_has_arbitrary_unit(r) for r in content.records),
         numbered=numbered,
     )
+
+
+def _by_path_message(records: Sequence[RecordContent]) -> list[tuple[str, list[RecordContent]]]:
+    """Records by what is said of the slope of their path, in the order of the records."""
+    found: dict[str, list[RecordContent]] = {}
+    for r in records:
+        found.setdefault(r.document.path.message, []).append(r)
+    return list(found.items())
 
 
 def _has_arbitrary_unit(record: RecordContent) -> bool:

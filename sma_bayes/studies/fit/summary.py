@@ -105,7 +105,7 @@ def record_summary(
         correlation_replicated=_factors(again),
         free_directions=free_directions(fit),
         shape=_shape(fit, record),
-        path=path_remark(r, noise_sd),
+        path=path_remark(r, noise_sd, slope_supported=all(reason.kind != "prior" for reason in why)),
         quantities_of_branch=branch_quantities(fit, record),
         transformation=_transformation(fit, record),
         checks=checks,

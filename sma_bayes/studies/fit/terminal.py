@@ -16,6 +16,7 @@ from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.screen import SHOWN, screen, show_end
 from sma_bayes.runs.fit_document import FitSummary, OptionsSummary, RecordSummary
+from sma_bayes.studies.fit.inadequate import reason_groups, shortened
 
 COLUMNS = (
     "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
@@ -52,7 +53,7 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         )
     for r in records:
         sampled = [p for p in r.parameters.values() if p.rhat is not None]
-        prior_driven = [n for n, p in r.parameters.items() if p.prior_driven]
+        prior_driven = [n for n, p in r.parameters.items() if p.prior_driven and not p.of_noise]
         factors = ", ".join(
             f"{r.quantities[c].name} {_number(f['r'].median)}" for c, f in r.correlation.items()
         )
@@ -85,10 +86,7 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         console.print(f"{findings} about the data, {rows} kept out: see the report or `sma-bayes inspect`")
     if not found.converged:
         names = [r.key for r in found.records if not r.converged]
-        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-        console.print(
-            f"NOT CONVERGED: {', '.join(names[:SHOWN])}{more}. Their numbers must not be relied on."
-        )
+        console.print(f"NOT CONVERGED: {shortened(names, SHOWN)}. Their numbers must not be relied on.")
         unseen = [
             f
             for f in found.findings
@@ -130,8 +128,6 @@ SUBJECTS = {
     "conflict": "The priors exclude what the data say of {records}",
 }
 """How a sentence on fits that are not adequate begins, by the kind of their first reason."""
-NAMED = 3
-"""Records that such a sentence names."""
 
 
 def adequacy_sentences(records: Sequence[RecordSummary], options: OptionsSummary) -> list[str]:
@@ -143,11 +139,11 @@ def adequacy_sentences(records: Sequence[RecordSummary], options: OptionsSummary
     options : OptionsSummary
         What was asked for; what was tried already is not advised.
     """
-    kinds: dict[str, list[RecordSummary]] = {}
-    for r in records:
-        if r.why:
-            kinds.setdefault(r.why[0].kind, []).append(r)
-    return [_adequacy_sentence(kind, found, options) for kind, found in kinds.items()]
+    return [
+        f"{SUBJECTS[group.kind].format(records=group.names)}: {group.quoted}; "
+        f"{remedy(group.kind, options.model, options.noise)}."
+        for group in reason_groups(records)
+    ]
 
 
 def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
@@ -159,12 +155,10 @@ def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
     sizes = [p.median or 0.0 for p in estimated]
     unit = unit_text(estimated[0].unit)
     size = f"{min(sizes):.2g}" if len(sizes) == 1 else f"{min(sizes):.2g} to {max(sizes):.2g}"
-    named = ", ".join(r.key for r in seen[:NAMED])
-    more = f" and {len(seen) - NAMED} more" if len(seen) > NAMED else ""
     return [
-        f"The scatter of {named}{more} follows the slope of the curve, as an error of the thermometer of {size} {unit} "
-        "from reading to reading makes it; intervals count it. Where its size is known, declare it: sd = ... with the "
-        "column of temperature."
+        f"The scatter of {shortened([r.key for r in seen])} follows the slope of the curve, as an error of the "
+        f"thermometer of {size} {unit} from reading to reading makes it; intervals count it. Where its size is known, "
+        "declare it: `sd = ...` with the column of temperature."
     ]
 
 
@@ -187,21 +181,12 @@ def self_check_sentences(records: Sequence[RecordSummary]) -> list[str]:
         if not c.passed:
             wrong = [q.name for q in c.quantities if not q.uniform]
             why = (
-                f"ranks of {', '.join(wrong[:NAMED])}{f' and {len(wrong) - NAMED} more' if len(wrong) > NAMED else ''} "
-                "are not uniform"
+                f"ranks of {shortened(wrong)} are not uniform"
                 if wrong
                 else f"{c.failed} of {c.replicates} refits missed their target"
             )
             sentences.append(f"Self-check FAILED for {key}: {why} ({rate}); do not rely on its intervals.")
     return sentences
-
-
-def _adequacy_sentence(kind: str, records: Sequence[RecordSummary], options: OptionsSummary) -> str:
-    named = ", ".join(r.key for r in records[:NAMED])
-    more = f" and {len(records) - NAMED} more" if len(records) > NAMED else ""
-    which = f"{records[0].key}: " if len(records) > 1 else ""
-    message, advice = records[0].why[0].message, remedy(kind, options.model, options.noise)
-    return f"{SUBJECTS[kind].format(records=named + more)}: {which}{message}; {advice}."
 
 
 def _worth_a_row(records: Sequence[RecordSummary]) -> Sequence[RecordSummary]:

@@ -13,7 +13,7 @@ from scipy.special import expit
 from sma_bayes import fit
 from sma_bayes.assess import adequacy
 from sma_bayes.assess.adequacy import MISSED, PRIOR_LED, Missed, led_by_prior, missed, reasons
-from sma_bayes.assess.checks import CHANCE, Check, predictive_checks
+from sma_bayes.assess.checks import CHANCE, STATISTICS, Check, predictive_checks
 from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.assess.nearest import nearest_sigmoids
@@ -52,7 +52,28 @@ def test_a_check_that_fails_is_a_reason(good: Fit, p_value: float) -> None:
     check = Check("force", "lag1", 0.9, -0.2, 0.2, p_value, "memory")
     (why,) = reasons(good, 0, [check, replace(check, p_value=0.01)], ())
     assert (why.kind, why.channel) == ("check", "force")
-    assert why.message == f"force: memory (p = {p_value:.3g})"
+    said = "are alike, more" if p_value < 0.5 else "alternate more"
+    assert why.message.startswith(f"force: neighbouring residuals {said} than the noise model allows (p ")
+
+
+def test_a_p_value_of_nought_is_less_than_the_replications_resolve(good: Fit) -> None:
+    """No replication was as far out as the measurement: that is no probability of nought."""
+    check = Check("force", "sweep_means", 90.0, 1.0, 9.0, 0.0, "the statistic in words")
+    (why,) = reasons(good, 0, [check], ())
+    assert why.message == "force: its sweeps differ by more than the noise (p < 0.002)"
+    far = replace(check, statistic="left_out_sweeps", p_value=4.5e-18, sweep=3)
+    (why,) = reasons(good, 0, [far], ())
+    assert why.message == "force: sweep 3 is not what the other sweeps predict (p < 0.002)"
+
+
+@pytest.mark.parametrize("statistic", STATISTICS)
+def test_every_check_that_fails_is_told_in_words_of_its_own(good: Fit, statistic: str) -> None:
+    sides = (0.0, 1.0) if STATISTICS[statistic].two_sided else (0.0,)
+    said = [
+        reasons(good, 0, [Check("force", statistic, 1.0, 0.0, 1.0, p, "raw")], ())[0].message for p in sides
+    ]
+    assert len(set(said)) == len(sides)
+    assert not any("raw" in message or ":  (" in message for message in said)
 
 
 def test_sweeps_that_differ_come_before_other_checks(good: Fit) -> None:
@@ -63,7 +84,7 @@ def test_sweeps_that_differ_come_before_other_checks(good: Fit) -> None:
     ]
     first, second = reasons(good, 0, checks, ())
     assert (first.kind, second.kind) == ("sweeps", "check")
-    assert "sweeps that differ" in first.message
+    assert "its sweeps differ" in first.message
 
 
 def test_a_misfit_smaller_than_chance_is_no_reason(good: Fit) -> None:
@@ -77,7 +98,7 @@ def test_what_nobody_would_see_or_is_small_is_no_reason(good: Fit) -> None:
     seen = Missed("force", "N", 1.0, 10.0 * sd, 50.0, 2.0 * MISSED, 20.0)
     (why,) = reasons(good, 0, (), [seen])
     assert (why.kind, why.channel) == ("curve", "force")
-    assert "by up to 4.0% of its range, at 50 °C" in why.message
+    assert "by up to 4.0 % of its range, at 50 °C" in why.message
     assert reasons(good, 0, (), [replace(seen, share=0.5 * MISSED)]) == ()
     assert reasons(good, 0, (), [replace(seen, largest=-2.0 * sd)]) == ()
 
@@ -116,7 +137,7 @@ def test_noise_that_swallows_the_response_is_a_reason(make_record: Callable[...,
     found = fitted(make_record(("force",), n=120, noise=0.4))
     (why,) = reasons(found, 0, (), ())
     assert (why.kind, why.channel) == ("noise", "force")
-    share = float(re.findall(r"(\d+)% of what force changes by", why.message)[0])
+    share = float(re.findall(r"(\d+) % of what force changes by", why.message)[0])
     assert share == pytest.approx(40.0, rel=0.3)
 
 

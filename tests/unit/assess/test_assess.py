@@ -244,7 +244,19 @@ def test_what_the_rig_makes_of_the_path() -> None:
     )
     remark = path_remark(dead, {"displacement": 1e-5})
     assert remark.kind == "constant_load"
-    assert "1.5 N" in remark.message
+    assert "hold the force constant" in remark.message
+
+
+def test_the_slope_of_a_straight_path_is_told_only_where_the_fit_supports_one() -> None:
+    """Where the prior leads a curve no stiffness is given; that of the path is none the data can bear, either."""
+    t = np.linspace(20.0, 90.0, 60)
+    x = sigmoid(t, 0.01, 0.3, 55.0, 0.0)
+    record = spring(observed={"force": 0.5 + 130.0 * x, "displacement": x})
+    noise = {"force": 0.005, "displacement": 1e-5}
+    told, untold = path_remark(record, noise), path_remark(record, noise, slope_supported=False)
+    assert told.kind == untold.kind == "straight_path"
+    assert "130 N/m" in told.message
+    assert not re.search(r"\d", untold.message)
 
 
 def test_the_path_of_a_specimen_is_told_in_its_own_quantities() -> None:

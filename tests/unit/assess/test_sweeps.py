@@ -124,7 +124,7 @@ def test_what_cannot_be_told_is_said_and_paid_for() -> None:
     (check,) = sweep_checks([told, unknown, unknown, unknown])
     (alone,) = sweep_checks([told])
     assert check.p_value == pytest.approx(1.0 - (1.0 - alone.p_value) ** 4)
-    assert "3 of 4 can't be told" in check.meaning
+    assert "3 of 4 sweeps can't be judged" in check.meaning
     assert sweep_checks([unknown]) == []
 
 

@@ -84,6 +84,41 @@ def test_an_inadequate_record_is_named_with_its_reason_and_a_remedy(content: Con
     assert "`sma-bayes gap`" in step
 
 
+def test_what_is_asked_next_lies_within_what_the_spring_does(content: Content) -> None:
+    """The greatest stiffness is reached with a probability of a half, and so no temperature is found for it."""
+    (ask,) = (s for s in next_steps(content) if "sma-bayes ask" in s)
+    value = float(ask.split('"')[1].split()[0])
+    ends = sorted(
+        q.median for r in content.converged[:1] for q in r.document.quantities_of_branch
+        if q.name in ("least_stiffness", "greatest_stiffness") and q.median is not None
+    )  # fmt: skip
+    assert ends[0] < value < ends[1]
+
+
+def test_only_settings_that_vary_are_asked_about(content: Content) -> None:
+    def with_settings(*settings: dict[str, float]) -> Content:
+        own = tuple(told(r, settings=s) for r, s in zip(content.records, settings, strict=True))
+        return replace(content, records=own)
+
+    loads = with_settings({"load": 1.0, "current": 2.0}, {"load": 2.0, "current": 2.0})
+    assert [s for s in next_steps(loads) if s.startswith("What does load do? `sma-bayes conditions")]
+    same = with_settings(*({"load": 1.0, "current": 2.0},) * 2)
+    assert not [s for s in next_steps(same) if "sma-bayes conditions" in s]
+
+
+def test_numbers_of_one_path_are_not_told_of_others(content: Content) -> None:
+    straight = tuple(
+        replace(
+            told(r, path=PathRemark(kind="straight_path", message=f"a bias spring of {i} N/mm")),
+            adequate=True,
+        )
+        for i, r in enumerate(content.records)
+    )
+    steps = next_steps(replace(content, records=straight))
+    assert not [s for s in steps if "N/mm" in s]
+    assert [s for s in steps if "the slope is that of the rig" in s]
+
+
 def test_a_slope_that_is_the_rigs_is_said_to_be_and_no_temperature_is_looked_for(content: Content) -> None:
     straight = tuple(
         replace(told(r, path=PathRemark(kind="straight_path", message="a bias spring")), adequate=True)

@@ -60,6 +60,19 @@ def test_an_average_that_is_not_defined_is_a_dash(content: Content) -> None:
     assert np.isnan(drawing.data["r_median [1]"]).all()
 
 
+def test_the_papers_value_stands_only_beside_its_twin(content: Content) -> None:
+    assert content.printed
+    of_twin, of_others = average_figure(content), average_figure(replace(content, printed=()))
+    assert "that the paper states" in of_twin.caption
+    assert "paper" not in of_others.caption
+    dashed = [
+        [line for ax in d.figure.axes for line in ax.lines if line.get_ls() == "--"]
+        for d in (of_twin, of_others)
+    ]
+    assert dashed[0]
+    assert not dashed[1]
+
+
 def test_probabilities_are_as_sure_as_their_draws() -> None:
     assert [probability_text(1.0, n) for n in (50, 2000, 20000)] == ["> 0.9", "> 0.999", "> 0.9999"]
     assert probability_text(None, 2000) == "–"

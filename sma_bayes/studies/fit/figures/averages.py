@@ -48,7 +48,7 @@ def average_figure(content: Content) -> Drawing:
             for a in content.averages
             if _shown_channel(a) == (channel, name, unit)
         ]
-        correlation_axis(ax, marks)
+        correlation_axis(ax, marks, beside_paper=bool(content.printed))
         row_names(ax, names, labelled=ax is axes[0])
         ax.set_title(f"average r of {name}")
         tell_apart(ax, (name, unit), [c[1:] for c in channels])
@@ -64,9 +64,10 @@ def average_figure(content: Content) -> Drawing:
         caption=(
             "Average correlation factor r over the records that converged: posterior median and equal-tailed 90 % "
             "credible interval by branch and averaging rule, for the measured data and for data replicated from the "
-            f"posterior. The axis is logarithmic in 1 − r; dashed: the {PAPER_CORRELATION:g} that the paper states."
+            "posterior. The axis is logarithmic in 1 − r"
+            + (f"; dashed: the {PAPER_CORRELATION:g} that the paper states." if content.printed else ".")
         ),
-        alt="average correlation factors by channel, branch and averaging rule, beside 0.95",
+        alt="average correlation factors by channel, branch and averaging rule",
         figure=figure,
         data=average_columns(content.averages),
     )

@@ -40,7 +40,7 @@ def record(key: str, *why: tuple[str, str], **more: Any) -> RecordSummary:
         why=tuple(Reason(kind=kind, channel="", message=text) for kind, text in why),
         model="modified_sigmoid",
         nearest={},
-        discrepancy={},
+        discrepancy=more.pop("discrepancy", {}),
         parameters=more.pop("parameters", {}),
         **more,
     )
@@ -51,10 +51,10 @@ def test_an_adequate_run_says_nothing() -> None:
 
 
 def test_the_sentence_names_record_reason_and_what_to_try() -> None:
-    why = ("curve", "the curve misses strain by up to 5.0% of its range, at 60 °C")
+    why = ("curve", "the curve misses strain by up to 5.0 % of its range, at 60 °C")
     (sentence,) = adequacy_sentences([record("a-heating", why), record("a-cooling")], PLAIN)
     assert sentence == (
-        "The curve does not describe a-heating: the curve misses strain by up to 5.0% of its range, at 60 °C; "
+        "The curve does not describe a-heating: the curve misses strain by up to 5.0 % of its range, at 60 °C; "
         "try `--model auto` or `sma-bayes gap`."
     )
 
@@ -73,12 +73,26 @@ def test_sweeps_that_differ_are_followed_cycle_by_cycle() -> None:
     assert "`sma-bayes cycles`" in sentence
 
 
-def test_many_records_are_counted_and_the_first_reason_is_that_of_the_first() -> None:
-    records = [record(f"{i}-heating", ("curve", f"reason {i}"), ("check", "another")) for i in range(5)]
+def test_many_records_are_counted_and_the_reason_quoted_is_that_of_the_worst() -> None:
+    """What the first of them misses would be taken for what all miss."""
+    records = [
+        record(
+            f"{i}-heating", ("curve", f"reason {i}"), ("check", "another"),
+            discrepancy={"displacement": {"unit": "1", "rms": 0.1, "largest": 0.2, "at": 50.0, "share": share,
+                                          "ln_bayes_factor": 9.0}},
+        )
+        for i, share in enumerate((0.03, 0.05, 0.25, 0.08, 0.04))
+    ]  # fmt: skip
     (sentence,) = adequacy_sentences(records, PLAIN)
     assert sentence.startswith(
-        "The curve does not describe 0-heating, 1-heating, 2-heating and 2 more: 0-heating: reason 0;"
+        "The curve does not describe 0-heating, 1-heating, 2-heating and 2 more: most of all 2-heating: reason 2;"
     )
+
+
+def test_a_reason_of_several_records_names_the_one_it_is_quoted_from() -> None:
+    records = [record(f"{i}-heating", ("noise", f"reason {i}")) for i in range(2)]
+    (sentence,) = adequacy_sentences(records, PLAIN)
+    assert "0-heating, 1-heating: for one, 0-heating: reason 0;" in sentence
 
 
 def test_kinds_are_told_apart() -> None:
@@ -93,7 +107,7 @@ def test_a_narrow_screen_cuts_no_word_off(
     width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(fit, "screen", lambda: Screen(width=width, markup=False, emoji=False))
-    why = ("curve", "the curve misses displacement by up to 5.0% of its range, at 60 °C")
+    why = ("curve", "the curve misses displacement by up to 5.0 % of its range, at 60 °C")
     parameter = ParameterSummary(
         unit="degC",
         channel="displacement",
@@ -120,6 +134,7 @@ def test_a_narrow_screen_cuts_no_word_off(
     rows = [line for line in shown.splitlines() if "100MPa-" in line][:2]
     assert [("yes" in line, "NO" in line) for line in rows] == [(True, False), (True, True)]
     assert ("strain 0.9999" in shown) is (width == 160)
+    assert "displacement_sd" not in shown, "of the noise the prior may tell as much as it likes"
     assert all(
         len(line) <= width for line in shown.splitlines() if not line.startswith(("The curve", "The scatter"))
     )

@@ -1,0 +1,66 @@
+"""Fits that are not adequate, many with the same kind of reason as one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from sma_bayes.runs.fit_document import RecordSummary
+
+NAMED = 3
+"""Records that a sentence names."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReasonGroup:
+    """Records whose first reason is of one kind.
+
+    Attributes
+    ----------
+    kind : str
+    records : tuple of RecordSummary
+    """
+
+    kind: str
+    records: tuple[RecordSummary, ...]
+
+    @property
+    def names(self) -> str:
+        """The first records by name, and how many more there are."""
+        return shortened([r.key for r in self.records])
+
+    @property
+    def quoted(self) -> str:
+        """The reason of one record, by name where there are several."""
+        if self.kind == "curve":
+            worst = max(self.records, key=_share_missed)
+            which = f"most of all {worst.key}: "
+        else:
+            worst = self.records[0]
+            which = f"for one, {worst.key}: "
+        return (which if len(self.records) > 1 else "") + worst.why[0].message
+
+
+def reason_groups(records: Iterable[RecordSummary]) -> tuple[ReasonGroup, ...]:
+    """Records that are not adequate by the kind of their first reason; empty where all are adequate."""
+    kinds: dict[str, list[RecordSummary]] = {}
+    for r in records:
+        if r.why:
+            kinds.setdefault(r.why[0].kind, []).append(r)
+    return tuple(ReasonGroup(kind, tuple(found)) for kind, found in kinds.items())
+
+
+def shortened(names: list[str], most: int = NAMED) -> str:
+    """The first names, and how many more there are.
+
+    Examples
+    --------
+    >>> shortened(["a", "b"]), shortened(["a", "b", "c", "d"])
+    ('a, b', 'a, b, c and 1 more')
+    """
+    shown = ", ".join(names[:most])
+    return f"{shown} and {len(names) - most} more" if len(names) > most else shown
+
+
+def _share_missed(r: RecordSummary) -> float:
+    return max((d.share for d in r.discrepancy.values()), default=0.0)
