@@ -16,6 +16,10 @@ Progress = Callable[[int, int, str], None]
 
 LINE_S: Final = 30.0
 """Seconds between two log lines, and before the first: a short run prints none."""
+BAR_CHARACTERS: Final = 60
+"""Length of what a bar says of the step."""
+CLEAR_LINE: Final = "\r\x1b[2K"
+"""Takes the bar off the line on which a task of another process writes; it is drawn anew below."""
 NOTED_S: Final = 60.0
 """What is expected to take longer than this is announced [s]."""
 
@@ -69,7 +73,12 @@ class LogLines:
         """Tell a step of one task among others."""
         if self.elapsed - self._line >= self.every:
             self._line = self.elapsed
-            print(f"{name}, after {duration(self._line)}: {message}", file=self.file, flush=True)
+            over_a_bar = CLEAR_LINE if self.file.isatty() else ""
+            print(f"{over_a_bar}{name}, after {duration(self._line)}: {message}", file=self.file, flush=True)
+
+    def note(self, text: str) -> None:
+        """Print a line now."""
+        self._print(text)
 
     def still(self) -> None:
         """Tell that the run goes on, where nothing was told for long."""
@@ -79,6 +88,40 @@ class LogLines:
     def _print(self, text: str) -> None:
         self._line = self.elapsed
         print(f"[{duration(self._line)}] {text}", file=self.file, flush=True)
+
+
+@dataclass(slots=True)
+class Bar:
+    """Progress as a bar of one line on a terminal; what a task tells of itself, and what is announced, stands above it.
+
+    Attributes
+    ----------
+    update : callable
+        Told how many are done, how many there are and what is going on, as the bar shows it.
+    write : callable
+        Writes a line above the bar.
+    every : float
+        Seconds between two lines of a task.
+    """
+
+    update: Progress
+    write: Callable[[str], None]
+    every: float = LINE_S
+
+    def __call__(self, done: int, total: int, message: str) -> None:
+        """Tell a step."""
+        self.update(done, total, message[:BAR_CHARACTERS])
+
+
+def announce(progress: Progress, seconds: float, what: str) -> None:
+    """Tell before a run what it is expected to take, where that is more than `NOTED_S`."""
+    if seconds <= NOTED_S:
+        return
+    text = f"{what}: about {duration(seconds)}, give or take a factor of three"
+    if isinstance(progress, LogLines):
+        progress.note(text)
+    elif isinstance(progress, Bar):
+        progress.write(text)
 
 
 def duration(seconds: float) -> str:
@@ -114,8 +157,8 @@ def log_lines(every: float = LINE_S, *, tasks: bool = True) -> Iterator[LogLines
 
 
 def lines_inside(progress: Progress) -> float | None:
-    """How often a task tells of itself by log lines [s]; None where it must not, as a bar stands on the terminal."""
-    return progress.every if isinstance(progress, LogLines) else None
+    """How often a task tells of itself by log lines [s]; None where nobody is told."""
+    return progress.every if isinstance(progress, LogLines | Bar) else None
 
 
 def lines_about(name: str, every: float) -> Callable[[str], None]:

@@ -104,8 +104,8 @@ def interval_text(
 ) -> str:
     """Median and 90 % interval on one line: ``0.722 [0.721, 0.723]``, a common power of ten behind.
 
-    What has no width is one number. Where the ends differ `LOPSIDED` times, digits that the width bears would say
-    nothing of the lower, and each number has two of its own. With a `power` of ten, which is told
+    What has no width is one number. Where the ends differ `LOPSIDED` times and the width drowns the median, digits that
+    the width bears would say nothing of it, and each number has two of its own. With a `power` of ten, which is told
     elsewhere, none is written.
 
     Examples
@@ -114,10 +114,13 @@ def interval_text(
     '(4.0 [−1.0, 9.0]) × 10⁻⁴'
     >>> interval_text(0.25, 0.25, 0.25), interval_text(1.93, 0.0312, 102.0)
     ('0.2500', '1.9 [0.031, 100]')
+    >>> interval_text(-0.18, -0.34, -0.0067)
+    '−0.18 [−0.34, −0.01]'
     """
     if median is not None and low is not None and high is not None and low * high > 0.0:
         sizes = sorted((abs(low), abs(high)))
-        if math.inf > sizes[1] > LOPSIDED * sizes[0]:
+        drowned = sizes[1] - sizes[0] > NORMAL_90 * abs(median)
+        if drowned and math.inf > sizes[1] > LOPSIDED * sizes[0]:
             middle, least, most = (
                 write([v], digits=2, exponent=power).plain[0] if power is None
                 else _signed(write([v], digits=2, exponent=power).digits[0])

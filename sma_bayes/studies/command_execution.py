@@ -12,7 +12,7 @@ import typer
 
 from sma_bayes.account import Account
 from sma_bayes.errors import SmaBayesError
-from sma_bayes.progress import LINE_S, log_lines
+from sma_bayes.progress import LINE_S, Bar, log_lines
 
 T = TypeVar("T")
 
@@ -81,10 +81,10 @@ def progress_shown(
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("reading", total=None)
 
-        def tell(done: int, total: int, message: str) -> None:
-            bar.update(task, completed=done, total=total, description=message[:60])
+        def update(done: int, total: int, message: str) -> None:
+            bar.update(task, completed=done, total=total, description=message)
 
-        yield tell
+        yield Bar(update, lambda text: bar.console.print(text, markup=False, highlight=False))
 
 
 def show_found(found: Mapping[str, Any], quiet: bool, as_json: bool, show: Callable[[], None]) -> None:

@@ -8,7 +8,17 @@ from collections.abc import Callable
 
 import pytest
 
-from sma_bayes.progress import LogLines, lines_about, lines_inside, log_lines, silent
+from sma_bayes.progress import (
+    CLEAR_LINE,
+    LINE_S,
+    Bar,
+    LogLines,
+    announce,
+    lines_about,
+    lines_inside,
+    log_lines,
+    silent,
+)
 
 
 @pytest.fixture
@@ -79,8 +89,39 @@ def test_a_long_record_tells_of_its_own_steps(
     ]
 
 
-def test_tasks_tell_of_themselves_only_where_lines_are_printed() -> None:
+class Terminal(io.StringIO):
+    """What a task of another process writes to where a bar stands."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_long_record_writes_over_the_bar_and_not_behind_it(clock: Callable[[float], None]) -> None:
+    terminal = Terminal()
+    lines = LogLines(tasks=False, file=terminal)
+    clock(30.0)
+    lines.inside("2A-heating", "independence moves")
+    assert terminal.getvalue() == f"{CLEAR_LINE}2A-heating, after 30 s: independence moves\n"
+
+
+def test_what_a_long_run_takes_is_told_before_it(clock: Callable[[float], None]) -> None:
+    out, above = io.StringIO(), list[str]()
+    for progress in (LogLines(file=out), Bar(silent, above.append), silent):
+        announce(progress, 59.0, "8 records")
+        announce(progress, 600.0, "8 records")
+    assert out.getvalue() == "[0 s] 8 records: about 10 min, give or take a factor of three\n"
+    assert above == ["8 records: about 10 min, give or take a factor of three"]
+
+
+def test_a_bar_shortens_what_it_shows_of_a_step() -> None:
+    shown: list[tuple[int, int, str]] = []
+    Bar(lambda *step: shown.append(step), print)(1, 2, "x" * 100)
+    assert shown == [(1, 2, "x" * 60)]
+
+
+def test_tasks_tell_of_themselves_wherever_somebody_reads() -> None:
     assert lines_inside(silent) is None
+    assert lines_inside(Bar(silent, print)) == LINE_S
     with log_lines(5.0) as lines:
         assert lines_inside(lines) == 5.0
 

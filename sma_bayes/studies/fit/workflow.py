@@ -15,17 +15,17 @@ from sma_bayes.account import Account
 from sma_bayes.assess.correlation_average import Averages
 from sma_bayes.assess.draws import record_draws
 from sma_bayes.assess.loops import QuantityInterval
-from sma_bayes.errors import SmaBayesError
+from sma_bayes.errors import SmaBayesError, many
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.limits import DEGREES
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.progress import Progress, lines_inside, silent
+from sma_bayes.progress import Progress, announce, lines_inside, silent
 from sma_bayes.records.declaration import CAMPAIGN_FILE
 from sma_bayes.records.plausibility import doubted_conditions
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
-from sma_bayes.response import DEFAULT_MODEL
+from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.response.arrangement import ArrangedSpring
 from sma_bayes.runs.documents import FIT
 from sma_bayes.runs.fit_document import (
@@ -41,7 +41,7 @@ from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.fit.fitted import Fits, by_record, shown_progress
 from sma_bayes.studies.fit.parts import remove_parts
 from sma_bayes.studies.fit.self_check import check_self_check, checked, replicates_asked
-from sma_bayes.studies.fit.tasks import fitted, sample_task, tasks_of
+from sma_bayes.studies.fit.tasks import expected_s, fitted, sample_task, tasks_of
 from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import (
     DEFAULT_SAMPLER,
@@ -276,6 +276,9 @@ def _fitted(
 ) -> tuple[list[RecordSummary], list[CorrelationAverage], list[QuantityInterval]]:
     """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
     total = sum(len(group) for group in groups)
+    if options.model == AUTO_MODEL:
+        expected = expected_s(groups, options, work.jobs)
+        announce(work.tell, expected, f"{many(total, 'record')}, {_to_do(groups, options)}")
     work.tell(0, total, _to_do(groups, options))
     records: list[RecordSummary] = []
     loops: list[QuantityInterval] = []
