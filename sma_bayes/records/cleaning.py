@@ -59,7 +59,7 @@ def _clean_repeats(ledger: Ledger, clock: bool) -> None:
     columns = [ledger.column(name) for name in ledger.run.columns if not (clock and name == "time")]
     repeated, held = repeated_rows(columns, ledger.column("time") if clock else None)
     index = ledger.rows
-    ledger.keep_out(index[repeated], "duplicate", "they repeat an earlier row in every column")
+    ledger.keep_out(index[repeated], "duplicate", "an earlier row is repeated in every column")
     if held:
         message = f"{held} of {index.size} rows repeat the row before them: the channels are refreshed more "
         ledger.note(index[:0], "held-samples", message + "slowly than they are stored")

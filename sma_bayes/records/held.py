@@ -246,7 +246,7 @@ def keep_out_load_off(ledger: Ledger, legs: Sequence[Leg]) -> None:
     away = np.abs(load - usual)
     on = np.flatnonzero(away <= max(LOAD_OFF * abs(usual), LOAD_OFF_SDS * MAD_TO_SD * float(np.median(away))))
     name = ledger.quantity("force")
-    why = f"{name} is far from its usual {ledger.amount('force', usual)} at the beginning or end of the run"
+    why = f"{name} is far from its usual {ledger.amount('force', usual, digits=4)} at the beginning or end of the run"
     ends = np.r_[rows[: on[0]], rows[on[-1] + 1 :]] if on.size else rows[:0]
     ledger.keep_out(ends, "load-off", why, column="force")
 
@@ -271,7 +271,7 @@ def note_held(ledger: Ledger, legs: Sequence[Leg], channel: str, *, told: bool, 
     if not along:
         return
     low, high = min(c.low for c in along.values()), max(c.high for c in along.values())
-    middle, least, most = (ledger.amount(channel, v) for v in (mean, low, high))
+    middle, least, most = (ledger.amount(channel, v, digits=4) for v in (mean, low, high))
     extent = f"mean {middle}, averages along the sweep from {least} to {most}"
     none = rows[:0]
     if channel != "displacement" and high - low > 2.0 * min_change * abs(mean):

@@ -53,7 +53,7 @@ class Ledger:
         """Name of a column for people: strain for the displacement of a specimen."""
         return SPECIMEN_QUANTITY.get(column, column) if self.run.specimen else column
 
-    def amount(self, column: str, value: float, *, difference: bool = False) -> str:
+    def amount(self, column: str, value: float, *, difference: bool = False, digits: int = 6) -> str:
         """A value of a column with its unit, for people: as the measurements declare it.
 
         Parameters
@@ -63,11 +63,13 @@ class Ledger:
             In the unit of the run.
         difference : bool
             Whether it is the difference of two; a step of 1 degC is one of 1.8 degF.
+        digits : int
+            Significant digits at most.
         """
         unit = self.run.units.get(column, "")
         declared = self.run.declared_units.get(column, unit) if unit else unit
         zero, shown = (float(v) for v in convert(np.array([0.0, value]), unit, declared, what=column))
-        return f"{shown - zero if difference else shown:.6g} {unit_text(declared)}".rstrip()
+        return f"{shown - zero if difference else shown:.{digits}g} {unit_text(declared)}".rstrip()
 
     def keep_out(self, index: Ints, kind: str, why: str, *, column: str = "", branch: str = "") -> None:
         """Keep rows out, and say why; rows that are out already are not counted again.

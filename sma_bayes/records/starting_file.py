@@ -60,7 +60,7 @@ class _Source:
 
     @property
     def title(self) -> str:
-        return self.file + (f", sheet {self.reading['sheet']}" if "sheet" in self.reading else "")
+        return self.file + (f" (sheet {self.reading['sheet']!r})" if "sheet" in self.reading else "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,18 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.notation import count_text, interval_text, unit_label, write
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, cell_text, group_text, powers, rows_text
+from sma_bayes.report.tables import (
+    OF_ROW,
+    Cell,
+    Column,
+    Table,
+    cell_text,
+    group_text,
+    powers,
+    rows_text,
+    without_empty,
+    without_same,
+)
 from sma_bayes.runs.fit_document import TARGET
 from sma_bayes.runs.store import write_text
 
@@ -128,6 +139,8 @@ def page_environment(package: str, most: int | None = None) -> Environment:
         "explorer_script": Markup(kit.get_source(environment, "explorer.js")[0]),
         "anchor": anchor,
         "select": select,
+        "without_empty": without_empty,
+        "without_same": without_same,
         "interval": INTERVAL,
         "target": TARGET,
         "group_text": group_text,

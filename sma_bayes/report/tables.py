@@ -11,6 +11,7 @@ from typing import Final, TypeVarTuple
 from sma_bayes.assess.checks import CHECKED
 from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_text, tex_unit, wrapped
+from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.severity import severity
 from sma_bayes.report.content import (
     INTERVAL,
@@ -603,6 +604,7 @@ def check_table(records: Sequence[RecordContent]) -> Table:
 
 def finding_table(content: Content) -> Table:
     """What the quality checks saw."""
+    names = {(r.condition, c): r.name_of(c) for r in content.records for c in CHANNELS}
     return Table(
         "findings",
         "Findings about the measurements",
@@ -615,7 +617,8 @@ def finding_table(content: Content) -> Table:
         ),
         tuple(
             (
-                f.kind, severity(f.kind), f.file, rows_text(f.rows, f.count), f.condition, f.branch, f.column, f.count,
+                f.kind, severity(f.kind), f.file, rows_text(f.rows, f.count), f.condition, f.branch,
+                names.get((f.condition, f.column), f.column), f.count,
                 f.dropped, f.message,
             )
             for f in content.findings
@@ -815,3 +818,41 @@ def _group_word(column: Column, value: Cell) -> str:
         return "" if value else "not converged"
     unit = "" if value is None or column.unit == OF_ROW else unit_label(column.unit)
     return f"{cell_text(value)} {unit}".rstrip()
+
+
+def without_empty(table: Table) -> Table:
+    """A table without the columns that say nothing in any row."""
+    full = [
+        i
+        for i in range(len(table.columns))
+        if i < table.grouped or any(cell_text(row[i]) != MISSING for row in table.rows)
+    ]
+    return Table(
+        table.name,
+        table.title,
+        table.note,
+        tuple(table.columns[i] for i in full),
+        tuple(tuple(row[i] for i in full) for row in table.rows),
+        table.grouped,
+    )
+
+
+def without_same(table: Table, keys: Sequence[str]) -> Table:
+    """A table whose note tells what some columns, by their keys, say alike in all of several rows, instead of them."""
+    said = {
+        i: cell_text(table.rows[0][i])
+        for i, c in enumerate(table.columns)
+        if c.key in keys and len(table.rows) > 1 and len({cell_text(row[i]) for row in table.rows}) == 1
+    }
+    if not said:
+        return table
+    kept = [i for i in range(len(table.columns)) if i not in said]
+    told = "; ".join(f"{table.columns[i].name} in all rows: {text}" for i, text in said.items())
+    return Table(
+        table.name,
+        table.title,
+        f"{table.note} {told[0].upper()}{told[1:]}.",
+        tuple(table.columns[i] for i in kept),
+        tuple(tuple(row[i] for i in kept) for row in table.rows),
+        table.grouped,
+    )

@@ -15,7 +15,7 @@ STAGES: Final = {
     "sample": "sampling, until the draws reach their target",
     "diagnose": "diagnostics, correlation factors, predictive checks",
     "bands": "credible bands",
-    "study": "locating the disagreement and naming effects",
+    "study": "the study: fits, and what is judged of them",
     "hold_out": "choosing and predicting without a part of the measurements",
     "score": "scoring candidates on held-out measurements",
     "next_experiment": "what would separate rivals",

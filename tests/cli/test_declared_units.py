@@ -228,6 +228,13 @@ def test_cycles_are_told_in_declared_units(tmp_path: Path, capsys: pytest.Captur
     found = cycles(campaign, out, at=["126 degF", "180 degF"], ahead=2, jobs=1)
     capsys.readouterr()
     show_cycles(found, out)
+    force_alone = {**found, "conditions": [
+        {**c, "quantities": [q for q in c["quantities"] if q["channel"] not in ("displacement", "stiffness")]}
+        for c in found["conditions"]
+    ]}  # fmt: skip
+    show_cycles(force_alone, out)
+    assert "force at 126 °F" in " ".join(capsys.readouterr().out.split()), "what --at asked for is told"
+    show_cycles(found, out)
     for text in (capsys.readouterr().out, text_of(out / "report.html")):
         assert "180 °F is beyond the temperatures of w150-heating, 86 to 167 °F" in text
         assert_declared(text)

@@ -15,15 +15,16 @@ def comparison_text(found: Mapping[str, Any]) -> str:
     lines = [f"{document.campaign}, seed {document.seed}"]
     if document.model_choice is not None:
         lines.append(f"  model {document.model_choice.reason}")
-    width = max(len(r.key) for r in document.records)
-    for r in document.records:
+    names = [f"{r.condition}-{r.branch} {r.quantity}" for r in document.records]
+    width = max(map(len, names))
+    for name, r in zip(names, document.records, strict=True):
         rival = f", ln Bayes factor {r.ln_bayes_factor:.1f} over {r.rival}" if r.rival else ""
-        lines.append(f"  {r.key:<{width}}  {r.verdict:<16}  {r.preferred}{rival}")
+        lines.append(f"  {name:<{width}}  {r.verdict:<16}  {r.preferred}{rival}")
     for group in document.overall:
         together = f"{group.quantity}, {many(len(group.records), 'record')} together"
         lines.append(f"{together}: {group.verdict.upper()}. {group.why}")
     lines += [f"remark: {text}" for text in document.declared_differently]
     if not document.converged:
-        names = ", ".join(r.key for r in document.records if not r.converged)
-        lines.append(f"NOT CONVERGED: {names}. The report says which models.")
+        failed = ", ".join(name for name, r in zip(names, document.records, strict=True) if not r.converged)
+        lines.append(f"NOT CONVERGED: {failed}. The report says which models.")
     return "\n".join(lines)

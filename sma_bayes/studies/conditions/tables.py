@@ -14,6 +14,7 @@ from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
     LeftOutCurve,
     PredictedCondition,
+    StatedEffect,
     StatedFeature,
     StatedGroup,
     StoredConditions,
@@ -38,6 +39,8 @@ HOPELESS: Final = 100.0
 """Spans of a curve from which a width or an error says no more than that nothing is known."""
 HELD: Final = 0.8
 """Share of left-out curves that a 90 % band has to hold for its way of predicting to be advised."""
+LEFT: Final = 0.01
+"""Share of a transformation below which it is over; a factor between such shares says nothing."""
 EDGE: Final = 0.5
 """Probability from which an extreme is said to lie at an end of the measured temperatures."""
 
@@ -207,7 +210,8 @@ def effect_table(stored: StoredConditions) -> Table:
         "Change of a feature from the least to the greatest value of a setting, the other settings being equal: a "
         "factor (×) or a difference. Tested: how the tested conditions differ, without scatter. With scatter: what "
         "the setting does, conditions scattering about a straight line. Of many effects that are not there, one in "
-        "ten has an interval without 1 (×) or 0 all the same.",
+        "ten has an interval without 1 (×) or 0 all the same. Shares left of a transformation that is over in all "
+        "conditions are left out; conditions.json has them.",
         (
             *words("group", "setting", "from", "to", "feature", "branch"),
             Column("of", "channel"),
@@ -226,7 +230,8 @@ def effect_table(stored: StoredConditions) -> Table:
 
 def _effect_rows(found: ConditionsDocument) -> Iterator[tuple[Cell, ...]]:
     groups = [g.conditions for g in found.groups]
-    for e in sorted(found.effects, key=lambda e: (groups.index(e.conditions), e.setting)):
+    told = [e for e in found.effects if not _nothing_is_left(found, e)]
+    for e in sorted(told, key=lambda e: (groups.index(e.conditions), e.setting)):
         specimen = found.specimen
         along = [c.name for c in e.confounded_with if c.strong]
         yield (
@@ -238,6 +243,17 @@ def _effect_rows(found: ConditionsDocument) -> Iterator[tuple[Cell, ...]]:
             Number(e.probability_rises, "1", 0.01), Estimate.where_told(e.scatter, e.unit),
             ", ".join(setting_name(n, specimen) for n in [*e.aliased_with, *along]),
         )  # fmt: skip
+
+
+def _nothing_is_left(found: ConditionsDocument, e: StatedEffect) -> bool:
+    """Whether an effect is one of shares of the transformation of which less than a hundredth is left everywhere."""
+    shares = [
+        f.median or 0.0
+        for f in found.features
+        if f.condition in e.conditions
+        and (f.name, f.branch, f.channel) == ("share_left", e.branch, e.channel)
+    ]
+    return e.feature == "share_left" and max(shares, default=0.0) < LEFT
 
 
 def scatter_table(stored: StoredConditions) -> Table:

@@ -13,7 +13,7 @@ from sma_bayes.report.screen import SHOWN, Screen, screen, show_end
 from sma_bayes.studies.cycles.schema import ConditionCycles, CyclesDocument, QuantityByCycle
 from sma_bayes.studies.cycles.shown import in_declared_units
 
-COLUMNS: Final = 6
+COLUMNS: Final = 7
 """Quantities side by side, at most; the report has all of them."""
 
 
@@ -40,7 +40,7 @@ def _show_condition(console: Screen, one: ConditionCycles, temperature_unit: str
         shown = [q for q in own if q.name in ("offset", "stroke", "shift", "width")]
         shown = [
             *shown[:4],
-            *(q for q in own if q.name == "stiffness"),
+            *([q for q in own if q.name == "stiffness"] or [q for q in own if q.at is not None]),
             *(q for q in own if q.name[-1] in "sf"),
         ]
         _show_branch(console, one, branch, list(dict.fromkeys(map(id, shown))), own, temperature_unit)

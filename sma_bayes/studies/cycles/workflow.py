@@ -298,7 +298,7 @@ def _reason(pooled: Pooled, best: Law, n0: IntervalDocument | None) -> str:
     other = max((form for form in FORMS if form != best), key=lambda form: p.ln_evidence[form])
     return (
         f"{best}, N0 = {middle:.2g} cycles ({low:.2g} to {high:.2g}): {gain:.1f} more in ln "
-        f"evidence than free changes of each sweep, {gain - p.ln_evidence[other]:.1f} more than {other}"
+        f"evidence than free changes of each sweep, {gain - p.ln_evidence[other]:.1f} more than the law {other!r}"
     )
 
 

@@ -34,6 +34,11 @@ class FindingGroup:
     dropped: int
     message: str
 
+    @property
+    def reason(self) -> str:
+        """The message without the rows of one finding, which are not those of the group."""
+        return self.message.partition(" kept out: ")[2] or self.message
+
 
 def finding_groups(findings: Sequence[FindingDocument]) -> tuple[FindingGroup, ...]:
     """Findings by kind, the most serious first."""

@@ -21,8 +21,8 @@ from sma_bayes.report.content import (
 from sma_bayes.report.explorer import chart_data
 from sma_bayes.report.figures.sheet import FigureFiles, numbered
 from sma_bayes.report.html import Picture, embedded, estimate_text, rendered
-from sma_bayes.report.notation import MISSING, write
-from sma_bayes.report.tables import Cell, Column, Table, cell_text, report_tables, words
+from sma_bayes.report.notation import write
+from sma_bayes.report.tables import Cell, Column, Table, report_tables, words
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.runs.fit_document import CHECK_TAIL
 from sma_bayes.runs.store import write_text
@@ -151,7 +151,6 @@ def render(
         auto_model=AUTO_MODEL,
         paper_correlation=PAPER_CORRELATION,
         shapes=SHAPES,
-        without_empty=without_empty,
         overview=parameter_overview,
         noise_groups=noise_groups(content),
         parts=content.by_units(),
@@ -260,20 +259,3 @@ def _lead(record: RecordContent) -> float | None:
 
 def _ends(values: list[float]) -> tuple[float, float] | None:
     return (min(values), max(values)) if values else None
-
-
-def without_empty(table: Table) -> Table:
-    """A table without the columns that say nothing in any row."""
-    full = [
-        i
-        for i in range(len(table.columns))
-        if i < table.grouped or any(cell_text(row[i]) != MISSING for row in table.rows)
-    ]
-    return Table(
-        table.name,
-        table.title,
-        table.note,
-        tuple(table.columns[i] for i in full),
-        tuple(tuple(row[i] for i in full) for row in table.rows),
-        table.grouped,
-    )

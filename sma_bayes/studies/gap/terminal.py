@@ -51,7 +51,7 @@ def show_gap(stated: dict[str, Any], out: Path) -> None:
         console.print(f"note: {text}", soft_wrap=True)
     if not found.converged:
         console.print(
-            "NOT CONVERGED: draws and intervals must not be relied on; the verdict does not come from them.",
+            "NOT CONVERGED: draws and intervals must not be relied on; the verdict does not rest on them.",
             soft_wrap=True,
         )
     show_end(console, stated, out)
@@ -76,7 +76,7 @@ def _show_part(console: Console, found: GapFindings | HeatingFindings, title: st
         console.print(
             f"  {d.condition} {d.branch}: {channel_text(found.channels, d.channel)} "
             f"{d.side} the model, {covariate_text(found.channels, d.covariate)} "
-            f"{d.from_:.4g} to {d.to:.4g} {unit_label(d.unit)} ({abs(d.size_sigma):.1f} sigma)",
+            f"{f'{d.from_:.4g} to {d.to:.4g} {unit_label(d.unit)}'.rstrip()} ({abs(d.size_sigma):.1f} sigma)",
             soft_wrap=True,
         )
     for e in found.added:
@@ -124,8 +124,8 @@ def _candidate_rows(candidates: Sequence[JudgedCandidate]) -> Table:
     table.add_column("why")
     for c in tested:
         factor, score = c.ln_bayes_factor, c.delta_elpd_held_out
-        told = "-" if score is None else f"{score:.1f} +- {c.delta_elpd_se:.1f}"
-        cells = [c.id, "-" if factor is None else f"{factor:.1f}", told, c.status, c.why]
+        told = "-" if score is None else f"{score:.1f} ± {c.delta_elpd_se:.1f}"
+        cells = [c.id, "-" if factor is None else f"{factor:z.1f}", told, c.status, c.why]
         table.add_row(*(cells if scored else cells[:2] + cells[3:]))
     return table
 

@@ -37,13 +37,16 @@ def show_inspection(report: dict[str, Any], campaign: Campaign) -> None:
             f"{r.noise.name} (lag 1: {', '.join(f'{v:.2f}' for v in r.noise.lag1.values())})",
         )
     console.print(table)
+    names = {(r.condition, key): c.name for r in found.records for key, c in r.channels.items()}
+    names |= {(r.condition, key): h.name for r in found.records for key, h in r.held.items()}
     if found.findings:
         findings = Table(title="findings", title_justify="left")
         for name in ("kind", "where", "rows", "kept out", "what"):
             findings.add_column(name)
         for f in found.findings:
             rows = ", ".join(str(r) for r in f.rows[:5]) + (" ..." if f.count > 5 else "")
-            where = " ".join(x for x in (f.condition, f.branch, f.column) if x)
+            column = names.get((f.condition, f.column), f.column)
+            where = " ".join(x for x in (f.condition, f.branch, column) if x)
             kind = f"SERIOUS: {f.kind}" if f.severity == "serious" else f.kind
             findings.add_row(kind, where, rows, str(f.dropped), f.message)
         console.print(findings)

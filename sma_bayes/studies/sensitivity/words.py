@@ -75,8 +75,13 @@ def _of_readings(told: Told) -> Iterator[str]:
     if not found:
         return
     _, reading, r, q = max(found, key=lambda x: x[0])
+    called = (
+        n.name.partition(" at ")[0]
+        for n in r.quantities
+        if n.channel == reading.channel and n.kind == "curve"
+    )
     yield (
-        f"The reading that decides most is row {reading.row} of {r.key} ({reading.channel} at "
+        f"The reading that decides most is row {reading.row} of {r.key} ({next(called, reading.channel)} at "
         f"{reading.temperature:.4g} {unit_text(r.temperature_unit)}): without it {q.name} moves by "
         f"{reading.change or 0.0:+.2g} posterior standard deviations"
     )

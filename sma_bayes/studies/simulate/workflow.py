@@ -218,7 +218,7 @@ def _able(
     if refused is not None:
         raise MeasurementError(
             f"condition {refused!r}: {why[refused]}"
-            + ("" if able or len(why) == 1 else "; nor is any other condition fit"),
+            + ("" if able or len(why) == 1 else "; no other condition will do, either"),
             file=run.folder,
             expected="a fit of measurements with current, time and temperature in °C on heating and cooling, from "
             "which a heat balance can be learnt, and force or displacement",

@@ -9,6 +9,7 @@ from typing import Any, Final
 from rich.table import Table
 
 from sma_bayes.errors import many
+from sma_bayes.quantities import quantity_of
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.screen import SHOWN, Screen, screen, show_end
 from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
@@ -54,7 +55,8 @@ def _show_numbers(console: Screen, found: WatchDocument) -> None:
         low, high = n.normal_low[-1], n.normal_high[-1]
         normal = "not known yet" if low is None or high is None else f"{low:.4g} to {high:.4g}"
         cells = [_cell(n, i - len(last)) for i in range(len(last))]
-        name = f"{n.branch} {n.channel} {n.number} [{unit_label(n.unit) or '1'}]"
+        channel = quantity_of(n.channel, specimen=found.specimen)
+        name = f"{n.branch} {channel} {n.number} [{unit_label(n.unit) or '1'}]"
         table.add_row(name, normal, *cells, f"{n.log10_e[-1]:.2f}" + (" ALARM" if n.alarm else ""))
     console.print(table)
 

@@ -138,6 +138,10 @@ def test_findings_are_grouped_and_the_serious_come_first(content: Content) -> No
         ("clipped", "serious", 1), ("spike", "look", 1), ("reduced", "note", 14),
     ]  # fmt: skip
     assert groups[1].dropped == 3
+    first = finding("hold", "c1", 44).model_copy(update={"message": "44 rows kept out: it stands still"})
+    (both,) = finding_groups([first, finding("hold", "c2", 20)])
+    assert (both.dropped, both.reason) == (64, "it stands still"), "rows of one are not those of the group"
+    assert groups[0].reason == "what clipped means"
     assert severity("a kind of tomorrow") == "look"
     steps = next_steps(replace(content, findings=tuple(findings)))
     assert [s for s in steps if "what clipped means" in s]

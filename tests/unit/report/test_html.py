@@ -14,9 +14,9 @@ from sma_bayes.assess.identifiability import Direction
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.html import Picture, anchor, select
 from sma_bayes.report.notation import interval_text
-from sma_bayes.report.tables import Column, Table, report_tables
+from sma_bayes.report.tables import Column, Table, report_tables, without_empty, without_same
 from sma_bayes.runs.schema import FindingDocument
-from sma_bayes.studies.fit.page import noise_groups, parameter_overview, render, without_empty
+from sma_bayes.studies.fit.page import noise_groups, parameter_overview, render
 
 Page = Callable[[Content], "Reader"]
 VOID = {"meta", "img", "br", "hr"}
@@ -263,6 +263,16 @@ def test_tables_are_cut_to_what_matters() -> None:
     assert without_empty(table) == Table(
         "t", "T", "", (columns[0], columns[2]), (("x", 1), ("y", 2)), grouped=1
     )
+
+
+def test_what_all_rows_say_alike_is_told_once() -> None:
+    columns = (Column("model", "model"), Column("noise", "noise"), Column("held out", "held_out"))
+    table = Table("t", "T", "Who wins.", columns, (("a", "ar1", "x"), ("b", "ar1", "y")))
+    assert without_same(table, ("noise", "held_out")) == Table(
+        "t", "T", "Who wins. Noise in all rows: ar1.", (columns[0], columns[2]), (("a", "x"), ("b", "y"))
+    )
+    one = Table("t", "T", "Who wins.", columns, table.rows[:1])
+    assert without_same(one, ("noise",)) == one
 
 
 def test_anchors_have_no_blanks() -> None:

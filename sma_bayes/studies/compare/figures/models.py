@@ -203,5 +203,5 @@ def _differences(ax: Axes, record: ComparedRecord, names: list[str]) -> list[tup
     ax.set_yticks(range(len(names)), [short(n) for n in names])
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.yaxis.set_label_coords(-0.1, 0.5)
-    ax.set_title(f"{record.key}: {record.verdict}")
+    ax.set_title(f"{record.condition}-{record.branch}, {record.quantity}: {record.verdict}")
     return rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sma_bayes.studies.conditions.schema import ConditionsDocument
-from sma_bayes.studies.conditions.tables import HOPELESS, preferred_way
+from sma_bayes.studies.conditions.tables import HOPELESS, _effect_rows, preferred_way
 from sma_bayes.studies.conditions.terminal import conditions_text
 
 
@@ -38,6 +38,39 @@ def study(*held_out: dict[str, Any]) -> dict[str, Any]:
                            "q95": 62.3, "meaning": "start"}]},
         ],
     }  # fmt: skip
+
+
+def test_a_factor_between_shares_that_are_over_is_left_out_of_the_table() -> None:
+    interval = {"q05": 27.0, "median": 18000.0, "q95": 2.7e7}
+
+    def shown(share: float) -> int:
+        features = [
+            {"condition": c, "branch": "cooling", "name": "share_left", "channel": "displacement", "unit": "1",
+             "q05": value, "median": value, "q95": value, "measured": False, "at_edge": None, "meaning": "left"}
+            for c, value in (("a", 5e-9), ("b", share))
+        ]  # fmt: skip
+        effect = {
+            "feature": "share_left", "branch": "cooling", "channel": "displacement", "unit": "1", "kind": "factor",
+            "setting": "load", "setting_unit": "N", "from": 1.0, "to": 2.0, "conditions": ["a", "b"],
+            "tested": interval, "beyond": interval, "probability_rises": 0.98, "scatter": None, "aliased_with": [], "spare": 0,
+            "confounded_with": [],
+        }  # fmt: skip
+        told = {**study(), "features": features, "effects": [effect]}
+        told["groups"] = [
+            {
+                "conditions": ["a", "b"],
+                "stated": ["load"],
+                "varied": {},
+                "rank": 2,
+                "columns": 2,
+                "spare": 0,
+                "aliased": {},
+            }
+        ]
+        return len(list(_effect_rows(ConditionsDocument.model_validate(told))))
+
+    assert shown(1e-4) == 0
+    assert shown(0.1) == 1
 
 
 def advice(found: dict[str, Any]) -> str:
