@@ -52,8 +52,8 @@ def test_a_factor_between_shares_that_are_over_is_left_out_of_the_table() -> Non
         effect = {
             "feature": "share_left", "branch": "cooling", "channel": "displacement", "unit": "1", "kind": "factor",
             "setting": "load", "setting_unit": "N", "from": 1.0, "to": 2.0, "conditions": ["a", "b"],
-            "tested": interval, "beyond": interval, "probability_rises": 0.98, "scatter": None, "aliased_with": [], "spare": 0,
-            "confounded_with": [],
+            "tested": interval, "beyond": interval, "probability_rises": 0.98, "scatter": None, "spare": 0,
+            "aliased_with": [], "confounded_with": [],
         }  # fmt: skip
         told = {**study(), "features": features, "effects": [effect]}
         told["groups"] = [
