@@ -283,7 +283,10 @@ def note_held(ledger: Ledger, legs: Sequence[Leg], channel: str, *, told: bool, 
     elif told:
         ledger.note(none, "not-fitted", f"{name} is not fitted, as told ({extent})", column=channel)
     elif channel == "force":
-        message = f"constant load: dF/dX along the path says nothing about the spring; {name} has {extent}"
+        slope, tested = ("dσ/dε", "specimen") if ledger.run.specimen else ("dF/dX", "spring")
+        message = (
+            f"constant load: {slope} along the path says nothing about the {tested}; {name} has {extent}"
+        )
         ledger.note(none, "constant-load", message, column=channel)
     else:
         message = f"{name} does not follow the temperature and is set aside as held ({extent})"

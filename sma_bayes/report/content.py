@@ -12,6 +12,7 @@ from sma_bayes.assess.adequacy import Reason
 from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.paper.tables import PrintedCell
+from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.notation import compact
 from sma_bayes.response import DEFAULT_MODEL
@@ -196,6 +197,11 @@ class RecordContent:
     def model_parameters(self) -> tuple[ParameterResult, ...]:
         """Parameters of the response, without those of the noise."""
         return tuple(p for p in self.parameters if not p.of_noise)
+
+    @property
+    def specimen(self) -> bool:
+        """Whether a specimen was tested and not a spring: what was set as its load is a stress."""
+        return any(q.name in SPECIMEN_QUANTITY.values() for q in self.document.quantities.values())
 
     @property
     def other_than_published(self) -> bool:

@@ -136,6 +136,15 @@ def _next_steps(content: Content) -> Iterator[str]:
             f"{_names(extrapolated)}: start or finish of the transformation is extrapolated; measure on to where the "
             "curve is flat"
         )
+    backwards = [
+        q for q in content.loops if q.name == "hysteresis_width" and q.q95 is not None and q.q95 < 0.0
+    ]
+    if backwards:
+        names = list(dict.fromkeys(q.condition for q in backwards))
+        yield (
+            f"{shortened(names)}: the hysteresis is negative, cooling transforms hotter than heating. An alloy does "
+            "not do that; a thermometer that lags or sits elsewhere does: `sma-bayes gap` tests a lag"
+        )
     for message, records in _by_message(content):
         yield f"{_names(records)}: {message}"
     for finding in finding_groups(content.findings):
@@ -160,12 +169,10 @@ def _next_steps(content: Content) -> Iterator[str]:
 
 def _varied_settings(content: Content) -> list[str]:
     """Settings in which the conditions differ."""
-    specimen = set(SPECIMEN_QUANTITY.values())
     found: dict[str, set[float]] = {}
     for r in content.records:
-        stressed = any(q.name in specimen for q in r.document.quantities.values())
         for name, setting in r.document.settings.items():
-            found.setdefault("stress" if stressed and name == "load" else name, set()).add(setting)
+            found.setdefault("stress" if r.specimen and name == "load" else name, set()).add(setting)
     return [name.replace("_", " ") for name, values in found.items() if len(values) > 1]
 
 

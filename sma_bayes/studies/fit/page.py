@@ -20,7 +20,7 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.explorer import chart_data
 from sma_bayes.report.figures.sheet import FigureFiles, numbered
-from sma_bayes.report.html import Picture, embedded, estimate_text, rendered
+from sma_bayes.report.html import Picture, embedded, estimate_text, rendered, select
 from sma_bayes.report.notation import write
 from sma_bayes.report.tables import Cell, Column, Table, report_tables, words
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
@@ -31,6 +31,8 @@ from sma_bayes.studies.fit.findings import finding_groups
 from sma_bayes.studies.fit.methods import methods_text
 
 PACKAGE: Final = "sma_bayes.studies.fit"
+EVIDENCES_SHOWN: Final = 4
+"""Noise models whose evidences have room beside one another on a page."""
 SHOWN: Final = 20
 """Entries of a list or a table that the report of a campaign of many records shows."""
 
@@ -61,9 +63,10 @@ def write_report(
 
 
 def _explored(figures: Mapping[str, FigureFiles]) -> list[dict[str, Any]]:
-    """Curves that the reader of a page may question, stiffness first."""
+    """Curves that the reader of a page may question, stiffness first where it has a band: where a fit converged."""
     traces = [t for f in figures.values() for t in f.traces]
-    return chart_data(sorted(traces, key=lambda t: t.channel != "stiffness"))
+    told = any(t.channel == "stiffness" and "q05" in t.quantiles for t in traces)
+    return chart_data(sorted(traces, key=lambda t: (t.channel == "stiffness") is not told))
 
 
 def of_campaign(content: Content) -> set[str]:
@@ -157,11 +160,21 @@ def render(
         answers=answer_tables(content),
         steps=next_steps(content),
         by_path=_by_path_message(content.converged),
+        noise_table=_narrow(tables["noise"]),
         methods=methods_text(content),
         groups=finding_groups(content.findings),
         arbitrary=any(_has_arbitrary_unit(r) for r in content.records),
         numbered=numbered,
     )
+
+
+def _narrow(table: Table) -> Table:
+    """The table of noise models without their evidences where these are more than a page is wide."""
+    evidences = tuple(c.key for c in table.columns if c.key.startswith("ln_evidence_"))
+    if len(evidences) <= EVIDENCES_SHOWN:
+        return table
+    kept = select(table, drop=evidences)
+    return replace(kept, note=f"{kept.note} Evidences of {len(evidences)} models: tables/noise.csv.")
 
 
 def _by_path_message(records: Sequence[RecordContent]) -> list[tuple[str, list[RecordContent]]]:

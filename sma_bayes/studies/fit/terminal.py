@@ -86,7 +86,8 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         console.print(f"{findings} about the data, {rows} kept out: see the report or `sma-bayes inspect`")
     if not found.converged:
         names = [r.key for r in found.records if not r.converged]
-        console.print(f"NOT CONVERGED: {shortened(names, SHOWN)}. Their numbers must not be relied on.")
+        whose = "Their" if len(names) > 1 else "Its"
+        console.print(f"NOT CONVERGED: {shortened(names, SHOWN)}. {whose} numbers must not be relied on.")
         unseen = [
             f
             for f in found.findings

@@ -106,6 +106,18 @@ def test_only_settings_that_vary_are_asked_about(content: Content) -> None:
     assert not [s for s in next_steps(same) if "sma-bayes conditions" in s]
 
 
+def test_a_negative_hysteresis_is_the_thermometers(content: Content) -> None:
+    def wide(low: float, high: float) -> Content:
+        ends = {"q05": low, "median": 0.5 * (low + high), "q95": high}
+        own = (q.model_copy(update=ends if q.name == "hysteresis_width" else {}) for q in content.loops)
+        return replace(content, loops=tuple(own))
+
+    (step,) = (s for s in next_steps(wide(-2.1, -1.2)) if "hysteresis is negative" in s)
+    assert step.startswith(content.conditions[0])
+    assert "`sma-bayes gap`" in step
+    assert not [s for s in next_steps(wide(-2.1, 0.3)) if "hysteresis is negative" in s]
+
+
 def test_numbers_of_one_path_are_not_told_of_others(content: Content) -> None:
     straight = tuple(
         replace(

@@ -12,8 +12,9 @@ import pytest
 
 from sma_bayes.report.content import Content
 from sma_bayes.report.explorer import MOST_POINTS, Trace, chart_data
+from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.tables import report_tables
-from sma_bayes.studies.fit.page import render
+from sma_bayes.studies.fit.page import _explored, render
 
 T = np.linspace(20.0, 90.0, 71)
 CURVE = 1.0 / (1.0 + np.exp(-0.2 * (T - 55.0)))
@@ -37,6 +38,19 @@ def test_the_curve_is_there_to_five_digits_and_a_band_without_numbers_is_not() -
     assert found["inside"] == [25.0, 85.0]
     assert "pred_q05" not in found
     assert json.loads(json.dumps(found, allow_nan=False)) == found
+
+
+def test_stiffness_comes_first_only_where_a_fit_of_it_converged() -> None:
+    """What did not converge has no band, and its stiffness, a ratio of two slopes, is the least of all to be shown."""
+    stiffness = replace(TRACE, channel="stiffness", quantity="stiffness K [N/mm]")
+    bare = replace(stiffness, quantiles={"q50": CURVE})
+
+    def first(*traces: Trace) -> str:
+        figures = {"loop": FigureFiles("loop", "", "", traces=traces)}
+        return str(_explored(figures)[0]["quantity"])
+
+    assert first(TRACE, stiffness) == "stiffness K [N/mm]"
+    assert first(TRACE, bare) == "force F [N]"
 
 
 def test_what_is_not_finite_is_null() -> None:

@@ -16,7 +16,7 @@ from sma_bayes.report.html import Picture, anchor, select
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.tables import Column, Table, report_tables, without_empty, without_same
 from sma_bayes.runs.schema import FindingDocument
-from sma_bayes.studies.fit.page import noise_groups, parameter_overview, render
+from sma_bayes.studies.fit.page import _narrow, noise_groups, parameter_overview, render
 
 Page = Callable[[Content], "Reader"]
 VOID = {"meta", "img", "br", "hr"}
@@ -263,6 +263,19 @@ def test_tables_are_cut_to_what_matters() -> None:
     assert without_empty(table) == Table(
         "t", "T", "", (columns[0], columns[2]), (("x", 1), ("y", 2)), grouped=1
     )
+
+
+def test_evidences_of_many_noise_models_are_left_to_the_file() -> None:
+    columns = [
+        Column("noise model", "noise"),
+        *(Column(f"ln evidence, {i}", f"ln_evidence_{i}", "1") for i in range(7)),
+    ]
+    wide = Table("noise", "Noise models", "Why.", tuple(columns), (("ar1", *range(7)),))
+    narrow = _narrow(wide)
+    assert [c.key for c in narrow.columns] == ["noise"]
+    assert narrow.note == "Why. Evidences of 7 models: tables/noise.csv."
+    few = Table("noise", "Noise models", "Why.", tuple(columns[:4]), (("ar1", 1, 2, 3),))
+    assert _narrow(few) is few
 
 
 def test_what_all_rows_say_alike_is_told_once() -> None:
