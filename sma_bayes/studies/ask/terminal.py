@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from rich.table import Table
 
 from sma_bayes.errors import many
 from sma_bayes.quantities import QUANTITIES, unit_text
-from sma_bayes.report.screen import screen
+from sma_bayes.report.screen import Screen, screen
 from sma_bayes.studies.ask.schema import (
     AnswersDocument,
     BestTemperature,
@@ -36,9 +36,11 @@ def show_values_at(found: Mapping[str, Any]) -> None:
     document = ValuesDocument.model_validate(found)
     console = screen()
     console.tell(
-        f"{document.campaign}: median, and in brackets the interval that holds {document.probability:g}"
-        f"{_set_to(document)}"
+        f"{document.campaign}: median and {100.0 * document.probability:g} % credible interval{_set_to(document)}"
     )
+    if _alike(document.answers):
+        _show_together(console, document.answers)
+        return
     for a in document.answers:
         console.print()
         console.print(_values_table(a))
@@ -59,26 +61,79 @@ def _range(a: StatedAnswer | ValuesOfRecord) -> str:
     return f"measured from {low:.4g} to {high:.4g} {unit_text(a.temperature_unit)}"
 
 
+def _alike(answers: Sequence[ValuesOfRecord]) -> bool:
+    """Whether several records tell the same quantities at one temperature, so that a table holds them all."""
+    asked = {
+        (a.temperature, a.temperature_unit, tuple((q.name, q.unit) for q in a.quantities.values()))
+        for a in answers
+    }
+    return len(answers) > 1 and len(asked) == 1 and len(answers[0].temperature) == 1
+
+
+def _show_together(console: Screen, answers: Sequence[ValuesOfRecord]) -> None:
+    """A row for each record, and what is to be said of some of them below."""
+    degrees = unit_text(answers[0].temperature_unit)
+    table = Table(title=f"at {answers[0].temperature[0]:.6g} {degrees}", title_justify="left")
+    table.add_column("record")
+    table.add_column(f"measured [{degrees}]", justify="right")
+    columns = [_columns(a) for a in answers]
+    for name, _ in max(columns, key=len):
+        table.add_column(name, justify="right")
+    for a, own in zip(answers, columns, strict=True):
+        told = dict(own)
+        cells = (told.get(name, ["-"])[0] for name, _ in max(columns, key=len))
+        low, high = a.measured
+        table.add_row(f"{a.key}{' *' if a.extrapolated[0] else ''}", f"{low:.4g} to {high:.4g}", *cells)
+    console.print(table)
+    beyond = [a for a in answers if a.extrapolated[0]]
+    if beyond:
+        told_all = all(v is not None for a in beyond for q in a.quantities.values() for v in q.median)
+        console.tell(
+            "* not measured there" + ("" if told_all else "; --extrapolate tells values there all the same")
+        )
+    for found, text in (
+        ([a.key for a in answers if not a.converged], "NOT CONVERGED, these numbers must not be relied on"),
+        (
+            [a.key for a in answers if not a.adequate],
+            "NOT ADEQUATE, curve and noise do not describe the data",
+        ),
+    ):
+        if found:
+            console.tell(f"{text}: {', '.join(found)}")
+    cautions: dict[str, list[str]] = {}
+    for a in answers:
+        if a.caution:
+            cautions.setdefault(a.caution, []).append(a.key)
+    console.tell(*(f"caution: {', '.join(keys)}: {text}" for text, keys in cautions.items()))
+
+
 def _values_table(a: ValuesOfRecord) -> Table:
     table = Table(title=f"{a.key}, {_range(a)}", title_justify="left")
     table.add_column(f"T [{unit_text(a.temperature_unit)}]", justify="right")
     columns = []
-    for q in a.quantities.values():
-        symbol = QUANTITIES["stiffness" if q.name == OVERALL else q.name].symbol
-        unit = unit_text(q.unit) or "1"
-        table.add_column(f"{q.name.replace('_', ' ')} {symbol} [{unit}]", justify="right")
-        columns.append(
-            [
-                "-" if m is None else f"{m:.4g} {_between(*ends)}"
-                for m, *ends in zip(q.median, q.low, q.high, strict=True)
-            ]
-        )
-        if any(v is not None for v in q.pred_median):
-            table.add_column(f"a reading of {symbol} [{unit}]", justify="right")
-            columns.append([_between(*ends) for ends in zip(q.pred_low, q.pred_high, strict=True)])
+    for name, cells in _columns(a):
+        table.add_column(name, justify="right")
+        columns.append(cells)
     for t, beyond, *values in zip(a.temperature, a.extrapolated, *columns, strict=True):
         table.add_row(f"{t:.6g}{' *' if beyond else ''}", *values)
     return table
+
+
+def _columns(a: ValuesOfRecord) -> list[tuple[str, list[str]]]:
+    """Heads of the columns, and what stands below at each temperature."""
+    columns = []
+    for q in a.quantities.values():
+        symbol = QUANTITIES["stiffness" if q.name == OVERALL else q.name].symbol
+        unit = unit_text(q.unit) or "1"
+        cells = [
+            "-" if m is None else f"{m:.4g} {_between(*ends)}"
+            for m, *ends in zip(q.median, q.low, q.high, strict=True)
+        ]
+        columns.append((f"{q.name.replace('_', ' ')} {symbol} [{unit}]", cells))
+        if any(v is not None for v in q.pred_median):
+            readings = [_between(*ends) for ends in zip(q.pred_low, q.pred_high, strict=True)]
+            columns.append((f"a reading of {symbol} [{unit}]", readings))
+    return columns
 
 
 def _between(low: float | None, high: float | None) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 from sma_bayes.errors import many
 from sma_bayes.studies.compare.schema import ComparisonDocument
+from sma_bayes.studies.compare.verdict import CANNOT_TELL
 
 
 def comparison_text(found: Mapping[str, Any]) -> str:
@@ -19,7 +20,8 @@ def comparison_text(found: Mapping[str, Any]) -> str:
     width = max(map(len, names))
     for name, r in zip(names, document.records, strict=True):
         rival = f", ln Bayes factor {r.ln_bayes_factor:.1f} over {r.rival}" if r.rival else ""
-        lines.append(f"  {name:<{width}}  {r.verdict:<16}  {r.preferred}{rival}")
+        outcome = r.why if r.verdict == CANNOT_TELL else f"{r.preferred}{rival}"
+        lines.append(f"  {name:<{width}}  {r.verdict:<16}  {outcome}")
     for group in document.overall:
         together = f"{group.quantity}, {many(len(group.records), 'record')} together"
         lines.append(f"{together}: {group.verdict.upper()}. {group.why}")

@@ -58,4 +58,7 @@ def test_a_comparison_names_the_strain(wire: Path, tmp_path: Path) -> None:
     found = compare(read_campaign(wire), tmp_path / "out", jobs=1, figures="none")
     text = comparison_text(found)
     assert "a-heating strain" in text
+    row = next(line for line in text.splitlines() if "a-heating strain" in line)
+    assert "cannot tell" in row
+    assert "are the same curve of this channel" in row, "why it can't is told beside it"
     assert "displacement" not in text
