@@ -6,6 +6,8 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial, wraps
+from importlib import import_module
 from typing import Any, TypeVar
 
 import typer
@@ -15,6 +17,53 @@ from sma_bayes.errors import SmaBayesError
 from sma_bayes.progress import LINE_S, Bar, log_lines
 
 T = TypeVar("T")
+
+
+def calls(
+    function: str, show: str, *, tasks: bool = True
+) -> Callable[[Callable[..., dict[str, Any] | None]], Callable[..., None]]:
+    """Make a command of a function that has only its options: a function of its folder is called with them by name.
+
+    Options that were not given are left to the defaults of that function. Of a path it gets the campaign that stands
+    there. What the command itself returns, if anything, replaces options.
+
+    Parameters
+    ----------
+    function : str
+        Name in `workflow` beside the command. It gives what the document holds.
+    show : str
+        Name in `terminal` beside it of what tells that to people; it takes what was found, and the folder `out`.
+    tasks : bool
+        Whether the time that is left can be told from tasks that are done.
+    """
+
+    def of(command: Callable[..., dict[str, Any] | None]) -> Callable[..., None]:
+        folder = command.__module__.rpartition(".")[0]
+
+        @wraps(command)
+        def carried_out(**given: Any) -> None:
+            options = given | (command(**given) or {})
+            quiet, verbose, as_json = (options.pop(name) for name in ("quiet", "verbose", "as_json"))
+            scheduler, strict = options.pop("scheduler", None), options.pop("strict", False)
+            if options.pop("no_figures"):
+                options["figures"] = "none"
+            options = {name: value for name, value in options.items() if value is not None}
+            account, jobs = Account(), given.get("jobs")
+            carry_out = getattr(import_module(f"{folder}.workflow"), function)
+            with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose, tasks=tasks) as progress:
+                if "path" in options:
+                    from sma_bayes.records.campaign import read_campaign
+
+                    with account.timed("read"):
+                        campaign = read_campaign(options.pop("path"), data_dir=options.pop("data", None))
+                    options["campaign"] = campaign
+                found = carry_out(**options, progress=progress, account=account)
+            tell = getattr(import_module(f"{folder}.terminal"), show)
+            finish(found, quiet, as_json, partial(tell, found, given["out"]), strict=strict)
+
+        return carried_out
+
+    return of
 
 
 @contextmanager

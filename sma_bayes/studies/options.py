@@ -58,6 +58,9 @@ class FitOptions:
     bias: ArrangedSpring | None = None
     model: str = DEFAULT_MODEL
 
+    def __post_init__(self) -> None:
+        pool_named(self.pool)
+
 
 def prior_set(priors: str | Path | PriorSet | None, model: str = DEFAULT_MODEL) -> PriorSet:
     """Priors by the name of a shipped set or of a model, by their file, or as they are; None for those of a model.

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sma_bayes.studies.command_execution import finish, progress_shown
+from sma_bayes.studies.command_execution import calls
 from sma_bayes.studies.command_options import Figures, Json, NoFigures, Quiet, Resume, Seed, Verbose
 
 
+@calls("card", "show_card")
 def command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
     out: Annotated[
@@ -47,23 +47,3 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Export a fit: constants for a finite-element solver, stiffness tables and a C header for a controller."""
-    from sma_bayes.studies.card.terminal import show_card
-    from sma_bayes.studies.card.workflow import card
-
-    with progress_shown(quiet or as_json, verbose) as progress:
-        found = card(
-            folder,
-            out,
-            area=area,
-            length=length,
-            modulus_austenite=modulus_austenite,
-            modulus_martensite=modulus_martensite,
-            reference_stress=reference_stress,
-            points=points,
-            draws=draws,
-            seed=seed,
-            resume=resume,
-            figures="none" if no_figures else figures,
-            progress=progress,
-        )
-    finish(found, quiet, as_json, partial(show_card, found, out))

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from sma_bayes.errors import many
+from sma_bayes.report.screen import show_text
 from sma_bayes.studies.compare.schema import ComparisonDocument
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
 
 
-def comparison_text(found: Mapping[str, Any]) -> str:
-    """What `comparison.json` says, in a few lines for a terminal."""
+def show_comparison(found: dict[str, Any], out: Path) -> None:
+    """Tell what `comparison.json` says."""
+    show_text(comparison_text(found), found, out)
+
+
+def comparison_text(found: dict[str, Any]) -> str:
+    """What `comparison.json` says, in a few lines."""
     document = ComparisonDocument.model_validate(found)
     lines = [f"{document.campaign}, seed {document.seed}"]
     if document.model_choice is not None:

@@ -8,9 +8,10 @@ from typing import Annotated
 import typer
 
 from sma_bayes.studies import command_options as opt
-from sma_bayes.studies.command_execution import finish, progress_shown, workers
+from sma_bayes.studies.command_execution import calls
 
 
+@calls("study_conditions", "show_conditions")
 def command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
     out: opt.Out,
@@ -49,22 +50,3 @@ def command(
     as_json: opt.Json = False,
 ) -> None:
     """Tell what current, load, frequency and duty cycle do, and predict conditions that were not measured."""
-    from sma_bayes.report.screen import show_text
-    from sma_bayes.studies.conditions.terminal import conditions_text
-    from sma_bayes.studies.conditions.workflow import study_conditions
-
-    with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose) as progress:
-        found = study_conditions(
-            folder,
-            out,
-            at=at or (),
-            leave_out=leave_out or (),
-            scatter=scatter,
-            model=model,
-            seed=seed,
-            jobs=jobs,
-            resume=resume,
-            figures="none" if no_figures else figures,
-            progress=progress,
-        )
-    finish(found, quiet, as_json, lambda: show_text(conditions_text(found), found, out))

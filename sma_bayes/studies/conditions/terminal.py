@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from sma_bayes.quantities import quantity_of
 from sma_bayes.report.notation import interval_text, unit_label
+from sma_bayes.report.screen import show_text
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
@@ -29,6 +31,11 @@ HEADLINES: Final = (
     "As", "Af", "Ms", "Mf", "Rs", "Rf", "peak_temperature",
 )  # fmt: skip
 """Features whose effects are told on a terminal."""
+
+
+def show_conditions(found: dict[str, Any], out: Path) -> None:
+    """Tell what `conditions.json` says."""
+    show_text(conditions_text(found), found, out)
 
 
 def conditions_text(stated: Mapping[str, Any]) -> str:

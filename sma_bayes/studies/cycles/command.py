@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Annotated
 
 import typer
 
 from sma_bayes.studies import command_options as opt
-from sma_bayes.studies.command_execution import finish, working_on
+from sma_bayes.studies.command_execution import calls
 
 
+@calls("cycles", "show_cycles")
 def command(
     path: opt.SourceArgument,
     out: opt.Out,
@@ -39,23 +39,3 @@ def command(
     as_json: opt.Json = False,
 ) -> None:
     """Tell cycle by cycle how sweeps change, by which law, when they are stable, and what later ones will be."""
-    from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.studies.cycles.terminal import show_cycles
-    from sma_bayes.studies.cycles.workflow import cycles
-
-    read = partial(read_campaign, path, data_dir=data)
-    with working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
-        found = cycles(
-            campaign,
-            out,
-            at=at or (),
-            share=share,
-            probability=probability,
-            ahead=ahead,
-            model=model,
-            seed=seed,
-            resume=resume,
-            figures="none" if no_figures else figures,
-            **shared,
-        )
-    finish(found, quiet, as_json, lambda: show_cycles(found, out))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
+from typing import Any
 
 from sma_bayes.studies import command_options as opt
-from sma_bayes.studies.command_execution import finish, working_on
+from sma_bayes.studies.command_execution import calls
 
 
+@calls("fit_campaign", "show_fit")
 def command(
     path: opt.SourceArgument,
     out: opt.Out,
@@ -32,29 +33,8 @@ def command(
     quiet: opt.Quiet = False,
     verbose: opt.Verbose = False,
     as_json: opt.Json = False,
-) -> None:
+) -> dict[str, Any]:
     """Fit a response curve to each record: posterior, credible bands, diagnostics, correlation factors, report."""
-    from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.studies.fit.terminal import show_fit
-    from sma_bayes.studies.fit.workflow import fit_campaign
-    from sma_bayes.studies.options import bias_spring, pool_named
+    from sma_bayes.studies.options import bias_spring
 
-    read = partial(read_campaign, path, data_dir=data)
-    with working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
-        summary = fit_campaign(
-            campaign,
-            out,
-            seed=seed,
-            noise=noise,
-            model=model,
-            priors=priors,
-            pool=pool_named(pool),
-            sampler=sampler,
-            extrapolate=extrapolate,
-            bias=bias_spring(arrangement, bias, bias_sd),
-            resume=resume,
-            self_check=self_check,
-            figures="none" if no_figures else figures,
-            **shared,
-        )
-    finish(summary, quiet, as_json, lambda: show_fit(summary, out), strict=strict)
+    return {"bias": bias_spring(arrangement, bias, bias_sd), "arrangement": None, "bias_sd": None}

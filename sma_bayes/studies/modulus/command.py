@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from sma_bayes.studies import command_options as opt
-from sma_bayes.studies.command_execution import finish, working_on
+from sma_bayes.studies.command_execution import calls
 
 
+@calls("modulus", "show_modulus")
 def command(
     paths: Annotated[
         list[Path],
@@ -56,29 +57,14 @@ def command(
     quiet: opt.Quiet = False,
     verbose: opt.Verbose = False,
     as_json: opt.Json = False,
-) -> None:
+) -> dict[str, Any]:
     """Fit storage and loss modulus against temperature, and tell how they shift with frequency (DMTA)."""
-    from sma_bayes.studies.modulus.terminal import show_modulus
-    from sma_bayes.studies.modulus.workflow import modulus
-
-    columns, units = _pairs("--column", column or ()), _pairs("--unit", unit or ())
-    with working_on(lambda: paths, scheduler, jobs, quiet or as_json, verbose) as (files, shared):
-        found = modulus(
-            files,
-            out,
-            at=at or (),
-            model=model,
-            loss_model=loss_model,
-            columns=columns,
-            units=units,
-            frequency=frequency,
-            encoding=encoding,
-            seed=seed,
-            resume=resume,
-            figures="none" if no_figures else figures,
-            **shared,
-        )
-    finish(found, quiet, as_json, lambda: show_modulus(found, out))
+    return {
+        "column": None,
+        "unit": None,
+        "columns": _pairs("--column", column or ()),
+        "units": _pairs("--unit", unit or ()),
+    }
 
 
 def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:

@@ -8,9 +8,10 @@ from typing import Annotated
 import typer
 
 from sma_bayes.studies import command_options as opt
-from sma_bayes.studies.command_execution import finish, progress_shown
+from sma_bayes.studies.command_execution import calls
 
 
+@calls("plan", "show_plan")
 def command(
     folder: Annotated[
         Path,
@@ -59,26 +60,3 @@ def command(
     as_json: opt.Json = False,
 ) -> None:
     """Tell what to measure next: experiments by the information expected per hour on the rig."""
-    from sma_bayes.studies.plan.terminal import show_plan
-    from sma_bayes.studies.plan.workflow import plan
-
-    with progress_shown(quiet or as_json, verbose) as progress:
-        found = plan(
-            folder,
-            asked,
-            out,
-            hours=hours,
-            candidates=candidates,
-            condition=condition,
-            branch=branch,
-            rate=rate,
-            setup=setup,
-            scatter=scatter,  # type: ignore[arg-type]
-            data=data,
-            seed=seed,
-            jobs=jobs,
-            resume=resume,
-            figures="none" if no_figures else figures,
-            progress=progress,
-        )
-    finish(found, quiet, as_json, lambda: show_plan(found, out))

@@ -8,9 +8,10 @@ from typing import Annotated
 import typer
 
 from sma_bayes.studies import command_options as opt
-from sma_bayes.studies.command_execution import finish, progress_shown, workers
+from sma_bayes.studies.command_execution import calls
 
 
+@calls("sensitivity", "show_sensitivity")
 def command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
     out: Annotated[
@@ -31,18 +32,3 @@ def command(
     as_json: opt.Json = False,
 ) -> None:
     """Tell what the numbers of a fit rest on: prior, data, single sweeps and readings."""
-    from sma_bayes.studies.sensitivity.terminal import show_sensitivity
-    from sma_bayes.studies.sensitivity.workflow import sensitivity
-
-    with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose) as progress:
-        found = sensitivity(
-            folder,
-            out,
-            at=at or (),
-            seed=seed,
-            jobs=jobs,
-            resume=resume,
-            figures="none" if no_figures else figures,
-            progress=progress,
-        )
-    finish(found, quiet, as_json, lambda: show_sensitivity(found, out))

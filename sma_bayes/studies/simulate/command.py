@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sma_bayes.studies.command_execution import finish, progress_shown
+from sma_bayes.studies.command_execution import calls
 from sma_bayes.studies.command_options import Figures, Json, NoFigures, Quiet, Resume, Seed, Verbose
 
 
+@calls("simulate", "show_simulation")
 def command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit has written.")],
     current: Annotated[
@@ -58,27 +58,3 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Simulate a heating current: temperature, force, displacement and stiffness over time, with bands."""
-    from sma_bayes.studies.simulate.spring import rule_named
-    from sma_bayes.studies.simulate.terminal import show_simulation
-    from sma_bayes.studies.simulate.workflow import simulate
-
-    with progress_shown(quiet or as_json, verbose) as progress:
-        found = simulate(
-            folder,
-            current,
-            out,
-            reach=reach,
-            condition=condition,
-            start=start,
-            ambient=ambient,
-            rule=rule_named(rule),
-            pool=pool,  # type: ignore[arg-type]
-            tolerance=tolerance,
-            probability=probability,
-            draws=draws,
-            seed=seed,
-            resume=resume,
-            figures="none" if no_figures else figures,
-            progress=progress,
-        )
-    finish(found, quiet, as_json, partial(show_simulation, found, out))

@@ -153,6 +153,11 @@ def test_a_channel_that_was_not_measured() -> None:
         fit.stiffness(50.0)
 
 
+def test_an_unknown_pool_is_refused() -> None:
+    with pytest.raises(SmaBayesError, match="'none' or 'campaign'"):
+        sma_bayes.fit(DATA, pool="branch", jobs=1)  # type: ignore[arg-type]
+
+
 def test_columns_beside_a_campaign() -> None:
     with pytest.raises(SmaBayesError, match="beside a campaign"):
         sma_bayes.fit(sma_bayes.campaign_of(DATA), conditions={"data": {"current_A": 1.0}})
