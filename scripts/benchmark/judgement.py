@@ -16,7 +16,7 @@ import numpy as np
 from benchmark.progress import Progress
 
 from sma_bayes.arrays import Floats
-from sma_bayes.sampling.convergence import Convergence, Target, ess_bulk, ess_tail, rank_rhat
+from sma_bayes.sampling.convergence import Convergence, Target, assess
 
 TARGET = Target(rhat=1.01, ess=1000.0)
 LEVELS = np.array([0.05, 0.5, 0.95])
@@ -137,7 +137,8 @@ def diagnose(chains: Floats) -> Convergence:
     groups, steps, walkers, dimension = chains.shape
     joined = np.swapaxes(chains, 1, 2).reshape(groups, walkers * steps, dimension)
     in_order = chains.reshape(groups, steps * walkers, dimension)
-    rhat = np.maximum(rank_rhat(joined), rank_rhat(in_order))
-    bulk, tail = ess_bulk(joined), ess_tail(joined)
+    found = assess(joined[:, :, None], TARGET)
+    rhat = np.maximum(found.rhat, assess(in_order[:, :, None], TARGET).rhat)
+    bulk, tail = found.ess_bulk, found.ess_tail
     reached = np.all(rhat <= TARGET.rhat) and np.all(np.minimum(bulk, tail) >= TARGET.ess)
     return Convergence(rhat, bulk, tail, bool(reached), np.full(dimension, np.nan))

@@ -120,35 +120,6 @@ def assess(draws: Floats, target: Target) -> Convergence:
     return Convergence(rhat, bulk, tail, finite and bool(reached), error)
 
 
-def rank_rhat(chains: Floats) -> Floats:
-    """Rank-normalised split R-hat, the greater of bulk and folded; `chains` (C, N, D) gives (D,)."""
-    values, shape = _halves(chains)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        both = np.stack([_scores(values), _scores(_folded(values))])
-        return np.asarray(_rhat(both.reshape(2, *shape)).max(axis=0))
-
-
-def ess_bulk(chains: Floats) -> Floats:
-    """Effective sample size of the rank-normalised draws; `chains` (C, N, D) gives (D,)."""
-    values, shape = _halves(chains)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return _ess(_scores(values).reshape(shape))
-
-
-def ess_tail(chains: Floats) -> Floats:
-    """Lesser of the effective sample sizes of the 5 % and 95 % quantiles; `chains` (C, N, D) gives (D,)."""
-    values, shape = _halves(chains)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(_ess(_in_tails(values).reshape(2, *shape)).min(axis=0))
-
-
-def _halves(chains: Floats) -> tuple[Floats, tuple[int, int, int]]:
-    """Draws of chains (C, N, D) of each parameter together, the middle one of an odd number left out; and (D, C, N)."""
-    half = chains.shape[1] // 2
-    even = np.concatenate([chains[:, :half], chains[:, chains.shape[1] - half :]], axis=1)
-    return _flat(even), (chains.shape[2], chains.shape[0], 2 * half)
-
-
 def _scores(values: Floats) -> Floats:
     """Normal scores of the ranks of each parameter's values (D, N)."""
     from scipy.stats import rankdata
