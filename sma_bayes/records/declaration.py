@@ -19,7 +19,7 @@ from pydantic import (
     model_validator,
 )
 
-from sma_bayes.errors import CampaignError, SmaBayesError, many, near_matches
+from sma_bayes.errors import CampaignError, SmaBayesError, first_of, many, near_matches
 from sma_bayes.limits import DEGREES, ID_BYTES, ID_CHARACTERS, MAGNITUDE, SETTING
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, STANDARD_GRAVITY
 from sma_bayes.records.formats import Reading
@@ -270,8 +270,7 @@ class DeclaredCondition:
     @property
     def title(self) -> str:
         """Names of the files, for messages and records."""
-        named = ", ".join(self.names[:FILES_NAMED])
-        return named + (f" and {len(self.names) - FILES_NAMED} more" if len(self.names) > FILES_NAMED else "")
+        return first_of(self.names, FILES_NAMED)
 
     def of_each_file(self) -> tuple[DeclaredCondition, ...]:
         """The same for each file by itself, with the entries of columns that are about it."""
@@ -701,4 +700,4 @@ def _similar(path: Path) -> str:
     near = near_matches(path.name, there)
     if near.startswith("did you mean") or len(there) <= FILES_SHOWN:
         return near
-    return f"the folder holds {', '.join(there[:FILES_SHOWN])} and {len(there) - FILES_SHOWN} more"
+    return f"the folder holds {first_of(there, FILES_SHOWN)}"

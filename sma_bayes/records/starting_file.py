@@ -13,9 +13,15 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.disk import writing
-from sma_bayes.errors import CampaignError, MeasurementError, OutputError, SmaBayesError, many
+from sma_bayes.errors import CampaignError, MeasurementError, OutputError, SmaBayesError, first_of, many
 from sma_bayes.records.clock import is_clock
-from sma_bayes.records.declaration import CAMPAIGN_FILE, CHANNEL_OF, FILES_SHOWN, parse_declaration
+from sma_bayes.records.declaration import (
+    CAMPAIGN_FILE,
+    CHANNEL_OF,
+    FILES_NAMED,
+    FILES_SHOWN,
+    parse_declaration,
+)
 from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
 from sma_bayes.records.formats.numbers import is_blank, looks_numeric, numbers
 from sma_bayes.records.formats.xlsx import sheet_titles
@@ -38,8 +44,6 @@ CODES, RARE = 5, 0.1
 the rows."""
 
 NO_TEMPERATURE: Final = "no column seems to be a temperature"
-FILES_NAMED: Final = 3
-"""Files that a message names for one reason."""
 
 HELD: Final = 0.1
 """A force or stress whose quartiles differ by less than this share of its median was held, and is the load."""
@@ -165,10 +169,7 @@ def _nothing(folder: Path, left_out: Mapping[str, str]) -> MeasurementError:
     why: dict[str, list[str]] = {}
     for name, reason in left_out.items():
         why.setdefault(reason, []).append(name)
-    told = []
-    for reason, names in list(why.items())[:FILES_SHOWN]:
-        more = f" and {len(names) - FILES_NAMED} more" if len(names) > FILES_NAMED else ""
-        told.append(f"{', '.join(names[:FILES_NAMED])}{more}: {reason}")
+    told = [f"{first_of(names, FILES_NAMED)}: {reason}" for reason, names in list(why.items())[:FILES_SHOWN]]
     remedy = (
         f"where a column is one under another name, write {CAMPAIGN_FILE} by hand and name it under [columns]"
     )

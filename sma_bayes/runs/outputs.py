@@ -13,7 +13,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.checksum import KEY, netcdf_checksum
-from sma_bayes.errors import OutputError
+from sma_bayes.errors import OutputError, first_of
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis
 from sma_bayes.runs.documents import (
     CARD,
@@ -178,9 +178,8 @@ def read_run(folder: Path) -> StoredRun:
     summary = read_fit(folder)
     missing = _missing(folder, summary)
     if missing:
-        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
         raise OutputError(
-            f"lacks {', '.join(missing[:3])}{more}",
+            f"lacks {first_of(missing, 3)}",
             file=folder,
             expected="a posterior and bands for each record of summary.json",
             remedy=FINISH,

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from typing import Final
 
 from sma_bayes.assess.adequacy import remedy
+from sma_bayes.errors import first_of
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.report.content import INTERVAL, Content, Estimate, RecordContent
 from sma_bayes.report.tables import Cell, Column, Table, words
 from sma_bayes.studies.fit.findings import finding_groups
-from sma_bayes.studies.fit.inadequate import reason_groups, shortened
+from sma_bayes.studies.fit.inadequate import NAMED, reason_groups
 
 ENDS_OF_STIFFNESS: Final = ("least_stiffness", "greatest_stiffness")
 """Names of the quantities of a branch that are told first."""
@@ -142,8 +143,8 @@ def _next_steps(content: Content) -> Iterator[str]:
     if backwards:
         names = list(dict.fromkeys(q.condition for q in backwards))
         yield (
-            f"{shortened(names)}: the hysteresis is negative, cooling transforms hotter than heating. An alloy does "
-            "not do that; a thermometer that lags or sits elsewhere does: `sma-bayes gap` tests a lag"
+            f"{first_of(names, NAMED)}: the hysteresis is negative, cooling transforms hotter than heating. An alloy "
+            "does not do that; a thermometer that lags or sits elsewhere does: `sma-bayes gap` tests a lag"
         )
     for message, records in _by_message(content):
         yield f"{_names(records)}: {message}"
@@ -188,4 +189,4 @@ def _by_message(content: Content) -> list[tuple[str, list[RecordContent]]]:
 
 
 def _names(records: list[RecordContent] | tuple[RecordContent, ...], most: int = 3) -> str:
-    return shortened([r.key for r in records], most)
+    return first_of([r.key for r in records], most)

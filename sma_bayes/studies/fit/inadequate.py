@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from sma_bayes.errors import first_of
 from sma_bayes.runs.fit_document import RecordSummary
 
 NAMED = 3
@@ -27,7 +28,7 @@ class ReasonGroup:
     @property
     def names(self) -> str:
         """The first records by name, and how many more there are."""
-        return shortened([r.key for r in self.records])
+        return first_of([r.key for r in self.records], NAMED)
 
     @property
     def quoted(self) -> str:
@@ -48,18 +49,6 @@ def reason_groups(records: Iterable[RecordSummary]) -> tuple[ReasonGroup, ...]:
         if r.why:
             kinds.setdefault(r.why[0].kind, []).append(r)
     return tuple(ReasonGroup(kind, tuple(found)) for kind, found in kinds.items())
-
-
-def shortened(names: list[str], most: int = NAMED) -> str:
-    """The first names, and how many more there are.
-
-    Examples
-    --------
-    >>> shortened(["a", "b"]), shortened(["a", "b", "c", "d"])
-    ('a, b', 'a, b, c and 1 more')
-    """
-    shown = ", ".join(names[:most])
-    return f"{shown} and {len(names) - most} more" if len(names) > most else shown
 
 
 def _share_missed(r: RecordSummary) -> float:

@@ -10,13 +10,13 @@ from rich.box import HEAVY_HEAD, SIMPLE_HEAD
 from rich.table import Table
 
 from sma_bayes.assess.adequacy import remedy
-from sma_bayes.errors import many
+from sma_bayes.errors import first_of, many
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import MANY
 from sma_bayes.report.screen import SHOWN, screen, show_end
 from sma_bayes.runs.fit_document import FitSummary, OptionsSummary, RecordSummary
-from sma_bayes.studies.fit.inadequate import reason_groups, shortened
+from sma_bayes.studies.fit.inadequate import NAMED, reason_groups
 
 COLUMNS = (
     "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
@@ -87,7 +87,7 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     if not found.converged:
         names = [r.key for r in found.records if not r.converged]
         whose = "Their" if len(names) > 1 else "Its"
-        console.print(f"NOT CONVERGED: {shortened(names, SHOWN)}. {whose} numbers must not be relied on.")
+        console.print(f"NOT CONVERGED: {first_of(names, SHOWN)}. {whose} numbers must not be relied on.")
         unseen = [
             f
             for f in found.findings
@@ -157,7 +157,7 @@ def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
     unit = unit_text(estimated[0].unit)
     size = f"{min(sizes):.2g}" if len(sizes) == 1 else f"{min(sizes):.2g} to {max(sizes):.2g}"
     return [
-        f"The scatter of {shortened([r.key for r in seen])} follows the slope of the curve, as an error of the "
+        f"The scatter of {first_of([r.key for r in seen], NAMED)} follows the slope of the curve, as an error of the "
         f"thermometer of {size} {unit} from reading to reading makes it; intervals count it. Where its size is known, "
         "declare it: `sd = ...` with the column of temperature."
     ]
@@ -182,7 +182,7 @@ def self_check_sentences(records: Sequence[RecordSummary]) -> list[str]:
         if not c.passed:
             wrong = [q.name for q in c.quantities if not q.uniform]
             why = (
-                f"ranks of {shortened(wrong)} are not uniform"
+                f"ranks of {first_of(wrong, NAMED)} are not uniform"
                 if wrong
                 else f"{c.failed} of {c.replicates} refits missed their target"
             )

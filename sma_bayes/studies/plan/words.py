@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from sma_bayes.errors import many
+from sma_bayes.errors import first_of, many
 from sma_bayes.quantities import unit_text
 from sma_bayes.studies.plan.schema import (
     DesignStep,
@@ -101,12 +101,11 @@ def narrowed(expected: Sequence[ExpectedQuantity], found: PlanFindings) -> str:
             "standard deviations"
         )
     told = []
-    for e in sorted(expected, key=lambda e: -e.shrinkage)[:FEW]:
+    for e in sorted(expected, key=lambda e: -e.shrinkage):
         k = known_of(e, found)
         unit = f" {unit_text(k.shown_unit)}".rstrip()
         told.append(f"{quantity_name(e, found)} from {half_width(k.sd, k)} to {half_width(e.sd, k)}{unit}")
-    more = f" and {len(expected) - FEW} more" if len(expected) > FEW else ""
-    return f"expected to narrow {'; '.join(told)}{more} (half of the 90 % interval)"
+    return f"expected to narrow {first_of(told, FEW, '; ')} (half of the 90 % interval)"
 
 
 def _share(shrinkage: float) -> str:

@@ -20,6 +20,7 @@ from sma_bayes.errors import (
     SmaBayesError,
     StudyError,
     UnknownNameError,
+    first_of,
     near_matches,
 )
 from sma_bayes.fitting.curves import interval
@@ -456,9 +457,8 @@ def _remarks(
         t.knowledge.draws.key for t in targets if all(not s.sweeps for s in t.knowledge.scatter.values())
     ]
     if alone:
-        which = ", ".join(alone[:4]) + (f" and {len(alone) - 4} more" if len(alone) > 4 else "")
         found.append(
-            f"one sweep only of {which}: it does not tell by how much sweeps differ. "
+            f"one sweep only of {first_of(alone, 4)}: it does not tell by how much sweeps differ. "
             + (
                 "Sweeps are assumed to repeat but for noise, so that the expected gain may be too large; "
                 "--scatter usual assumes the usual scatter of one specimen in one rig"

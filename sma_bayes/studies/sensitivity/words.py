@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from sma_bayes.errors import many
+from sma_bayes.errors import first_of, many
 from sma_bayes.quantities import unit_text
 from sma_bayes.studies.sensitivity.schema import (
     NONE,
@@ -48,12 +48,11 @@ def _of_priors(told: Told) -> str:
     if not flagged:
         return f"The prior moves none of {many(len(told), 'number')}"
     flagged.sort(key=lambda x: -(x[1].prior or 0.0))
-    named = ", ".join(
+    named = [
         f"{q.name} of {r.key} ({q.diagnosis}, prior of {q.leading_prior.parameter if q.leading_prior else '-'})"
-        for r, q in flagged[:NAMED]
-    )
-    more = f" and {len(flagged) - NAMED} more" if len(flagged) > NAMED else ""
-    return f"The prior moves {len(flagged)} of {many(len(told), 'number')}: {named}{more}"
+        for r, q in flagged
+    ]
+    return f"The prior moves {len(flagged)} of {many(len(told), 'number')}: {first_of(named, NAMED)}"
 
 
 def _of_sweeps(told: Told) -> Iterator[str]:
