@@ -8,23 +8,33 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial, wraps
 from importlib import import_module
-from typing import Any, TypeVar
+from inspect import Parameter, signature
+from typing import Any, Final, TypeVar
 
 import typer
 
 from sma_bayes.account import Account
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.progress import LINE_S, Bar, log_lines
+from sma_bayes.studies import command_options as opt
 
 T = TypeVar("T")
 
+COMMON: Final = {
+    "seed": (opt.Seed, 0), "jobs": (opt.Jobs, None), "figures": (opt.Figures, "report"),
+    "no_figures": (opt.NoFigures, False), "scheduler": (opt.Scheduler, None), "resume": (opt.Resume, False),
+    "quiet": (opt.Quiet, False), "verbose": (opt.Verbose, False), "as_json": (opt.Json, False),
+}  # fmt: skip
+"""Options of every study by itself, with what they are by default."""
+
 
 def calls(
-    function: str, show: str, *, tasks: bool = True
+    function: str, show: str, *, without: tuple[str, ...] = ()
 ) -> Callable[[Callable[..., dict[str, Any] | None]], Callable[..., None]]:
-    """Make a command of a function that has only its options: a function of its folder is called with them by name.
+    """Make a command of a function that has only the options of its verb.
 
-    Options that were not given are left to the defaults of that function. Of a path it gets the campaign that stands
+    The options that every study has (`COMMON`) join them, and a function of the folder of the verb is called with all
+    of them by name; those that were not given are left to its own defaults. Of a path it gets the campaign that stands
     there. What the command itself returns, if anything, replaces options.
 
     Parameters
@@ -33,16 +43,17 @@ def calls(
         Name in `workflow` beside the command. It gives what the document holds.
     show : str
         Name in `terminal` beside it of what tells that to people; it takes what was found, and the folder `out`.
-    tasks : bool
-        Whether the time that is left can be told from tasks that are done.
+    without : tuple of str
+        Common options that the verb has not.
     """
 
     def of(command: Callable[..., dict[str, Any] | None]) -> Callable[..., None]:
-        folder = command.__module__.rpartition(".")[0]
+        folder, own = command.__module__.rpartition(".")[0], signature(command, eval_str=True)
+        common = {name: option for name, option in COMMON.items() if name not in without}
 
         @wraps(command)
         def carried_out(**given: Any) -> None:
-            options = given | (command(**given) or {})
+            options = given | (command(**{name: given[name] for name in own.parameters}) or {})
             quiet, verbose, as_json = (options.pop(name) for name in ("quiet", "verbose", "as_json"))
             scheduler, strict = options.pop("scheduler", None), options.pop("strict", False)
             if options.pop("no_figures"):
@@ -50,7 +61,7 @@ def calls(
             options = {name: value for name, value in options.items() if value is not None}
             account, jobs = Account(), given.get("jobs")
             carry_out = getattr(import_module(f"{folder}.workflow"), function)
-            with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose, tasks=tasks) as progress:
+            with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose) as progress:
                 if "path" in options:
                     from sma_bayes.records.campaign import read_campaign
 
@@ -61,6 +72,11 @@ def calls(
             tell = getattr(import_module(f"{folder}.terminal"), show)
             finish(found, quiet, as_json, partial(tell, found, given["out"]), strict=strict)
 
+        joined = [
+            Parameter(name, Parameter.KEYWORD_ONLY, annotation=option, default=usual)
+            for name, (option, usual) in common.items()
+        ]
+        carried_out.__signature__ = own.replace(parameters=[*own.parameters.values(), *joined])  # type: ignore[attr-defined]
         return carried_out
 
     return of

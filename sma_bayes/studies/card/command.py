@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 from sma_bayes.studies.command_execution import calls
-from sma_bayes.studies.command_options import Figures, Json, NoFigures, Quiet, Resume, Seed, Verbose
 
 
-@calls("card", "show_card")
+@calls("card", "show_card", without=("jobs", "scheduler"))
 def command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or demo has written.")],
     out: Annotated[
@@ -38,12 +37,5 @@ def command(
     ] = None,
     points: Annotated[int, typer.Option(help="Rows of a stiffness table.")] = 65,
     draws: Annotated[int, typer.Option(help="Posterior draws of the constants.")] = 400,
-    seed: Seed = 0,
-    figures: Figures = "report",
-    no_figures: NoFigures = False,
-    resume: Resume = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    as_json: Json = False,
 ) -> None:
     """Export a fit: constants for a finite-element solver, stiffness tables and a C header for a controller."""

@@ -15,8 +15,6 @@ def command(
     path: opt.SourceArgument,
     out: opt.Out,
     data: opt.Data = None,
-    seed: opt.Seed = 0,
-    jobs: opt.Jobs = None,
     model: opt.Model = "modified_sigmoid",
     priors: opt.Priors = None,
     noise: Annotated[
@@ -24,12 +22,5 @@ def command(
         typer.Option(help="Noise model of all models, or 'auto': chosen by evidence for each record."),
     ] = "auto",
     pool: opt.PoolChoice = "none",
-    figures: opt.Figures = "report",
-    no_figures: opt.NoFigures = False,
-    scheduler: opt.Scheduler = None,
-    resume: opt.Resume = False,
-    quiet: opt.Quiet = False,
-    verbose: opt.Verbose = False,
-    as_json: opt.Json = False,
 ) -> None:
     """Compare the modified sigmoid with the logistic and polynomial baselines, on what was held out too."""

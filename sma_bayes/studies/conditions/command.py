@@ -39,14 +39,5 @@ def command(
             metavar="NAME",
         ),
     ] = None,
-    seed: opt.Seed = 0,
-    jobs: opt.Jobs = None,
-    figures: opt.Figures = "report",
-    no_figures: opt.NoFigures = False,
-    scheduler: opt.Scheduler = None,
-    resume: opt.Resume = False,
-    quiet: opt.Quiet = False,
-    verbose: opt.Verbose = False,
-    as_json: opt.Json = False,
 ) -> None:
     """Tell what current, load, frequency and duty cycle do, and predict conditions that were not measured."""

@@ -27,15 +27,6 @@ def command(
     probability: Annotated[float, typer.Option(help="Probability with which it is to be stable.")] = 0.9,
     ahead: Annotated[int, typer.Option(help="Cycles to forecast.")] = 10,
     data: opt.Data = None,
-    seed: opt.Seed = 0,
-    jobs: opt.Jobs = None,
     model: opt.Model = "modified_sigmoid",
-    figures: opt.Figures = "report",
-    no_figures: opt.NoFigures = False,
-    scheduler: opt.Scheduler = None,
-    resume: opt.Resume = False,
-    quiet: opt.Quiet = False,
-    verbose: opt.Verbose = False,
-    as_json: opt.Json = False,
 ) -> None:
     """Tell cycle by cycle how sweeps change, by which law, when they are stable, and what later ones will be."""

@@ -13,8 +13,6 @@ def command(
     path: opt.SourceArgument,
     out: opt.Out,
     data: opt.Data = None,
-    seed: opt.Seed = 0,
-    jobs: opt.Jobs = None,
     model: opt.Model = "modified_sigmoid",
     priors: opt.Priors = None,
     noise: opt.Noise = "auto",
@@ -24,15 +22,8 @@ def command(
     arrangement: opt.Arranged = None,
     bias: opt.Bias = None,
     bias_sd: opt.BiasSd = None,
-    figures: opt.Figures = "report",
-    no_figures: opt.NoFigures = False,
-    scheduler: opt.Scheduler = None,
-    resume: opt.Resume = False,
     self_check: opt.SelfCheck = False,
     strict: opt.Strict = False,
-    quiet: opt.Quiet = False,
-    verbose: opt.Verbose = False,
-    as_json: opt.Json = False,
 ) -> dict[str, Any]:
     """Fit a response curve to each record: posterior, credible bands, diagnostics, correlation factors, report."""
     from sma_bayes.studies.options import bias_spring

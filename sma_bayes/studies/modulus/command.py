@@ -48,15 +48,6 @@ def command(
         str,
         typer.Option(metavar="NAME", help="Response model of the loss modulus; 'auto': the best supported."),
     ] = "auto",
-    seed: opt.Seed = 0,
-    jobs: opt.Jobs = None,
-    figures: opt.Figures = "report",
-    no_figures: opt.NoFigures = False,
-    scheduler: opt.Scheduler = None,
-    resume: opt.Resume = False,
-    quiet: opt.Quiet = False,
-    verbose: opt.Verbose = False,
-    as_json: opt.Json = False,
 ) -> dict[str, Any]:
     """Fit storage and loss modulus against temperature, and tell how they shift with frequency (DMTA)."""
     return {

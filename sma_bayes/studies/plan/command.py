@@ -11,7 +11,7 @@ from sma_bayes.studies import command_options as opt
 from sma_bayes.studies.command_execution import calls
 
 
-@calls("plan", "show_plan")
+@calls("plan", "show_plan", without=("scheduler",))
 def command(
     folder: Annotated[
         Path,
@@ -50,13 +50,5 @@ def command(
         ),
     ] = "none",
     data: opt.Data = None,
-    seed: opt.Seed = 0,
-    jobs: opt.Jobs = None,
-    figures: opt.Figures = "report",
-    no_figures: opt.NoFigures = False,
-    resume: opt.Resume = False,
-    quiet: opt.Quiet = False,
-    verbose: opt.Verbose = False,
-    as_json: opt.Json = False,
 ) -> None:
     """Tell what to measure next: experiments by the information expected per hour on the rig."""

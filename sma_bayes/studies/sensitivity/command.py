@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from sma_bayes.studies import command_options as opt
 from sma_bayes.studies.command_execution import calls
 
 
@@ -21,14 +20,5 @@ def command(
         list[str] | None,
         typer.Option(help="A temperature, such as '60 degC', at which stiffness is told; may be repeated."),
     ] = None,
-    seed: opt.Seed = 0,
-    jobs: opt.Jobs = None,
-    figures: opt.Figures = "report",
-    no_figures: opt.NoFigures = False,
-    scheduler: opt.Scheduler = None,
-    resume: opt.Resume = False,
-    quiet: opt.Quiet = False,
-    verbose: opt.Verbose = False,
-    as_json: opt.Json = False,
 ) -> None:
     """Tell what the numbers of a fit rest on: prior, data, single sweeps and readings."""

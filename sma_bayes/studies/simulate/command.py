@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 from sma_bayes.studies.command_execution import calls
-from sma_bayes.studies.command_options import Figures, Json, NoFigures, Quiet, Resume, Seed, Verbose
 
 
-@calls("simulate", "show_simulation")
+@calls("simulate", "show_simulation", without=("jobs", "scheduler"))
 def command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit has written.")],
     current: Annotated[
@@ -49,12 +48,5 @@ def command(
         Path | None, typer.Option(help="Folder for the results: new or empty, or --resume.")
     ] = None,
     draws: Annotated[int, typer.Option(help="Posterior draws that are simulated.")] = 400,
-    seed: Seed = 0,
-    figures: Figures = "report",
-    no_figures: NoFigures = False,
-    resume: Resume = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-    as_json: Json = False,
 ) -> None:
     """Simulate a heating current: temperature, force, displacement and stiffness over time, with bands."""
