@@ -6,25 +6,15 @@ factor to every record, hence an average; so an average has a posterior too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import FACTORS, Agreement, joined, quantiles
 from sma_bayes.paper.correlation import CLAIMED
-
-RULES: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "plain": "mean of the records' factors",
-        "fisher": "tanh of the mean of artanh r",
-        "pooled": "one factor over all samples of all records",
-    }
-)
-"""How to average."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

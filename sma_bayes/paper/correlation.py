@@ -50,9 +50,9 @@ def implied_correlations() -> tuple[ImpliedCorrelationRow, ...]:
     ('1A-10mHz', 0.998, 0.999)
     """
     return tuple(
-        _implied(table.number, condition, branch, table.select(condition, branch))
+        _implied(table.number, condition, branch, column)
         for table in STATISTICS_TABLES
-        for condition, branch in dict.fromkeys((c.condition, c.branch) for c in table.cells)
+        for (condition, branch), column in table.columns().items()
         if branch is not None
     )
 

@@ -15,7 +15,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
-from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.errors import UnknownNameError
 from sma_bayes.paper.effects import EFFECTS, Amount
 from sma_bayes.paper.extremes import EXTREME_TABLES
 from sma_bayes.paper.specifications import TABLE_1, TABLE_2, TEXT_VALUES
@@ -128,27 +128,6 @@ def errata() -> tuple[Erratum, ...]:
     """
     text = files("sma_bayes.paper").joinpath("errata.toml").read_text(encoding="utf-8")
     return tuple(_read(entry) for entry in tomllib.loads(text)["erratum"])
-
-
-def erratum(identifier: str) -> Erratum:
-    """One erratum by its id.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is none of that id.
-
-    Examples
-    --------
-    >>> erratum("E20").effect()[1].value.__round__(4)
-    0.9979
-    """
-    known = {e.id: e for e in errata()}
-    if identifier not in known:
-        raise UnknownNameError(
-            f"there is no erratum {identifier!r}", expected=near_matches(identifier, known)
-        )
-    return known[identifier]
 
 
 def _read(entry: Mapping[str, Any]) -> Erratum:

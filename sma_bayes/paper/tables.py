@@ -144,6 +144,13 @@ class PrintedTable:
     title: str
     cells: tuple[PrintedCell, ...]
 
+    def columns(self) -> dict[tuple[str, Branch | None], dict[str, PrintedCell]]:
+        """Cells of each condition and branch, by quantity."""
+        found: dict[tuple[str, Branch | None], dict[str, PrintedCell]] = {}
+        for c in self.cells:
+            found.setdefault((c.condition, c.branch), {})[c.quantity] = c
+        return found
+
     def select(self, condition: str, branch: Branch | None) -> dict[str, PrintedCell]:
         """Cells of one condition and branch, by quantity.
 
@@ -152,8 +159,8 @@ class PrintedTable:
         UnknownNameError
             If the table has no such condition and branch.
         """
-        found = {c.quantity: c for c in self.cells if (c.condition, c.branch) == (condition, branch)}
-        if not found:
+        found = self.columns().get((condition, branch))
+        if found is None:
             known = sorted({c.condition for c in self.cells})
             raise UnknownNameError(
                 f"table {self.number} has no {condition!r}, {branch}", expected=", ".join(known)

@@ -317,7 +317,7 @@ class AverageFactor:
     data : str
         ``measured`` or ``replicated``; or what was predicted, ``in sample`` or ``held out``.
     rule : str
-        One of `RULES`.
+        ``plain``, ``fisher`` or ``pooled``.
     """
 
     document: CorrelationAverage

@@ -18,7 +18,7 @@ from sma_bayes.paper.effects.amount import Amount, Effect
 from sma_bayes.paper.extremes import TABLE_9, TABLE_10, extremes
 from sma_bayes.paper.physics import biased_path
 from sma_bayes.paper.specifications import TABLE_2, TEXT_VALUES, specification
-from sma_bayes.paper.tables import PARAMETER_TABLES, PARAMETER_UNITS
+from sma_bayes.paper.tables import PARAMETER_UNITS
 from sma_bayes.paper.twin import RECIPROCAL_RATES, curves, recipes
 from sma_bayes.quantities import STANDARD_GRAVITY, convert
 from sma_bayes.records.types import Branch
@@ -33,14 +33,7 @@ LOGISTIC_CONSTANT: Final = 6.2
 @cache
 def parameter_rows() -> dict[str, dict[str, float]]:
     """Printed parameters of the 18 rows of Tables 3 to 5, by ``<condition>-<branch>``."""
-    return {
-        f"{condition}-{branch.value}": {
-            name: cell.value for name, cell in table.select(condition, branch).items()
-        }
-        for table in PARAMETER_TABLES
-        for condition in dict.fromkeys(cell.condition for cell in table.cells)
-        for branch in Branch
-    }
+    return {r.key: {name: cell.value for name, cell in r.parameters.items()} for r in recipes()}
 
 
 def columns() -> dict[str, Floats]:

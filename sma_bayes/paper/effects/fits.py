@@ -75,16 +75,12 @@ def _column(table: PrintedTable, condition: str, branch: Branch) -> dict[str, fl
 
 def _readable() -> list[dict[str, PrintedCell]]:
     """Columns of Tables 6 to 8 that are not lost."""
-    places = [
-        (table, *place)
-        for table in STATISTICS_TABLES
-        for place in dict.fromkeys((c.condition, c.branch) for c in table.cells)
-    ]
-    columns = [table.select(condition, branch) for table, condition, branch in places]
+    columns = (column for table in STATISTICS_TABLES for column in table.columns().values())
     return [c for c in columns if c["r2"].status is not CellStatus.DAMAGED]
 
 
 def _adjusted_effect(condition: str, branch: Branch, claimed: str) -> tuple[Amount, ...]:
+    """Adjusted R2 of a column, and the number of parameters at which it would agree with R2."""
     c = _column(TABLE_6, condition, branch)
     dof = degrees_of_freedom(c["sse"], c["rmse"])
     return (
@@ -106,16 +102,6 @@ def adjusted_1a_heating() -> tuple[Amount, ...]:
         Amount("(n - 1)/(n - p) that the printed pair needs", (1 - c["adj_r2"]) / (1 - c["r2"]), claimed="6"),
         Amount("n - p from SSE and RMSE", degrees_of_freedom(c["sse"], c["rmse"]), claimed="85"),
     )
-
-
-def adjusted_1a_cooling() -> tuple[Amount, ...]:
-    """Adjusted R2 of 1 A cooling, printed equal to R2."""
-    return _adjusted_effect("1A-10mHz", Branch.COOLING, "")
-
-
-def adjusted_2a_cooling() -> tuple[Amount, ...]:
-    """Adjusted R2 of 2 A cooling, printed above R2."""
-    return _adjusted_effect("2A-10mHz-table3", Branch.COOLING, "0.9976")
 
 
 def misplaced_point() -> tuple[Amount, ...]:
@@ -153,10 +139,8 @@ def points() -> tuple[Amount, ...]:
 
 
 def _copied(table: PrintedTable) -> tuple[Amount, ...]:
-    columns: dict[tuple[str, Branch | None], list[str]] = {}
-    for cell in table.cells:
-        columns.setdefault((cell.condition, cell.branch), []).append(cell.printed)
-    values = list(columns.values())
+    """Columns that repeat others."""
+    values = [[cell.printed for cell in column.values()] for column in table.columns().values()]
     copies = sum(column in values[:i] for i, column in enumerate(values))
     lost = sum(cell.status is CellStatus.DAMAGED for cell in table.cells)
     return Amount("columns that repeat an earlier one, of 6", float(copies)), Amount(
@@ -164,21 +148,10 @@ def _copied(table: PrintedTable) -> tuple[Amount, ...]:
     )
 
 
-def copied_loads() -> tuple[Amount, ...]:
-    """Columns of Table 7 that repeat others."""
-    return _copied(TABLE_7)
-
-
-def copied_frequencies() -> tuple[Amount, ...]:
-    """Columns of Table 8 that repeat others."""
-    return _copied(TABLE_8)
-
-
 def copied_stiffness() -> tuple[Amount, ...]:
     """Stiffness columns of Table 12 that repeat the frequency and the least temperature."""
     copies = 0
-    for condition in dict.fromkeys(c.condition for c in TABLE_12.cells):
-        row = TABLE_12.select(condition, None)
+    for (condition, _), row in TABLE_12.columns().items():
         frequency = row["stiffness_min"].printed == condition.split("-")[1].removesuffix("mHz")
         copies += frequency + (row["stiffness_max"].printed == row["temperature_min"].printed)
     return (
@@ -275,16 +248,16 @@ def noisy_quotient() -> tuple[Amount, ...]:
 
 EFFECTS: Final[dict[str, Effect]] = {
     "E20": adjusted_1a_heating,
-    "E21": adjusted_2a_cooling,
+    "E21": partial(_adjusted_effect, "2A-10mHz-table3", Branch.COOLING, "0.9976"),
     "E22": misplaced_point,
     "E23": points,
-    "E24": copied_loads,
-    "E25": copied_frequencies,
+    "E24": partial(_copied, TABLE_7),
+    "E25": partial(_copied, TABLE_8),
     "E26": copied_stiffness,
     "E27": two_runs,
     "E28": correlation_of_r2,
     "E30": error_over_range,
     "E31": noisy_quotient,
-    "N03": adjusted_1a_cooling,
+    "N03": partial(_adjusted_effect, "1A-10mHz", Branch.COOLING, ""),
 }
 """Effects by id of the erratum."""

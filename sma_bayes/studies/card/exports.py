@@ -35,8 +35,6 @@ _NUMERICAL: Final = {
     "c_lambda": 1e-6, "p0_lambda": 1e-3, "n_lambda": 1.0, "alpha_lambda": 1e8,
 }  # fmt: skip
 """Poisson's ratios, no asymmetry of tension and compression, and the penalties of the examples of simcoon."""
-EXPONENTS: Final = (0.02, 1.0)
-"""What the exponents of the law may be [1]."""
 
 
 def simcoon_material(card: PooledConstants) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from io import StringIO
@@ -246,14 +246,14 @@ def _latex(sheet: Sheet) -> str:
     return longtable(f"paper-{sheet.name}", sheet.title, names, alignment, rows)
 
 
+def pipes(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "".join("| " + " | ".join(c.replace("|", r"\|") for c in line) + " |\n" for line in lines)
+
+
 def _pipes(rows: Sequence[Row]) -> str:
-    """Markdown table."""
-    lines = [list(rows[0]), ["---"] * len(rows[0]), *(_shown(row) for row in rows)]
-    return "\n".join("| " + " | ".join(c.replace("|", r"\|") for c in line) + " |" for line in lines) + "\n"
-
-
-def _markdown(sheet: Sheet) -> str:
-    return f"## {sheet.title}\n\n{_pipes(sheet.rows)}"
+    return pipes(list(rows[0]), map(_shown, rows))
 
 
 _FORMATS: Final[Mapping[str, tuple[str, Callable[[Sheet], str]]]] = MappingProxyType(
@@ -286,7 +286,7 @@ def texts(selection: Selection, form: str) -> dict[str, str]:
         }
     if form == "markdown":
         whole = [*_table_sheets(selection), *_correlation_sheets(selection)]
-        pages = {f"{sheet.name}.md": _markdown(sheet) for sheet in whole}
+        pages = {f"{s.name}.md": f"## {s.title}\n\n{_pipes(s.rows)}" for s in whole}
         return pages | ({"errata.md": errata_page(selection.errata)} if selection.errata else {})
     ending, one = _FORMATS[form]
     return {f"{sheet.name}.{ending}": one(sheet) for sheet in sheets(selection)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -18,6 +18,7 @@ from sma_bayes.studies.compare.schema import StatedDifference
 from sma_bayes.studies.compare.tables import short
 from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN, SURE
 from sma_bayes.studies.paper.distance import PublishedDistance
+from sma_bayes.studies.paper.export import pipes
 from sma_bayes.studies.paper.schema import (
     JudgedClaim,
     ModelOfTwin,
@@ -86,12 +87,6 @@ def page(found: ReproductionDocument) -> str:
 
 
 # --- cells --------------------------------------------------------------------------------------------
-
-
-def pipes(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "".join("| " + " | ".join(c.replace("|", r"\|") for c in line) + " |\n" for line in lines)
 
 
 def probability(value: float | None) -> str:

@@ -46,28 +46,18 @@ from sma_bayes.studies.paper.printed import repeat_scatter
 from sma_bayes.studies.paper.schema import ReproducedEntry
 from sma_bayes.studies.paper.twin_study import TwinStudy
 
-FIGURES: Final[Mapping[str, tuple[str, Mapping[str, str]]]] = {
-    "fig-06": (
-        "Fig. 6",
-        {"1A-10mHz": "(a) 1 A", "1.5A-10mHz": "(b) 1.5 A", "2A-10mHz-table3": "(c) 2 A"},
-    ),
-    "fig-07": (
-        "Fig. 7",
-        {"100g-10mHz": "(a) 100 g", "150g-10mHz": "(b) 150 g", "200g-10mHz": "(c) 200 g"},
-    ),
-    "fig-08": (
-        "Fig. 8",
-        {"2A-10mHz-table5": "(a) 10 mHz", "2A-30mHz": "(b) 30 mHz", "2A-50mHz": "(c) 50 mHz"},
-    ),
-}
-"""Figures of Eq. (7): what they are called in the paper, and their panels by condition."""
-
 OPERATIONS: Final[Mapping[str, tuple[str, Mapping[str, str]]]] = {
     "fig-15": ("Fig. 15", {"1A-10mHz": "1 A", "1.5A-10mHz": "1.5 A", "2A-10mHz-table3": "2 A"}),
     "fig-16": ("Fig. 16", {"100g-10mHz": "100 g", "150g-10mHz": "150 g", "200g-10mHz": "200 g"}),
     "fig-18": ("Fig. 18", {"2A-10mHz-table5": "10 mHz", "2A-30mHz": "30 mHz", "2A-50mHz": "50 mHz"}),
 }
 """Figures of operating conditions: what they are called in the paper, and their settings by condition."""
+FIGURES: Final = {
+    "fig-06": ("Fig. 6", "fig-15"),
+    "fig-07": ("Fig. 7", "fig-16"),
+    "fig-08": ("Fig. 8", "fig-18"),
+}
+"""Figures of Eq. (7): what they are called in the paper, and the figure whose settings are their panels."""
 SURE: Final = 0.95
 DRAWS: Final = 400
 """Draws of a band of force over displacement."""
@@ -109,8 +99,8 @@ def write_pictures(
     extreme = [entry for n in ("9", "10", "11", "12") for entry in tables[n]]
     drawings: list[Callable[[], Drawing]] = [
         *(
-            partial(profile_figure, stem, name, _profiles(study, parts))
-            for stem, (name, parts) in FIGURES.items()
+            partial(profile_figure, stem, name, _profiles(study, _lettered(OPERATIONS[other][1])))
+            for stem, (name, other) in FIGURES.items()
         ),
         *(
             partial(rival_figure, stem, name, rival, _profiles(study, RIVAL_PANELS, rival))
@@ -127,6 +117,10 @@ def write_pictures(
         partial(model_average_figure, study.comparison),
     ]
     return [save_picture(draw, folder) for draw in drawings]
+
+
+def _lettered(settings: Mapping[str, str]) -> dict[str, str]:
+    return {c: f"({letter}) {text}" for letter, (c, text) in zip("abc", settings.items(), strict=True)}
 
 
 def _in_si(values: Floats) -> Floats:

@@ -114,12 +114,10 @@ def _extreme(cell: PrintedCell, study: TwinStudy) -> Found:
 
 def _derived(table: PrintedTable, study: TwinStudy) -> Iterator[ReproducedEntry]:
     """What follows from several printed cells: B1/A1, and the spread of the measured stiffness."""
-    places = dict.fromkeys((c.condition, c.branch) for c in table.cells)
-    for condition, branch in places:
+    for (condition, branch), column in table.columns().items():
         fitted = None if branch is None else study.stiffness.get(f"{condition}-{branch.value}")
         if branch is None or fitted is None:
             continue
-        column = table.select(condition, branch)
         place = (table.number, condition, branch.value)
         if table in PARAMETER_TABLES:
             draws = [fitted.flat[:, fitted.posterior.space.index(n)] for n in ("B1", "A1")]
