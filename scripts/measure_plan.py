@@ -32,11 +32,10 @@ from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis
 from sma_bayes.studies.gap.noise import blocks_of
 from sma_bayes.studies.plan.apart import Explanation, Prospect, alone_with, chances, further, noise_there
 from sma_bayes.studies.plan.asked import parse_asked
-from sma_bayes.studies.plan.candidates import CandidateExperiment
+from sma_bayes.studies.plan.candidates import CandidateExperiment, settings_of
 from sma_bayes.studies.plan.information import Knowledge, PlannedSweep, PlanTarget
 from sma_bayes.studies.plan.rivals import THRESHOLD, RivalExplanations, conditions_of, fitted_rivals, read_gap
 from sma_bayes.studies.plan.scatter import scatter_of
-from sma_bayes.studies.plan.telling_apart import settings_of_campaign
 from sma_bayes.studies.sensitivity.quantities import QuantityDraws
 
 DRAWN = 1000
@@ -193,7 +192,7 @@ def experiments_of(
     rivals: RivalExplanations, rng: np.random.Generator, count: int
 ) -> list[CandidateExperiment]:
     """Experiments drawn at random about what the campaign did: rates, peaks, loads, cycles, samples."""
-    settings = settings_of_campaign(rivals.campaign.records)
+    settings = settings_of(rivals.campaign.records)
     out = []
     for _ in range(count):
         s = settings[str(rng.choice(list(settings)))]

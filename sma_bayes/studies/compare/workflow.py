@@ -84,15 +84,10 @@ def compare(
     pool : {'none', 'campaign'}
         With ``campaign`` one curve a branch serves all conditions, conditions are left out in turn, and the
         polynomial may use the frequency of the drive.
-    jobs : int, optional
-        Processes; by default one for each core.
     resume : bool
         Where `out` holds this very comparison already, only what is missing of its report is made.
-    figures : str or bool
-        ``report`` (of single records up to 100 of them), ``all`` or ``none`` (no report either), see `figures_for`.
-    progress : callable, optional
-    account : Account, optional
-        Account to go on with, such as one in which the reading was timed.
+    jobs, figures, progress, account
+        See `fit_campaign`; figures of single records are drawn up to 100 of them.
 
     Returns
     -------

@@ -81,15 +81,10 @@ def study_conditions(
         Name of the response model that the fit must have been made with; by default whichever it was, and what is
         learnt over conditions joins those of the same. With ``auto`` all have the one of the ladder that they support
         best together; those that were fitted with another are fitted again.
-    jobs : int, optional
-        Processes; by default one for each core.
     resume : bool
         Where `out` holds this very study already, only what is missing of its report is made.
-    figures : str or bool
-        ``report``, ``all`` or ``none`` (no report either), see `figures_for`.
-    progress : callable, optional
-    account : Account, optional
-        Account to go on with, such as one in which the reading was timed.
+    jobs, figures, progress, account
+        See `fit_campaign`.
 
     Returns
     -------

@@ -103,15 +103,10 @@ def cycles(
         Name of the response model of the common curves; ``auto``: for each that with the least BIC of the ladder.
     seed : int
         Seed of all random draws.
-    jobs : int, optional
-        Processes; by default one for each core.
     resume : bool
         Where `out` holds this very study already, only what is missing of its report is made.
-    figures : str or bool
-        ``report``, ``all`` or ``none`` (no report either), see `figures_for`.
-    progress : callable, optional
-    account : Account, optional
-        Account to go on with, such as one in which the reading was timed.
+    jobs, figures, progress, account
+        See `fit_campaign`.
 
     Returns
     -------

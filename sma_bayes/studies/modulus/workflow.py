@@ -102,14 +102,10 @@ def modulus(
         Of text.
     seed : int
         Seed of all random draws.
-    jobs : int, optional
-        Processes; by default one for each core.
     resume : bool
         Go on with the run that `out` holds; sweeps that it has finished are not fitted again.
-    figures : str or bool
-        ``report``, ``all`` or ``none`` (no report either), see `figures_for`.
-    progress : callable, optional
-    account : Account, optional
+    jobs, figures, progress, account
+        See `fit_campaign`.
 
     Returns
     -------

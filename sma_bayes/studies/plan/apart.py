@@ -33,6 +33,7 @@ from sma_bayes.studies.gap.fitting import STEP, FittedHypothesis
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, blocks_of, whiten
 from sma_bayes.studies.plan.candidates import CandidateExperiment
+from sma_bayes.studies.plan.information import mean_step
 
 DRAWS: Final = 64
 """Draws of the parameters of an explanation."""
@@ -107,18 +108,11 @@ def further(candidate: CandidateExperiment, like: History) -> History:
     )
 
 
-def step_of(history: History) -> float:
-    """Mean step of temperature from sample to sample of a sweep."""
-    inside = np.diff(history.inputs["segment"]) == 0
-    steps = np.abs(np.diff(history.inputs["temperature"]))[inside]
-    return float(np.mean(steps)) if steps.size and np.mean(steps) > 0.0 else 1.0
-
-
 def noise_there(
     fitted: FittedHypothesis, history: int, new: History, blocks: Sequence[ChannelBlock]
 ) -> tuple[BlockNoise, ...]:
     """Noise of new measurements: that of the history, its memory as it is at other steps of temperature."""
-    ratio = step_of(new) / step_of(fitted.hypothesis.histories[history])
+    ratio = mean_step(new.inputs) / mean_step(fitted.hypothesis.histories[history].inputs)
     own = {b.channel: n for b, n in zip(fitted.blocks, fitted.noise, strict=True) if b.history == history}
     before = {b.channel: b for b in fitted.blocks if b.history == history}
     out = []

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, TypeVar
 
 import numpy as np
 from pydantic import Field
 
-from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.errors import MeasurementError, QuantityError, StudyError, UnknownNameError, near_matches
 from sma_bayes.quantities import ARBITRARY, STANDARD_GRAVITY, convert, number_and_unit, unit_text
 from sma_bayes.records.toml_table import StrictTable, checked, declared_bytes, parsed_toml
@@ -248,6 +247,7 @@ def _distinct(rates: Sequence[float | None]) -> list[float]:
     return kept
 
 
+T = TypeVar("T")
 Texts = str | list[str]
 Counts = Annotated[int, Field(ge=1, le=100_000)] | list[Annotated[int, Field(ge=1, le=100_000)]]
 
@@ -376,15 +376,14 @@ def _of_table(
     loads = loads or [s.load]
     own = setup if table.setup is None else hours_of(table.setup, "setup")
     out = []
-    cycles = table.cycles if isinstance(table.cycles, list) else [table.cycles]
-    for low, peak, r, load, n in product(lows, peaks, rates, loads, cycles):
+    for low, peak, r, load, n in product(lows, peaks, rates, loads, _list(table.cycles)):
         if not peak > low:
             raise QuantityError(
                 f"a peak of {peak:g} {unit_text(degrees)} that is not above the lowest of {low:g}",
                 expected="lowest below peak",
             )
         usual_samples = max(round(s.samples * (peak - low) / (s.hottest - s.lowest)), 2)
-        for samples in _counts(table.samples) or [usual_samples]:
+        for samples in _list(table.samples) or [usual_samples]:
             out.append(
                 CandidateExperiment(s.condition, low, peak, r, load, n, max(samples, 2), own, table.name)
             )
@@ -398,11 +397,7 @@ def _load(text: str, s: Setting) -> float:
     return float(convert(number, unit, setting_unit("load", specimen=s.specimen), what="load"))
 
 
-def _list(values: Texts | None) -> list[str]:
-    return [] if values is None else [values] if isinstance(values, str) else values
-
-
-def _counts(values: Counts | None) -> list[int]:
+def _list(values: T | list[T] | None) -> list[T]:
     return [] if values is None else values if isinstance(values, list) else [values]
 
 
@@ -433,12 +428,12 @@ def _within(value: float, measured: Sequence[float]) -> bool:
     return min(measured) * (1.0 - BEYOND) <= value <= max(measured) * (1.0 + BEYOND)
 
 
-def settings_of(draws: Sequence[RecordDraws]) -> dict[str, Setting]:
+def settings_of(records: Iterable[Record]) -> dict[str, Setting]:
     """What was measured of each condition, by its id."""
     by_id: dict[str, list[Record]] = {}
-    for d in draws:
-        by_id.setdefault(d.condition.id, []).append(d.record)
-    return {name: Setting.of(records) for name, records in by_id.items()}
+    for r in records:
+        by_id.setdefault(r.condition.id, []).append(r)
+    return {name: Setting.of(own) for name, own in by_id.items()}
 
 
 def require_rate(found: Sequence[CandidateExperiment], source: Path) -> None:

@@ -86,10 +86,9 @@ class PlannedSweep:
         )
 
 
-def measured_step(record: Record) -> float:
+def mean_step(inputs: Mapping[str, Floats]) -> float:
     """Mean step of temperature from sample to sample of a sweep [unit of temperature]."""
-    segment = record.inputs["segment"]
-    steps = np.abs(np.diff(record.temperature))[np.diff(segment) == 0]
+    steps = np.abs(np.diff(inputs["temperature"]))[np.diff(inputs["segment"]) == 0]
     return float(np.mean(steps)) if steps.size and np.mean(steps) > 0.0 else 1.0
 
 
@@ -214,7 +213,7 @@ class Knowledge:
     def information(self, sweep: PlannedSweep) -> Floats:
         """Information (K, r, r) of one sweep, in coordinates in which the posterior is standard normal."""
         record = sweep.record(self.draws.record)
-        ratio = sweep.step / measured_step(self.draws.record)
+        ratio = sweep.step / mean_step(self.draws.record.inputs)
         posterior = evaluated_on(self.posterior, record)
         theta = with_memory_of(posterior, self.theta[self.chosen], ratio)
         place, steps, noise = posterior.layout[0], posterior.steps[0], posterior.noise

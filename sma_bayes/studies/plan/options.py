@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final, Literal
 
@@ -61,13 +61,5 @@ class Options:
                 expected="a TOML file of candidates",
                 remedy="correct the path after --candidates",
             ) from None
-        return {
-            "hours": self.hours,
-            "candidates": None if content is None else hashlib.sha256(content).hexdigest(),
-            "rate": self.rate,
-            "setup": self.setup,
-            "scatter": self.scatter,
-            "seed": self.seed,
-            "condition": self.condition,
-            "branch": self.branch,
-        }
+        checksum = None if content is None else hashlib.sha256(content).hexdigest()
+        return asdict(self) | {"candidates": checksum}

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.errors import SmaBayesError
-from sma_bayes.records.types import Campaign, Record
+from sma_bayes.records.types import Campaign
 from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.studies.gap.schema import GapDocument
 from sma_bayes.studies.identity import of_fit
@@ -27,6 +27,7 @@ from sma_bayes.studies.plan.candidates import (
     require_condition,
     require_rate,
     rounded,
+    settings_of,
 )
 from sma_bayes.studies.plan.listing import planned, with_advice
 from sma_bayes.studies.plan.options import Options
@@ -69,7 +70,7 @@ def planned_apart(
             f"--branch {o.branch} with --for {TELL_APART}",
             expected="no branch: explanations are of whole histories",
         )
-    settings = settings_of_campaign(campaign.records)
+    settings = settings_of(campaign.records)
     require_condition(o.condition, settings, source)
     tried = _candidates(settings, campaign, o, source)
     work.tell(0, 2, "fitting the explanations again")
@@ -120,12 +121,6 @@ def planned_apart(
         **declared_parts(campaign.records),
     )
     return with_advice(found, folder)
-
-
-def settings_of_campaign(records: Sequence[Record]) -> dict[str, Setting]:
-    """What was measured of each condition, by its id."""
-    names = dict.fromkeys(r.condition.id for r in records)
-    return {name: Setting.of([r for r in records if r.condition.id == name]) for name in names}
 
 
 def discriminations(rivals: RivalExplanations, candidate: CandidateExperiment) -> list[Discrimination]:

@@ -218,7 +218,7 @@ class _FitQuestion:
         shared = any(r.shares_parameters_with for r in records)
         refuse_shared_parameters(shared, run.folder, "which an experiment at its settings tells of")
         draws = tuple(draws_of(run.folder, r, run.summary.seed) for r in records)
-        require_condition(condition, settings_of(draws), run.folder)
+        require_condition(condition, settings_of(d.record for d in draws), run.folder)
         wanted = [r for r in records if condition in (None, r.condition) and branch in (None, r.branch)]
         if not wanted:
             raise MeasurementError(
@@ -265,7 +265,7 @@ def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext)
     work.tell(0, 3, "linearising curves")
     with work.account.timed("linearise"):
         targets = q.targets(o)
-    settings = settings_of(q.draws)
+    settings = settings_of(d.record for d in q.draws)
     unit = q.draws[0].record.units["temperature"]
     rate = None if o.rate is None else rate_of(o.rate, unit)
     tried = _candidates(q, o, settings, rate)

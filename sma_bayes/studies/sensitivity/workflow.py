@@ -56,14 +56,10 @@ def sensitivity(
         range of each record.
     seed : int
         Decides fits made anew and weights of the bootstrap; the draws are those of the fit.
-    jobs : int, optional
-        Processes; by default one for each core.
     resume : bool
         Where `out` holds this very study already, only what is missing of its report is made.
-    figures : str or bool
-        ``report``, ``all`` or ``none`` (no report either), see `figures_for`.
-    progress : callable, optional
-    account : Account, optional
+    jobs, figures, progress, account
+        See `fit_campaign`.
 
     Returns
     -------

@@ -96,10 +96,8 @@ def watch(
         Campaign file by which new files are read; by default that of the fit.
     seed : int
         Decides the draws of cycles that remain.
-    figures : str or bool
-        ``report``, ``all`` or ``none`` (no report either), see `figures_for`.
-    progress : callable, optional
-    account : Account, optional
+    figures, progress, account
+        See `fit_campaign`.
 
     Returns
     -------

@@ -24,7 +24,7 @@ from sma_bayes.studies.plan.information import (
     PlanTarget,
     beside_scatter,
     counts,
-    measured_step,
+    mean_step,
     with_memory_of,
 )
 from sma_bayes.studies.plan.scatter import Deviations, SweepScatter, scatter_of
@@ -70,7 +70,7 @@ def test_information_is_that_of_dense_matrices(remembering: RecordDraws) -> None
     sweep = PlannedSweep(30.0, 60.0, 31, 0.1)
     found = known.information(sweep)
     t = np.linspace(30.0, 60.0, 31)
-    ratio = sweep.step / measured_step(remembering.record)
+    ratio = sweep.step / mean_step(remembering.record.inputs)
     space, model = remembering.posterior.space, remembering.posterior.model
     lag = np.abs(np.subtract.outer(np.arange(31), np.arange(31)))
     for k, draw in enumerate(known.chosen):
