@@ -49,10 +49,6 @@ def averages(scored: Iterable[Scored]) -> list[dict[str, Any]]:
     Records that did not converge are left out, and named. Channels are not averaged with each other: high factors
     of one would hide low ones of another.
 
-    Parameters
-    ----------
-    scored : iterable of Scored
-
     Returns
     -------
     list of dict

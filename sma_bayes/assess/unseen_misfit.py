@@ -30,13 +30,7 @@ SMOOTHER: Final = 3
 
 
 def with_unseen_misfit(draws: RecordDraws, rng: np.random.Generator) -> RecordDraws:
-    """Draws whose curves miss what the readings may not show, in channels without a discrepancy.
-
-    Parameters
-    ----------
-    draws : RecordDraws
-    rng : numpy.random.Generator
-    """
+    """Draws whose curves miss what the readings may not show, in channels without a discrepancy."""
     posterior, record, theta = draws.posterior, draws.record, np.median(draws.theta, axis=0)
     bases = {
         channel: basis.smoother(SMOOTHER)

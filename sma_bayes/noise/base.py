@@ -306,12 +306,7 @@ class NoiseModel(ABC):
 
 
 class OfSeries(NoiseModel):
-    """A noise model made of that of a series: its samples depend on each other as those of the series do.
-
-    Attributes
-    ----------
-    series : NoiseModel
-    """
+    """A noise model made of that of a series: its samples depend on each other as those of the series do."""
 
     series: NoiseModel
 

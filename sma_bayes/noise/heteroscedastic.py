@@ -22,12 +22,7 @@ FURTHEST = 1.5
 
 @dataclass(frozen=True)
 class Wrapped(OfSeries):
-    """A noise model of a series, and something beside it.
-
-    Attributes
-    ----------
-    series : NoiseModel
-    """
+    """A noise model of a series, and something beside it."""
 
     series: NoiseModel
 

@@ -131,14 +131,7 @@ class PrintedCell:
 
 @dataclass(frozen=True, slots=True)
 class PrintedTable:
-    """One printed table.
-
-    Attributes
-    ----------
-    number : int
-    title : str
-    cells : tuple of PrintedCell
-    """
+    """One printed table."""
 
     number: int
     title: str

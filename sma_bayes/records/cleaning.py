@@ -30,12 +30,7 @@ SPARSE: Final = 0.5
 
 
 def clean_rows(ledger: Ledger) -> None:
-    """Keep out rows without a temperature or with a spoilt one, repeated rows, and rows out of order in time.
-
-    Parameters
-    ----------
-    ledger : Ledger
-    """
+    """Keep out rows without a temperature or with a spoilt one, repeated rows, and rows out of order in time."""
     name = "temperature"
     missing = np.flatnonzero(~np.isfinite(ledger.run.columns[name]))
     ledger.keep_out(missing, "missing", "no temperature", column=name)

@@ -325,10 +325,6 @@ def read_declaration(path: Path, data_dir: Path | None, settings: SplitSettings)
     settings : SplitSettings
         Settings for what the campaign leaves open.
 
-    Returns
-    -------
-    Declaration
-
     Raises
     ------
     CampaignError

@@ -198,10 +198,6 @@ def read_dmta(paths: Sequence[str | Path], options: DmtaOptions | None = None) -
         Delimited text, or workbooks.
     options : DmtaOptions, optional
 
-    Returns
-    -------
-    DmtaCampaign
-
     Raises
     ------
     MeasurementError

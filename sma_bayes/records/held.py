@@ -105,10 +105,6 @@ def course(temperature: Floats, values: Floats) -> Course:
     ----------
     temperature, values : ndarray, shape (n,)
         Finite.
-
-    Returns
-    -------
-    Course
     """
     bins = int(np.clip(temperature.size // 5, 2, SWEEP_BINS))
     edges = np.linspace(temperature.min(), temperature.max(), bins + 1)
@@ -137,12 +133,6 @@ def courses(run: Run, legs: Sequence[Leg], channel: str) -> dict[Branch, Course]
 
     The first tenth of the first sweep and the last tenth of the last are left out: there the load may still
     be coming on, or be off already.
-
-    Parameters
-    ----------
-    run : Run
-    legs : sequence of Leg
-    channel : str
 
     Returns
     -------
@@ -177,10 +167,6 @@ def responds(channel: str, along: dict[Branch, Course], mean: float, min_change:
         Of the channel [its unit].
     min_change : float
         Least change of a force or stiffness over its mean [1].
-
-    Returns
-    -------
-    bool
     """
     least = 0.0 if channel == "displacement" else min_change * abs(mean)
     follows = [c for c in along.values() if c.monotone >= FOLLOWS and abs(c.rise) >= least]
@@ -191,13 +177,6 @@ def choose_channels(
     ledger: Ledger, legs: Sequence[Leg], fit_channels: tuple[str, ...] | None, min_change: float
 ) -> tuple[str, ...]:
     """Channels to fit, by the rule of this module or as told.
-
-    Parameters
-    ----------
-    ledger : Ledger
-    legs : sequence of Leg
-    fit_channels : tuple of str or None
-    min_change : float
 
     Returns
     -------
@@ -231,11 +210,6 @@ def keep_out_load_off(ledger: Ledger, legs: Sequence[Leg]) -> None:
 
     Rows count from the ends of the run to the first at which the load is within 10 % of its median and within
     five robust standard deviations. A lapse of the load control in mid-sweep stays in and is reported.
-
-    Parameters
-    ----------
-    ledger : Ledger
-    legs : sequence of Leg
     """
     rows = rows_of(legs)
     rows = rows[np.isfinite(ledger.run.columns["force"][rows])]
@@ -319,14 +293,7 @@ def held_channels(run: Run, rows: Ints, fitted: Sequence[str]) -> dict[str, Held
 
 
 def note_no_transformation(ledger: Ledger, legs: Sequence[Leg], channel: str) -> None:
-    """Report a fitted channel without a sign of a transformation on a branch.
-
-    Parameters
-    ----------
-    ledger : Ledger
-    legs : sequence of Leg
-    channel : str
-    """
+    """Report a fitted channel without a sign of a transformation on a branch."""
     name = ledger.quantity(channel)
     for branch, c in courses(ledger.run, legs, channel).items():
         if c.monotone < FOLLOWS:

@@ -119,10 +119,6 @@ def histories(campaign: Campaign) -> tuple[History, ...]:
 
     Channels that only one branch has are left out, as there is no history of them.
 
-    Parameters
-    ----------
-    campaign : Campaign
-
     Returns
     -------
     tuple of History

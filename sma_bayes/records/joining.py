@@ -59,10 +59,6 @@ def joined(files: Sequence[FileColumns]) -> tuple[FileColumns, tuple[Finding, ..
     a channel that has the fewest; to their times inputs are interpolated linearly (`STEPWISE` ones keep their last
     value), and a channel is its nearest reading within half a usual step of the slower of the two.
 
-    Parameters
-    ----------
-    files : sequence of FileColumns
-
     Returns
     -------
     FileColumns

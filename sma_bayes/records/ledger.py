@@ -22,10 +22,6 @@ class Ledger:
     A row is kept out once, for the first reason that applies, so the rows that are in and the rows that the
     findings say were dropped add up to the rows of the run.
 
-    Parameters
-    ----------
-    run : Run
-
     Attributes
     ----------
     run : Run

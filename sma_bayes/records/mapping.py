@@ -47,10 +47,6 @@ _BRANCHES = "heating or cooling, or 1 or -1"
 def read_run(declared: DeclaredCondition) -> tuple[Run, tuple[Finding, ...]]:
     """Read the run of one condition.
 
-    Parameters
-    ----------
-    declared : DeclaredCondition
-
     Returns
     -------
     run : Run

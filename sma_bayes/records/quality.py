@@ -333,10 +333,6 @@ def clipped(values: Floats) -> tuple[FlatTop, ...]:
     ----------
     values : ndarray, shape (n,)
         Finite.
-
-    Returns
-    -------
-    tuple of FlatTop
     """
     first = first_of_each_reading(values)
     if first.size < 20:

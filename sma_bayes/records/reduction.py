@@ -80,10 +80,6 @@ def blocks_of(temperature: Floats, segment: Floats, max_samples: int, block_span
     block_span : float
         Largest move of the temperature within a block over its range [1].
 
-    Returns
-    -------
-    Blocks
-
     Examples
     --------
     >>> ramp = np.linspace(20.0, 80.0, 1000)

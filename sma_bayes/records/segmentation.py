@@ -154,10 +154,6 @@ def smooth(temperature: Floats, turn_fraction: float = 0.2) -> Smoothed:
         Finite [unit of temperature].
     turn_fraction : float
         Smallest turn over the range of the record [1].
-
-    Returns
-    -------
-    Smoothed
     """
     first = first_of_each_reading(temperature)
     readings = temperature[first]
@@ -299,10 +295,6 @@ def sweeps_of_column(branch: Floats) -> tuple[Sweep, ...]:
     ----------
     branch : ndarray, shape (n,)
         Positive heating, negative cooling, zero or NaN neither.
-
-    Returns
-    -------
-    tuple of Sweep
     """
     direction = np.sign(np.nan_to_num(branch))
     first = first_of_each_reading(direction)
@@ -447,10 +439,6 @@ def with_quiet_ends(
         Temperature.
     tolerance : float
         Nearness to the extreme over the span of the sweep [1].
-
-    Returns
-    -------
-    tuple of Sweep
     """
     if not sweeps:
         return ()

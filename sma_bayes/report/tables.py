@@ -179,12 +179,7 @@ _UNIT: Final = Column("unit", "unit")
 
 
 def report_tables(content: Content) -> dict[str, Table]:
-    """All tables of a run, by name.
-
-    Parameters
-    ----------
-    content : Content
-    """
+    """All tables of a run, by name."""
     tables = [
         parameter_table(content.records),
         fit_table(content.records),
@@ -305,12 +300,7 @@ AVERAGE_COLUMNS: Final = (
 
 
 def average_table(averages: Sequence[AverageFactor]) -> Table:
-    """Averages of the correlation factors over the records that converged.
-
-    Parameters
-    ----------
-    averages : sequence of AverageFactor
-    """
+    """Averages of the correlation factors over the records that converged."""
     return Table(
         "correlation_average",
         "Average correlation factors",
@@ -753,10 +743,6 @@ def _csv_value(cell: object, column: Column) -> object:
 
 def tex(table: Table) -> str:
     """A table in LaTeX, for the packages array, booktabs, longtable and siunitx.
-
-    Parameters
-    ----------
-    table : Table
 
     Returns
     -------

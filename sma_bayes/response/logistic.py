@@ -118,10 +118,6 @@ def printed_constants(branch: Branch, *, corrected: bool) -> dict[str, float]:
     corrected : bool
         Whether Eq. (9) gets the plus that Eq. (10) has.
 
-    Returns
-    -------
-    dict of str to float
-
     Examples
     --------
     >>> {k: round(v, 3) for k, v in printed_constants(Branch.HEATING, corrected=False).items()}

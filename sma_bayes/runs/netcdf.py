@@ -23,14 +23,7 @@ PACKED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Variable:
-    """An array with named dimensions.
-
-    Attributes
-    ----------
-    dims : tuple of str
-    values : ndarray
-    attributes : mapping of str to str or number
-    """
+    """An array with named dimensions."""
 
     dims: tuple[str, ...]
     values: Any

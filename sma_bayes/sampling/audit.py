@@ -222,10 +222,6 @@ def audited(
     rng : numpy.random.Generator
     times : float
         How many times as long the run is as it would have to be for its target alone.
-
-    Returns
-    -------
-    Audited
     """
     weights = Weights(log_weight)
     ln_evidence, _ = weights.log_evidence()

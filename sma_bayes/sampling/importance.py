@@ -184,12 +184,7 @@ def drawn(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EqualMixture:
-    """Two sources in equal parts.
-
-    Attributes
-    ----------
-    one, other : DrawSource
-    """
+    """Two sources in equal parts."""
 
     one: DrawSource
     other: DrawSource

@@ -217,10 +217,6 @@ def ramp(setup: Setup) -> HeatingRamp:
     The heat balance ``(capacity - latent dm/dT) dT/dt = power - loss (T - ambient)`` is integrated by Euler's steps of
     a tenth of the time between two readings.
 
-    Parameters
-    ----------
-    setup : Setup
-
     Returns
     -------
     HeatingRamp
@@ -278,11 +274,6 @@ def logged(course: HeatingRamp, rng: np.random.Generator) -> LoggedRamp:
 
     The thermocouple follows with its lag, is off by what its calibration left, and each reading by something of its
     own. Load cell and laser have Gaussian noise with a memory, AR(1).
-
-    Parameters
-    ----------
-    course : HeatingRamp
-    rng : numpy.random.Generator
     """
     rig, n = course.setup.rig, course.time.size
     keep = float(np.exp(-rig.interval / rig.lag))

@@ -35,11 +35,6 @@ def recognises(path: Path, head: bytes) -> bool:
 def read(path: Path, reading: Reading) -> RawTable:
     """Read a delimited text file.
 
-    Parameters
-    ----------
-    path : Path
-    reading : Reading
-
     Returns
     -------
     RawTable

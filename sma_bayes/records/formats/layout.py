@@ -113,10 +113,6 @@ def tabulate(
     resplit : callable, optional
         Other ways to split a source line into names, for a header with another delimiter than the data.
 
-    Returns
-    -------
-    RawTable
-
     Raises
     ------
     MeasurementError

@@ -19,15 +19,7 @@ TICKS: Final = (-1.0, 0.0, 0.5, 0.9, 0.95, 0.99, 0.999, 0.9999, 0.99999, 0.99999
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """An estimate of r at a place of the vertical axis.
-
-    Attributes
-    ----------
-    place : float
-    estimate : Estimate
-    colour : str
-    hollow : bool
-    """
+    """An estimate of r at a place of the vertical axis."""
 
     place: float
     estimate: Estimate

@@ -21,10 +21,6 @@ def draw_band(record: Record, band: Band, ax: Axes | None = None) -> Axes:
     band : Band
     ax : Axes, optional
         The current axes of pyplot by default.
-
-    Returns
-    -------
-    Axes
     """
     if ax is None:
         from matplotlib import pyplot

@@ -45,10 +45,6 @@ def comparison_tables(stored: StoredComparison) -> dict[str, Table]:
 def model_averages(stored: StoredComparison) -> list[tuple[str, AverageFactor]]:
     """Average correlation factors of each model over all records of a channel, in sample and held out.
 
-    Parameters
-    ----------
-    stored : StoredComparison
-
     Returns
     -------
     list of tuple of str and AverageFactor

@@ -149,10 +149,6 @@ class Design:
 def designs(conditions: Sequence[Condition]) -> tuple[Design, ...]:
     """Group conditions by the settings that they state; settings that are not stated can't be compared.
 
-    Parameters
-    ----------
-    conditions : sequence of Condition
-
     Returns
     -------
     tuple of Design

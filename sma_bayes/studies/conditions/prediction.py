@@ -77,12 +77,6 @@ class Prediction:
 def predict(population: Population, condition: Condition, rng: np.random.Generator) -> Prediction:
     """Draw curves of a condition from what the measured ones have in common.
 
-    Parameters
-    ----------
-    population : Population
-    condition : Condition
-    rng : Generator
-
     Raises
     ------
     MeasurementError

@@ -20,12 +20,7 @@ TRIVIAL: Final = ("straight_path", "constant_load", "constant_displacement")
 
 
 def answer_tables(content: Content) -> tuple[Table, ...]:
-    """Stiffness, transformation and hysteresis of every record, a table for each set of units.
-
-    Parameters
-    ----------
-    content : Content
-    """
+    """Stiffness, transformation and hysteresis of every record, a table for each set of units."""
     return tuple(_answer_table(part, number) for number, part in enumerate(content.by_units(), 1))
 
 
@@ -114,12 +109,7 @@ def belief(r: RecordContent) -> str:
 
 
 def next_steps(content: Content) -> tuple[str, ...]:
-    """What to do next, what matters most first; each a sentence, commands in backquotes.
-
-    Parameters
-    ----------
-    content : Content
-    """
+    """What to do next, what matters most first; each a sentence, commands in backquotes."""
     return tuple(_next_steps(content))
 
 

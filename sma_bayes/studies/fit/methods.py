@@ -46,12 +46,7 @@ REFERENCES: Final = {
 
 
 def methods_text(content: Content) -> str:
-    """What was done, as a paragraph in Markdown that cites `REFERENCES` as ``[@key]``.
-
-    Parameters
-    ----------
-    content : Content
-    """
+    """What was done, as a paragraph in Markdown that cites `REFERENCES` as ``[@key]``."""
     return " ".join(_sentences(content)) + "\n"
 
 

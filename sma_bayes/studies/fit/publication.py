@@ -17,10 +17,6 @@ def publication_tex(content: Content) -> str:
     """Parameters of the response in LaTeX, a row a record, a table for each channel and each set of units.
 
     For the packages array, booktabs, longtable and siunitx. Records that did not converge are left out.
-
-    Parameters
-    ----------
-    content : Content
     """
     return "\n".join(_tables(content)) or "% no record converged\n"
 

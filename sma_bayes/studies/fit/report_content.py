@@ -44,12 +44,7 @@ TWIN_SOURCE: Final = "Tables 3 to 8 as printed"
 
 
 def report_content(run: StoredRun) -> Content:
-    """What the report of a finished run says.
-
-    Parameters
-    ----------
-    run : StoredRun
-    """
+    """What the report of a finished run says."""
     units = shown_units(run.summary.records)
     summary = in_shown_units(run.summary, units)
     records = tuple(

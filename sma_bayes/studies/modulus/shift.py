@@ -89,10 +89,6 @@ def fit_line(x: Floats, y: Floats, sd: Floats, scatter: float) -> Line:
         At least two different x.
     scatter : float
         Standard deviation of the half-normal prior of the scatter [unit of y].
-
-    Returns
-    -------
-    Line
     """
     tau = (np.arange(GRID) + 0.5) / GRID * FARTHEST * scatter
     centre = float(np.mean(x))
@@ -161,10 +157,6 @@ def arrhenius(frequency: Floats, temperature: Floats, sd: Floats) -> Activation:
         [Hz], of at least two different values.
     temperature, sd : ndarray, shape (n,)
         Of a peak or midpoint [degC], and the standard deviation of its posterior [K].
-
-    Returns
-    -------
-    Activation
 
     Notes
     -----

@@ -60,13 +60,7 @@ class Sheet:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What is exported.
-
-    Attributes
-    ----------
-    tables : tuple of PrintedTable
-    errata : tuple of Erratum
-    """
+    """What is exported."""
 
     tables: tuple[PrintedTable, ...]
     errata: tuple[Erratum, ...]

@@ -286,12 +286,7 @@ class NearestRivals:
 
 
 def nearest_figure(found: Sequence[NearestRivals]) -> Drawing:
-    """Published curves with the logistic and the line that are nearest to them: what is left over.
-
-    Parameters
-    ----------
-    found : sequence of NearestRivals
-    """
+    """Published curves with the logistic and the line that are nearest to them: what is left over."""
     columns = 4
     rows = -(-len(found) // columns)
     figure = empty_sheet(8.4, 0.9 + 1.55 * rows)
@@ -375,12 +370,7 @@ _PLUGGED_LOOKS: Final = {
 
 
 def plugged_figure(found: Sequence[Plugged]) -> Drawing:
-    """The logistic curves of Figs. 9 to 11 by the printed equations and constants.
-
-    Parameters
-    ----------
-    found : sequence of Plugged
-    """
+    """The logistic curves of Figs. 9 to 11 by the printed equations and constants."""
     figure = empty_sheet(8.4, 2.7)
     axes = panels(figure, 1, len(found), left=0.75, right=0.1, bottom=0.8, top=0.3, gap_x=0.35)[0]
     rows: list[tuple[Any, ...]] = []

@@ -26,12 +26,7 @@ def sweep_of(candidate: CandidateExperiment, branch: Branch) -> PlannedSweep:
 
 @dataclass(frozen=True, eq=False)
 class Expectations:
-    """What sweeps tell of the targets; each sweep is linearised once.
-
-    Attributes
-    ----------
-    targets : tuple of PlanTarget
-    """
+    """What sweeps tell of the targets; each sweep is linearised once."""
 
     targets: tuple[PlanTarget, ...]
     _known: dict[tuple[str, PlannedSweep], Floats] = field(default_factory=dict)

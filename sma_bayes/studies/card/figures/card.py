@@ -60,12 +60,7 @@ def _boundary(
 
 
 def phase_figure(stored: StoredCard) -> Drawing:
-    """Stress against transformation temperature: sweeps, and the boundaries of the law with 90 % bands.
-
-    Parameters
-    ----------
-    stored : StoredCard
-    """
+    """Stress against transformation temperature: sweeps, and the boundaries of the law with 90 % bands."""
     card, draws = _card(stored), _draws(stored)
     figure = empty_sheet(5.6, 3.9)
     ax = panels(figure, 1, 1, left=0.65, right=0.15, bottom=0.85, top=0.4)[0, 0]
@@ -114,12 +109,7 @@ def _point(ax: Any, told: tuple[float, float, float], sweep: CardSweep, *, hollo
 
 
 def strain_figure(stored: StoredCard) -> Drawing:
-    """Transformation strain against stress, and that of the law with its 90 % band.
-
-    Parameters
-    ----------
-    stored : StoredCard
-    """
+    """Transformation strain against stress, and that of the law with its 90 % band."""
     card, draws = _card(stored), _draws(stored)
     point = {c.name: np.asarray(c.value) for c in card.constants}
     figure = empty_sheet(5.2, 3.3)
@@ -160,12 +150,7 @@ def strain_figure(stored: StoredCard) -> Drawing:
 
 
 def curves_figure(stored: StoredCard) -> Drawing:
-    """Measurements and the curve of the card.
-
-    Parameters
-    ----------
-    stored : StoredCard
-    """
+    """Measurements and the curve of the card."""
     columns = stored.cells("constitutive-curves.csv")
     condition, branch = np.array(columns["condition"]), np.array(columns["branch"])
     stress, temperature, measured, law = (

@@ -11,12 +11,7 @@ from sma_bayes.studies.compare.tables import model_averages, short
 
 
 def model_average_figure(stored: StoredComparison) -> Drawing:
-    """Average correlation factor of each model over all records of a channel, in sample and held out.
-
-    Parameters
-    ----------
-    stored : StoredComparison
-    """
+    """Average correlation factor of each model over all records of a channel, in sample and held out."""
     found = [(name, a) for name, a in model_averages(stored) if a.rule == "plain"]
     channels = list(dict.fromkeys((a.document.quantity, a.document.unit) for _, a in found))
     models = drawn_order(dict.fromkeys(name for name, _ in found))

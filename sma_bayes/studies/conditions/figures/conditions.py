@@ -263,13 +263,7 @@ def _ends(found: IntervalDocument | None) -> tuple[float, float, float]:
 
 
 def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
-    """Bands predicted for a condition that was left out, over what was measured there, beside interpolation by hand.
-
-    Parameters
-    ----------
-    stored : StoredConditions
-    condition : str
-    """
+    """Bands predicted for a condition that was left out, over what was measured there, beside interpolation by hand."""
     held = [h for h in stored.found.held_out if h.condition == condition]
     channels, branches = _channels_and_branches((h.channel, h.branch) for h in held)
     figure, axes = _grid(channels, branches)
@@ -320,13 +314,7 @@ def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
 
 
 def predicted_figure(stored: StoredConditions, condition: str) -> Drawing:
-    """Bands of a condition that was not measured, over the curves of the measured ones.
-
-    Parameters
-    ----------
-    stored : StoredConditions
-    condition : str
-    """
+    """Bands of a condition that was not measured, over the curves of the measured ones."""
     parts = [p for p in stored.found.predictions if p.condition == condition]
     curves = [(p, channel, of) for p in parts for channel, of in p.channels.items()]
     channels, branches = _channels_and_branches((channel, p.branch) for p, channel, _ in curves)

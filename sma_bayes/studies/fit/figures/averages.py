@@ -26,12 +26,7 @@ def _shown_channel(a: AverageFactor) -> tuple[str, str, str]:
 
 
 def average_figure(content: Content) -> Drawing:
-    """Average correlation factor of each channel by branch and rule, with its interval.
-
-    Parameters
-    ----------
-    content : Content
-    """
+    """Average correlation factor of each channel by branch and rule, with its interval."""
     channels = list(dict.fromkeys(map(_shown_channel, content.averages)))
     labels = list(dict.fromkeys((a.branch, a.rule) for a in content.averages))
     names = [f"{branch}, {rule}" for branch, rule in labels]

@@ -42,12 +42,7 @@ FAR: Final = 20.0
 
 
 def correlation_figure(content: Content) -> Drawing:
-    """Correlation factors of all records with their intervals.
-
-    Parameters
-    ----------
-    content : Content
-    """
+    """Correlation factors of all records with their intervals."""
     channels = [c for c in content.channels if any(_agreement(r, c.channel) for r in content.records)]
     figure, axes = _list_sheet(content.records, len(channels), top=0.35, bottom=0.75)
     rows: list[tuple[Any, ...]] = []
@@ -174,12 +169,7 @@ def parameter_figure(content: Content, number: int = 1) -> Drawing:
 
 
 def diagnostics_figure(content: Content) -> Drawing:
-    """R-hat and effective sample size of every parameter of every record.
-
-    Parameters
-    ----------
-    content : Content
-    """
+    """R-hat and effective sample size of every parameter of every record."""
     target = Target()
     figure, (rhat, ess) = _list_sheet(content.records, 2, top=0.35, bottom=0.5)
     rows: list[tuple[Any, ...]] = []
@@ -226,12 +216,7 @@ def diagnostics_figure(content: Content) -> Drawing:
 
 
 def printed_figure(content: Content) -> Drawing:
-    """Printed parameters of the paper beside their posteriors, for the twin campaign.
-
-    Parameters
-    ----------
-    content : Content
-    """
+    """Printed parameters of the paper beside their posteriors, for the twin campaign."""
     names = tuple(dict.fromkeys(c.parameter for c in content.printed))
     keys = tuple(dict.fromkeys(c.record for c in content.printed))
     left = label_width(keys)

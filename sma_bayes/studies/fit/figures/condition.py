@@ -50,13 +50,7 @@ CROWDED: Final = 0.12
 
 
 def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
-    """Heating and cooling of a condition, a panel for each channel.
-
-    Parameters
-    ----------
-    condition : str
-    branches : sequence of BranchData
-    """
+    """Heating and cooling of a condition, a panel for each channel."""
     channels = channels_of(branches)
     width = 3.15 * max(len(channels), 1.8)
     figure = empty_sheet(width, 4.9)

@@ -33,12 +33,7 @@ ACROSS = 4
 
 
 def diagnostics_of_many(content: Content) -> Drawing:
-    """Worst R-hat and least effective sample size of each record, as histograms.
-
-    Parameters
-    ----------
-    content : Content
-    """
+    """Worst R-hat and least effective sample size of each record, as histograms."""
     rows = [
         (r.key, r.branch, r.converged, getattr(r.worst_rhat, "rhat", None), getattr(r.least_ess, "ess", None))
         for r in content.records
@@ -66,12 +61,7 @@ def diagnostics_of_many(content: Content) -> Drawing:
 
 
 def correlation_of_many(content: Content) -> Drawing:
-    """Median correlation factor of each record, as a histogram for each channel.
-
-    Parameters
-    ----------
-    content : Content
-    """
+    """Median correlation factor of each record, as a histogram for each channel."""
     found = {
         c.name: [
             (r.key, r.branch, r.converged, c.name, own.measured["r"].median)

@@ -34,12 +34,7 @@ from sma_bayes.report.figures.sheet import (
 
 
 def corner_figure(branch: BranchData) -> Drawing:
-    """Marginal and pairwise posteriors of the response's parameters, with their priors.
-
-    Parameters
-    ----------
-    branch : BranchData
-    """
+    """Marginal and pairwise posteriors of the response's parameters, with their priors."""
     shown = [
         p for p in branch.content.model_parameters if not p.fixed and np.ptp(branch.stored.draws[p.name]) > 0
     ]

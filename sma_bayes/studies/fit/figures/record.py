@@ -42,12 +42,7 @@ FAR: Final = 1e300
 
 
 def trace_figure(branch: BranchData) -> Drawing:
-    """Kept draws of every parameter in their order, and their autocorrelation.
-
-    Parameters
-    ----------
-    branch : BranchData
-    """
+    """Kept draws of every parameter in their order, and their autocorrelation."""
     shown = [p for p in branch.content.parameters if not p.fixed and np.ptp(branch.stored.draws[p.name]) > 0]
     draws = {p.name: branch.stored.draws[p.name] for p in shown}
     height = 0.9 + 0.42 * max(len(shown), 2)
@@ -124,12 +119,7 @@ def _trace_data(
 
 
 def predictive_figure(branch: BranchData) -> Drawing:
-    """What prior and posterior lead one to expect, beside what was measured.
-
-    Parameters
-    ----------
-    branch : BranchData
-    """
+    """What prior and posterior lead one to expect, beside what was measured."""
     content, stored = branch.content, branch.stored
     channels = [c for c in content.channels if c.observed]
     figure = empty_sheet(7.4, 0.95 + 2.0 * len(channels))

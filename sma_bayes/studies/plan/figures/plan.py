@@ -35,12 +35,7 @@ ROWS: Final = 24
 
 
 def candidates_figure(stored: StoredPlan) -> Drawing:
-    """What each candidate is expected to tell, against its time on the rig.
-
-    Parameters
-    ----------
-    stored : StoredPlan
-    """
+    """What each candidate is expected to tell, against its time on the rig."""
     found = stored.found
     apart = found.kind == "tell-apart"
     figure = empty_sheet(6.8, 3.9)
@@ -116,12 +111,7 @@ def _front(candidates: Sequence[PlannedCandidate], apart: bool) -> list[tuple[Pl
 
 
 def narrowing_figure(stored: StoredPlan) -> Drawing:
-    """Width of the interval of each quantity that is expected, over that of now.
-
-    Parameters
-    ----------
-    stored : StoredPlan
-    """
+    """Width of the interval of each quantity that is expected, over that of now."""
     found = stored.found
     parts = outcomes(found)
     size = {(k.key, k.name): k.sd for k in found.quantities}
