@@ -93,7 +93,7 @@ def run_of_tables(declared: DeclaredCondition, tables: Sequence[RawTable]) -> tu
         | {q: whole.columns[q].calibrated_unit for q in settings}
         | declared.table.declared_units,
         specimen=specimen,
-        temperature_sd=_temperature_sd(columns["temperature"]),
+        temperature_sd=(columns["temperature"].sd or 0.0) * _affine("temperature", columns["temperature"])[0],
         calibration={
             CHANNEL_OF.get(quantity, quantity): calibration
             for quantity, column in columns.items()
@@ -423,11 +423,6 @@ def _affine(quantity: str, column: ColumnDeclaration) -> tuple[float, float]:
     unit, to = column.calibrated_unit, canonical_unit(quantity, column)
     zero, one = (float(v) for v in convert(np.array([0.0, 1.0]), unit, to, what=quantity))
     return one - zero, zero
-
-
-def _temperature_sd(column: ColumnDeclaration) -> float:
-    """Error of a temperature reading [canonical unit]."""
-    return 0.0 if column.sd is None else column.sd * _affine("temperature", column)[0]
 
 
 def _calibration(quantity: str, column: ColumnDeclaration) -> Calibration | None:

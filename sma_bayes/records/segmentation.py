@@ -162,7 +162,8 @@ def smooth(temperature: Floats, turn_fraction: float = 0.2) -> Smoothed:
     sweep = int(np.median(np.diff(turns))) if turns.size > 1 else readings.size
     noise = max(_noise_between_turns(readings, turns), _lasting_noise(readings, sweep // 32))
     wanted = (NOISE_MARGIN * noise / (turn_fraction * spread)) ** 2 if spread > 0 else 1.0
-    window = _odd_below(min(math.ceil(wanted) + 1, sweep // 4))
+    window = min(math.ceil(wanted) + 1, sweep // 4)
+    window = max(1, window - (window + 1) % 2)
     if window > 1:
         readings = uniform_filter1d(readings, window, mode="nearest")
     length = np.diff(np.r_[first, temperature.size])
@@ -197,10 +198,6 @@ def _lasting_noise(readings: Floats, longest: int) -> float:
         means = readings[: readings.size // block * block].reshape(-1, block).mean(axis=1)
         noise, block = max(noise, math.sqrt(block) * noise_sd(means)), 2 * block
     return noise
-
-
-def _odd_below(window: int) -> int:
-    return max(1, window - (window + 1) % 2)
 
 
 def turning_points(values: Floats, threshold: float) -> Ints:

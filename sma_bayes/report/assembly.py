@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 
 from sma_bayes.account import Account
 from sma_bayes.report.choice import ReportOptions
-from sma_bayes.report.drawn import OneFigure, draw_all
+from sma_bayes.report.drawn import FigureTask, draw_all
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.report.html import write_page
 from sma_bayes.report.tables import Table, write_tables
@@ -63,8 +63,8 @@ def assemble(
         If the page can't be written, or a figure can't be read.
     """
     spent = wanted.account or Account()
-    tasks = [OneFigure(stored.folder, partial(draw, stored)) for draw in drawings]
-    figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
+    tasks = [FigureTask(partial(tuple, [partial(draw, stored)])) for draw in drawings]
+    figures = draw_all(stored.folder, tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         written = written_tables(tables(stored), stored.found, stored.folder, wanted)
         of_tables = {} if words is None else words(stored, written)

@@ -98,9 +98,9 @@ def assess(draws: Floats, target: Target) -> Convergence:
         are also estimated from the means over walkers, which sees walkers that move together; the lesser counts.
     """
     groups, steps, walkers, d = draws.shape
-    values = _flat(draws)
+    values = np.moveaxis(draws, -1, 0).reshape(draws.shape[-1], -1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        scores, folded = _scores(values), _scores(_folded(values))
+        scores, folded = _scores(values), _scores(np.abs(values - np.median(values, axis=1, keepdims=True)))
         both = np.stack([scores, folded]).reshape(2, d, groups, steps, walkers)
         by_step, by_walker = (x.reshape(2, d, groups, -1) for x in (both, both.swapaxes(3, 4)))
         rhat = np.maximum(_rhat(by_step), _rhat(by_walker)).max(axis=0)
@@ -127,11 +127,6 @@ def _scores(values: Floats) -> Floats:
     return np.asarray(ndtri((rankdata(values, axis=1) - 0.375) / (values.shape[1] + 0.25)))
 
 
-def _folded(values: Floats) -> Floats:
-    """Distance of values (D, N) from their median."""
-    return np.asarray(np.abs(values - np.median(values, axis=1, keepdims=True)))
-
-
 def _in_tails(values: Floats) -> Floats:
     """Whether values (D, N) are at most each of the `TAILS`, shape (2, D, N); no numbers where a value is none."""
     below = values <= np.quantile(values, TAILS, axis=1)[..., None]
@@ -153,11 +148,6 @@ def _rhat(chains: Floats) -> Floats:
 def _ess(chains: Floats) -> Floats:
     """Effective sample size of the mean of chains (..., C, N), shape (...)."""
     return np.asarray(array_stats().ess(chains, chain_axis=-2, draw_axis=-1, method="mean"))
-
-
-def _flat(draws: Floats) -> Floats:
-    """All draws (..., D) of each parameter together in memory, shape (D, N)."""
-    return np.moveaxis(draws, -1, 0).reshape(draws.shape[-1], -1)
 
 
 def _quantile_error(values: Floats, ess: Floats) -> Floats:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from operator import call
 from pathlib import Path
 
 from sma_bayes.account import Account
@@ -51,7 +52,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
         stored = read_run(folder)
         content = report_content(stored)
     tasks = _tasks(stored, content, wanted.drawn)
-    figures = draw_all(tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
+    figures = draw_all(folder, tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         tables = report_tables(content) | {t.name: t for t in answer_tables(content)}
         tables |= self_check_tables(stored.summary)
@@ -66,144 +67,77 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
         write_text(folder / "references.bib", bibliography(content))
         write_report(folder, content, tables, figures)
     if content.paged:
-        pages = _page_tasks(folder, content, figures)
-        written = run(_write_page, pages, wanted.jobs, account=spent, stage="report", light=True)
+        pages = _pages(folder, content, figures)
+        written = run(call, pages, wanted.jobs, account=spent, stage="report", light=True)
         for done, _ in enumerate(written, 1):
             wanted.tell(done, len(pages), "writing pages of records")
     wanted.tell(len(tasks) + 1, len(tasks) + 1, "wrote report.html")
 
 
-@dataclass(frozen=True, slots=True)
-class _PageTask:
-    """The page of a record, in a report of many."""
+def _pages(folder: Path, content: Content, figures: Mapping[str, FigureFiles]) -> list[Callable[[], None]]:
+    """What writes the page of each record, in a report of many."""
 
-    folder: Path
-    content: Content
-    record: RecordContent
-    figures: Mapping[str, FigureFiles]
-
-
-def _write_page(task: _PageTask) -> None:
-    write_record_page(task.folder, task.content, task.record, task.figures)
-
-
-def _page_tasks(folder: Path, content: Content, figures: Mapping[str, FigureFiles]) -> list[_PageTask]:
     def of(r: RecordContent) -> dict[str, FigureFiles]:
         kinds = ("corner", "trace", "predictive", "residuals", "discrepancy")
         stems = (f"loop-{r.condition}", *(f"{kind}-{r.key}" for kind in kinds))
         return {stem: figures[stem] for stem in stems if stem in figures}
 
-    return [_PageTask(folder, content.only(r), r, of(r)) for r in content.records]
+    return [partial(write_record_page, folder, content.only(r), r, of(r)) for r in content.records]
 
 
-@dataclass(frozen=True, slots=True)
-class _RecordTask:
-    """Figures of one record."""
-
-    folder: Path
-    record: RecordContent
-
-    @property
-    def title(self) -> str:
-        return self.record.key
-
-    def drawings(self) -> Iterator[Callable[[], Drawing]]:
-        stored = _stored_branch(self.folder, self.record)
-        branch = _in_shown_units(stored)
-        yield partial(corner_figure, branch)
-        yield partial(trace_figure, branch)
-        yield partial(predictive_figure, branch)
-        residuals = standardised_residuals(self.record, stored.stored, stored.curve)
-        yield partial(residual_figure, branch, residuals)
+Drawings = Iterator[Callable[[], Drawing]]
 
 
-@dataclass(frozen=True, slots=True)
-class _DiscrepancyTask:
-    """Figure of what the curve of one record misses."""
-
-    folder: Path
-    record: RecordContent
-    summary: RecordSummary
-    seed: int
-
-    @property
-    def title(self) -> str:
-        return self.record.key
-
-    def drawings(self) -> Iterator[Callable[[], Drawing]]:
-        yield partial(discrepancy_figure, self.record, draws_of(self.folder, self.summary, self.seed))
+def _of_record(folder: Path, record: RecordContent) -> Drawings:
+    stored = _stored_branch(folder, record)
+    branch = _in_shown_units(stored)
+    yield partial(corner_figure, branch)
+    yield partial(trace_figure, branch)
+    yield partial(predictive_figure, branch)
+    residuals = standardised_residuals(record, stored.stored, stored.curve)
+    yield partial(residual_figure, branch, residuals)
 
 
-@dataclass(frozen=True, slots=True)
-class _SelfCheckTask:
-    """Figure of the self-check of one record."""
-
-    folder: Path
-    summary: RecordSummary
-
-    @property
-    def title(self) -> str:
-        return self.summary.key
-
-    def drawings(self) -> Iterator[Callable[[], Drawing]]:
-        if self.summary.self_check is not None:
-            yield partial(self_check_figure, self.folder, self.summary, self.summary.self_check)
+def _of_discrepancy(folder: Path, record: RecordContent, summary: RecordSummary, seed: int) -> Drawings:
+    yield partial(discrepancy_figure, record, draws_of(folder, summary, seed))
 
 
-@dataclass(frozen=True, slots=True)
-class _ConditionTask:
-    """Figure of the loop of one condition."""
-
-    folder: Path
-    condition: str
-    records: tuple[RecordContent, ...]
-
-    @property
-    def title(self) -> str:
-        return self.condition
-
-    def drawings(self) -> Iterator[Callable[[], Drawing]]:
-        yield partial(loop_figure, self.condition, [branch_data(self.folder, r) for r in self.records])
+def _of_self_check(folder: Path, summary: RecordSummary) -> Drawings:
+    if summary.self_check is not None:
+        yield partial(self_check_figure, folder, summary, summary.self_check)
 
 
-@dataclass(frozen=True, slots=True)
-class _CampaignTask:
+def _of_condition(folder: Path, condition: str, records: Sequence[RecordContent]) -> Drawings:
+    yield partial(loop_figure, condition, [branch_data(folder, r) for r in records])
+
+
+def _of_campaign(folder: Path, content: Content, diagnostics: bool) -> Drawings:
     """Figures of the whole campaign, without `diagnostics` those of the report."""
+    many = content.paged
+    if many or diagnostics:
+        yield partial(diagnostics_of_many if many else diagnostics_figure, content)
+        yield partial(correlation_of_many if many else correlation_figure, content)
+    several = many or diagnostics or len(content.conditions) > 1
+    if content.averages and several:
+        yield partial(average_figure, content)
+    if content.printed:
+        yield partial(printed_figure, content)
+    if content.truth:
+        yield partial(truth_figure, content.truth, _branches(folder, content))
+    for number, part in enumerate(content.by_units(), 1):
+        if several:
+            yield partial(parameters_of_many if many else parameter_figure, part, number)
+        if many:
+            continue
+        branches = _branches(folder, part)
+        for channel in part.channels:
+            if not several and channel.channel != "stiffness":
+                continue  # the loop of the only condition shows it
+            yield partial(overview_figure, channel.channel, branches, number)
 
-    folder: Path
-    content: Content
-    diagnostics: bool
-    title: str = "the campaign"
 
-    def drawings(self) -> Iterator[Callable[[], Drawing]]:
-        many = self.content.paged
-        if many or self.diagnostics:
-            yield partial(diagnostics_of_many if many else diagnostics_figure, self.content)
-            yield partial(correlation_of_many if many else correlation_figure, self.content)
-        several = many or self.diagnostics or len(self.content.conditions) > 1
-        if self.content.averages and several:
-            yield partial(average_figure, self.content)
-        if self.content.printed:
-            yield partial(printed_figure, self.content)
-        if self.content.truth:
-            yield partial(
-                truth_figure,
-                self.content.truth,
-                {
-                    c: [branch_data(self.folder, r) for r in self.content.branches(c)]
-                    for c in self.content.conditions
-                },
-            )
-        for number, part in enumerate(self.content.by_units(), 1):
-            if several:
-                yield partial(parameters_of_many if many else parameter_figure, part, number)
-            if many:
-                continue
-            branches = {c: [branch_data(self.folder, r) for r in part.branches(c)] for c in part.conditions}
-            for channel in part.channels:
-                if not several and channel.channel != "stiffness":
-                    continue  # the loop of the only condition shows it
-                yield partial(overview_figure, channel.channel, branches, number)
+def _branches(folder: Path, content: Content) -> dict[str, list[BranchData]]:
+    return {c: [branch_data(folder, r) for r in content.branches(c)] for c in content.conditions}
 
 
 def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask]:
@@ -211,23 +145,28 @@ def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask
         return []
     folder, summaries = stored.folder, {r.key: r for r in stored.summary.records}
     everything = drawn == "all"
-    tasks: list[FigureTask] = [_CampaignTask(folder, content, everything)]
+    tasks = [FigureTask(partial(_of_campaign, folder, content, everything), "the campaign")]
     if everything or (not content.paged and len(content.conditions) <= FEW):
-        tasks += [_ConditionTask(folder, c, content.branches(c)) for c in content.conditions]
+        tasks += [
+            FigureTask(partial(_of_condition, folder, c, content.branches(c)), c) for c in content.conditions
+        ]
     missed = [r for r in content.records if r.document.discrepancy]
     if not everything:
         worst = sorted(
             missed, key=lambda r: max(m.share for m in r.document.discrepancy.values()), reverse=True
         )
         missed = [] if content.paged else worst[:FEW]
-    tasks += [_DiscrepancyTask(folder, r, summaries[r.key], stored.summary.seed) for r in missed]
+    tasks += [
+        FigureTask(partial(_of_discrepancy, folder, r, summaries[r.key], stored.summary.seed), r.key)
+        for r in missed
+    ]
     checked = [r for r in summaries.values() if r.self_check is not None and r.self_check.quantities]
     if not everything:
         worst_first = sorted(checked, key=lambda r: r.self_check is not None and r.self_check.passed)
         checked = [] if content.paged else worst_first[:FEW]
-    tasks += [_SelfCheckTask(folder, r) for r in checked]
+    tasks += [FigureTask(partial(_of_self_check, folder, r), r.key) for r in checked]
     if everything:
-        tasks += [_RecordTask(folder, r) for r in content.records]
+        tasks += [FigureTask(partial(_of_record, folder, r), r.key) for r in content.records]
     return tasks
 
 

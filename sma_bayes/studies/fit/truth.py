@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from sma_bayes.arrays import Floats
 from sma_bayes.records.types import Branch
 from sma_bayes.report.content import Content, Estimate, KnownTruth, Number, RecordContent
 from sma_bayes.report.notation import unit_label
@@ -47,7 +46,8 @@ def _beside(r: RecordContent, channel: str, band: StoredBand) -> KnownTruth:
     q = {name: found.scale * values[inside] for name, values in band.quantiles.items()}
     true = truth_of(r.condition, Branch(r.branch), t)
     curve = found.scale * true[channel]
-    middle = _halfway(true["displacement"])
+    displacement = true["displacement"]
+    middle = int(np.argmin(np.abs(displacement - 0.5 * (displacement.min() + displacement.max()))))
     return KnownTruth(
         record=r.key,
         condition=r.condition,
@@ -65,11 +65,6 @@ def _beside(r: RecordContent, channel: str, band: StoredBand) -> KnownTruth:
             float(q["q50"][middle]), float(q["q05"][middle]), float(q["q95"][middle]), found.unit
         ),
     )
-
-
-def _halfway(values: Floats) -> int:
-    """Where values are nearest to the middle between least and greatest."""
-    return int(np.argmin(np.abs(values - 0.5 * (values.min() + values.max()))))
 
 
 def thermometer_offsets(run: StoredRun) -> dict[str, float]:

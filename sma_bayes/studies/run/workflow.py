@@ -116,18 +116,14 @@ def run_study(
     steps = _steps(study, verbs, campaign, folder, jobs if jobs is not None else study.jobs, resume)
     results: list[StatedStep] = []
     document: dict[str, Any] = {}
-    with claimed_folder(folder, _identity(campaign), resume):
+    identity = {"schema": "sma-bayes/run/1", "kind": STUDY.verb, "data": campaign.sha256}
+    with claimed_folder(folder, identity, resume):  # options may change: each step watches over its own
         for step in steps:
             results.append(_result(step, results, tell, strict=study.strict if strict is None else strict))
             found = _document(study, campaign, results, len(results) == len(steps), clock)
             document = sealed(found.as_json())
             write_json(folder / STUDY.file, document)
     return document
-
-
-def _identity(campaign: Campaign) -> dict[str, Any]:
-    """What makes a folder that of this study; options may change, since each step watches over its own."""
-    return {"schema": "sma-bayes/run/1", "kind": STUDY.verb, "data": campaign.sha256}
 
 
 def _check(study: Study, steps: Mapping[str, StudyStep]) -> None:
