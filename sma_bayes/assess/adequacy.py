@@ -5,8 +5,7 @@ Converged says that the posterior was sampled; adequate says that model and nois
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydantic import Field
@@ -15,7 +14,7 @@ from sma_bayes.assess import sweeps as left_out
 from sma_bayes.assess.checks import CHANCE, Check
 from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.identifiability import contraction
-from sma_bayes.document_part import DocumentPart
+from sma_bayes.document_part import DocumentPart, Number, NumberOrNull
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import exact_channels
 from sma_bayes.fitting.noise_choice import LONGEST_MEMORY
@@ -116,32 +115,15 @@ def remedy(kind: str, model: str, noise: str) -> str:
     return f"try {' or '.join(filter(None, (', '.join(others), last)))}"
 
 
-@dataclass(frozen=True, slots=True)
-class Missed:
-    """What the curve of a channel misses, as far as a discrepancy tells.
+class DiscrepancySummary(DocumentPart):
+    """What the curve of a channel misses, as far as a discrepancy beside it tells."""
 
-    Attributes
-    ----------
-    channel, unit : str
-    rms : float
-        Root mean square over the samples, posterior median [unit].
-    largest : float
-        Value where the median discrepancy is largest [unit].
-    at : float
-        Temperature there [unit of temperature].
-    share : float
-        Magnitude of `largest` over the range of the channel [1].
-    ln_bayes_factor : float
-        What the discrepancy gains in ln evidence at the warm start.
-    """
-
-    channel: str
-    unit: str
-    rms: float
-    largest: float
-    at: float
-    share: float
-    ln_bayes_factor: float
+    unit: str = Field(description="unit of its numbers")
+    rms: NumberOrNull = Field(description="root mean square over the samples, posterior median [unit]")
+    largest: NumberOrNull = Field(description="value where the median discrepancy is largest [unit]")
+    at: Number = Field(description="temperature there [that of temperature]")
+    share: Number = Field(description="magnitude of `largest` over the range of the channel [1]")
+    ln_bayes_factor: NumberOrNull = Field(description="what it gains in ln evidence at the warm start [1]")
 
 
 class Reason(DocumentPart):
@@ -162,32 +144,31 @@ class Reason(DocumentPart):
     message: str = Field(description="the reason in words")
 
 
-def missed(fit: Fit, record: int = 0) -> tuple[Missed, ...]:
-    """What the curves of a record miss; empty where nothing stands beside them."""
+def missed(fit: Fit, record: int = 0) -> dict[str, DiscrepancySummary]:
+    """What the curves of a record miss, by channel; empty where nothing stands beside them."""
     r, curves = fit.records[record], fit.curves(record)
     t = np.linspace(float(r.temperature.min()), float(r.temperature.max()), GRID)
-    out = []
+    out = {}
     for channel in curves.weights:
         at_samples = curves.discrepancy(channel, r.temperature)
         median = np.median(curves.discrepancy(channel, t), axis=0)
         i = int(np.argmax(np.abs(median)))
         span = fit.posterior.observed_range(record, channel)[1]
         gain = fit.noise_choice.discrepancy.get(channel, np.nan) if fit.noise_choice else np.nan
-        out.append(
-            Missed(
-                channel,
-                r.units[channel],
-                float(np.median(np.sqrt(np.mean(at_samples**2, axis=1)))),
-                float(median[i]),
-                float(t[i]),
-                abs(float(median[i])) / span,
-                float(gain),
-            )
+        out[channel] = DiscrepancySummary(
+            unit=r.units[channel],
+            rms=float(np.median(np.sqrt(np.mean(at_samples**2, axis=1)))),
+            largest=float(median[i]),
+            at=float(t[i]),
+            share=abs(float(median[i])) / span,
+            ln_bayes_factor=float(gain),
         )
-    return tuple(out)
+    return out
 
 
-def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[Missed]) -> tuple[Reason, ...]:
+def reasons(
+    fit: Fit, record: int, checks: Sequence[Check], of_curve: Mapping[str, DiscrepancySummary]
+) -> tuple[Reason, ...]:
     """Why a fit is not adequate; empty where it is.
 
     Parameters
@@ -196,8 +177,8 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
     record : int
     checks : sequence of Check
         Posterior predictive checks of the record.
-    of_curve : sequence of Missed
-        What its curves miss.
+    of_curve : mapping of str to DiscrepancySummary
+        What its curves miss, by channel.
     """
     r, posterior = fit.records[record], fit.posterior
     median = np.median(fit.flat, axis=0)
@@ -209,14 +190,14 @@ def reasons(fit: Fit, record: int, checks: Sequence[Check], of_curve: Sequence[M
     out += [
         _reason("sweeps", c.channel, _failed(r, c)) for c in checks if c.failed and c.statistic in OF_SWEEPS
     ]
-    for m in of_curve:
-        if m.share > MISSED and abs(m.largest) > NOTICED * sd[m.channel]:
+    for channel, m in of_curve.items():
+        if m.share > MISSED and abs(m.largest or 0.0) > NOTICED * sd[channel]:
             share = f"up to {100.0 * m.share:.1f} % of" if m.share < MOST_SHOWN else "more than ten times"
             what = (
-                f"{r.quantity(m.channel)} by {share} its range, at {m.at:.4g} {unit_text(r.units['temperature'])}; "
+                f"{r.quantity(channel)} by {share} its range, at {m.at:.4g} {unit_text(r.units['temperature'])}; "
                 "what it misses is in all bands"
             )
-            out.append(_reason("curve", m.channel, what))
+            out.append(_reason("curve", channel, what))
     out += [
         _reason("check", c.channel, _failed(r, c))
         for c in checks

@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from sma_bayes.assess.adequacy import Reason
+from sma_bayes.assess.adequacy import DiscrepancySummary, Reason
 from sma_bayes.assess.identifiability import Direction
 from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.assess.path import PathRemark
@@ -92,17 +92,6 @@ class NearestSummary(IntervalDocument):
     unit: Unit
     channel: str = Field(description="that it belongs to")
     defined: Number = Field(description="share of the draws that have one [1]")
-
-
-class DiscrepancySummary(DocumentPart):
-    """What the curve of a channel misses, as far as a discrepancy beside it tells."""
-
-    unit: Unit
-    rms: NumberOrNull = Field(description="root mean square over the samples, posterior median [unit]")
-    largest: NumberOrNull = Field(description="value where the median discrepancy is largest [unit]")
-    at: Number = Field(description="temperature there [that of temperature]")
-    share: Number = Field(description="magnitude of `largest` over the range of the channel [1]")
-    ln_bayes_factor: NumberOrNull = Field(description="what it gains in ln evidence at the warm start [1]")
 
 
 class ParameterSummary(DocumentPart):

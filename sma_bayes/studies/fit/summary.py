@@ -95,7 +95,7 @@ def record_summary(
         rung=fit.posterior.model.rung,
         model_choice=fit.model_choice,
         nearest=_nearest(fit, record),
-        discrepancy={m.channel: m for m in of_curve},
+        discrepancy=of_curve,
         parameters=_parameters(fit, record),
         fit=start.fit[record],
         jacobian_rank=start.rank,

@@ -12,7 +12,7 @@ from scipy.special import expit
 
 from sma_bayes import fit
 from sma_bayes.assess import adequacy
-from sma_bayes.assess.adequacy import MISSED, PRIOR_LED, Missed, led_by_prior, missed, reasons
+from sma_bayes.assess.adequacy import MISSED, PRIOR_LED, DiscrepancySummary, led_by_prior, missed, reasons
 from sma_bayes.assess.checks import CHANCE, STATISTICS, Check, predictive_checks
 from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.loops import branch_quantities
@@ -50,7 +50,7 @@ def test_white_noise_on_the_model_is_adequate(good: Fit) -> None:
 @pytest.mark.parametrize("p_value", [0.0, 0.5 * CHANCE, 1.0 - 0.5 * CHANCE])
 def test_a_check_that_fails_is_a_reason(good: Fit, p_value: float) -> None:
     check = Check("force", "lag1", 0.9, -0.2, 0.2, p_value, "memory")
-    (why,) = reasons(good, 0, [check, replace(check, p_value=0.01)], ())
+    (why,) = reasons(good, 0, [check, replace(check, p_value=0.01)], {})
     assert (why.kind, why.channel) == ("check", "force")
     said = "are alike, more" if p_value < 0.5 else "alternate more"
     assert why.message.startswith(f"force: neighbouring residuals {said} than the noise model allows (p ")
@@ -59,10 +59,10 @@ def test_a_check_that_fails_is_a_reason(good: Fit, p_value: float) -> None:
 def test_a_p_value_of_nought_is_less_than_the_replications_resolve(good: Fit) -> None:
     """No replication was as far out as the measurement: that is no probability of nought."""
     check = Check("force", "sweep_means", 90.0, 1.0, 9.0, 0.0, "the statistic in words")
-    (why,) = reasons(good, 0, [check], ())
+    (why,) = reasons(good, 0, [check], {})
     assert why.message == "force: its sweeps differ by more than the noise (p < 0.002)"
     far = replace(check, statistic="left_out_sweeps", p_value=4.5e-18, sweep=3)
-    (why,) = reasons(good, 0, [far], ())
+    (why,) = reasons(good, 0, [far], {})
     assert why.message == "force: sweep 3 is not what the other sweeps predict (p < 0.002)"
 
 
@@ -70,7 +70,7 @@ def test_a_p_value_of_nought_is_less_than_the_replications_resolve(good: Fit) ->
 def test_every_check_that_fails_is_told_in_words_of_its_own(good: Fit, statistic: str) -> None:
     sides = (0.0, 1.0) if STATISTICS[statistic].two_sided else (0.0,)
     said = [
-        reasons(good, 0, [Check("force", statistic, 1.0, 0.0, 1.0, p, "raw")], ())[0].message for p in sides
+        reasons(good, 0, [Check("force", statistic, 1.0, 0.0, 1.0, p, "raw")], {})[0].message for p in sides
     ]
     assert len(set(said)) == len(sides)
     assert not any("raw" in message or ":  (" in message for message in said)
@@ -82,25 +82,27 @@ def test_sweeps_that_differ_come_before_other_checks(good: Fit) -> None:
         Check("force", "lag1", 0.9, -0.2, 0.2, 0.0, "memory"),
         Check("force", "sweep_means", 90.0, 1.0, 9.0, 0.0, "sweeps that differ"),
     ]
-    first, second = reasons(good, 0, checks, ())
+    first, second = reasons(good, 0, checks, {})
     assert (first.kind, second.kind) == ("sweeps", "check")
     assert "its sweeps differ" in first.message
 
 
 def test_a_misfit_smaller_than_chance_is_no_reason(good: Fit) -> None:
     """Parameters were fitted: means by temperature that are nearer nought than those of replications are no sign."""
-    assert reasons(good, 0, [Check("force", "block_means", 1.0, 3.0, 20.0, 1.0, "misfit")], ()) == ()
+    assert reasons(good, 0, [Check("force", "block_means", 1.0, 3.0, 20.0, 1.0, "misfit")], {}) == ()
 
 
 def test_what_nobody_would_see_or_is_small_is_no_reason(good: Fit) -> None:
     """Both must be: a good share of the range, and several standard deviations of the noise."""
     sd = float(np.median(good.flat[:, good.posterior.layout[0].noise["force"][0]]))
-    seen = Missed("force", "N", 1.0, 10.0 * sd, 50.0, 2.0 * MISSED, 20.0)
-    (why,) = reasons(good, 0, (), [seen])
+    seen = DiscrepancySummary(
+        unit="N", rms=1.0, largest=10.0 * sd, at=50.0, share=2.0 * MISSED, ln_bayes_factor=20.0
+    )
+    (why,) = reasons(good, 0, (), {"force": seen})
     assert (why.kind, why.channel) == ("curve", "force")
     assert "by up to 4.0 % of its range, at 50 °C" in why.message
-    assert reasons(good, 0, (), [replace(seen, share=0.5 * MISSED)]) == ()
-    assert reasons(good, 0, (), [replace(seen, largest=-2.0 * sd)]) == ()
+    assert reasons(good, 0, (), {"force": seen.but(share=0.5 * MISSED)}) == ()
+    assert reasons(good, 0, (), {"force": seen.but(largest=-2.0 * sd)}) == ()
 
 
 def test_a_second_step_is_missed_by_the_curve(make_record: Callable[..., Record]) -> None:
@@ -109,7 +111,7 @@ def test_a_second_step_is_missed_by_the_curve(make_record: Callable[..., Record]
     step = 0.15 * np.ptp(x) / (1.0 + np.exp(-1.2 * (r.temperature - 40.0)))
     found = fitted(replace(r, observed={**r.observed, "displacement": x + step}))
     assert kinds(found) == [("curve", "displacement")]
-    (m,) = [m for m in missed(found) if m.channel == "displacement"]
+    m = missed(found)["displacement"]
     assert m.share > MISSED
     assert m.ln_bayes_factor > 3.0
     assert abs(m.largest) >= m.rms > 0.0
@@ -129,13 +131,13 @@ def test_numbers_without_noise_were_computed(make_record: Callable[..., Record])
 def test_samples_that_count_as_fewer_are_no_density(make_record: Callable[..., Record]) -> None:
     found = fitted(make_record(n=80), "effective_samples")
     assert ("tempered", "") in kinds(found)
-    assert missed(found) == ()
+    assert missed(found) == {}
 
 
 def test_noise_that_swallows_the_response_is_a_reason(make_record: Callable[..., Record]) -> None:
     """Measured against the curve: the range of the measurements grows with the noise and would hide it."""
     found = fitted(make_record(("force",), n=120, noise=0.4))
-    (why,) = reasons(found, 0, (), ())
+    (why,) = reasons(found, 0, (), {})
     assert (why.kind, why.channel) == ("noise", "force")
     share = float(re.findall(r"(\d+) % of what force changes by", why.message)[0])
     assert share == pytest.approx(40.0, rel=0.3)
@@ -151,7 +153,7 @@ def test_a_memory_as_long_as_the_sweep_is_what_the_curve_misses(make_record: Cal
         )
     )
     found = fit_records([one, other], read_priors("modified_sigmoid"), noise="ar1", discrepancy=False)
-    told = [why for i in (0, 1) for why in reasons(found, i, (), ()) if why.kind == "memory"]
+    told = [why for i in (0, 1) for why in reasons(found, i, (), {}) if why.kind == "memory"]
     assert told
     samples = int(re.findall(r"force remembers over (\d+) samples of a sweep of 80", told[0].message)[0])
     assert samples > 40
@@ -178,7 +180,7 @@ def test_a_curve_that_its_prior_leads_gives_no_stiffness(
     assert led_by_prior(good) == ()
     monkeypatch.setattr(adequacy, "contraction", lambda _: left["midpoint"])
     assert led_by_prior(good) == (("force",) if led else ())
-    why = reasons(good, 0, (), ())
+    why = reasons(good, 0, (), {})
     assert [(r.kind, r.channel) for r in why] == ([("prior", "force")] if led else [])
     assert (branch_quantities(good) == []) is led
 
@@ -197,7 +199,7 @@ def test_a_prior_that_excludes_the_data_is_named(make_record: Callable[..., Reco
     record = make_record(seed=1)
     found = fit_records([record], wrong, noise="independent")
     assert any(what.startswith("B3 (") for what in contradicted(found))
-    assert [r.kind for r in reasons(found, 0, (), ())].count("conflict") == 1
+    assert [r.kind for r in reasons(found, 0, (), {})].count("conflict") == 1
     assert contradicted(fit_records([record], read_priors("modified_sigmoid"), noise="independent")) == ()
 
 
@@ -208,7 +210,7 @@ def test_a_prior_is_named_however_far_it_is_from_the_data(
     """The curve is level there: no likelihood says so, and the noise takes all that was measured."""
     priors = with_prior("B3", f'family = "normal"\nmean = {mean}\nsd = {sd}\nunit = "degC"\n')
     found = fit_records([make_record(seed=1)], priors)
-    conflict = reasons(found, 0, (), ())[0]
+    conflict = reasons(found, 0, (), {})[0]
     assert conflict.kind == "conflict"
     at = re.search(r"B3 \((\S+) °C by the data alone, the prior says", conflict.message)
     assert at is not None, conflict.message
