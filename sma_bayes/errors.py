@@ -6,7 +6,7 @@ of them into one message and exit status 2.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Self
@@ -134,6 +134,35 @@ def near_matches(name: str, known: Iterable[str]) -> str:
     if near:
         return "did you mean " + " or ".join(repr(n) for n in near) + "?"
     return "known: " + ", ".join(repr(n) for n in known)
+
+
+def require_known(
+    name: str | None,
+    known: Collection[str],
+    found: str,
+    *,
+    file: str | Path | None = None,
+    column: str | None = None,
+    remedy: str | None = None,
+) -> None:
+    """Refuse a name that is given and is none of those known.
+
+    Parameters
+    ----------
+    name : str or None
+    known : collection of str
+        The nearest are proposed.
+    found, file, column, remedy
+        See `SmaBayesError`.
+
+    Raises
+    ------
+    UnknownNameError
+    """
+    if name is not None and name not in known:
+        raise UnknownNameError(
+            found, file=file, column=column, expected=near_matches(name, known), remedy=remedy
+        )
 
 
 def many(count: int, noun: str) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.errors import require_known
 from sma_bayes.paper.tables import PrintedCell, PrintedTable, read_table
 from sma_bayes.quantities import convert
 
@@ -52,9 +52,6 @@ def specification(table: PrintedTable, quantity: str, unit: str) -> float:
     0.5
     """
     row = table.select("", None)
-    if quantity not in row:
-        raise UnknownNameError(
-            f"table {table.number} has no {quantity!r}", expected=near_matches(quantity, row)
-        )
+    require_known(quantity, row, f"table {table.number} has no {quantity!r}")
     cell = row[quantity]
     return float(convert(cell.value, cell.unit, unit, what=quantity))

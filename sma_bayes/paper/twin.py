@@ -32,7 +32,7 @@ import numpy as np
 from scipy.special import expit
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.errors import UnknownNameError, require_known
 from sma_bayes.paper.tables import (
     CONDITIONS,
     PARAMETER_TABLES,
@@ -178,8 +178,7 @@ def truth(key: str) -> dict[str, float]:
         If the twin has no such record.
     """
     printed = printed_values()
-    if key not in printed:
-        raise UnknownNameError(f"the twin has no record {key!r}", expected=near_matches(key, printed))
+    require_known(key, printed, f"the twin has no record {key!r}")
     value = {name: cell.value for name, cell in printed[key].items()}
     a, b = ({name: value[name] for name in PARAMETER_UNITS if name[0] == letter} for letter in "AB")
     return {**a, "A4": 0.0, **b, "B4": 0.0}

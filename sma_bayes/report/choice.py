@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from sma_bayes.account import Account
-from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.errors import UnknownNameError, near_matches, require_known
 from sma_bayes.progress import Progress, silent
 
 Drawn = Literal["all", "report", "none"]
@@ -70,10 +70,8 @@ def formats_for(choice: Iterable[str]) -> tuple[str, ...]:
     ('pdf', 'svg', 'png')
     """
     wanted = {name.strip() for name in choice}
-    for name in sorted(wanted - set(FORMATS)):
-        raise UnknownNameError(
-            f"there is no format of figures {name!r}", expected=near_matches(name, FORMATS)
-        )
+    for name in sorted(wanted):
+        require_known(name, FORMATS, f"there is no format of figures {name!r}")
     return tuple(name for name in FORMATS if name in wanted or name == "png")
 
 

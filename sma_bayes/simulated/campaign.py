@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.errors import require_known
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Branch, Campaign, Finding
 from sma_bayes.simulated.rig import DEFAULT_RIG, GRAVITY, HeatingRamp, LoggedRamp, Setup, logged, ramp
@@ -66,10 +66,7 @@ def course_of(condition: str) -> HeatingRamp:
     UnknownNameError
         If the simulated campaign has no such condition.
     """
-    if condition not in LOADS:
-        raise UnknownNameError(
-            f"the simulated campaign has no condition {condition!r}", expected=near_matches(condition, LOADS)
-        )
+    require_known(condition, LOADS, f"the simulated campaign has no condition {condition!r}")
     return ramp(Setup(LOADS[condition] * 1e-3 * GRAVITY))
 
 

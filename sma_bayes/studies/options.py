@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal
 
-from sma_bayes.errors import SmaBayesError, UnknownNameError, near_matches
+from sma_bayes.errors import SmaBayesError, near_matches, require_known
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.limits import DEGREES
@@ -87,11 +87,7 @@ def model_named(name: str) -> str:
     UnknownNameError
         If there is none of that name.
     """
-    if name != AUTO_MODEL and name not in RESPONSE_MODELS:
-        raise UnknownNameError(
-            f"no response model is called {name!r}",
-            expected=near_matches(name, [AUTO_MODEL, *RESPONSE_MODELS]),
-        )
+    require_known(name, [AUTO_MODEL, *RESPONSE_MODELS], f"no response model is called {name!r}")
     return name
 
 
@@ -118,12 +114,7 @@ def plan_with(sampler: str) -> Plan:
     UnknownNameError
         If there is no such sampler.
     """
-    if sampler not in SAMPLERS:
-        raise UnknownNameError(
-            f"--sampler {sampler!r}",
-            expected=near_matches(sampler, SAMPLERS),
-            remedy=f"choose one of {', '.join(SAMPLERS)}",
-        )
+    require_known(sampler, SAMPLERS, f"--sampler {sampler!r}", remedy=f"choose one of {', '.join(SAMPLERS)}")
     return Plan(sampler=SAMPLERS[sampler])
 
 

@@ -12,12 +12,11 @@ import numpy as np
 from scipy.special import ndtri
 
 from sma_bayes.arrays import Bools, Floats
-from sma_bayes.assess.at import IntervalAt, credible_at, predictive_at
+from sma_bayes.assess.at import IntervalAt, credible_at, interval, predictive_at
 from sma_bayes.assess.bands import bias_draws
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, search_grid
-from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, near_matches
-from sma_bayes.fitting.curves import quantiles
+from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, require_known
 from sma_bayes.limits import DEGREES
 from sma_bayes.quantities import (
     ARBITRARY,
@@ -365,14 +364,10 @@ def _where_known(
 
 def _selected(run: FitSource, condition: str | None, branch: str | None) -> list[RecordSummary]:
     records = list(run.summary.records)
-    branches = [b.value for b in Branch]
-    if branch is not None and branch not in branches:
-        raise UnknownNameError(f"unknown branch {branch!r}", expected=near_matches(branch, branches))
-    ids = {r.condition for r in records}
-    if condition is not None and condition not in ids:
-        raise UnknownNameError(
-            f"unknown condition {condition!r}", file=run.folder, expected=near_matches(condition, ids)
-        )
+    require_known(branch, [b.value for b in Branch], f"unknown branch {branch!r}")
+    require_known(
+        condition, {r.condition for r in records}, f"unknown condition {condition!r}", file=run.folder
+    )
     found = [
         r for r in records
         if condition in (None, r.condition) and branch in (None, r.branch)
@@ -462,8 +457,8 @@ def _answer(
         searched=ends,
         target=target,
         bounds=bounds,
-        least=_interval(measured.min(axis=1), level),
-        greatest=_interval(measured.max(axis=1), level),
+        least=CredibleInterval.about(interval(measured.min(axis=1), level)),
+        greatest=CredibleInterval.about(interval(measured.max(axis=1), level)),
         reachable=reachable,
         stays_below=stays_below,
         stays_above=stays_above,
@@ -583,22 +578,14 @@ def _reached(
     return reachable, below, over
 
 
-def _interval(draws: Floats, level: float) -> CredibleInterval:
-    low, median, high = _quantiles(draws, level)
-    return CredibleInterval(low=low, median=median, high=high)
-
-
-def _quantiles(draws: Floats, level: float) -> list[float]:
-    """Lower end of the equal-tailed interval of that level, median, and upper end."""
-    tail = 0.5 * (1.0 - level)
-    found: list[float] = quantiles(draws, (tail, 0.5, 1.0 - tail)).tolist()
-    return found
-
-
 def _passage(p: Passage, level: float, low: float, high: float) -> StatedPassage:
-    first, median, last = _quantiles(p.draws[np.isfinite(p.draws)], level)
+    found = interval(p.draws[np.isfinite(p.draws)], level)
     return StatedPassage.about(
-        p, low=first, median=median, high=last, extrapolated=first < low or last > high
+        p,
+        low=found.low,
+        median=found.median,
+        high=found.high,
+        extrapolated=bool(found.low < low or found.high > high),
     )
 
 

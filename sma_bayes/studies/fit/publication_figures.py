@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
-from sma_bayes.errors import SmaBayesError, UnknownNameError, near_matches
+from sma_bayes.errors import SmaBayesError, require_known
 from sma_bayes.quantities import convert, number_and_unit
 from sma_bayes.report.choice import formats_for
 from sma_bayes.report.figures.sheet import save, style_of
@@ -61,10 +61,7 @@ def publication_figures(
     with nothing_unfinished(folder):
         content = report_content(read_run(folder))
         for name in conditions:
-            if name not in content.conditions:
-                raise UnknownNameError(
-                    f"the fit has no condition {name!r}", expected=near_matches(name, content.conditions)
-                )
+            require_known(name, content.conditions, f"the fit has no condition {name!r}")
         files: list[Path] = []
         for condition in conditions or content.conditions:
             branches = [branch_data(folder, r) for r in content.branches(condition)]

@@ -14,7 +14,7 @@ from pydantic import Field
 from sma_bayes import __version__
 from sma_bayes.account import Account
 from sma_bayes.assess.adequacy import SENTENCES
-from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.errors import require_known
 from sma_bayes.fitting.curves import as_interval
 from sma_bayes.fitting.posterior import versions
 from sma_bayes.progress import Progress, silent
@@ -182,12 +182,12 @@ def modulus(
 
 def _model(name: str, ladder: Sequence[type[ResponseModel]]) -> str:
     known = [AUTO_MODEL, *(m.name for m in ladder)]
-    if name not in known:
-        raise UnknownNameError(
-            f"the model {name!r} is not a bounded curve of this modulus",
-            expected=near_matches(name, known),
-            remedy=f"choose one of {', '.join(known)}",
-        )
+    require_known(
+        name,
+        known,
+        f"the model {name!r} is not a bounded curve of this modulus",
+        remedy=f"choose one of {', '.join(known)}",
+    )
     return name
 
 

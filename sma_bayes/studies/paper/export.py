@@ -15,7 +15,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from sma_bayes.errors import OutputError, UnknownNameError, near_matches
+from sma_bayes.errors import OutputError, require_known
 from sma_bayes.latex import longtable, tex_row, wrapped
 from sma_bayes.paper.correlation import ImpliedCorrelationRow, implied_average, implied_correlations
 from sma_bayes.paper.effects import Amount
@@ -271,8 +271,7 @@ def texts(selection: Selection, form: str) -> dict[str, str]:
     UnknownNameError
         If the format is not known.
     """
-    if form not in FORMATS:
-        raise UnknownNameError(f"there is no format {form!r}", expected=near_matches(form, FORMATS))
+    require_known(form, FORMATS, f"there is no format {form!r}")
     if form == "json":
         return {
             "paper.json": json.dumps(tables_document(selection).as_json(), indent=1, ensure_ascii=False)

@@ -12,7 +12,7 @@ from typing import Annotated, Final, TypeVar
 import numpy as np
 from pydantic import Field
 
-from sma_bayes.errors import MeasurementError, QuantityError, StudyError, UnknownNameError, near_matches
+from sma_bayes.errors import MeasurementError, QuantityError, StudyError, near_matches
 from sma_bayes.quantities import ARBITRARY, STANDARD_GRAVITY, convert, number_and_unit, unit_text
 from sma_bayes.records.toml_table import StrictTable, checked, declared_bytes, parsed_toml
 from sma_bayes.records.types import Record, setting_unit
@@ -449,17 +449,4 @@ def require_rate(found: Sequence[CandidateExperiment], source: Path) -> None:
             file=source,
             expected="the rate of temperature of the rig",
             remedy="give --rate '2 K/min', or a rate in the file of candidates",
-        )
-
-
-def require_condition(condition: str | None, settings: Mapping[str, Setting], folder: str | Path) -> None:
-    """Refuse a condition that is not there.
-
-    Raises
-    ------
-    UnknownNameError
-    """
-    if condition is not None and condition not in settings:
-        raise UnknownNameError(
-            f"unknown condition {condition!r}", file=folder, expected=near_matches(condition, settings)
         )

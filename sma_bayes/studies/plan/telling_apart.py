@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sma_bayes.errors import SmaBayesError
+from sma_bayes.errors import SmaBayesError, require_known
 from sma_bayes.records.types import Campaign
 from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.studies.gap.schema import GapDocument
@@ -24,7 +24,6 @@ from sma_bayes.studies.plan.candidates import (
     declared,
     marked,
     rate_of,
-    require_condition,
     require_rate,
     rounded,
     settings_of,
@@ -71,7 +70,7 @@ def planned_apart(
             expected="no branch: explanations are of whole histories",
         )
     settings = settings_of(campaign.records)
-    require_condition(o.condition, settings, source)
+    require_known(o.condition, settings, f"unknown condition {o.condition!r}", file=source)
     tried = _candidates(settings, campaign, o, source)
     work.tell(0, 2, "fitting the explanations again")
     with work.account.timed("fit"), threadpool_limits(limits=1):

@@ -21,7 +21,7 @@ from sma_bayes.errors import (
     StudyError,
     UnknownNameError,
     first_of,
-    near_matches,
+    require_known,
 )
 from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
@@ -45,7 +45,6 @@ from sma_bayes.studies.plan.candidates import (
     hours_of,
     marked,
     rate_of,
-    require_condition,
     require_rate,
     settings_of,
 )
@@ -176,9 +175,7 @@ def _require_options(hours: float | None, scatter: str, branch: str | None) -> N
         raise SmaBayesError(f"--hours {hours}", expected=f"more than 0 and at most {LONGEST:g} h")
     if scatter not in get_args(Scatter):
         raise UnknownNameError(f"unknown scatter {scatter!r}", expected="'none' or 'usual'")
-    branches = [b.value for b in Branch]
-    if branch is not None and branch not in branches:
-        raise UnknownNameError(f"unknown branch {branch!r}", expected=near_matches(branch, branches))
+    require_known(branch, [b.value for b in Branch], f"unknown branch {branch!r}")
 
 
 def _require_fit(folder: Path) -> None:
@@ -218,7 +215,8 @@ class _FitQuestion:
         shared = any(r.shares_parameters_with for r in records)
         refuse_shared_parameters(shared, run.folder, "which an experiment at its settings tells of")
         draws = tuple(draws_of(run.folder, r, run.summary.seed) for r in records)
-        require_condition(condition, settings_of(d.record for d in draws), run.folder)
+        there = settings_of(d.record for d in draws)
+        require_known(condition, there, f"unknown condition {condition!r}", file=run.folder)
         wanted = [r for r in records if condition in (None, r.condition) and branch in (None, r.branch)]
         if not wanted:
             raise MeasurementError(

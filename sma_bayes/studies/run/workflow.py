@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sma_bayes.assess.bands import band_channels
-from sma_bayes.errors import ResumeError, SmaBayesError, StudyError, UnknownNameError, near_matches
+from sma_bayes.errors import ResumeError, SmaBayesError, StudyError, require_known
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.progress import Progress, silent
@@ -166,8 +166,9 @@ def _check_questions(study: Study, steps: Mapping[str, StudyStep], campaign: Cam
     """Refuse temperatures, rates, values and conditions that no record could be asked for."""
     record = campaign.records[0]
     degrees = record.units["temperature"]
+    known = {r.condition.id for r in campaign.records}
     for key, condition in _named_conditions(study):
-        _require_condition(study, campaign, key, condition)
+        require_known(condition, known, f"unknown condition {condition!r}", file=study.file, column=key)
     for kind, options in study.steps.items():
         for key, check in steps[kind].questions(options, record):
             with _place(study, f"{kind}.{key}"):
@@ -198,17 +199,6 @@ def _named_conditions(study: Study) -> Iterator[tuple[str, str]]:
     for place, options in places:
         if options.get("condition") is not None:
             yield f"{place}.condition", options["condition"]
-
-
-def _require_condition(study: Study, campaign: Campaign, key: str, condition: str) -> None:
-    known = {r.condition.id for r in campaign.records}
-    if condition not in known:
-        raise UnknownNameError(
-            f"unknown condition {condition!r}",
-            file=study.file,
-            column=key,
-            expected=near_matches(condition, known),
-        )
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.inverse import Passage
-from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, near_matches
+from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, require_known
 from sma_bayes.fitting.curves import interval, quantiles
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors
 from sma_bayes.progress import Progress, silent
@@ -207,10 +207,7 @@ def _able(
     by_id: dict[str, dict[str, RecordSummary]] = {}
     for r in run.summary.records:
         by_id.setdefault(r.condition, {})[r.branch] = r
-    if condition is not None and condition not in by_id:
-        raise UnknownNameError(
-            f"unknown condition {condition!r}", file=run.folder, expected=near_matches(condition, by_id)
-        )
+    require_known(condition, by_id, f"unknown condition {condition!r}", file=run.folder)
     reasons = {name: _lacking(branches, read) for name, branches in by_id.items()}
     why = {name: reason for name, reason in reasons.items() if reason}
     able = [(b["heating"], b["cooling"]) for name, b in by_id.items() if name not in why]
