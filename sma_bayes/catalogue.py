@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
-from sma_bayes.errors import SmaBayesError, UnknownNameError, near_matches
+from sma_bayes.errors import SmaBayesError, UnknownNameError, require_known
 
 T = TypeVar("T")
 
@@ -98,12 +98,8 @@ class Catalogue(Mapping[str, T], Generic[T]):
 
     def __getitem__(self, name: str) -> T:
         entries = self._load()
-        try:
-            return entries[name]
-        except KeyError:
-            raise UnknownNameError(
-                f"no {self.kind} is called {name!r}", expected=near_matches(name, entries)
-            ) from None
+        require_known(name, entries, f"no {self.kind} is called {name!r}")
+        return entries[name]
 
     def __contains__(self, name: object) -> bool:
         return name in self._load()

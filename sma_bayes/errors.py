@@ -140,29 +140,25 @@ def require_known(
     name: str | None,
     known: Collection[str],
     found: str,
+    kind: type[SmaBayesError] = UnknownNameError,
     *,
     file: str | Path | None = None,
     column: str | None = None,
     remedy: str | None = None,
 ) -> None:
-    """Refuse a name that is given and is none of those known.
+    """Refuse a name that is given and is none of those known, the nearest of which are proposed.
 
     Parameters
     ----------
     name : str or None
     known : collection of str
-        The nearest are proposed.
     found, file, column, remedy
         See `SmaBayesError`.
-
-    Raises
-    ------
-    UnknownNameError
+    kind : type of SmaBayesError
+        That is raised.
     """
     if name is not None and name not in known:
-        raise UnknownNameError(
-            found, file=file, column=column, expected=near_matches(name, known), remedy=remedy
-        )
+        raise kind(found, file=file, column=column, expected=near_matches(name, known), remedy=remedy)
 
 
 def many(count: int, noun: str) -> str:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import MeasurementError, SmaBayesError, near_matches
+from sma_bayes.errors import MeasurementError, SmaBayesError, require_known
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import OVERFLOW, warm_start
 from sma_bayes.noise import NOISE_MODELS
@@ -179,8 +179,7 @@ def _start(
     """Parameters to start from, and positions of those to estimate."""
     names = model.parameter_names
     for name in (*(start or ()), *fixed):
-        if name not in names:
-            raise SmaBayesError(f"no parameter {name!r}", expected=near_matches(name, names))
+        require_known(name, names, f"no parameter {name!r}", SmaBayesError)
     held = {names.index(name) for name in fixed}
     if start is None:
         priors = model.default_priors()

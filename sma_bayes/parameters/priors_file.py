@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from sma_bayes.errors import PriorError, QuantityError, near_matches
+from sma_bayes.errors import PriorError, QuantityError, near_matches, require_known
 from sma_bayes.limits import MAGNITUDE
 from sma_bayes.parameters.distributions import FAMILIES, Distribution
 from sma_bayes.parameters.scales import RecordScales
@@ -301,8 +301,7 @@ def parse_priors(text: str, file: str) -> PriorSet:
             f"schema = {document.get('schema')!r}", file=file, column="schema", expected=f"{SCHEMA!r}"
         )
     for key in document:
-        if key not in _TOP:
-            raise PriorError(f"unknown key {key!r}", file=file, column=key, expected=near_matches(key, _TOP))
+        require_known(key, _TOP, f"unknown key {key!r}", PriorError, file=file, column=key)
     entries: dict[str, dict[str, tuple[PriorEntry, ...]]] = {}
     base = _extended(document, file)
     for table in _TABLES:
@@ -411,10 +410,7 @@ def _entry(file: str, where: str, belief: Any) -> PriorEntry:
 
 def _refuse_unknown(file: str, where: str, belief: Mapping[str, Any], known: Sequence[str]) -> None:
     for key in belief:
-        if key not in known:
-            raise PriorError(
-                f"unknown key {key!r}", file=file, column=where, expected=near_matches(key, known)
-            )
+        require_known(key, known, f"unknown key {key!r}", PriorError, file=file, column=where)
 
 
 def _scale_and_shift(belief: PriorEntry, fact: ParameterSpec, scales: RecordScales) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import PriorError, near_matches
+from sma_bayes.errors import PriorError, require_known
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.distributions import Distribution, LogNormal, Normal
 from sma_bayes.parameters.roles import Role
@@ -155,10 +155,8 @@ class ParameterSpace:
 
     def index(self, name: str) -> int:
         """Position of a parameter in ``theta``."""
-        try:
-            return self.names.index(name)
-        except ValueError:
-            raise PriorError(f"no parameter {name!r}", expected=near_matches(name, self.names)) from None
+        require_known(name, self.names, f"no parameter {name!r}", PriorError)
+        return self.names.index(name)
 
     def constrain(self, z: Floats) -> Floats:
         """Parameters ``theta`` (..., P) at the sampled coordinates ``z`` (..., D)."""

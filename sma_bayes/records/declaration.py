@@ -19,7 +19,7 @@ from pydantic import (
     model_validator,
 )
 
-from sma_bayes.errors import CampaignError, SmaBayesError, first_of, many, near_matches
+from sma_bayes.errors import CampaignError, SmaBayesError, first_of, many, near_matches, require_known
 from sma_bayes.limits import DEGREES, ID_BYTES, ID_CHARACTERS, MAGNITUDE, SETTING
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, STANDARD_GRAVITY
 from sma_bayes.records.formats import Reading
@@ -604,11 +604,8 @@ def _columns(tables: Mapping[str, Any], path: Path, where: str) -> dict[str, tup
 
 
 def _column(name: str, values: Any, path: Path, where: str) -> ColumnDeclaration:
-    if name not in QUANTITIES and name not in SETTING_COLUMNS:
-        known = (*QUANTITIES, *SETTING_COLUMNS)
-        raise CampaignError(
-            f"unknown quantity {name!r}", file=path, column=where, expected=near_matches(name, known)
-        )
+    known = (*QUANTITIES, *SETTING_COLUMNS)
+    require_known(name, known, f"unknown quantity {name!r}", CampaignError, file=path, column=where)
     if not isinstance(values, Mapping):
         raise CampaignError(
             f"found {as_toml(values)}",

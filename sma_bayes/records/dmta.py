@@ -20,7 +20,7 @@ from pydantic import Field
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.document_part import DocumentPart, Number, NumberOrNull
-from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, many, near_matches
+from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, many, near_matches, require_known
 from sma_bayes.limits import SETTING
 from sma_bayes.quantities import can_convert, convert
 from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
@@ -352,7 +352,9 @@ def _understood(
     missing = [q for q in WANTED if not any(k is not None and k[0] == q for k in known)]
     if missing and not alone:
         return None
-    _refuse_absent(names, options, path)
+    for quantity, name in options.columns.items():
+        said = f"--column {quantity}={name}: there is no such column"
+        require_known(name, [n for n in names if n], said, MeasurementError, file=path)
     if missing:
         shown = ", ".join(repr(n) for n in names if n) or "none"
         raise MeasurementError(
@@ -496,16 +498,6 @@ def _known(
     if quantity == "frequency" and (angular or said in ("rad/s", "1/s rad", "rad s^-1")):
         return quantity, "rad/s", frequency, True
     return quantity, said, frequency, False
-
-
-def _refuse_absent(names: Sequence[str], options: DmtaOptions, path: Path) -> None:
-    for quantity, name in options.columns.items():
-        if name not in names:
-            raise MeasurementError(
-                f"--column {quantity}={name}: there is no such column",
-                file=path,
-                expected=near_matches(name, [n for n in names if n]),
-            )
 
 
 def _refuse_twice(

@@ -123,16 +123,10 @@ class Document:
             if path.stat().st_size > DOCUMENT_BYTES.value:
                 raise ValueError(f"it has more than {DOCUMENT_BYTES.value} bytes")
             found = json.loads(path.read_text(encoding="utf-8"))
-        except RecursionError:
+        except (OSError, ValueError, RecursionError) as error:
+            why = "values too deep inside each other" if isinstance(error, RecursionError) else error
             raise OutputError(
-                "can't be read: values too deep inside each other",
-                file=path,
-                expected=f"JSON as {self.verb} writes it",
-                remedy=f"remove it and {AGAIN}",
-            ) from None
-        except (OSError, ValueError) as error:
-            raise OutputError(
-                f"can't be read: {error}",
+                f"can't be read: {why}",
                 file=path,
                 expected=f"JSON as {self.verb} writes it",
                 remedy=f"remove it and {AGAIN}",

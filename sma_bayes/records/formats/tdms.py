@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import MeasurementError, near_matches
+from sma_bayes.errors import MeasurementError, require_known
 from sma_bayes.limits import BINARY_NUMBERS
 from sma_bayes.records.formats.table import Cells, Format, RawTable, Reading, sample_rows, too_large
 from sma_bayes.records.types import Finding
@@ -45,13 +45,9 @@ def read(path: Path, reading: Reading) -> RawTable:
         If the file is damaged, too large, has no channels, or no such group.
     """
     groups, findings = _groups(path)
-    if reading.group is not None and reading.group not in groups:
-        raise MeasurementError(
-            f"the file has no group {reading.group!r}",
-            file=path,
-            expected=near_matches(reading.group, groups),
-            remedy="correct `group` in [reading] of campaign.toml",
-        )
+    told = f"the file has no group {reading.group!r}"
+    remedy = "correct `group` in [reading] of campaign.toml"
+    require_known(reading.group, groups, told, MeasurementError, file=path, remedy=remedy)
     chosen = groups if reading.group is None else {reading.group: groups[reading.group]}
     names: list[str] = []
     columns: list[Cells] = []

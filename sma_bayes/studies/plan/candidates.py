@@ -12,7 +12,7 @@ from typing import Annotated, Final, TypeVar
 import numpy as np
 from pydantic import Field
 
-from sma_bayes.errors import MeasurementError, QuantityError, StudyError, near_matches
+from sma_bayes.errors import MeasurementError, QuantityError, StudyError, require_known
 from sma_bayes.quantities import ARBITRARY, STANDARD_GRAVITY, convert, number_and_unit, unit_text
 from sma_bayes.records.toml_table import StrictTable, checked, declared_bytes, parsed_toml
 from sma_bayes.records.types import Record, setting_unit
@@ -337,13 +337,8 @@ def declared(
     for number, table in enumerate(candidate_tables(path), 1):
         where = f"candidate {number}"
         for condition in _list(table.condition) or list(asked):
-            if condition not in settings:
-                raise StudyError(
-                    f"unknown condition {condition!r}",
-                    file=path,
-                    column=f"{where}.condition",
-                    expected=near_matches(condition, settings),
-                )
+            told, column = f"unknown condition {condition!r}", f"{where}.condition"
+            require_known(condition, settings, told, StudyError, file=path, column=column)
             if len(out) + _combinations(table) > MOST:
                 raise StudyError(
                     f"more than {MOST} candidates",

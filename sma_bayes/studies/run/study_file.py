@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from sma_bayes.errors import StudyError, near_matches
+from sma_bayes.errors import StudyError, require_known
 from sma_bayes.limits import DEGREES, SEED
 from sma_bayes.records.toml_table import StrictTable, as_toml, checked, declared_bytes, parsed_toml
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
@@ -134,10 +134,7 @@ def read_study(path: Path) -> Study:
     verbs = study_steps()
     known = ("study", *verbs, "ask")
     for key in document:
-        if key not in known:
-            raise StudyError(
-                f"unknown table {key!r}", file=path, column=key, expected=near_matches(key, known)
-            )
+        require_known(key, known, f"unknown table {key!r}", StudyError, file=path, column=key)
     tables = {name: _table(document, name, path) for name in ("study", *verbs) if name in document}
     study = checked(StudyTable, tables.get("study", {}), file=path, where="study", kind=StudyError)
     asks = _asks(document.get("ask", []), path)
