@@ -24,7 +24,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.records.history import sweep_rate
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.free_shape import free_curves
-from sma_bayes.studies.gap.noise import ChannelBlock
+from sma_bayes.studies.gap.noise import ChannelBlock, slope_of
 from sma_bayes.studies.gap.splines import (
     bspline_basis,
     grouped,
@@ -363,7 +363,7 @@ def _leverage(fitted: FittedHypothesis, block: ChannelBlock) -> tuple[Floats, Fl
         moved = {**inputs, "temperature": inputs["temperature"] + by}
         return hypothesis.predict(fitted.theta, block.history, moved)[block.channel]
 
-    return (at(0.05) - at(-0.05)) / 0.1, at(FAR) - at(-FAR)
+    return slope_of(hypothesis, block, fitted.theta), at(FAR) - at(-FAR)
 
 
 def _columns(v: dict[str, Floats]) -> list[tuple[str, Floats]]:

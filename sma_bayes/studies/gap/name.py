@@ -246,6 +246,20 @@ class Candidate:
         return passes or (own is not None and own.worthy and own.carries_nearly_all)
 
     @property
+    def leaves_nothing(self) -> bool:
+        """Whether it is surely there, and nothing without meaning pays for itself on top of it, the shape included."""
+        found = self.beside
+        return self.ln_bayes_factor >= MISSHAPEN and found is not None and found.on_top < WORTH
+
+    def evidence_like(self, other: Candidate) -> float:
+        """Its log Bayes factor as it is to be compared with that of another: beside a free shape if that one is so.
+
+        Where the curve surely has another shape, what an effect gains without one is in part what it bends.
+        """
+        apart = other.beside is not None and other.beside.shape_apart
+        return self.beside.beyond_shape if apart and self.beside is not None else self.ln_bayes_factor
+
+    @property
     def carries_nearly_all(self) -> bool:
         """Whether it carries `CARRIED_IN_OWN_NOISE` of what it and a flexible term explain, the shape being one."""
         found = self.beside
@@ -319,15 +333,16 @@ def candidates(
     most : int
         How many are refitted, at most.
     steps : bool
-        Whether strong effects are screened by steps of a fit, too.
+        Whether strong effects, and those of many numbers, are screened by steps of a fit, too.
 
     Returns
     -------
     list of Candidate
         Best first.
     """
-    if rivals is not None and steps and flexible and flexible[0].ln_bayes_factor >= STRONG:
-        screened = _in_steps(fitted, screened)
+    if rivals is not None and steps:
+        strong = bool(flexible) and flexible[0].ln_bayes_factor >= STRONG
+        screened = _in_steps(fitted, screened, every=strong)
     out: list[Candidate] = []
     best = _best_law(fitted, screened)
     for place, s in enumerate(screened):
@@ -393,11 +408,16 @@ def _best_law(fitted: FittedHypothesis, screened: Sequence[Screened]) -> float:
     return next(laws, screened[0].gain if screened else 0.0)
 
 
-def _in_steps(fitted: FittedHypothesis, screened: Sequence[Screened]) -> list[Screened]:
-    """Screened effects with what they gain in a few steps of a fit, but for the least of them; greatest gain first."""
+def _in_steps(fitted: FittedHypothesis, screened: Sequence[Screened], *, every: bool) -> list[Screened]:
+    """Screened effects with what they gain in a few steps of a fit, greatest gain first.
+
+    The least of them stay as they are; and if not every one is tried, all that have not more numbers than `SHAPES`
+    counts, whose grid is fine enough.
+    """
     out, best = [], _best_law(fitted, screened)
     for s in screened:
-        if s.gain < NEGLIGIBLE * best:
+        many = len(s.effect.parameters(fitted.hypothesis.scales)) - 1 > max(SHAPES)
+        if s.gain < NEGLIGIBLE * best or not (every or (many and not members_of(s.effect))):
             out.append(s)
             continue
         gain, start = gained_in_steps(fitted, s.effect, s.start)

@@ -54,6 +54,12 @@ RECORDED = {"time": 6, "order": 6, "ambient_temperature": 6, "rate": 6, "current
 """Splines of what else was recorded that are tried; of `order` only where time was not."""
 BEYOND_NOISE = 1e-3
 """Probability that noise puts as much into these, up to which they are taken out."""
+ON_CURVE = {"cycle": 5, "rate": 4, "ambient_temperature": 4, "current": 4}
+"""Splines of what may change the curve itself, its stroke and its place on the axis of temperature."""
+BEYOND_DOUBT = 1e-6
+"""The same for these, which are many."""
+REMEMBERS = 0.8
+"""Memory from which on they are tried: what changes the curve passes for noise that remembers, or not for noise."""
 EACH = 40
 """Samples for each of these splines, at least."""
 INDEPENDENT = 1e-6
@@ -201,7 +207,11 @@ def noise_of(
         misfit = np.concatenate([smooth, courses / np.maximum(np.abs(courses).max(axis=0), 1e-300)], axis=1)
         response = history.observed[block.channel] - own
         recorded = recorded_columns(inputs, misfit)
-        out.append(block_noise(own, block, misfit, lattice, recorded, response))
+        changed = None
+        if block.channel != "temperature":
+            curve = (response, slope_of(hypothesis, block, theta))
+            changed = curve_columns(inputs, curve, np.concatenate([misfit, recorded], axis=1))
+        out.append(block_noise(own, block, misfit, lattice, recorded, response, changed))
         beside.append((smooth, courses))
     return _with_scattered_switching(blocks, out, residual, beside)
 
@@ -225,6 +235,17 @@ def _with_scattered_switching(
     )
 
 
+def slope_of(hypothesis: Hypothesis, block: ChannelBlock, theta: Floats) -> Floats:
+    """Derivative of a channel as predicted by temperature, at each sample of a block, shape (n,)."""
+    inputs = hypothesis.histories[block.history].inputs
+
+    def at(by: float) -> Floats:
+        moved = {**inputs, "temperature": inputs["temperature"] + by}
+        return hypothesis.predict(theta, block.history, moved)[block.channel]
+
+    return (at(0.05) - at(-0.05)) / 0.1
+
+
 def smooth_columns(history: History, temperature: Floats, most: int = SMOOTH) -> Floats:
     """What a model may miss without it being noise, shape (n, k); at most so many splines on each branch."""
     v = history.inputs
@@ -246,21 +267,59 @@ def recorded_columns(inputs: Mapping[str, Floats], smooth: Floats) -> Floats:
         Of a history.
     smooth : ndarray, shape (n, k)
     """
-    n, parts = len(smooth), []
-    for name, few in RECORDED.items():
+    return _free_of(smooth, _functions_of(inputs, RECORDED, len(smooth) // EACH))
+
+
+def curve_columns(inputs: Mapping[str, Floats], curve: Sequence[Floats], smooth: Floats) -> Floats:
+    """What changes the curve with something recorded, orthonormal and free of the columns `smooth` (n, k), (n, j).
+
+    A sweep is a common shape with an offset, a stroke and a shift in temperature, on either branch. What changes these
+    with the cycle or the rate, as training and a lagging sensor do, is a product of the curve or its slope with a
+    function of what was recorded.
+
+    Parameters
+    ----------
+    inputs : mapping of str to ndarray, shape (n,)
+        Of a history.
+    curve : sequence of ndarray, shape (n,)
+        The response as predicted, and its slope against temperature.
+    smooth : ndarray, shape (n, k)
+    """
+    parts = [(x - x.mean()) / max(float(np.std(x)), 1e-300) for x in curve]
+    on_branch = row_tensor_product(indicators(inputs["branch"]), np.stack(parts, axis=1))
+    most = len(smooth) // (EACH * on_branch.shape[1])
+    return _free_of(smooth, [row_tensor_product(on_branch, f) for f in _functions_of(inputs, ON_CURVE, most)])
+
+
+def _functions_of(inputs: Mapping[str, Floats], named: Mapping[str, int], most: int) -> list[Floats]:
+    """Splines of what was recorded and varies, as many as are named for each and `most` at most."""
+    out = []
+    for name, few in named.items():
         x = inputs.get(name)
         if x is None or (name == "order" and "time" in inputs) or np.ptp(x) <= 1e-9 * np.max(np.abs(x)):
             continue
-        count = min(few, n // EACH, np.unique(x).size)
+        count = min(few, most, np.unique(x).size)
         if count > 1:
-            parts.append(bspline_basis(x, count))
+            out.append(bspline_basis(x, count))
+    return out
+
+
+def _free_of(smooth: Floats, parts: Sequence[Floats]) -> Floats:
+    """Columns as an orthonormal basis of what they have that the columns `smooth` (n, k) do not."""
     if not parts:
-        return np.empty((n, 0))
+        return np.empty((len(smooth), 0))
     columns = np.concatenate(parts, axis=1)
-    axes, size, _ = np.linalg.svd(smooth, full_matrices=False)
+    axes, size = _axes(smooth)
     axes = axes[:, size > INDEPENDENT * size[0]]
-    basis, own, _ = np.linalg.svd(columns - axes @ (axes.T @ columns), full_matrices=False)
+    basis, own = _axes(columns - axes @ (axes.T @ columns))
     return np.asarray(basis[:, own > INDEPENDENT * np.linalg.norm(columns, axis=0).max()])
+
+
+def _axes(columns: Floats) -> tuple[Floats, Floats]:
+    """Left singular vectors (n, k) and singular values (k,) of columns, by way of QR, as n is many times k."""
+    q, r = np.linalg.qr(columns)
+    u, size, _ = np.linalg.svd(r)
+    return q @ u[:, : size.size], size
 
 
 def block_noise(
@@ -270,6 +329,7 @@ def block_noise(
     lattice: float = 0.0,
     recorded: Floats | None = None,
     response: Floats | None = None,
+    changed: Floats | None = None,
 ) -> BlockNoise:
     """Standard deviation and memory of greatest restricted likelihood.
 
@@ -290,13 +350,20 @@ def block_noise(
     response : ndarray, shape (n,), optional
         What the model predicts. Where the size of innovations changes with it beyond doubt they get a width that does:
         in the shuffled series of chance, and as heavy tails, it would be even.
+    changed : ndarray, shape (n, l), optional
+        Columns of changes of the curve (see `curve_columns`), taken out together with those of what was recorded where
+        noise that remembers is left and all of these describe more than it does beyond doubt.
     """
     noise, innovations = _likeliest(residual, block, smooth, 1.0)
-    if recorded is not None and recorded.shape[1]:
-        both = np.concatenate([smooth, recorded], axis=1)
+    misfit, more = smooth, smooth[:, :0]
+    for columns, unlikely, least in ((recorded, BEYOND_NOISE, -1.0), (changed, BEYOND_DOUBT, REMEMBERS)):
+        if columns is None or not columns.shape[1] or np.median(noise.memory) < least:
+            continue
+        more = np.concatenate([more, columns], axis=1)
+        both = np.concatenate([misfit, more], axis=1)
         beside = _likeliest(residual, block, both, 1.0)
-        described = _squares(residual, beside[0], smooth) - _squares(residual, beside[0], both)
-        if stats.chi2.sf(described, recorded.shape[1]) < BEYOND_NOISE:
+        described = _squares(residual, beside[0], misfit) - _squares(residual, beside[0], both)
+        if stats.chi2.sf(described, more.shape[1]) < unlikely:
             smooth, (noise, innovations) = both, beside
     width: Floats | float = 1.0
     if response is not None:
@@ -370,7 +437,7 @@ def _likeliest(
     )
     best = BlockNoise(float(sd[likeliest]), memories[likeliest], scale, others)
     w, columns = best.whiten(residual), best.whiten(smooth.T).T
-    left = w - columns @ np.linalg.lstsq(columns, w, rcond=1e-9)[0]
+    left = w - columns @ np.linalg.solve(*_normal_equations(products[likeliest]))
     return best, np.asarray(left * scale)
 
 
@@ -432,8 +499,23 @@ def growth(innovations: Floats, response: Floats) -> Growth:
 
 def _squares(residual: Floats, noise: BlockNoise, columns: Floats) -> float:
     """Sum of squared innovations that columns leave."""
-    w, basis = noise.whiten(residual), np.linalg.qr(noise.whiten(columns.T).T)[0]
-    return float(w @ w - np.sum((basis.T @ w) ** 2))
+    w = noise.whiten(np.column_stack([columns, residual]).T)
+    products = w @ w.T
+    gram, pull = _normal_equations(products)
+    return float(products[-1, -1] - pull @ np.linalg.solve(gram, pull))
+
+
+def _normal_equations(products: Floats) -> tuple[Floats, Floats]:
+    """Of columns (k) and, last, a series: their products among each other, hardly held, and with the series.
+
+    Parameters
+    ----------
+    products : ndarray, shape (..., k + 1, k + 1)
+    """
+    gram = products[..., :-1, :-1].copy()
+    place = np.arange(gram.shape[-1])
+    gram[..., place, place] += 1e-9 * np.trace(gram, axis1=-2, axis2=-1)[..., None] / place.size
+    return gram, products[..., :-1, -1]
 
 
 def _products(series: Floats, follows: NDArray[np.bool_], width: Floats) -> Floats:
@@ -472,11 +554,8 @@ def _restricted(products: Floats, log_scale: Floats, n: int) -> tuple[Floats, Fl
     n : int
         Samples.
     """
-    gram, pull = products[:, :-1, :-1].copy(), products[:, :-1, -1:]
-    count = gram.shape[1]
-    diagonal = np.arange(count)
-    gram[:, diagonal, diagonal] += 1e-9 * np.trace(gram, axis1=1, axis2=2)[:, None] / count
-    free = max(n - count, 1)
-    explained = np.sum(pull * np.linalg.solve(gram, pull), axis=(1, 2))
+    gram, pull = _normal_equations(products)
+    free = max(n - gram.shape[1], 1)
+    explained = np.sum(pull * np.linalg.solve(gram, pull[..., None])[..., 0], axis=1)
     sd = np.sqrt(np.maximum(products[:, -1, -1] - explained, 1e-300) / free)
     return -free * np.log(sd) - log_scale - 0.5 * np.linalg.slogdet(gram)[1], sd

@@ -250,7 +250,7 @@ def one_round(
     last : bool
         Whether to look only.
     least : float
-        Log Bayes factor that an effect has to bring.
+        Log Bayes factor that an effect has to bring, unless it leaves nothing to explain.
     refitted : int
         How many effects are refitted, at most.
     steps : bool
@@ -265,10 +265,22 @@ def one_round(
     tried = candidates(current, screened, seen.gains, rivals, most=refitted, steps=steps)
     terms = None if rivals is None else rivals.terms
     fitted = [c for c in tried if c.fitted is not None]
-    worthy = _laws_first([c for c in fitted if c.ln_bayes_factor >= least and is_worthy(c)])
+    enough = [c for c in fitted if c.ln_bayes_factor >= least or c.leaves_nothing]
+    worthy = _laws_first([c for c in enough if is_worthy(c)])
     if not worthy:
         return Step(current, seen, (*tried, *untested), None, (), terms)
-    return Step(current, seen, (*tried, *untested), worthy[0], _like(worthy[0], fitted), terms)
+    chosen = _preferred(worthy)
+    return Step(current, seen, (*tried, *untested), chosen, _like(chosen, fitted), terms)
+
+
+def _preferred(worthy: Sequence[Candidate]) -> Candidate:
+    """The first of the candidates, unless another surely explains more beside a free shape that is told apart."""
+    first = worthy[0]
+    if first.beside is None or not first.beside.shape_apart or members_of(first.effect):
+        return first
+    laws = [c for c in worthy if c.beside and c.beside.shape_apart and not members_of(c.effect)]
+    other = max(laws, key=lambda c: c.evidence_like(first))
+    return other if other.evidence_like(first) >= first.evidence_like(first) + APART else first
 
 
 def _laws_first(worthy: Sequence[Candidate]) -> list[Candidate]:
@@ -311,7 +323,7 @@ def is_worthy(candidate: Candidate) -> bool:
 def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:
     """Names of the effects that the data can't tell from one, itself first."""
     rivals = [c for c in fitted if c is not best and c.plausible and not members_of(c.effect)]
-    near = [c for c in rivals if c.ln_bayes_factor >= best.ln_bayes_factor - APART]
+    near = [c for c in rivals if c.evidence_like(best) >= best.evidence_like(best) - APART]
     return (best.effect.id, *(c.effect.id for c in near))
 
 
