@@ -46,6 +46,8 @@ CARRIED = 0.85
 """Share that all effects together must carry of what they and flexible terms on top of them explain, shape apart."""
 FURTHER = 0.2
 """Share of what the effects before it explain that a further one must bring: less may be the form of these."""
+ENDS_IT = 0.5
+"""Share of that which is enough where nothing is left to explain afterwards: what a form leaves has no such end."""
 FIRST_OF_SEVERAL = 3
 """How many effects, best first, are tried as the first of several where no single one is added."""
 AT_ONCE = 3
@@ -250,7 +252,7 @@ def one_round(
     last : bool
         Whether to look only.
     least : float
-        Log Bayes factor that an effect has to bring, unless it leaves nothing to explain.
+        Log Bayes factor that an effect has to bring; `ENDS_IT` of it where it leaves nothing to explain.
     refitted : int
         How many effects are refitted, at most.
     steps : bool
@@ -265,12 +267,17 @@ def one_round(
     tried = candidates(current, screened, seen.gains, rivals, most=refitted, steps=steps)
     terms = None if rivals is None else rivals.terms
     fitted = [c for c in tried if c.fitted is not None]
-    enough = [c for c in fitted if c.ln_bayes_factor >= least or c.leaves_nothing]
+    enough = [c for c in fitted if c.ln_bayes_factor >= (ENDS_IT * least if _ends_it(c) else least)]
     worthy = _laws_first([c for c in enough if is_worthy(c)])
     if not worthy:
         return Step(current, seen, (*tried, *untested), None, (), terms)
     chosen = _preferred(worthy)
     return Step(current, seen, (*tried, *untested), chosen, _like(chosen, fitted), terms)
+
+
+def _ends_it(candidate: Candidate) -> bool:
+    """Whether a law leaves nothing to explain; what each run or cycle has of its own always may."""
+    return candidate.leaves_nothing and not members_of(candidate.effect)
 
 
 def _preferred(worthy: Sequence[Candidate]) -> Candidate:
