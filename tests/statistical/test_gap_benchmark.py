@@ -114,6 +114,28 @@ def test_what_no_effect_can_be_has_no_name() -> None:
     assert row.outcome not in ("wrong", "confident")
 
 
+@pytest.mark.parametrize(
+    ("suite", "effects", "sigma", "law", "seed"),
+    [
+        # many numbers, which a coarse grid misses: two effects stood in for it
+        ("hidden", "training", 10.0, "first", 0),
+        # passed for noise with a memory of 0.999, which left 142 of 36,600 nats
+        ("hidden", "training", 300.0, "second", 0),
+        # the second one explains 17 % of what the first does, and all that is left
+        ("pairs", "bias_spring+contact_error", 100.0, "first", 16),
+        pytest.param(
+            "pairs", "bias_spring+thermocouple_lag", 100.0, "second", 11, marks=pytest.mark.thorough
+        ),
+        # what is left is the form of the first: 9 and 1 % of what that explains
+        pytest.param("hidden", "temperature_gradient", 30.0, "first", 0, marks=pytest.mark.thorough),
+        pytest.param("hidden", "amplitude_fatigue", 300.0, "second", 0, marks=pytest.mark.thorough),
+    ],
+)
+def test_what_was_missed_once_is_named(suite: str, effects: str, sigma: float, law: str, seed: int) -> None:
+    (row,) = tried([Trial(suite, effects, sigma, "white", design_of(effects.split("+")), seed, law)])
+    assert row.outcome == "right"
+
+
 @few_or_all
 def test_what_no_catalogue_has_is_not_named_though_it_is_strong(whole: bool) -> None:
     seeds = range(2) if whole else range(1)

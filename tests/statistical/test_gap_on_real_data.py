@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sma_bayes.arrays import Floats
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.campaign import read_campaign
+from sma_bayes.records.history import History
 from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.studies.gap.check import comparable
 from sma_bayes.studies.gap.fitting import fit_with_noise, nearest
@@ -32,8 +34,9 @@ def studied(name: str, shared: Path, *, model: str = "modified_sigmoid", pooled:
 def test_seven_cycles_are_training(model: str, shared_data: Path) -> None:
     """The least displacement of a cycle grows from 1.2 to 10.8 mm, fast at first.
 
-    By hand, at half of the stroke of a sweep: the transformation on heating falls by 16 K from the first cycle to the
-    last, on cooling it rises by 1 K.
+    By hand: from the first cycle to the last the cold end rises by 3 to 4 mm, the hot end by 5 mm while heating and by
+    9.5 mm while cooling, so that the stroke shrinks; at half of the stroke the transformation on heating falls by 16 K,
+    on cooling it moves by less than 1 K.
     """
     found = studied("smareact_isobaric_7cycle", shared_data, model=model)
     assert found.verdict == "named"
@@ -43,10 +46,28 @@ def test_seven_cycles_are_training(model: str, shared_data: Path) -> None:
         return
     theta = dict(zip(found.final.hypothesis.space.names, found.final.theta, strict=True))
     drift = theta["training.d"]
-    assert 0.008 < drift < 0.013
     assert -20.0 < drift * theta["training.m_heating"] < -10.0
-    assert 0.0 < drift * theta["training.m_cooling"] < 5.0
-    assert 1.5 < theta["training.N0"] < 5.0
+    assert -1.0 < drift * theta["training.m_cooling"] < 3.0
+    assert 1.0 < theta["training.N0"] < 3.5
+    (history,) = found.final.hypothesis.histories
+    predicted = found.final.hypothesis.predict(found.final.theta, 0)["displacement"]
+    seen = history.observed["displacement"]
+    for branch in (1.0, -1.0):
+        for cold in (True, False):
+            measured, told = (settled(history, x, branch, cold) for x in (seen, predicted))
+            assert told == pytest.approx(measured, abs=2e-3)
+    assert np.sqrt(np.mean((seen - predicted) ** 2)) < 0.04 * np.ptp(seen)
+
+
+def settled(history: History, series: Floats, branch: float, cold: bool) -> float:
+    """Change from the first cycle to the last of the mean over the coldest or hottest twentieth of a sweep [m]."""
+    levels = []
+    for cycle in (1.0, 7.0):
+        own = (history.inputs["cycle"] == cycle) & (history.inputs["branch"] == branch)
+        temperature = history.inputs["temperature"][own]
+        end = np.quantile(temperature, 0.05 if cold else 0.95)
+        levels.append(series[own][temperature <= end if cold else temperature >= end].mean())
+    return float(levels[1] - levels[0])
 
 
 @pytest.mark.parametrize("model", MODELS)

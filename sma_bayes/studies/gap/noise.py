@@ -356,14 +356,17 @@ def block_noise(
     """
     noise, innovations = _likeliest(residual, block, smooth, 1.0)
     misfit, more = smooth, smooth[:, :0]
-    for columns, unlikely, least in ((recorded, BEYOND_NOISE, -1.0), (changed, BEYOND_DOUBT, REMEMBERS)):
-        if columns is None or not columns.shape[1] or np.median(noise.memory) < least:
-            continue
-        more = np.concatenate([more, columns], axis=1)
+    if recorded is not None and recorded.shape[1]:
+        more = recorded
         both = np.concatenate([misfit, more], axis=1)
         beside = _likeliest(residual, block, both, 1.0)
-        described = _squares(residual, beside[0], misfit) - _squares(residual, beside[0], both)
-        if stats.chi2.sf(described, more.shape[1]) < unlikely:
+        if _by_chance(residual, beside[0], misfit, both) < BEYOND_NOISE:
+            smooth, (noise, innovations) = both, beside
+    if changed is not None and changed.shape[1] and np.median(noise.memory) >= REMEMBERS:
+        both = np.concatenate([misfit, more, changed], axis=1)
+        beside = _likeliest(residual, block, both, 1.0)
+        # the memory beside so many columns is hardly known: whatever it may be, they must describe more than noise does
+        if all(p * _by_chance(residual, o, misfit, both) < BEYOND_DOUBT for p, o in beside[0].others):
             smooth, (noise, innovations) = both, beside
     width: Floats | float = 1.0
     if response is not None:
@@ -495,6 +498,12 @@ def growth(innovations: Floats, response: Floats) -> Growth:
     inverse = np.linalg.inv(precision)
     _, slope, hump = (inverse @ (columns.T @ size)).tolist()
     return Growth(slope, math.pi / math.sqrt(8.0) * math.sqrt(inverse[1, 1]), hump)
+
+
+def _by_chance(residual: Floats, noise: BlockNoise, fewer: Floats, columns: Floats) -> float:
+    """Probability that noise puts as much into columns beyond the first of them as was found there."""
+    described = _squares(residual, noise, fewer) - _squares(residual, noise, columns)
+    return float(stats.chi2.sf(described, columns.shape[1] - fewer.shape[1]))
 
 
 def _squares(residual: Floats, noise: BlockNoise, columns: Floats) -> float:

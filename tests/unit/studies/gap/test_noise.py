@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 from sma_bayes.arrays import Floats
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import History, histories
+from sma_bayes.records.types import Condition
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.noise import (
     DEGREES,
@@ -19,6 +20,7 @@ from sma_bayes.studies.gap.noise import (
     ChannelBlock,
     block_noise,
     blocks_of,
+    curve_columns,
     growth,
     recorded_columns,
     smooth_columns,
@@ -241,6 +243,49 @@ def test_recorded_columns_are_orthonormal_and_new(history: History, smooth: Floa
     assert more.shape[1] > 4
     np.testing.assert_allclose(more.T @ more, np.eye(more.shape[1]), atol=1e-9)
     np.testing.assert_allclose(smooth.T @ more, 0.0, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def five() -> tuple[History, Floats, Floats]:
+    """Five cycles of a hundred samples a sweep, a sigmoid on them, and its slope."""
+    up = np.linspace(25.0, 95.0, 100)
+    temperature, branch = np.tile([*up, *up[::-1]], 5), np.tile(np.repeat([1.0, -1.0], 100), 5)
+    at = np.arange(temperature.size, dtype=float)
+    inputs = {
+        "temperature": temperature, "branch": branch, "cycle": np.floor(at / 200.0), "segment": np.floor(at / 100.0),
+        "time": at, "order": at,
+    }  # fmt: skip
+    curve = 100.0 / (1.0 + np.exp(-0.2 * (temperature - np.where(branch > 0.0, 65.0, 50.0))))
+    slope = 0.2 * curve * (1.0 - curve / 100.0)
+    return History(Condition("c"), inputs, {"displacement": curve}, at.astype(int), {}), curve, slope
+
+
+def test_what_changes_the_curve_with_the_cycle_does_not_pass_for_memory(five) -> None:
+    """A stroke and a place that settle, to 30 times as much as white noise: without these columns a memory of 0.99."""
+    history, curve, slope = five
+    trained = 1.0 - np.exp(-history.inputs["cycle"] / 1.5)
+    series = trained * (0.3 * curve + 4.0 * slope) + np.random.default_rng(8).standard_normal(history.n)
+    smooth = smooth_columns(history, history.inputs["temperature"])
+    recorded = recorded_columns(history.inputs, smooth)
+    changed = curve_columns(history.inputs, (curve, slope), np.concatenate([smooth, recorded], axis=1))
+    block = block_of(history, np.ones(history.n))
+    assert np.median(block_noise(series, block, smooth, recorded=recorded).memory) > 0.9
+    found = block_noise(series, block, smooth, recorded=recorded, changed=changed)
+    assert abs(float(np.median(found.memory))) < 0.2
+    assert found.sd == pytest.approx(1.0, abs=0.08)  # three standard errors
+
+
+def test_noise_that_remembers_keeps_its_memory_beside_changes_of_the_curve(five) -> None:
+    """Fifty series with a memory of 0.95; one of a million may be taken for a change of the curve."""
+    history, curve, slope = five
+    smooth = smooth_columns(history, history.inputs["temperature"])
+    recorded = recorded_columns(history.inputs, smooth)
+    changed = curve_columns(history.inputs, (curve, slope), np.concatenate([smooth, recorded], axis=1))
+    block, rng = block_of(history, np.ones(history.n)), np.random.default_rng(9)
+    whole = correlation(0.95, history.inputs["order"], history.inputs["segment"])
+    for series in (np.linalg.cholesky(whole) @ rng.standard_normal((history.n, 50))).T:
+        plain = block_noise(series, block, smooth, recorded=recorded)
+        assert block_noise(series, block, smooth, recorded=recorded, changed=changed).sd == plain.sd
 
 
 @pytest.mark.parametrize("phi", [-0.4, 0.0, 0.85])

@@ -14,12 +14,14 @@ from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.simulated.rig import DEFAULT_RIG, GRAVITY, Setup, logged, ramp
 from sma_bayes.studies.gap.fitting import fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.name import CARRIED_BESIDE
+from sma_bayes.studies.gap.name import CARRIED_BESIDE, Candidate, EvidenceBeside
 from sma_bayes.studies.gap.outcome import judgement
 from sma_bayes.studies.gap.study import (
+    APART,
     CARRIED,
     SIGNIFICANT,
     WORTH,
+    _preferred,
     baseline_start,
     heat_balance,
     study_campaign,
@@ -170,6 +172,21 @@ def test_effects_that_act_alike_are_one_class(study) -> None:
     assert first.chosen is not None
     values = {c.effect.id: c.ln_bayes_factor for c in first.candidates}
     assert values["stress_shift"] == pytest.approx(values["twin"], abs=0.05)
+
+
+@pytest.mark.parametrize("apart", [True, False])
+@pytest.mark.parametrize("more", [APART - 0.1, APART + 0.1])
+def test_what_explains_more_beside_a_free_shape_is_preferred_where_the_shape_is_told_apart(
+    apart: bool, more: float
+) -> None:
+    """What an effect gains where the curve has another shape than the model's is in part what it bends."""
+
+    def found(name: str, gained: float, beyond: float) -> Candidate:
+        beside = EvidenceBeside(50.0, 0.99, None, 400.0, apart, beyond, 0.99)
+        return Candidate(EFFECTS[name], None, gained, beside=beside)
+
+    creep, drift = found("hot_creep", 377.0, 345.0), found("training_drift", 356.0, 345.0 + more)
+    assert _preferred([creep, drift]) is (drift if apart and more > APART else creep)
 
 
 def test_what_a_later_effect_makes_needless_goes(rig) -> None:
