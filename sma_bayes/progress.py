@@ -74,7 +74,7 @@ class LogLines:
         if self.elapsed - self._line >= self.every:
             self._line = self.elapsed
             over_a_bar = CLEAR_LINE if self.file.isatty() else ""
-            print(f"{over_a_bar}{name}, after {duration(self._line)}: {message}", file=self.file, flush=True)
+            print(f"{over_a_bar}{name}, after {elapsed(self._line)}: {message}", file=self.file, flush=True)
 
     def note(self, text: str) -> None:
         """Print a line now."""
@@ -87,7 +87,7 @@ class LogLines:
 
     def _print(self, text: str) -> None:
         self._line = self.elapsed
-        print(f"[{duration(self._line)}] {text}", file=self.file, flush=True)
+        print(f"[{elapsed(self._line)}] {text}", file=self.file, flush=True)
 
 
 @dataclass(slots=True)
@@ -136,6 +136,19 @@ def duration(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def elapsed(seconds: float) -> str:
+    """Time that has passed, with its seconds up to ten minutes, so that lines that follow each other differ.
+
+    Examples
+    --------
+    >>> elapsed(12.3), elapsed(155.0), elapsed(600.0)
+    ('12 s', '2 min 35 s', '10 min')
+    """
+    if not 100.0 <= seconds < 600.0:
+        return duration(seconds)
+    return f"{int(seconds) // 60} min {int(seconds) % 60} s"
 
 
 @contextmanager

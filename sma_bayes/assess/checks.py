@@ -175,8 +175,17 @@ class Check:
     @property
     def failed(self) -> bool:
         """Whether the model does not make such data: its p-value is below `CHANCE` in a tail that tells."""
-        two_sided = self.statistic in STATISTICS and STATISTICS[self.statistic].two_sided
-        return self.p_value < CHANCE or (two_sided and self.p_value > 1.0 - CHANCE)
+        return in_tail(self.statistic, self.p_value, CHANCE)
+
+
+def in_tail(statistic: str, p_value: float, tail: float) -> bool:
+    """Whether a p-value is so far out at an end that tells something; of most statistics only the lower one does."""
+    return p_value < tail or (tails_of(statistic) == 2 and p_value > 1.0 - tail)
+
+
+def tails_of(statistic: str) -> int:
+    """At how many ends a p-value of a statistic tells something."""
+    return 2 if statistic in STATISTICS and STATISTICS[statistic].two_sided else 1
 
 
 def predictive_checks(fit: Fit, record: int = 0) -> list[Check]:

@@ -8,6 +8,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field
 
 from sma_bayes.assess.adequacy import DiscrepancySummary, Reason
+from sma_bayes.assess.checks import in_tail, tails_of
 from sma_bayes.assess.identifiability import Direction
 from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.assess.path import PathRemark
@@ -35,7 +36,7 @@ NOISE: Final = "noise"
 TARGET: Final = Target()
 """What convergence asks for."""
 CHECK_TAIL: Final = 0.01
-"""A predictive check counts as failed where its p-value is below this, or above one less this."""
+"""A predictive check counts as failed where its p-value is below this at an end that tells something."""
 
 
 Unit = Annotated[str, Field(description="unit of its numbers")]
@@ -197,8 +198,13 @@ class CheckSummary(DocumentPart):
 
     @property
     def failed(self) -> bool:
-        """Whether chance hardly ever gives this."""
-        return not CHECK_TAIL <= self.p_value <= 1.0 - CHECK_TAIL
+        """Whether its p-value is below `CHECK_TAIL` at an end that tells something."""
+        return in_tail(self.statistic, self.p_value, CHECK_TAIL)
+
+    @property
+    def by_chance(self) -> float:
+        """Probability that it counts as failed by chance alone."""
+        return CHECK_TAIL * tails_of(self.statistic)
 
 
 class NoiseSummary(DocumentPart):

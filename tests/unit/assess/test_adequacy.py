@@ -23,6 +23,7 @@ from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors, read_priors
 from sma_bayes.parameters.roles import Role
 from sma_bayes.records.types import Campaign, Condition, Record
+from sma_bayes.runs.fit_document import CheckSummary
 
 
 def fitted(record: Record, noise: str = "independent") -> Fit:
@@ -243,3 +244,22 @@ def test_a_model_without_priors_of_its_own_is_judged_by_its_fit(
 
     monkeypatch.setattr(type(good.posterior.model), "default_priors", classmethod(none))
     assert contradicted(good) == ()
+
+
+@pytest.mark.parametrize(
+    ("statistic", "p_value", "failed"),
+    [
+        ("lag1", 0.999, True),
+        ("lag1", 0.001, True),
+        ("block_means", 0.001, True),
+        ("block_means", 0.9999, False),
+    ],
+)
+def test_a_check_fails_in_the_page_at_the_ends_that_tell_as_it_does_in_adequacy(
+    statistic: str, p_value: float, failed: bool
+) -> None:
+    """Mean residuals that are smaller than the noise makes them are no misfit of the curve."""
+    told = CheckSummary(channel="force", statistic=statistic, measured=1.0, q05=0.0, q95=2.0, p_value=p_value)
+    assert told.failed is failed
+    assert Check("force", statistic, 1.0, 0.0, 2.0, p_value, "").failed is failed
+    assert told.by_chance == (0.02 if statistic == "lag1" else 0.01)
