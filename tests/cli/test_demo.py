@@ -54,7 +54,7 @@ def test_the_report_compares_with_the_truth(demo: tuple[Path, str]) -> None:
     assert leaning
     assert set(leaning) == {"noise"}
     assert "<b>0</b> parameters of a curve that the data do not identify" in page
-    assert f"They identify {len(leaning)} of noise or discrepancy less well" in page
+    assert f"{len(leaning)} parameters of noise or discrepancy are identified less well" in page
     assert "truth known" in screen
     assert "--paper" in screen
     with (folder / "tables" / "truth.csv").open(encoding="utf-8") as file:

@@ -60,6 +60,9 @@ BEYOND_DOUBT = 1e-6
 """The same for these, which are many."""
 REMEMBERS = 0.8
 """Memory from which on they are tried: what changes the curve passes for noise that remembers, or not for noise."""
+LESS_LONG = 0.5
+"""Time that noise remembers beside them over that without, up to which they are taken out: what only passed for memory
+is in them then. A hum, say, has a part in so many columns, too, and its memory stays as it is."""
 EACH = 40
 """Samples for each of these splines, at least."""
 INDEPENDENT = 1e-6
@@ -366,7 +369,10 @@ def block_noise(
         both = np.concatenate([misfit, more, changed], axis=1)
         beside = _likeliest(residual, block, both, 1.0)
         # the memory beside so many columns is hardly known: whatever it may be, they must describe more than noise does
-        if all(p * _by_chance(residual, o, misfit, both) < BEYOND_DOUBT for p, o in beside[0].others):
+        shorter = _samples_as_one(beside[0]) <= LESS_LONG * _samples_as_one(noise)
+        if shorter and all(
+            p * _by_chance(residual, o, misfit, both) < BEYOND_DOUBT for p, o in beside[0].others
+        ):
             smooth, (noise, innovations) = both, beside
     width: Floats | float = 1.0
     if response is not None:
@@ -498,6 +504,12 @@ def growth(innovations: Floats, response: Floats) -> Growth:
     inverse = np.linalg.inv(precision)
     _, slope, hump = (inverse @ (columns.T @ size)).tolist()
     return Growth(slope, math.pi / math.sqrt(8.0) * math.sqrt(inverse[1, 1]), hump)
+
+
+def _samples_as_one(noise: BlockNoise) -> float:
+    """How many samples count as one for the mean, as noise remembers."""
+    memory = float(np.median(noise.memory))
+    return (1.0 + memory) / (1.0 - memory)
 
 
 def _by_chance(residual: Floats, noise: BlockNoise, fewer: Floats, columns: Floats) -> float:

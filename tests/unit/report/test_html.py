@@ -220,7 +220,7 @@ def test_checks_that_fail_are_shown_with_the_number_that_chance_gives(content: C
     rest = tuple(told(r, checks=()) for r in content.records[1:])
     reader = page_of(replace(content, records=(told(record, checks=checks), *rest)))
     assert f"1 of {len(checks)} predictive checks failed" in reader.text
-    assert "1 lies outside the central 98 %" in reader.text
+    assert "of 1 fewer than 1 % of the replications are as far out" in reader.text
 
 
 def test_a_campaign_without_twin_has_no_printed_values(content: Content) -> None:
