@@ -34,8 +34,6 @@ MOST_SHOWN = 10.0
 """Multiple of the range of a curve from which on the number itself says nothing."""
 GRID = 161
 OF_SWEEPS = ("sweep_means", left_out.STATISTIC)
-LEAST_P = CHANCE
-"""p-value that is told as less than this."""
 """Checks of whether the sweeps of a record are alike."""
 
 SENTENCES = {
@@ -241,10 +239,10 @@ def _failed(record: Record, check: Check) -> str:
 
 
 def _probability(p: float) -> str:
-    """A p-value, of which nothing beyond a thousandth is told: replications are hundreds."""
-    if p < LEAST_P:
-        return f"p < {LEAST_P:g}"
-    return f"p > {1.0 - LEAST_P:g}" if p > 1.0 - LEAST_P else f"p = {p:.2g}"
+    """A p-value, of which nothing beyond `CHANCE` is told: replications are hundreds."""
+    if p < CHANCE:
+        return f"p < {CHANCE:g}"
+    return f"p > {1.0 - CHANCE:g}" if p > 1.0 - CHANCE else f"p = {p:.2g}"
 
 
 def _reason(kind: str, channel: str, what: str) -> Reason:
