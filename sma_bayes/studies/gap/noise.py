@@ -12,8 +12,9 @@ noise. All hypotheses of a round share the estimate.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -212,8 +213,7 @@ def noise_of(
         recorded = recorded_columns(inputs, misfit)
         changed = None
         if block.channel != "temperature":
-            curve = (response, slope_of(hypothesis, block, theta))
-            changed = curve_columns(inputs, curve, np.concatenate([misfit, recorded], axis=1))
+            changed = partial(_changed, hypothesis, block, theta, response, misfit, recorded)
         out.append(block_noise(own, block, misfit, lattice, recorded, response, changed))
         beside.append((smooth, courses))
     return _with_scattered_switching(blocks, out, residual, beside)
@@ -236,6 +236,20 @@ def _with_scattered_switching(
         replace(own, switching=Scatter.of(size, size * courses, own.whiten)) if size and courses.size else own
         for own, (_, courses) in zip(noise, beside, strict=True)
     )
+
+
+def _changed(
+    hypothesis: Hypothesis,
+    block: ChannelBlock,
+    theta: Floats,
+    response: Floats,
+    misfit: Floats,
+    recorded: Floats,
+) -> Floats:
+    """See `curve_columns`; made where noise that remembers is left, as most of it does not."""
+    curve = (response, slope_of(hypothesis, block, theta))
+    inputs = hypothesis.histories[block.history].inputs
+    return curve_columns(inputs, curve, np.concatenate([misfit, recorded], axis=1))
 
 
 def slope_of(hypothesis: Hypothesis, block: ChannelBlock, theta: Floats) -> Floats:
@@ -332,7 +346,7 @@ def block_noise(
     lattice: float = 0.0,
     recorded: Floats | None = None,
     response: Floats | None = None,
-    changed: Floats | None = None,
+    changed: Callable[[], Floats] | None = None,
 ) -> BlockNoise:
     """Standard deviation and memory of greatest restricted likelihood.
 
@@ -353,8 +367,9 @@ def block_noise(
     response : ndarray, shape (n,), optional
         What the model predicts. Where the size of innovations changes with it beyond doubt they get a width that does:
         in the shuffled series of chance, and as heavy tails, it would be even.
-    changed : ndarray, shape (n, l), optional
-        Columns of changes of the curve (see `curve_columns`), taken out together with those of what was recorded where
+    changed : callable, optional
+        Makes columns (n, l) of changes of the curve (see `curve_columns`), which are taken out together with those of
+        what was recorded where
         noise that remembers is left and all of these describe more than it does beyond doubt.
     """
     noise, innovations = _likeliest(residual, block, smooth, 1.0)
@@ -365,8 +380,10 @@ def block_noise(
         beside = _likeliest(residual, block, both, 1.0)
         if _by_chance(residual, beside[0], misfit, both) < BEYOND_NOISE:
             smooth, (noise, innovations) = both, beside
-    if changed is not None and changed.shape[1] and np.median(noise.memory) >= REMEMBERS:
-        both = np.concatenate([misfit, more, changed], axis=1)
+    remembers = changed is not None and np.median(noise.memory) >= REMEMBERS
+    columns = changed() if changed is not None and remembers else smooth[:, :0]
+    if columns.shape[1]:
+        both = np.concatenate([misfit, more, columns], axis=1)
         beside = _likeliest(residual, block, both, 1.0)
         # the memory beside so many columns is hardly known: whatever it may be, they must describe more than noise does
         shorter = _samples_as_one(beside[0]) <= LESS_LONG * _samples_as_one(noise)

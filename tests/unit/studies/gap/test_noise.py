@@ -270,7 +270,7 @@ def test_what_changes_the_curve_with_the_cycle_does_not_pass_for_memory(five) ->
     changed = curve_columns(history.inputs, (curve, slope), np.concatenate([smooth, recorded], axis=1))
     block = block_of(history, np.ones(history.n))
     assert np.median(block_noise(series, block, smooth, recorded=recorded).memory) > 0.9
-    found = block_noise(series, block, smooth, recorded=recorded, changed=changed)
+    found = block_noise(series, block, smooth, recorded=recorded, changed=lambda: changed)
     assert abs(float(np.median(found.memory))) < 0.2
     assert found.sd == pytest.approx(1.0, abs=0.08)  # three standard errors
 
@@ -285,7 +285,7 @@ def test_noise_that_remembers_keeps_its_memory_beside_changes_of_the_curve(five)
     whole = correlation(0.95, history.inputs["order"], history.inputs["segment"])
     for series in (np.linalg.cholesky(whole) @ rng.standard_normal((history.n, 50))).T:
         plain = block_noise(series, block, smooth, recorded=recorded)
-        assert block_noise(series, block, smooth, recorded=recorded, changed=changed).sd == plain.sd
+        assert block_noise(series, block, smooth, recorded=recorded, changed=lambda: changed).sd == plain.sd
 
 
 @pytest.mark.parametrize("phi", [-0.4, 0.0, 0.85])
