@@ -258,11 +258,13 @@ def _powers_are_small(unit: str) -> bool:
     return brackets <= 2
 
 
+MINUS: Final = "−"
+"""Minus sign, with which numbers are shown."""
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 
 
 def number_and_unit(text: str, *, what: str = "value") -> tuple[float, str]:
-    """Take a number with its unit apart; the unit is empty where none is given.
+    """Take a number with its unit apart; the unit is empty where none is given. A minus sign is as good as a hyphen.
 
     Raises
     ------
@@ -271,10 +273,10 @@ def number_and_unit(text: str, *, what: str = "value") -> tuple[float, str]:
 
     Examples
     --------
-    >>> number_and_unit("130 N/m"), number_and_unit("1.3N/cm"), number_and_unit("-2e-3")
-    ((130.0, 'N/m'), (1.3, 'N/cm'), (-0.002, ''))
+    >>> number_and_unit("130 N/m"), number_and_unit("1.3N/cm"), number_and_unit("-2e-3"), number_and_unit("−5 degC")
+    ((130.0, 'N/m'), (1.3, 'N/cm'), (-0.002, ''), (-5.0, 'degC'))
     """
-    found = _NUMBER.fullmatch(text[: 2 * int(UNIT_CHARACTERS.value)])
+    found = _NUMBER.fullmatch(text.replace(MINUS, "-")[: 2 * int(UNIT_CHARACTERS.value)])
     if found is None or not abs(float(found[1])) <= MAGNITUDE.value:
         raise QuantityError(
             f"{what} {text[:60]!r}",

@@ -24,7 +24,7 @@ from sma_bayes.report.content import (
     RecordContent,
 )
 from sma_bayes.report.figures.sheet import FigureFiles
-from sma_bayes.report.notation import count_text, interval_text, unit_label, write
+from sma_bayes.report.notation import count_text, interval_text, unit_label, with_minus, write
 from sma_bayes.report.tables import (
     OF_ROW,
     Cell,
@@ -121,6 +121,7 @@ def page_environment(package: str, most: int | None = None) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
+        finalize=_shown,
     )
     environment.filters |= {
         "cell": _cell_text,
@@ -181,6 +182,11 @@ def estimate_text(e: Estimate) -> str:
     """Median and interval with their unit."""
     text = interval_text(e.median, e.q05, e.q95)
     return f"{text} {unit_label(e.unit)}".rstrip()
+
+
+def _shown(value: Any) -> Any:
+    """A value as a page says it: texts of the study with minus signs; markup stays as it is."""
+    return with_minus(value) if type(value) is str else value
 
 
 def _number(n: Number) -> str:

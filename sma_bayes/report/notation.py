@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from sma_bayes.quantities import unit_text
+from sma_bayes.quantities import MINUS, unit_text
 
 MISSING: Final = "–"
 FIXED: Final = range(-3, 6)
@@ -19,6 +20,8 @@ LOPSIDED: Final = 30.0
 NORMAL_90: Final = 3.29
 """Width of the 90 % interval of a normal distribution [sd]."""
 
+_NEGATIVE: Final = re.compile(r"(?<![^\s(\[,;±×<>])-(?=\.?\d)")
+"""A hyphen in front of a number, with nothing or a blank, a bracket or a sign before it; not one inside a name."""
 _SUPERSCRIPT: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -161,6 +164,17 @@ def compact(value: float) -> str:
     return _signed(digits) + (f" × 10{power_text(int(power))}" if power else "")
 
 
+def with_minus(text: str) -> str:
+    """Text for people, in which negative numbers have a minus sign in place of a hyphen.
+
+    Examples
+    --------
+    >>> with_minus("2A-150g: -30.1 to 50.7 °C (-0.3 to -.1), 2026-11-26, 1e-6")
+    '2A-150g: −30.1 to 50.7 °C (−0.3 to −.1), 2026-11-26, 1e-6'
+    """
+    return _NEGATIVE.sub(MINUS, text)
+
+
 def count_text(value: int) -> str:
     """Count with its thousands set apart."""
     return f"{value:,}".replace(",", "\u202f")
@@ -203,4 +217,4 @@ def _digits(value: float | None, exponent: int, decimals: int, last: int) -> str
 
 
 def _signed(digits: str) -> str:
-    return digits.replace("-", "−")
+    return digits.replace("-", MINUS)

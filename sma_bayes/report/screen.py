@@ -8,13 +8,19 @@ from pathlib import Path
 from typing import Any, Final
 
 from rich.console import Console
+from rich.text import Text
+
+from sma_bayes.report.notation import with_minus
 
 SHOWN: Final = 20
 """Entries of a list on the screen, where there are very many."""
 
 
 class Screen(Console):
-    """What people read on."""
+    """What people read on; negative numbers have a minus sign there, in sentences and in cells of tables."""
+
+    def render_str(self, text: str, **how: Any) -> Text:
+        return super().render_str(with_minus(text), **how)
 
     def tell(self, *sentences: str) -> None:
         """Print sentences, each on a line that is as long as it takes."""
@@ -40,5 +46,6 @@ def show_end(console: Screen, found: Mapping[str, Any], out: Path | None) -> Non
 
 def show_text(text: str, found: dict[str, Any], out: Path) -> None:
     """Tell what a run found in words that are there, and how it ended."""
-    print(text)
-    show_end(screen(), found, out)
+    console = screen()
+    console.tell(text)
+    show_end(console, found, out)

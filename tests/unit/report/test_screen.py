@@ -1,0 +1,32 @@
+"""What people read on a terminal."""
+
+from __future__ import annotations
+
+import io
+
+from rich.table import Table
+
+from sma_bayes.quantities import number_and_unit
+from sma_bayes.report.screen import Screen
+
+
+def shown(*things: object) -> str:
+    console = Screen(file=io.StringIO(), width=100, markup=False, emoji=False)
+    for thing in things:
+        console.print(thing)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_negative_numbers_have_a_minus_sign_in_sentences_and_tables() -> None:
+    table = Table("temperature", "condition")
+    table.add_row("-30.1 to 50.7 °C", "2A-150g")
+    text = shown("shift of -1.5 °C (-2.0 to -0.9), sma-bayes ask DIR --stiffness '-130 N/m'", table)
+    assert "−1.5 °C (−2.0 to −0.9)" in text
+    assert "−30.1 to 50.7" in text
+    assert "2A-150g" in text
+    assert "--stiffness '-130 N/m'" in text
+
+
+def test_a_number_can_be_given_as_it_was_shown() -> None:
+    assert number_and_unit("−30 degC") == (-30.0, "degC")
