@@ -159,7 +159,7 @@ def _joined(records: Sequence[Record]) -> History:
     inputs = {name: values[order] for name, values in inputs.items()}
     sweep, file, row = sweep[order], file[order], row[order]
     inputs.setdefault("cycle", np.ones(row.size))
-    inputs["order"] = np.arange(row.size, dtype=float)
+    inputs["order"] = np.arange(1.0, row.size + 1.0)
     inputs["segment"] = _numbered(sweep)
     inputs["stretch"] = _numbered(file, _interruptions(inputs["time"] if timed else row.astype(float), sweep))
     if timed:

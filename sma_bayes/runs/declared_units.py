@@ -268,7 +268,7 @@ _NAMES: Final = re.compile(r"[A-Za-z_]\w*")
 def shown_product(unit: str, units: Shown) -> ShownUnit:
     """How numbers are shown whose unit is any product of units of force, displacement, stress and temperature.
 
-    Temperatures are differences.
+    Temperatures are differences. Where only loads of a specimen were declared, stresses are shown in their unit.
 
     Examples
     --------
@@ -277,6 +277,9 @@ def shown_product(unit: str, units: Shown) -> ShownUnit:
     ShownUnit(stored='K/N', shown='degF/mN', factor=0.0018, zero=0.0)
     """
     known = [units[n] for n in ("force", "displacement", "stress") if n in units]
+    load = units.get("load")
+    if load is not None and load.stored == QUANTITIES["stress"].unit and "stress" not in units:
+        known.append(load)
     names = {u.stored: u.shown for u in known if u.stored != "1"}
     if TEMPERATURE.name in units:
         names |= dict.fromkeys(("K", TEMPERATURE.unit), units[TEMPERATURE.name].shown)

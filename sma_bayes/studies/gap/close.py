@@ -127,13 +127,13 @@ def folds_of(histories: Sequence[History], *, pooled: bool) -> tuple[list[Masks]
     cycles = [np.unique(h.inputs["cycle"]) for h in histories]
     if min(c.size for c in cycles) >= FOLDS:
         ranks = [np.searchsorted(c, h.inputs["cycle"]) for c, h in zip(cycles, histories, strict=True)]
-        named = "every third cycle in turn"
+        named = "cycles, a third at a time"
     elif pooled and len(histories) >= FOLDS:
         ranks = [np.full(h.n, i) for i, h in enumerate(histories)]
-        named = "every third condition in turn"
+        named = "conditions, a third at a time"
     else:
         ranks = [_stretches(h) for h in histories]
-        named = "every third of a dozen stretches of each sweep in turn"
+        named = f"each sweep in {STRETCHES} stretches, a third of them at a time"
     return [tuple(r % FOLDS == fold for r in ranks) for fold in range(FOLDS)], named
 
 

@@ -39,7 +39,7 @@ class Disagreement:
     ----------
     condition, branch, channel, covariate : str
     start, stop : float
-        Ends of the stretch [unit].
+        Ends of the stretch: the least and the greatest value of its samples [unit].
     unit : str
     size_sigma : float
         Mean residual there in standard errors, signed: positive where more was measured than predicted.
@@ -225,9 +225,9 @@ def _stretches(
         samples = frozenset((block.at.start + np.flatnonzero(mask)).tolist())
         mean = float(np.mean(fitted.residual[block.at][mask]))
         unit = history.units.get(name, "1")
+        ends = float(x[mask].min()), float(x[mask].max())
         out.append((
-            Disagreement(history.condition.id, branch, block.channel, name, float(edges[i]), float(edges[j]), unit,
-                         direction * z, mean),
+            Disagreement(history.condition.id, branch, block.channel, name, *ends, unit, direction * z, mean),
             samples,
         ))  # fmt: skip
     return out

@@ -9,7 +9,7 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from sma_bayes.report.notation import unit_label
+from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.screen import screen, show_end
 from sma_bayes.studies.gap.schema import (
     AddedEffect,
@@ -107,7 +107,7 @@ def _effect_text(e: AddedEffect, *, partial: bool) -> str:
 def _numbers(parameters: Mapping[str, EffectParameter] | Mapping[str, HeatParameter]) -> str:
     """Parameters with their medians and 90 % intervals."""
     return ", ".join(
-        f"{name} {p.median:.4g} ({p.q05:.4g} to {p.q95:.4g}) {unit_label(p.unit)}".rstrip()
+        f"{name} {interval_text(p.median, p.q05, p.q95)} {unit_label(p.unit)}".rstrip()
         for name, p in parameters.items()
     )
 
@@ -132,7 +132,7 @@ def _candidate_rows(candidates: Sequence[JudgedCandidate]) -> Table:
 
 def _gap_text(found: GapOfModel) -> str:
     gap = found.gap
-    start = f"held-out gap ({gap.held_out}; 1 is noise alone)"
+    start = f"gap on held-out measurements ({gap.held_out}; 1 is noise alone)"
     if not found.added:
         return f"{start}: {gap.before:.3f}; nothing was added"
     explainable = (

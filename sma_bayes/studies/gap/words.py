@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from sma_bayes.report.notation import unit_label
+from sma_bayes.report.notation import compact, power_text, unit_label
 from sma_bayes.studies.gap.schema import GapOfModel, NamedChannel, StatedPeriodicity
 
 Channels = Mapping[str, NamedChannel]
@@ -17,7 +17,7 @@ SMALL = 0.01
 MOSTLY_SHAPE = 0.5
 """Share of what can be explained from which on it is said to be the shape of the curve."""
 COVARIATES: Final[Mapping[str, str]] = {
-    "order": "place in the record",
+    "order": "sample number",
     "rate": "rate dT/dt",
     "ambient_temperature": "ambient temperature",
     "temperature and rate": "temperature and rate dT/dt",
@@ -36,9 +36,9 @@ def p_text(p: float) -> str:
     Examples
     --------
     >>> p_text(0.0123), p_text(1e-30)
-    ('p = 0.012', 'p < 1e-6')
+    ('p = 0.012', 'p < 10⁻⁶')
     """
-    return f"p = {p:.2g}" if p >= BEYOND else "p < 1e-6"
+    return f"p = {compact(float(f'{p:.2g}'))}" if p >= BEYOND else f"p < 10{power_text(-6)}"
 
 
 def remainder_text(found: GapOfModel) -> str:
@@ -139,7 +139,7 @@ def covariate_text(channels: Channels, covariate: str) -> str:
     >>> covariate_text({"displacement": strain}, "displacement")
     'strain'
     >>> covariate_text({}, "order")
-    'place in the record'
+    'sample number'
     """
     if covariate in channels and covariate != "temperature":
         return channel_text(channels, covariate)

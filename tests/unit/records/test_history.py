@@ -48,7 +48,7 @@ def test_branches_are_joined_in_the_order_of_measurement(timed: bool, cooling_fi
     (h,) = joined(*(records[::-1] if cooling_first else records))
     assert h.n == 2 * N * CYCLES
     np.testing.assert_array_equal(h.row, np.arange(h.n) + 2)
-    np.testing.assert_array_equal(h.inputs["order"], np.arange(h.n))
+    np.testing.assert_array_equal(h.inputs["order"], np.arange(1, h.n + 1))
     np.testing.assert_array_equal(h.observed["displacement"], 1e-3 * np.arange(h.n))
     np.testing.assert_array_equal(h.inputs["branch"], np.tile(np.repeat([1.0, -1.0], N), CYCLES))
     np.testing.assert_array_equal(h.inputs["cycle"], np.repeat([1.0, 2.0, 3.0], 2 * N))

@@ -154,6 +154,15 @@ def test_products_are_converted_as_pint_does(unit: str) -> None:
     assert u.value(3.0) == pytest.approx(shown, rel=1e-11)
 
 
+def test_products_with_stress_are_in_the_unit_of_loads_where_stress_was_not_measured() -> None:
+    """The shift of a transformation with stress, in a campaign that declares its stresses in MPa alone."""
+    load = ShownUnit("Pa", "MPa", 1e-6)
+    u = shown_product("K/Pa", {"load": load})
+    assert (u.shown, u.factor) == ("K/MPa", 1e6)
+    assert shown_product("K/Pa", {"load": load, "stress": ShownUnit("Pa", "GPa", 1e-9)}).shown == "K/GPa"
+    assert shown_product("K/N", {"load": ShownUnit("N", "gf", 101.97)}).shown == "K/N"
+
+
 def test_ask_names_only_units_of_what_was_measured(declared: Path) -> None:
     records = read_run(declared).summary.records
     assert sorted(declared_units(records)) == ["mN", "mN/mm", "mm"]

@@ -39,6 +39,14 @@ BINS: Final = 24
 LEAST_RANGE, GREATEST_RANGE = 3.0, 10.0
 """Ends of the colours of a map, at least and at most [standard errors]."""
 COLUMNS: Final = 3
+COUNTS: Final = frozenset({"order", "cycle"})
+"""Covariates that are counted, which have no unit."""
+AWAY: Final = (11.0, 23.0, 35.0)
+"""Distances of the number of a stretch from its samples that are tried, the first that suits is taken [points]."""
+ALONG: Final = (0.5, 0.35, 0.65, 0.2, 0.8)
+"""Places along the stretch that are tried [share of its samples]."""
+APART: Final = 14.0
+"""Distance of the centres of two numbers from which on they do not touch [points]."""
 
 
 def residual_maps(study: StoredStudy) -> Drawing:
@@ -253,9 +261,14 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
 
 def _loop(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     some = study.samples.of(condition=condition, channel=channel)
-    for number, d in enumerate(study.part.disagreement, 1):
-        if (d.condition, d.channel) == (condition, channel):
-            _mark(ax, some, d, number)
+    marked = [
+        (str(number), d, some.where(stretch(some, d)))
+        for number, d in enumerate(study.part.disagreement, 1)
+        if (d.condition, d.channel) == (condition, channel)
+    ]
+    for _, d, inside in marked:
+        ax.scatter(inside["temperature"], inside["measured"], s=26, color=MARKS[d.side], alpha=0.4, linewidths=0,
+                   zorder=1, rasterized=True)  # fmt: skip
     for branch, colour in COLOURS.items():
         part = some.of(branch=branch)
         ax.scatter(part["temperature"], part["measured"], s=4, color=colour, alpha=0.6, linewidths=0, zorder=2,
@@ -270,6 +283,7 @@ def _loop(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     ax.margins(x=0.04, y=0.08)
     power = take_power(ax.yaxis)
     ax.set_ylabel(f"{facts.name} {facts.symbol} [{in_units_of(power, facts.unit)}]")
+    _number(ax, marked)
 
 
 def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
@@ -305,15 +319,14 @@ def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     ax.set_ylabel(f"residual [{in_units_of(power, facts.unit)}]", fontsize=6.5)
     if covariate == "cycle":
         ax.xaxis.set_major_locator(MaxNLocator(5, integer=True))
-    unit = study.part.units.get(covariate, "1")
-    ax.set_xlabel(
-        f"{covariate_text(study.part.channels, covariate)} [{unit_label(unit) or '1'}]", labelpad=1.0
-    )
+    ax.yaxis.set_major_locator(few_ticks(3))
+    unit = "" if covariate in COUNTS else f" [{unit_label(study.part.units.get(covariate, '1')) or '1'}]"
+    ax.set_xlabel(f"{covariate_text(study.part.channels, covariate)}{unit}", labelpad=1.0)
 
 
 def along(some: Samples, covariate: str) -> Floats:
     """Values of a covariate; the place in the history where there is no such column."""
-    return some[covariate] if covariate in some.numbers else np.arange(some.n, dtype=float)
+    return some[covariate] if covariate in some.numbers else np.arange(1.0, some.n + 1.0)
 
 
 def stretch(some: Samples, d: StatedDisagreement) -> Mask:
@@ -323,21 +336,32 @@ def stretch(some: Samples, d: StatedDisagreement) -> Mask:
     return np.asarray(own & (values >= d.from_) & (values <= d.to))
 
 
-def _mark(ax: Axes, some: Samples, d: StatedDisagreement, number: int) -> None:
-    inside = some.where(stretch(some, d))
-    if not inside.n:
-        return
-    colour = MARKS[d.side]
-    ax.scatter(inside["temperature"], inside["measured"], s=26, color=colour, alpha=0.4, linewidths=0, zorder=1,
-               rasterized=True)  # fmt: skip
-    middle = int(np.argsort(inside["temperature"])[inside.n // 2])
-    up = d.branch == "cooling"
-    ax.annotate(
-        str(number), (inside["temperature"][middle], inside["measured"][middle]), xytext=(0, 11 if up else -11),
-        textcoords="offset points", ha="center", va="center", fontsize=7, fontweight="bold", color=INK, zorder=7,
-        bbox={"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": colour, "linewidth": 1.0},
-        annotation_clip=False,
-    )  # fmt: skip
+def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]]) -> None:
+    """Numbers beside the stretches of a loop, in no one's way: over those of cooling, under those of heating."""
+    taken: list[Floats] = []
+    pixels = ax.figure.dpi / 72.0
+    for number, d, inside in marked:
+        if not inside.n:
+            continue
+        order = np.argsort(inside["temperature"], kind="stable")
+        side = 1.0 if d.branch == "cooling" else -1.0
+        places = [(int(order[int(share * (inside.n - 1))]), away) for away in AWAY for share in ALONG]
+        at = np.column_stack([inside["temperature"], inside["measured"]])
+        there = ax.transData.transform(at) / pixels
+        centres = [there[sample] + [0.0, side * away] for sample, away in places]
+        best = int(np.argmax([_clear(centre, taken) for centre in centres]))
+        taken.append(centres[best])
+        sample, away = places[best]
+        ax.annotate(
+            number, at[sample], xytext=(0, side * away), textcoords="offset points", ha="center", va="center",
+            fontsize=7, fontweight="bold", color=INK, zorder=7, annotation_clip=False,
+            bbox={"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": MARKS[d.side], "linewidth": 1.0},
+        )  # fmt: skip
+
+
+def _clear(place: Floats, taken: Sequence[Floats]) -> float:
+    """Distance [points] to the nearest number that is there, as far as it matters."""
+    return min([APART, *(float(np.hypot(*(place - other))) for other in taken)])
 
 
 def _loop_data(study: StoredStudy, places: Sequence[tuple[str, str]]) -> dict[str, Any]:

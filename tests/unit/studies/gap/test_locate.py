@@ -125,6 +125,17 @@ def test_a_disagreement_of_one_cycle_is_placed_in_time(fit_rig) -> None:
     assert overlap(first, *sweep) > 0.5
 
 
+def test_a_stretch_ends_at_its_own_samples(fit_rig) -> None:
+    """Quantiles between samples were told, of sample numbers as well: "place in the record 41 to 43.6"."""
+    fitted = fit_rig(bump("c1", 1.0, "force", 0.05), channels=CHANNELS)
+    inputs = {h.condition.id: h.inputs for h in fitted.hypothesis.histories}
+    found = disagreements(fitted, ["order"])
+    assert found
+    for d in found:
+        assert {d.start, d.stop} <= set(inputs[d.condition]["order"].tolist())
+        assert min(inputs[d.condition]["order"]) == 1.0
+
+
 def test_no_sample_is_in_two_disagreements(fit_rig) -> None:
     fitted = fit_rig(bump("c1", 1.0, "force", 0.05), channels=CHANNELS)
     taken: set[tuple[str, str, int]] = set()

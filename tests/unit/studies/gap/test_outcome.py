@@ -174,7 +174,7 @@ HELPING = {"verdict": "unnamed", "effects": [], "partial": [EFFECT]}
         ({"gap": {"chosen_without": [["x"], ["z"]]}}, ["in 1 of 2 cases"]),
         (
             {"remaining": {"p_value": 1e-9, "channel": "force", "covariate": "time", "share": 0.08}},
-            ["(p < 1e-6), with a remainder of 8 % along time, in force."],
+            ["(p < 10⁻⁶), with a remainder of 8 % along time, in force."],
         ),
         (
             {
