@@ -36,7 +36,7 @@ EVEN = 0.05
 SIGN = 1.3
 """Standard errors from which a sign counts: one false sign in five, so that hardly any true one is overlooked."""
 EARNED = 1.5
-"""What each of a memory and heavy tails must gain in ln evidence to be taken."""
+"""What a memory, heavy tails, and a discrepancy beside or instead of a memory must each gain in ln evidence."""
 EARNED_BEYOND = 2.0
 """What growth and an error of the thermometer must gain: they are looked at last, beside the best of the others."""
 REACH = 10.0
@@ -111,8 +111,9 @@ def choose_noise(
     with the response and an error of the thermometer are looked at only where what it leaves shows a sign of such a
     thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; beside growth or an
     error of the thermometer only what still earns its place stays. Discrepancies are taken where the evidence of all
-    channels together is greater with them: force and displacement are of one specimen, and where the curve fails in one
-    of them the other, in more noise, is no better known.
+    channels together is greater with them (by `EARNED` beside a memory, which a smooth misfit resembles): force and
+    displacement are of one specimen, and where the curve fails in one of them the other, in more noise, is no better
+    known. Before another series a discrepancy counts as a memory does.
 
     Parameters
     ----------
@@ -154,7 +155,7 @@ def choose_noise(
             and (signs.memory or not model.autocorrelated)
             and (model.is_gaussian or signs.tails)
         ]
-        best = max(names, key=lambda n: look(n).ln_evidence - EARNED * _features(NOISE_MODELS[n]))
+        best = max(names, key=lambda n: look(n).supported - EARNED * _features(NOISE_MODELS[n]))
         signs = signs.joined(residuals.signs(look(best)))
         for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
             if not sign:
@@ -163,12 +164,12 @@ def choose_noise(
             extended = "+".join([series, *others, suffix])
             # what the slope explains is not to be explained by tails or a memory besides; in the moments that are
             # looked at here a large error of the thermometer leaves tails of its own
-            enough = look(extended).ln_evidence - SIMPLER[suffix]
+            enough = look(extended).supported - SIMPLER[suffix]
             simpler = ("+".join([s, *others, suffix]) for s in (SIMPLEST, *_without_tails(series, names)))
-            extended = next((s for s in simpler if look(s).ln_evidence > enough), extended)
-            if look(extended).ln_evidence > look(best).ln_evidence + EARNED_BEYOND:
+            extended = next((s for s in simpler if look(s).supported > enough), extended)
+            if look(extended).supported > look(best).supported + EARNED_BEYOND:
                 best = extended
-        best = _without_what_is_not_needed(best, names, lambda name: look(name).ln_evidence)
+        best = _without_what_is_not_needed(best, names, lambda name: look(name).supported)
     chosen = found[best]
     top = max(d.ln_evidence for d in found.values())
     rivals = {name: d.ln_evidence - top for name, d in found.items() if np.isfinite(d.ln_evidence)} or {
@@ -200,7 +201,7 @@ def _without_tails(name: str, series: Sequence[str]) -> list[str]:
     return [n.name for n in others if n.is_gaussian and n.autocorrelated == model.autocorrelated]
 
 
-def _without_what_is_not_needed(name: str, series: Sequence[str], ln_evidence: Callable[[str], float]) -> str:
+def _without_what_is_not_needed(name: str, series: Sequence[str], supported: Callable[[str], float]) -> str:
     """An extended noise model, less what it no longer earns: growth and errors of temperature look like heavy tails."""
     while "+" in name:
         first, *suffixes = name.split("+")
@@ -209,8 +210,8 @@ def _without_what_is_not_needed(name: str, series: Sequence[str], ln_evidence: C
             lighter = NOISE_MODELS[other].is_gaussian and not NOISE_MODELS[first].is_gaussian
             if other != first and (lighter or other == SIMPLEST):
                 simpler["+".join([other, *suffixes])] = EARNED
-        kept = max(simpler, key=lambda s: ln_evidence(s) + simpler[s])
-        if ln_evidence(kept) + simpler[kept] < ln_evidence(name):
+        kept = max(simpler, key=lambda s: supported(s) + simpler[s])
+        if supported(kept) + simpler[kept] < supported(name):
             break
         name = kept
     return name
@@ -259,6 +260,12 @@ class _Description:
     temperature_sd: tuple[float, ...]
     innovations: tuple[Mapping[str, Floats], ...]
     longest_memory: tuple[Mapping[str, float], ...]
+
+    @property
+    def supported(self) -> float:
+        """The evidence less what a discrepancy must earn before another noise model: as much as a memory."""
+        gained = sum(g for g in self.gain.values() if np.isfinite(g)) if any(self.bases) else 0.0
+        return self.ln_evidence - min(EARNED, gained)
 
 
 @dataclass(frozen=True, slots=True)
@@ -406,7 +413,9 @@ class _Residuals:
                     alone = self._look(noise, i, channel, None, bound)
                 found[i, channel] = (alone, beside)
                 gain[channel] += -np.inf if beside is None else beside.ln_evidence - alone.ln_evidence
-        stands = sum(g for g in gain.values() if np.isfinite(g)) > 0.0
+        # beside a memory, which a smooth misfit resembles, it has to earn its place as the memory has
+        enough = EARNED if noise.autocorrelated else 0.0
+        stands = sum(g for g in gain.values() if np.isfinite(g)) > enough
         bases: list[dict[str, DiscrepancyBasis]] = []
         estimate: list[dict[str, Floats]] = []
         innovations: list[dict[str, Floats]] = []

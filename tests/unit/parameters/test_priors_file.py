@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sma_bayes.errors import PriorError
@@ -168,6 +169,13 @@ def test_an_unknown_parameter_lists_near_ones(record: Record) -> None:
 def test_a_prior_of_another_noise_model_does_no_harm(record: Record) -> None:
     extra = {"noise.phi": 'family = "uniform"\nlow = 0.0\nhigh = 1.0'}
     assert list(parameters(priors(extra), record)) == ["B1", "B2", "B3", "B4", "force_sd"]
+
+
+def test_a_memory_has_the_reference_prior_of_a_stationary_series(record: Record) -> None:
+    """``1/(pi sqrt(1 - phi**2))``: Jeffreys' prior, from the information ``1/(1 - phi**2)`` of a sample about phi."""
+    phi = parameters(read_priors("modified_sigmoid"), record, "ar1")["force_phi"].prior
+    at = np.array([-0.95, -0.3, 0.0, 0.6, 0.99])
+    np.testing.assert_allclose(phi.log_density(at), -np.log(np.pi * np.sqrt(1.0 - at**2)), rtol=1e-12)
 
 
 def test_a_missing_prior_names_parameter_and_branch(record: Record) -> None:
