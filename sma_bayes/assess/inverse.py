@@ -23,6 +23,8 @@ GRID = 401
 """Temperatures at which curves are searched for passages: so many where they were measured, so many on either side."""
 NEAR = 201
 """Further temperatures about each passage, so that a short stretch between two of the others is not missed."""
+BEYOND_CHANCE = 3.0
+"""Standard errors of a probability from which on it is less than another [1]."""
 _HALVINGS = 50
 
 
@@ -52,10 +54,19 @@ class Passage:
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Temperatures from `low` to `high`."""
+    """Temperatures from `low` to `high`.
+
+    Attributes
+    ----------
+    low, high : float
+    low_error, high_error : float
+        How far other draws of the same posterior would put these ends elsewhere; 0 at an end of what was searched.
+    """
 
     low: float
     high: float
+    low_error: float = 0.0
+    high_error: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,21 +77,42 @@ class Met:
     ----------
     temperature, probability : ndarray, shape (m,)
         Share of the curves that lie between the bounds [1].
+    draws : int
+        How many curves that is a share of; 0 where it is exact.
     """
 
     temperature: Floats
     probability: Floats
+    draws: int = 0
 
     def at_least(self, probability: float) -> tuple[Stretch, ...]:
-        """Stretches in which the probability is that or more; ends between two temperatures are interpolated."""
+        """Stretches in which the probability is that or more; ends between two temperatures are interpolated.
+
+        Two of them are one where between them it is less by no more than the chance of the draws makes it.
+        """
         t, p = self.temperature, self.probability - probability
-        inside = p >= 0.0
+        chance = np.sqrt(probability * (1.0 - probability) / self.draws) if self.draws else 0.0
+        runs: list[tuple[int, int]] = []
+        for first, last in _runs(p >= 0.0):
+            if runs and np.min(p[runs[-1][1] : first + 1]) >= -BEYOND_CHANCE * chance:
+                first = runs.pop()[0]
+            runs.append((first, last))
         out = []
-        for first, last in _runs(inside):
+        for first, last in runs:
             low = t[first] if first == 0 else _root(t[first - 1 : first + 1], p[first - 1 : first + 1])
             high = t[last] if last == t.size - 1 else _root(t[last : last + 2], p[last : last + 2])
-            out.append(Stretch(float(low), float(high)))
+            errors = (self._error(p, first, -1, chance), self._error(p, last, 1, chance))
+            out.append(Stretch(float(low), float(high), *errors))
         return tuple(out)
+
+    def _error(self, excess: Floats, end: int, out: int, chance: float) -> float:
+        """Standard error of an end: half of what lies between one standard error more and one less."""
+        beyond, within = excess[end::out], excess[end::-out]
+        if beyond.size == 1 or not chance:
+            return 0.0
+        less = int(np.argmax(beyond < -chance)) if np.any(beyond < -chance) else beyond.size - 1
+        more = int(np.argmax(within > chance)) if np.any(within > chance) else 0
+        return float(0.5 * abs(self.temperature[end + out * less] - self.temperature[end - out * more]))
 
     @property
     def best(self) -> tuple[float, float]:
@@ -191,7 +223,8 @@ def met(temperature: Floats, values: Floats, bounds: tuple[float, float]) -> Met
     bounds : tuple of float
         Least and greatest value that will do, infinite where there is none [unit of the curves].
     """
-    return Met(temperature, np.mean((values >= bounds[0]) & (values <= bounds[1]), axis=0))
+    inside = (values >= bounds[0]) & (values <= bounds[1])
+    return Met(temperature, np.mean(inside, axis=0), len(values))
 
 
 def _runs(inside: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:

@@ -61,6 +61,7 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Tell the response at a temperature, or the temperatures that give a wanted value, with probabilities."""
+    from sma_bayes.report.screen import screen
     from sma_bayes.runs.declared_units import declared_units
     from sma_bayes.runs.outputs import read_run
     from sma_bayes.studies.ask.terminal import answer_text, show_values_at
@@ -84,5 +85,5 @@ def command(
         temperature_sd=temperature_sd,
         temperature_unit=temperature_unit,
     )
-    show = partial(show_values_at, found) if at else lambda: typer.echo(answer_text(found))
+    show = partial(show_values_at, found) if at else lambda: screen().tell(answer_text(found))
     finish(found, quiet, as_json, show)

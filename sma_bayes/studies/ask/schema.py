@@ -30,6 +30,8 @@ class StatedStretch(DocumentPart):
 
     low: Number = Field(description="the lowest")
     high: Number = Field(description="the highest")
+    low_error: Number = Field(description="standard error of the lowest, by the chance of the draws")
+    high_error: Number = Field(description="standard error of the highest, by the chance of the draws")
     extrapolated: bool = Field(description="whether they leave the measured temperatures")
 
 

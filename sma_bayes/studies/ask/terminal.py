@@ -9,6 +9,7 @@ from rich.table import Table
 
 from sma_bayes.errors import many
 from sma_bayes.quantities import QUANTITIES, unit_text
+from sma_bayes.report.notation import write, write_interval
 from sma_bayes.report.screen import Screen, screen
 from sma_bayes.studies.ask.schema import (
     AnswersDocument,
@@ -173,8 +174,7 @@ def _answer_lines(a: StatedAnswer, level: float) -> list[str]:
     wanted = f"{symbol} = {a.target:.5g} {unit}".rstrip()
     lines.append(f"  {wanted} is reached there with probability {a.reachable:.3f}{_unreached(a)}")
     lines += [
-        f"    {p.direction} at {p.median:.5g} {degrees} ({p.low:.5g} to {p.high:.5g}), "
-        f"with probability {p.probability:.3f}{_mark(p)}"
+        f"    {p.direction} at {_passage_text(p, degrees)}, with probability {p.probability:.3f}{_mark(p)}"
         for p in a.passages
         if p.probability >= RARE
     ]
@@ -201,6 +201,12 @@ def _answer_lines(a: StatedAnswer, level: float) -> list[str]:
     return lines
 
 
+def _passage_text(p: StatedPassage, degrees: str) -> str:
+    """Where a value is passed, with the digits that its interval bears."""
+    median, low, high = write_interval(p.median, p.low, p.high).plain
+    return f"{median} {degrees} ({low} to {high})"
+
+
 def _unreached(a: StatedAnswer) -> str:
     told = [
         f"stays {where} with probability {share:.3f}"
@@ -213,14 +219,26 @@ def _unreached(a: StatedAnswer) -> str:
 def _most_surely(best: BestTemperature | None, degrees: str) -> str:
     if best is None:
         return "at no temperature in any draw"
-    place = f"most surely at {best.temperature:.5g} {degrees}"
+    place = f"most surely at {best.temperature:.4g} {degrees}"
     return f"{place}, with probability {best.probability:.3f}{_mark(best)}"
 
 
 def _stretches(found: MetAt, level: float, degrees: str) -> str:
     if not found.intervals:
         return f"nowhere with probability {level:g}"
-    return " and ".join(f"{s.low:.5g} to {s.high:.5g} {degrees}{_mark(s)}" for s in found.intervals)
+    return " and ".join(f"{_stretch_text(s)} {degrees}{_mark(s)}" for s in found.intervals)
+
+
+def _stretch_text(s: StatedStretch) -> str:
+    """Both ends, with the digits that the draws tell; their middle where these do not tell them apart."""
+    blurred = s.low_error + s.high_error
+    if s.high - s.low < blurred:
+        return f"about {write([0.5 * (s.low + s.high)], resolution=10.0 * blurred).plain[0]}"
+    low, high = (
+        write([end], resolution=10.0 * error or None).plain[0]  # one digit of the error
+        for end, error in ((s.low, s.low_error), (s.high, s.high_error))
+    )
+    return f"{low} to {high}"
 
 
 def _mark(part: StatedPassage | StatedStretch | BestTemperature) -> str:

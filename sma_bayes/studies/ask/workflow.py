@@ -590,4 +590,4 @@ def _passage(p: Passage, level: float, low: float, high: float) -> StatedPassage
 
 
 def _stretch(s: Stretch, low: float, high: float) -> StatedStretch:
-    return StatedStretch(low=s.low, high=s.high, extrapolated=bool(s.low < low or s.high > high))
+    return StatedStretch.about(s, extrapolated=bool(s.low < low or s.high > high))
