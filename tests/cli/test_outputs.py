@@ -152,7 +152,7 @@ def test_priors_go_through_a_pipe_and_back(measured: Path, tmp_path: Path) -> No
         ),
         (
             "compare",
-            "sma_bayes.studies.compare.workflow.compare_record",
+            "sma_bayes.studies.compare.workflow.finished_comparison",
             "with --resume begins anew, or draws",
         ),
     ],

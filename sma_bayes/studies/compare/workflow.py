@@ -8,20 +8,26 @@ from pathlib import Path
 from typing import Any, Final
 
 from sma_bayes.account import Account
-from sma_bayes.errors import MeasurementError
+from sma_bayes.errors import MeasurementError, many
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.progress import Progress, lines_about, lines_inside, silent
+from sma_bayes.progress import Progress, announce, lines_about, lines_inside, silent
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.runs.documents import COMPARISON
-from sma_bayes.runs.jobs import run
+from sma_bayes.runs.jobs import processes, run
 from sma_bayes.runs.schema import ModelChoiceDocument
 from sma_bayes.runs.store import write_csv, write_text
-from sma_bayes.studies.compare.comparison import AUTO, Comparison, compare_record
+from sma_bayes.studies.compare.comparison import (
+    AUTO,
+    Comparison,
+    StartedComparison,
+    finished_comparison,
+    start_comparison,
+)
 from sma_bayes.studies.compare.contenders import (
     contenders,
     copy_of,
@@ -47,6 +53,8 @@ from sma_bayes.studies.study_step import StepTable, StudyStep
 
 FEWEST_CONDITIONS = 2
 """Conditions that can be left out in turn."""
+MOST_STARTED: Final = 100
+"""Records that are all started before the first is compared, so that what they take is told beforehand."""
 
 
 def compare(
@@ -161,16 +169,39 @@ def check(records: Sequence[Record], options: FitOptions) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _CompareTask:
+class _StartTask:
     record: Record
     options: FitOptions
+
+
+def _start_task(task: _StartTask) -> StartedComparison:
+    o = task.options
+    return start_comparison(task.record, o.priors, noise=o.noise, seed=o.seed, model=o.model)
+
+
+@dataclass(frozen=True, eq=False)
+class _CompareTask:
+    begun: StartedComparison | _StartTask
     lines: float | None
 
 
 def _compare_task(task: _CompareTask) -> Comparison:
-    r, o = task.record, task.options
+    begun = _start_task(task.begun) if isinstance(task.begun, _StartTask) else task.begun
+    r = begun.setting.record
     tell = None if task.lines is None else lines_about(f"{r.key}, {r.channels[0]}", task.lines)
-    return compare_record(r, o.priors, noise=o.noise, seed=o.seed, model=o.model, progress=tell)
+    return finished_comparison(begun, tell)
+
+
+def _started(tasks: Sequence[_StartTask], work: RunContext) -> Sequence[StartedComparison | _StartTask]:
+    """What is compared, with the noise chosen and the time that it takes announced where records are not very many."""
+    if len(tasks) > MOST_STARTED:
+        return tasks
+    begun = list(run(_start_task, tasks, work.jobs, account=work.account, stage="compare"))
+    each = [b.expected_s for b in begun]
+    models = max((len(b.running) for b in begun), default=0)
+    what = f"{many(len(tasks), 'record')}, {models} models fitted whole and without each part held out"
+    announce(work.tell, max([sum(each) / processes(work.jobs, len(each)), *each]), what)
+    return begun
 
 
 def _compared(
@@ -183,7 +214,8 @@ def _compared(
     work.tell(0, len(records), "choosing the model" if options.model == AUTO_MODEL else "comparing")
     chosen, choice = with_shared_model([(r,) for r in records], options, work.jobs, work.account)
     comparisons = []
-    tasks = [_CompareTask(r, chosen, lines_inside(work.tell)) for r in records]
+    begun = _started([_StartTask(r, chosen) for r in records], work)
+    tasks = [_CompareTask(b, lines_inside(work.tell)) for b in begun]
     for compared in run(_compare_task, tasks, work.jobs, account=work.account, stage="compare"):
         comparisons.append(compared)
         work.tell(len(comparisons), len(records), f"compared {stem_of(compared)}")

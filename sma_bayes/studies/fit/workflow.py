@@ -25,7 +25,7 @@ from sma_bayes.records.declaration import CAMPAIGN_FILE
 from sma_bayes.records.plausibility import doubted_conditions
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
-from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
+from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.arrangement import ArrangedSpring
 from sma_bayes.runs.documents import FIT
 from sma_bayes.runs.fit_document import (
@@ -276,9 +276,11 @@ def _fitted(
 ) -> tuple[list[RecordSummary], list[CorrelationAverage], list[QuantityInterval]]:
     """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
     total = sum(len(group) for group in groups)
-    if options.model == AUTO_MODEL:
-        expected = expected_s(groups, options, work.jobs)
-        announce(work.tell, expected, f"{many(total, 'record')}, {_to_do(groups, options)}")
+    announce(
+        work.tell,
+        expected_s(groups, options, work.jobs),
+        f"{many(total, 'record')}, {_to_do(groups, options)}",
+    )
     work.tell(0, total, _to_do(groups, options))
     records: list[RecordSummary] = []
     loops: list[QuantityInterval] = []

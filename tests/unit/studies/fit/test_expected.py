@@ -1,4 +1,4 @@
-"""What fits are expected to take is told before they begin, where several curves are tried."""
+"""What fits are expected to take is told before they begin, where that is more than a minute."""
 
 from __future__ import annotations
 
@@ -27,14 +27,18 @@ def test_it_grows_with_samples_and_curves_and_is_shared_among_processes(
     assert expected_s([many], PLAIN, 1) > 10.0 * expected_s([few], PLAIN, 1)
     curves = len(models_of(few, AUTO))
     assert curves > 3
-    assert expected_s([few], AUTO, 1) == pytest.approx(curves * expected_s([few], PLAIN, 1))
+    assert expected_s([many], AUTO, 1) == pytest.approx(curves * expected_s([many], PLAIN, 1), rel=0.1)
     assert expected_s([few, few], PLAIN, 2) == pytest.approx(expected_s([few], PLAIN, 2))
     assert expected_s([], PLAIN, 2) == 0.0
 
 
-@pytest.mark.parametrize(("options", "told"), [(PLAIN, ""), (AUTO, "choosing among")])
-def test_a_long_choice_of_the_model_is_announced(
+@pytest.mark.parametrize(
+    ("options", "records", "told"),
+    [(PLAIN, 3, "3 records, sampling"), (AUTO, 3, "3 records, choosing among"), (PLAIN, 1, "")],
+)
+def test_what_takes_long_is_announced(
     options: FitOptions,
+    records: int,
     told: str,
     make_record: Callable[..., Record],
     tmp_path: Path,
@@ -43,7 +47,6 @@ def test_a_long_choice_of_the_model_is_announced(
     monkeypatch.setattr(workflow, "fitted", lambda *_: iter(()))
     out = io.StringIO()
     work = RunContext(FIT, 1, "none", LogLines(file=out))
-    workflow._fitted([(make_record(("force",), n=400),)] * 3, options, tmp_path, work, ())
-    assert ("3 records, " in out.getvalue()) is bool(told)
+    workflow._fitted([(make_record(("force",), n=400),)] * records, options, tmp_path, work, ())
     assert told in out.getvalue()
     assert ("give or take a factor of three" in out.getvalue()) is bool(told)
