@@ -14,6 +14,13 @@ from sma_bayes.report.notation import with_minus
 
 SHOWN: Final = 20
 """Entries of a list on the screen, where there are very many."""
+IF_NOT_CONVERGED: Final = (
+    "what helps: a curve that suits the data (`--model auto`), narrower priors of what they leave open (`--priors`), a "
+    "simpler `--noise`, or another `--seed`"
+)
+"""What to do about a fit that has not converged."""
+FIT_AGAIN: Final = f"fit again; {IF_NOT_CONVERGED}"
+"""The same for what was made from a fit."""
 
 
 class Screen(Console):

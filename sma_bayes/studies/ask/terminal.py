@@ -10,7 +10,7 @@ from rich.table import Table
 from sma_bayes.errors import many
 from sma_bayes.quantities import QUANTITIES, unit_text
 from sma_bayes.report.notation import write, write_interval
-from sma_bayes.report.screen import Screen, screen
+from sma_bayes.report.screen import FIT_AGAIN, Screen, screen
 from sma_bayes.studies.ask.schema import (
     AnswersDocument,
     BestTemperature,
@@ -50,7 +50,7 @@ def show_values_at(found: Mapping[str, Any]) -> None:
             remedy = "" if told else "; --extrapolate tells values there all the same"
             console.tell(f"* {_range(a)}{remedy}")
         if not a.converged:
-            console.tell("NOT CONVERGED: these numbers must not be relied on")
+            console.tell(f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}")
         if not a.adequate:
             console.tell("NOT ADEQUATE: curve and noise do not describe the data")
         if a.caution:
@@ -93,7 +93,10 @@ def _show_together(console: Screen, answers: Sequence[ValuesOfRecord]) -> None:
             "* not measured there" + ("" if told_all else "; --extrapolate tells values there all the same")
         )
     for found, text in (
-        ([a.key for a in answers if not a.converged], "NOT CONVERGED, these numbers must not be relied on"),
+        (
+            [a.key for a in answers if not a.converged],
+            f"NOT CONVERGED, these numbers must not be relied on ({FIT_AGAIN})",
+        ),
         (
             [a.key for a in answers if not a.adequate],
             "NOT ADEQUATE, curve and noise do not describe the data",
@@ -170,7 +173,7 @@ def _answer_lines(a: StatedAnswer, level: float) -> list[str]:
     symbol = QUANTITIES["stiffness" if a.quantity == OVERALL else a.quantity].symbol
     lines = [f"{a.key}, {_range(a)}"]
     if not a.converged:
-        lines.append("  NOT CONVERGED: these numbers must not be relied on")
+        lines.append(f"  NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}")
     wanted = f"{symbol} = {a.target:.5g} {unit}".rstrip()
     lines.append(f"  {wanted} is reached there with probability {a.reachable:.3f}{_unreached(a)}")
     lines += [

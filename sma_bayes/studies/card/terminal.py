@@ -9,7 +9,7 @@ from rich.table import Table
 
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
-from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.report.screen import FIT_AGAIN, SHOWN, screen, show_end
 from sma_bayes.studies.card.schema import CardFindings, ConstitutiveCard, StiffnessTable
 
 
@@ -33,7 +33,7 @@ def show_card(found: dict[str, Any], out: Path | None) -> None:
         console.tell(f"no stiffness table: {document.no_stiffness}")
     console.tell(*(f"caution: {text}" for text in document.cautions))
     if not document.converged:
-        console.print("NOT CONVERGED: these numbers must not be relied on.")
+        console.tell(f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}.")
     show_end(console, found, out)
 
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from sma_bayes.quantities import quantity_of
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import show_text
+from sma_bayes.report.screen import FIT_AGAIN, show_text
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
@@ -72,7 +72,7 @@ def conditions_text(stated: Mapping[str, Any]) -> str:
     lines += [f"caution: {c}" for c in found.cautions]
     lines += [f"remark: {r}" for r in (*found.declared_differently, *found.remarks)]
     if not found.converged:
-        lines.append("NOT CONVERGED: the numbers must not be relied on.")
+        lines.append(f"NOT CONVERGED: the numbers must not be relied on; {FIT_AGAIN}.")
     return "\n".join(lines)
 
 

@@ -29,7 +29,7 @@ def show_cycles(told: Mapping[str, Any], out: Path) -> None:
     console.tell(*(f"remark: {text}" for text in found.declared_differently))
     console.tell(*(f"left out {text}" for text in found.left_out))
     if not found.converged:
-        console.print("NOT CONVERGED: the numbers must not be relied on.")
+        console.tell("NOT CONVERGED: the numbers must not be relied on; another `--seed` may help.")
     show_end(console, told, out)
 
 

@@ -9,8 +9,14 @@ from rich.table import Table
 
 from sma_bayes.quantities import SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.types import setting_unit
+from sma_bayes.report.notation import write, write_interval
 from sma_bayes.report.screen import SHOWN, Screen, screen
-from sma_bayes.studies.diff.schema import ComparedRecords, DifferenceDocument, ParameterOfRun
+from sma_bayes.studies.diff.schema import (
+    ComparedParameter,
+    ComparedRecords,
+    DifferenceDocument,
+    ParameterOfRun,
+)
 
 
 def show_diff(told: Mapping[str, Any]) -> None:
@@ -92,6 +98,9 @@ def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument)
         return
     console.print(f"{r.key}:")
     for name, (a, b) in r.changed.items():
+        if isinstance(a, bool) and isinstance(b, bool):
+            console.tell(f"  {name} in {'a' if a else 'b'}, not in {'b' if a else 'a'}")
+            continue
         units = _units_of(name, (a, b), r, found.declared_units)
         a, b = (_with_units(_differing(one, other), units) for one, other in ((a, b), (b, a)))
         console.tell(f"  {name.replace('_', ' ')}: {_short(a)} in a, {_short(b)} in b")
@@ -105,16 +114,16 @@ def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument)
     if r.priors:
         console.tell(f"  other priors of {', '.join(r.priors)}")
     table = Table()
-    for name in ("", "a: median (90 %)", "b: median (90 %)", "b - a [sd]"):
+    for name in ("", "a: median (90 %)", "b: median (90 %)", "b − a", "b − a [sd]"):
         table.add_column(name, justify="left" if not name else "right")
     for name, p in r.parameters.items():
         if p.shift is None or abs(p.shift) > found.tolerance:
             title = f"{name} [{unit_text(p.unit) or '1'}]"
-            table.add_row(title, _interval(p.a), _interval(p.b), _sds(p.shift))
+            table.add_row(title, _interval(p.a), _interval(p.b), _apart(p), _sds(p.shift))
     for band in (band for band in r.bands.values() if band is not None):
         if band.shift is None or abs(band.shift) > found.tolerance:
             title = f"{band.name} at {band.at:.4g} {unit_text(band.temperature_unit)} [{unit_text(band.unit) or '1'}]"
-            table.add_row(title, "", f"a {band.difference:+.3g}", _sds(band.shift))
+            table.add_row(title, "", "", f"{band.difference:+.3g}", _sds(band.shift))
     if table.row_count:
         console.print(table)
 
@@ -122,9 +131,17 @@ def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument)
 def _interval(p: ParameterOfRun | None) -> str:
     if p is None:
         return "-"
-    if p.q05 is None:
-        return f"{p.median:.4g}"
-    return f"{p.median:.4g} ({p.q05:.4g} to {p.q95:.4g})"
+    if p.q05 is None or p.q95 is None:
+        return write([p.median]).plain[0]
+    median, low, high = write_interval(p.median, p.q05, p.q95).plain
+    return f"{median} ({low} to {high})"
+
+
+def _apart(p: ComparedParameter) -> str:
+    """Difference of the medians."""
+    if p.a is None or p.b is None or p.a.median is None or p.b.median is None:
+        return "-"
+    return f"{p.b.median - p.a.median:+.3g}"
 
 
 def _sds(shift: float | None) -> str:

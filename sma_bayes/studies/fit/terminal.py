@@ -14,7 +14,7 @@ from sma_bayes.errors import first_of, many
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import MANY
-from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.report.screen import IF_NOT_CONVERGED, SHOWN, screen, show_end
 from sma_bayes.runs.fit_document import FitSummary, OptionsSummary, RecordSummary
 from sma_bayes.studies.fit.inadequate import NAMED, reason_groups
 
@@ -87,7 +87,10 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     if not found.converged:
         names = [r.key for r in found.records if not r.converged]
         whose = "Their" if len(names) > 1 else "Its"
-        console.print(f"NOT CONVERGED: {first_of(names, SHOWN)}. {whose} numbers must not be relied on.")
+        console.tell(
+            f"NOT CONVERGED: {first_of(names, SHOWN)}. {whose} numbers must not be relied on; {_slowest(found.records)}"
+            f"{IF_NOT_CONVERGED}."
+        )
         unseen = [
             f
             for f in found.findings
@@ -98,6 +101,21 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     console.tell(*adequacy_sentences(found.records, found.options))
     console.tell(*self_check_sentences(found.records))
     show_end(console, summary, out)
+
+
+def _slowest(records: Sequence[RecordSummary]) -> str:
+    """The parameter that is drawn worst, where one was sampled."""
+    sampled = [
+        (p.ess, name, p.rhat, r)
+        for r in records
+        if not r.converged
+        for name, p in r.parameters.items()
+        if p.ess is not None and p.rhat is not None
+    ]
+    if not sampled:
+        return ""
+    ess, name, rhat, r = min(sampled, key=lambda s: s[0])
+    return f"worst is {name} of {r.key} (R-hat {rhat:.3f}, {ess:.0f} effective draws); "
 
 
 def _number(value: float | None) -> str:

@@ -33,7 +33,7 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
         )
     console.tell(*(*found.declared_differently, *found.remarks, *(f"left out {t}" for t in found.left_out)))
     if not found.converged:
-        console.print("NOT CONVERGED: the numbers must not be relied on.")
+        console.tell("NOT CONVERGED: the numbers must not be relied on; another `--seed` may help.")
     show_end(console, told, out)
 
 

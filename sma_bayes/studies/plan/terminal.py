@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from rich.table import Table
 
 from sma_bayes.quantities import unit_text
-from sma_bayes.report.screen import screen, show_end
+from sma_bayes.report.notation import write
+from sma_bayes.report.screen import FIT_AGAIN, screen, show_end
 from sma_bayes.studies.plan.schema import PlanFindings, PlannedCandidate
 from sma_bayes.studies.plan.shown import in_declared_units
 from sma_bayes.studies.plan.words import (
+    HALF_WIDTH,
     half_width,
-    hours_text,
     known_of,
     pair_name,
     quantity_name,
-    range_text,
-    rate_text,
 )
 
 SHOWN: Final = 8
@@ -34,15 +33,16 @@ def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
     for k in found.quantities if found.kind == "quantity" else ():
         if k.median is not None:
             unit = f" {unit_text(k.shown_unit)}".rstrip()
-            value = f"{k.median * k.shown_factor:.4g} {half_width(k.sd, k)}{unit}"
-            console.tell(f"{quantity_name(k, found)}: {value} now (half of the 90 % interval)")
+            sd = k.sd * k.shown_factor
+            median, half = write([k.median * k.shown_factor, HALF_WIDTH * sd], resolution=sd).plain
+            console.tell(f"{quantity_name(k, found)}: {median} ±{half}{unit} now (half of the 90 % interval)")
     for p in found.rivals:
         state = "told apart already" if p.told_apart else "not told apart"
         console.tell(f"{pair_name(p)}: {state}, ln Bayes factor {p.ln_bayes_factor:.1f}")
     console.print(_table(found))
     console.tell(*(f"remark: {remark}" for remark in (*found.declared_differently, *found.remarks)))
     if not found.converged:
-        console.print("NOT CONVERGED: these numbers must not be relied on.")
+        console.tell(f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}.")
     console.tell(found.advice)
     show_end(console, told, out)
 
@@ -63,15 +63,28 @@ def _table(found: PlanFindings) -> Table:
         table.add_column("nats/h", justify="right")
         table.add_column("leaves" if found.kind == "quantity" else "shrinks variances by", justify="right")
     table.add_column("beyond")
-    for c in [c for c in found.candidates if c.fits][:SHOWN]:
+    shown = [c for c in found.candidates if c.fits][:SHOWN]
+    degrees = unit_text(found.temperature_unit)
+    lowest, peak = _alike([c.lowest for c in shown]), _alike([c.peak for c in shown])
+    kelvins = "K" if found.temperature_unit == "degC" else degrees
+    rates = _alike([60.0 * c.rate for c in shown])
+    minutes = all(c.hours < 1.0 for c in shown)
+    times = _alike([c.hours * (60.0 if minutes else 1.0) for c in shown])
+    gains = _alike([c.nats_per_hour for c in shown])
+    for i, c in enumerate(shown):
         table.add_row(
-            c.condition, range_text(c, found.temperature_unit), rate_text(c.rate, found.temperature_unit),
-            str(c.cycles), str(c.samples), hours_text(c.hours), *_told(c, found), ", ".join(c.beyond),
+            c.condition, f"{lowest[i]} to {peak[i]} {degrees}", f"{rates[i]} {kelvins}/min", str(c.cycles),
+            str(c.samples), f"{times[i]} {'min' if minutes else 'h'}", *_told(c, found, gains[i]), ", ".join(c.beyond),
         )  # fmt: skip
     return table
 
 
-def _told(c: PlannedCandidate, found: PlanFindings) -> list[str]:
+def _alike(column: Sequence[float | None]) -> tuple[str, ...]:
+    """Numbers of a column with as many decimals each."""
+    return write(column, digits=3).plain
+
+
+def _told(c: PlannedCandidate, found: PlanFindings, rate: str) -> list[str]:
     if found.kind == "tell-apart":
         return [f"{p.probability:.2f}" for p in c.pairs]
     if not c.expected:
@@ -81,6 +94,6 @@ def _told(c: PlannedCandidate, found: PlanFindings) -> list[str]:
     else:
         best = max(c.expected, key=lambda e: e.shrinkage)
         known = known_of(best, found)
-        left = f"{half_width(best.sd, known)} {unit_text(known.shown_unit)}".rstrip()
+        left = f"{half_width(best.sd, known, known.sd)} {unit_text(known.shown_unit)}".rstrip()
         left += f" ({best.key.rpartition('-')[2]})"
-    return [f"{c.nats or 0.0:.2f}", f"{c.nats_per_hour or 0.0:.3g}", left]
+    return [f"{c.nats or 0.0:.2f}", rate, left]

@@ -7,6 +7,7 @@ from typing import Final
 
 from sma_bayes.errors import first_of, many
 from sma_bayes.quantities import unit_text
+from sma_bayes.report.notation import write
 from sma_bayes.studies.plan.schema import (
     DesignStep,
     ExpectedQuantity,
@@ -85,9 +86,10 @@ def known_of(expected: ExpectedQuantity, found: PlanFindings) -> KnownQuantity:
     return next(k for k in found.quantities if (k.key, k.name) == (expected.key, expected.name))
 
 
-def half_width(sd: float, known: KnownQuantity) -> str:
-    """Half of a 90 % interval, without its unit."""
-    return f"±{HALF_WIDTH * sd * known.shown_factor:.3g}"
+def half_width(sd: float, known: KnownQuantity, beside: float = 0.0) -> str:
+    """Half of a 90 % interval, without its unit, with as many decimals as that of the standard deviation `beside`."""
+    half, other = (HALF_WIDTH * v * known.shown_factor for v in (sd, beside))
+    return f"±{write([half, other], digits=3).plain[0]}"
 
 
 def narrowed(expected: Sequence[ExpectedQuantity], found: PlanFindings) -> str:

@@ -42,10 +42,15 @@ def _numbers(found: WatchDocument) -> Table:
     return Table("numbers", "What is watched", note, columns, rows, 2)
 
 
+def scatter_of(low: float, high: float) -> float:
+    """Standard deviation of a sweep while nothing changes, roughly, from its normal range."""
+    return 0.25 * (high - low)
+
+
 def _scatter(n: WatchedNumber) -> float | None:
-    """Standard deviation of a sweep while nothing changes, roughly; None where it is not known yet."""
+    """The same of the last sweep; None where it is not known yet."""
     low, high = n.normal_low[-1], n.normal_high[-1]
-    return None if low is None or high is None else 0.25 * (high - low)
+    return None if low is None or high is None else scatter_of(low, high)
 
 
 def _value(value: float | None, unit: str, sd: float | None = None) -> Cell:

@@ -10,10 +10,11 @@ from rich.table import Table
 
 from sma_bayes.errors import many
 from sma_bayes.quantities import quantity_of
-from sma_bayes.report.notation import unit_label
-from sma_bayes.report.screen import SHOWN, Screen, screen, show_end
+from sma_bayes.report.notation import unit_label, write
+from sma_bayes.report.screen import FIT_AGAIN, SHOWN, Screen, screen, show_end
 from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
 from sma_bayes.studies.watch.shown import in_declared_units
+from sma_bayes.studies.watch.tables import scatter_of
 
 LAST: Final = 5
 """Cycles that are shown number by number."""
@@ -38,7 +39,7 @@ def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
     console.tell(*(f"remark: {text}" for text in (*found.declared_differently, *found.remarks[-SHOWN:])))
     console.tell(*(limit.statement for limit in found.limits))
     if not found.converged:
-        console.print("NOT CONVERGED: the fit must not be relied on.")
+        console.tell(f"NOT CONVERGED: the fit must not be relied on; {FIT_AGAIN}.")
     console.tell(found.statement)
     show_end(console, told, out)
 
@@ -52,16 +53,23 @@ def _show_numbers(console: Screen, found: WatchDocument) -> None:
         table.add_column(f"{c.cycle}", justify="right")
     table.add_column("log10 e-value", justify="right")
     for n in found.numbers:
-        low, high = n.normal_low[-1], n.normal_high[-1]
-        normal = "not known yet" if low is None or high is None else f"{low:.4g} to {high:.4g}"
-        cells = [_cell(n, i - len(last)) for i in range(len(last))]
-        channel = quantity_of(n.channel, specimen=found.specimen)
-        name = f"{n.branch} {channel} {n.number} [{unit_label(n.unit) or '1'}]"
-        table.add_row(name, normal, *cells, f"{n.log10_e[-1]:.2f}" + (" ALARM" if n.alarm else ""))
+        name = f"{n.branch} {quantity_of(n.channel, specimen=found.specimen)} {n.number} [{unit_label(n.unit) or '1'}]"
+        evidence = f"{n.log10_e[-1]:z.2f}" + (" ALARM" if n.alarm else "")
+        table.add_row(name, *_row(n, len(last)), evidence)
     console.print(table)
 
 
-def _cell(n: WatchedNumber, at: int) -> str:
+def _row(n: WatchedNumber, count: int) -> list[str]:
+    """Normal range and the last values of a number, with the digits that the range bears."""
+    low, high = n.normal_low[-1], n.normal_high[-1]
+    scatter = None if low is None or high is None else scatter_of(low, high)
+    ends, values = [low, high] if scatter else [], n.value[-count:]
+    digits = write([*ends, *values], resolution=scatter).plain
+    normal = f"{digits[0]} to {digits[1]}" if scatter else "not known yet"
+    outside = [_outside(n, i - count) for i in range(count)]
+    return [normal, *(v + "!" * o for v, o in zip(digits[len(ends) :], outside, strict=True))]
+
+
+def _outside(n: WatchedNumber, at: int) -> bool:
     value, low, high = n.value[at], n.normal_low[at], n.normal_high[at]
-    outside = low is not None and high is not None and not low <= value <= high
-    return f"{value:.4g}" + ("!" if outside else "")
+    return low is not None and high is not None and not low <= value <= high

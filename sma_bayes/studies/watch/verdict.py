@@ -34,6 +34,10 @@ from sma_bayes.studies.watch.schema import (
 from sma_bayes.studies.watch.shown import amount_shown
 from sma_bayes.studies.watch.state import StrandNumbers, WatchState
 
+FEWEST_SPARE: Final = 2
+"""Degrees of freedom from which a scatter is told: two sweeps alone leave it open by a factor of hundreds."""
+ROUNDING: Final = 1e-6
+"""Share of a value below which its scatter is that of rounding: sweeps that are copies of each other."""
 NORMAL: Final = 0.975
 LOG10: Final = float(np.log(10.0))
 STRETCHES: Final = ("gain", "stroke", "width")
@@ -162,12 +166,13 @@ def normal_range(watched: Watched, base: int) -> tuple[Floats, Floats]:
     design = watched.designs[len(watched.designs) // 2]
     none = np.full(watched.value.shape, np.nan)
     least = least_squares_of(watched.value[:base], watched.weight[:base], design[:base])
-    if least is None:
+    if least is None or least.spare < FEWEST_SPARE:
         return none, none
     size = 1.0 / watched.weight + np.sum((design @ least.root) ** 2, axis=1)
     scatter = np.sqrt(least.left / least.spare * size[:, None])
     by = t_distribution.ppf(NORMAL, least.spare) * scatter
     middle = design @ least.beta
+    by[by <= ROUNDING * np.abs(middle)] = np.nan
     return middle - by, middle + by
 
 

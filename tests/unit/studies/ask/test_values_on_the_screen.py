@@ -57,7 +57,8 @@ def test_records_at_one_temperature_share_a_table(capsys: pytest.CaptureFixture[
     assert len(rows) == 3
     assert "b-heating *" in rows[2]
     assert "2.5" not in rows[2]
-    assert "NOT CONVERGED, these numbers must not be relied on: b-heating" in shown
+    assert "NOT CONVERGED, these numbers must not be relied on (fit again; what helps: " in shown
+    assert "another `--seed`): b-heating" in shown
     assert "NOT ADEQUATE, curve and noise do not describe the data: a-cooling" in shown
     assert f"caution: a-heating, a-cooling: {slope}" in shown
     assert "* not measured there; --extrapolate" in shown
