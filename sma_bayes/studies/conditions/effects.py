@@ -35,6 +35,9 @@ DRAWS = 4000
 CAME_ABOUT = ("least_temperature", "peak_temperature")
 """Features that were measured rather than set, and vary along with the settings."""
 
+MOST_LACKING = 0.1
+"""Share of the draws of a condition that may lack a feature, such as a start that the tangent puts beyond what was
+measured: an effect is then that of the others."""
 MATERIAL = 0.02
 """Share of a temperature sweep by which an end of it must differ between conditions to matter."""
 
@@ -63,6 +66,8 @@ class SettingEffect:
         That the feature rises with the setting, scatter allowed for [1].
     scatter : mapping of str to float or None
         Scatter between conditions: standard deviation of the feature [`unit`], or of its logarithm [1].
+    why : str
+        Why one of these is None; empty where all are told.
     aliased_with : tuple of str
         Settings that varied together with this one.
     confounders : tuple of Confounder
@@ -82,6 +87,7 @@ class SettingEffect:
     beyond: Mapping[str, float] | None
     probability_rises: float | None
     scatter: Mapping[str, float] | None
+    why: str
     aliased_with: tuple[str, ...]
     confounders: tuple[Confounder, ...]
 
@@ -133,9 +139,11 @@ def _effects(
     design: Design, members: Sequence[Feature], along: Sequence[Confounder], rng: np.random.Generator
 ) -> list[SettingEffect]:
     first = members[0]
-    size = min(f.draws.size for f in members)
-    y = np.stack([f.draws[:size] for f in members])
-    usable = bool(np.all(np.isfinite(y))) and (not first.on_log or bool(np.all(y > 0.0)))
+    defined = [f.draws[np.isfinite(f.draws) & ((f.draws > 0.0) | (not f.on_log))] for f in members]
+    lacking = {f.condition.id: 1.0 - d.size / f.draws.size for f, d in zip(members, defined, strict=True)}
+    usable = max(lacking.values()) <= MOST_LACKING
+    size = min(d.size for d in defined)
+    y = np.stack([d[:size] for d in defined])
     y = np.log(y) if first.on_log and usable else y
     tested = np.linalg.pinv(design.matrix) @ y if usable else None
     general = regression(design.matrix, y, rng) if usable and design.spare > 0 else None
@@ -153,10 +161,21 @@ def _effects(
             beyond=None if slope is None else _change(slope, first.on_log),
             probability_rises=None if slope is None else float(np.mean(slope > 0.0)),
             scatter=None if general is None else interval_where_defined(general.scatter),
+            why=_why(aliased, lacking if not usable else {}, design.spare),
             aliased_with=aliased,
             confounders=tuple(c for c in along if c.setting == setting and c.other != first.name),
         ))  # fmt: skip
     return out
+
+
+def _why(aliased: Sequence[str], lacking: Mapping[str, float], spare: int) -> str:
+    """Why an effect is not told, or not with scatter; empty where it is."""
+    if aliased:
+        return f"varies only together with {', '.join(aliased)}"
+    if lacking:
+        worst = max(lacking, key=lambda c: lacking[c])
+        return f"{lacking[worst]:.0%} of the curves of {worst} have none"
+    return "" if spare > 0 else "no condition is left to tell the scatter"
 
 
 def _change(slope: Floats, factor: bool) -> dict[str, float]:

@@ -49,6 +49,7 @@ class StatedGroup(DocumentPart):
     columns: int = Field(
         description="columns of the design matrix: a level, and one for each setting that differs"
     )
+    why: str = Field(default="", description="why `tested` or `beyond` is not told; empty where both are")
     spare: int = Field(description="conditions beyond those that tell level and effects")
     aliased: dict[str, Items[str]] = Field(
         description="settings that vary only together with others, by name"
@@ -106,6 +107,7 @@ class StatedEffect(DocumentPart):
     scatter: IntervalDocument | None = Field(
         description="standard deviation of the scatter between conditions [`unit`, of a factor of the logarithm]"
     )
+    why: str = Field(default="", description="why `tested` or `beyond` is not told; empty where both are")
     spare: int = Field(description="conditions beyond those that tell level and effects")
     aliased_with: Items[str] = Field(description="settings that vary only together with this one")
     confounded_with: Items[StatedConfounder] = Field(description="what else went along with it")
@@ -166,6 +168,7 @@ class StatedPopulation(DocumentPart):
     conditions: Items[str] = Field(description="ids of the conditions")
     branch: str = Field(description="`heating` or `cooling`")
     channels: Items[str] = Field(description="channels of the records")
+    why: str = Field(default="", description="why `tested` or `beyond` is not told; empty where both are")
     spare: int = Field(description="conditions beyond those that tell level and effects")
     prior_led: bool = Field(description="whether the prior of the scatter decides how wide bands are")
     sampling: PopulationSampling = Field(description="how it was sampled")

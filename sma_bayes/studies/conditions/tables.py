@@ -221,6 +221,7 @@ def effect_table(stored: StoredConditions) -> Table:
             Column("unit", "unit"),
             Column("P(rises)", "probability_rises", "1"),
             Column("scatter of a condition", "scatter", OF_ROW, brief=False),
+            Column("remark", "remark"),
             Column("can't be told from", "confounded_with", brief=False),
         ),
         tuple(_effect_rows(stored.found)),
@@ -240,7 +241,7 @@ def _effect_rows(found: ConditionsDocument) -> Iterator[tuple[Cell, ...]]:
             named(e.feature), e.branch, quantity_of(e.channel, specimen=specimen),
             "×" if e.kind == "factor" else "difference",
             Estimate.where_told(e.tested, e.unit), Estimate.where_told(e.beyond, e.unit), unit_label(e.unit) or "1",
-            Number(e.probability_rises, "1", 0.01), Estimate.where_told(e.scatter, e.unit),
+            Number(e.probability_rises, "1", 0.01), Estimate.where_told(e.scatter, e.unit), e.why,
             ", ".join(setting_name(n, specimen) for n in [*e.aliased_with, *along]),
         )  # fmt: skip
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -104,3 +105,29 @@ def test_peak_temperature_is_named_where_it_rose_with_the_setting(
 
     assert confounders(5.0) == {"peak_temperature"}
     assert confounders(0.1) == set(), "a difference of 0.2 degC in 30 is none"
+
+
+@pytest.mark.parametrize(("lacking", "why"), [(8, ""), (400, "of the curves of c1 have none")])
+def test_a_few_curves_without_a_feature_do_not_hide_its_effect(
+    lacking: int, why: str, make_draws: Callable[..., RecordDraws]
+) -> None:
+    """One draw without a start of the transformation left dashes in place of an effect of stress, and no reason."""
+    records = [
+        make_draws(Condition(f"c{i}", load=w), B3=50.0 + w) for i, w in enumerate((1.0, 2.0, 3.0, 4.0))
+    ]
+    features = list(condition_features(records))
+    at = next(
+        i
+        for i, f in enumerate(features)
+        if (f.name, f.channel, f.condition.id) == ("midpoint", "force", "c1")
+    )
+    draws = features[at].draws.copy()
+    lacking = min(lacking, draws.size // 2)
+    draws[:lacking] = np.nan
+    features[at] = replace(features[at], draws=draws)
+    effect = named(operating_effects(features), "midpoint", "force", "load")
+    assert effect.why.endswith(why)
+    assert (effect.tested is None) is bool(why)
+    if effect.tested is not None:
+        assert not effect.why
+        assert effect.tested["median"] == pytest.approx(3.0, abs=0.5)
