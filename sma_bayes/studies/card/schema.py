@@ -8,6 +8,7 @@ from pydantic import Field
 
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
+    DeclaredUnits,
     DocumentPart,
     FilesBeside,
     IntervalDocument,
@@ -111,7 +112,7 @@ class StiffnessTables(DocumentPart):
     tables: Items[TabulatedQuantiles] = Field(description="one for each condition and branch")
 
 
-class CardFindings(StudyFindings):
+class CardFindings(StudyFindings, DeclaredUnits):
     """What is handed on."""
 
     schema_: Literal["sma-bayes/card/1"] = Field(alias="schema", description="name and version")

@@ -6,11 +6,12 @@ from sma_bayes.report.content import INTERVAL, Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Column, Table, table_of
 from sma_bayes.studies.card.schema import CardDocument, ConstitutiveCard, StoredCard
+from sma_bayes.studies.card.shown import in_declared_units
 
 
 def card_tables(stored: StoredCard) -> dict[str, Table]:
     """All tables, by name."""
-    found = stored.found
+    found = in_declared_units(stored.found)
     tables = [_stiffness(found)]
     if found.constitutive is not None:
         tables = [_constants(found.constitutive), _sweeps(found.constitutive), *tables]

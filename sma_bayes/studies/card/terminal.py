@@ -11,11 +11,13 @@ from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.screen import FIT_AGAIN, SHOWN, screen, show_end
 from sma_bayes.studies.card.schema import CardFindings, ConstitutiveCard, StiffnessTable
+from sma_bayes.studies.card.shown import in_declared_units
 
 
 def show_card(found: dict[str, Any], out: Path | None) -> None:
     """Tell what `card.json` says."""
-    document = CardFindings.model_validate(found)
+    stated = CardFindings.model_validate(found)
+    document = in_declared_units(stated)
     console = screen()
     console.tell(f"{document.campaign}: {headline(document)}")
     if document.constitutive is not None:
@@ -29,8 +31,14 @@ def show_card(found: dict[str, Any], out: Path | None) -> None:
     console.print()
     if document.stiffness:
         console.print(_tables(document.stiffness))
+        if document.stiffness != stated.stiffness:
+            t = stated.stiffness[0]
+            console.tell(
+                f"its files are in {unit_text(t.unit)} and {unit_text(t.temperature_unit)}, as they say"
+            )
     else:
         console.tell(f"no stiffness table: {document.no_stiffness}")
+    console.tell(*document.declared_differently)
     console.tell(*(f"caution: {text}" for text in document.cautions))
     if not document.converged:
         console.tell(f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}.")

@@ -19,6 +19,7 @@ from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Branch
 from sma_bayes.report.choice import REPORT, figures_for
+from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.runs.documents import CARD
 from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRun, read_run
@@ -200,6 +201,7 @@ def _handed_on(run: StoredRun, asked: _Asked, folder: Path | None, work: RunCont
     return CardFindings(
         schema="sma-bayes/card/1",
         **of_fit(summary, run.folder, asked.seed),
+        **declared_parts(records),
         converged=all(r.converged for r in records),
         adequate=all(r.adequate for r in records),
         constitutive=None if made is None else made.stated,

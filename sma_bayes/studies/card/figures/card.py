@@ -23,8 +23,10 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.report.notation import unit_label
+from sma_bayes.runs.declared_units import units_of
 from sma_bayes.studies.card.law import Moduli, shift, transformation_strain
 from sma_bayes.studies.card.schema import CardSweep, ConstitutiveCard, StoredCard
+from sma_bayes.studies.card.shown import units_of_table
 
 COLOURS: Final = {"heating": "#c8501e", "cooling": "#1f6fb2"}
 _STRESSES: Final = 60
@@ -214,6 +216,9 @@ def stiffness_figure(stored: StoredCard, condition: str) -> Drawing:
     names = ("temperature", "stiffness_q05", "stiffness_median", "stiffness_q95")
     temperature, low, middle, high = (np.array(columns[n], dtype=float)[own] for n in names)
     first = next(t for t in stored.found.stiffness if t.condition == condition)
+    unit, degrees = units_of_table(first, units_of(stored.found))
+    temperature = degrees.values(temperature)
+    low, middle, high = (unit.values(v) for v in (low, middle, high))
     figure = empty_sheet(5.2, 3.3)
     ax = panels(figure, 1, 1, left=0.75, right=0.15, bottom=0.8, top=0.4)[0, 0]
     for b, colour in COLOURS.items():
@@ -223,10 +228,10 @@ def stiffness_figure(stored: StoredCard, condition: str) -> Drawing:
     room = 3.0 * np.ptp(middle) + 1e-12
     ax.set(
         ylim=(max(low.min(), middle.min() - room), min(high.max(), middle.max() + room)),
-        xlabel=f"temperature [{unit_label(first.temperature_unit)}]",
+        xlabel=f"temperature [{unit_label(degrees.shown)}]",
     )
     symbol = QUANTITIES[first.quantity].symbol
-    ax.set_ylabel(f"{symbol} [{in_units_of(take_power(ax.yaxis), first.unit)}]")
+    ax.set_ylabel(f"{symbol} [{in_units_of(take_power(ax.yaxis), unit.shown)}]")
     handles: list[Any] = [Line2D([], [], color=COLOURS[b], marker="o", ms=3, label=b) for b in COLOURS]
     handles.append(Patch(color=INK, alpha=0.25, label="90 % of the curve"))
     figure.legend(handles=handles, loc="lower center", ncols=3, borderaxespad=0.2)
