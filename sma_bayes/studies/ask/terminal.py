@@ -130,7 +130,7 @@ def _columns(a: ValuesOfRecord) -> list[tuple[str, list[str]]]:
         symbol = QUANTITIES["stiffness" if q.name == OVERALL else q.name].symbol
         unit = unit_text(q.unit) or "1"
         cells = [
-            "-" if m is None else f"{m:.4g} {_between(*ends)}"
+            "-" if m is None else _with_ends(*write_interval(m, *ends).plain)
             for m, *ends in zip(q.median, q.low, q.high, strict=True)
         ]
         columns.append((f"{q.name.replace('_', ' ')} {symbol} [{unit}]", cells))
@@ -140,8 +140,16 @@ def _columns(a: ValuesOfRecord) -> list[tuple[str, list[str]]]:
     return columns
 
 
+def _with_ends(median: str, low: str, high: str) -> str:
+    return f"{median} ({low} to {high})"
+
+
 def _between(low: float | None, high: float | None) -> str:
-    return "-" if low is None or high is None else f"({low:.4g} to {high:.4g})"
+    """Ends of an interval with the digits that its width bears."""
+    if low is None or high is None:
+        return "-"
+    _, least, most = write_interval(0.5 * (low + high), low, high).plain
+    return f"({least} to {most})"
 
 
 def answer_text(found: Mapping[str, Any]) -> str:

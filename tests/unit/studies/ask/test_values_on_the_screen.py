@@ -69,3 +69,13 @@ def test_several_temperatures_have_a_table_for_each_record(capsys: pytest.Captur
     shown = capsys.readouterr().out
     assert shown.count("force F [N]") == 2
     assert "a-cooling, measured from 20 to 90 °C" in shown
+
+
+def test_median_and_interval_have_the_same_decimals(capsys: pytest.CaptureFixture[str]) -> None:
+    """Four digits each gave "15.11 (14.17 to 16)" and "0.107 (0.08604 to 0.1311)"."""
+    told = {"median": [15.11], "low": [14.17], "high": [16.001]}
+    force = {"name": "force", "unit": "N", **told, **{f"pred_{name}": v for name, v in told.items()}}
+    show_values_at(document(answer("a-heating", quantities={"force": force})))
+    shown = capsys.readouterr().out
+    assert "15.11 (14.17 to 16.00)" in shown
+    assert "  (14.17 to 16.00)" in shown
