@@ -17,7 +17,7 @@ from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS, Steps
 from sma_bayes.paper.twin import Recipe, curves, recipes, twin_campaign
-from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.convergence import Target
 from sma_bayes.sampling.ensembles import Draws, Plan, sample
@@ -85,6 +85,20 @@ class Case:
         )
 
 
+EVEN_MEMORY = """
+schema = "sma-bayes/priors/1"
+title = "memories of the benchmark"
+source = "any memory alike"
+model = "modified_sigmoid"
+[noise.phi]
+family = "uniform"
+low = -1.0
+high = 1.0
+source = "that of the package until November 2026, by which the stored rows were measured"
+"""
+"""Prior of the noise's memory that all samplers of the benchmark are given."""
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """One posterior, and where sampling starts.
@@ -104,8 +118,9 @@ class Problem:
 
     @staticmethod
     def of(record: Record, noise: str) -> Problem:
-        """Posterior of one record under the default priors."""
-        posterior = build_posterior([record], NOISE_MODELS[noise], read_priors("modified_sigmoid"))
+        """Posterior of one record under the default priors, but for that of a memory (`EVEN_MEMORY`)."""
+        priors = read_priors("modified_sigmoid").overridden_by(parse_priors(EVEN_MEMORY, "benchmark"))
+        posterior = build_posterior([record], NOISE_MODELS[noise], priors)
         began = time.perf_counter()
         start = noise_start(posterior, warm_start(posterior, np.random.default_rng(0)))
         return Problem(posterior, start, time.perf_counter() - began)

@@ -282,6 +282,7 @@ def test_a_gap_is_told_in_declared_units(
     bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from sma_bayes import read_campaign, study_gap
+    from sma_bayes.report.notation import interval_text
     from sma_bayes.studies.gap.terminal import show_gap
 
     out = tmp_path / "out"
@@ -292,8 +293,8 @@ def test_a_gap_is_told_in_declared_units(
     capsys.readouterr()
     show_gap(found, out)
     told = capsys.readouterr().out
-    size = in_unit(parameter["median"], "delta_degC/N", "delta_degF/mN")
-    assert f"c {size:.4g} (" in told
+    size = [in_unit(parameter[k], "delta_degC/N", "delta_degF/mN") for k in ("median", "q05", "q95")]
+    assert f"c {interval_text(*size)} °F/mN" in told
     assert "°F/mN" in told
     of_study = text_of(out / "report.html").partition("Priors of the response")[0]
     for text in (told, of_study):
