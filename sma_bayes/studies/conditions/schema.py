@@ -49,7 +49,6 @@ class StatedGroup(DocumentPart):
     columns: int = Field(
         description="columns of the design matrix: a level, and one for each setting that differs"
     )
-    why: str = Field(default="", description="why `tested` or `beyond` is not told; empty where both are")
     spare: int = Field(description="conditions beyond those that tell level and effects")
     aliased: dict[str, Items[str]] = Field(
         description="settings that vary only together with others, by name"
@@ -168,7 +167,6 @@ class StatedPopulation(DocumentPart):
     conditions: Items[str] = Field(description="ids of the conditions")
     branch: str = Field(description="`heating` or `cooling`")
     channels: Items[str] = Field(description="channels of the records")
-    why: str = Field(default="", description="why `tested` or `beyond` is not told; empty where both are")
     spare: int = Field(description="conditions beyond those that tell level and effects")
     prior_led: bool = Field(description="whether the prior of the scatter decides how wide bands are")
     sampling: PopulationSampling = Field(description="how it was sampled")
