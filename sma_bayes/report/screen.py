@@ -21,6 +21,8 @@ IF_NOT_CONVERGED: Final = (
 """What to do about a fit that has not converged."""
 FIT_AGAIN: Final = f"fit again; {IF_NOT_CONVERGED}"
 """The same for what was made from a fit."""
+NOT_CONVERGED: Final = f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}"
+"""What is said of numbers that were made from one."""
 
 
 class Screen(Console):

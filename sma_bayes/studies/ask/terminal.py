@@ -10,7 +10,7 @@ from rich.table import Table
 from sma_bayes.errors import many
 from sma_bayes.quantities import QUANTITIES, unit_text
 from sma_bayes.report.notation import write, write_interval
-from sma_bayes.report.screen import FIT_AGAIN, Screen, screen
+from sma_bayes.report.screen import FIT_AGAIN, NOT_CONVERGED, Screen, screen
 from sma_bayes.studies.ask.schema import (
     AnswersDocument,
     BestTemperature,
@@ -50,7 +50,7 @@ def show_values_at(found: Mapping[str, Any]) -> None:
             remedy = "" if told else "; --extrapolate tells values there all the same"
             console.tell(f"* {_range(a)}{remedy}")
         if not a.converged:
-            console.tell(f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}")
+            console.tell(NOT_CONVERGED)
         if not a.adequate:
             console.tell("NOT ADEQUATE: curve and noise do not describe the data")
         if a.caution:
@@ -181,7 +181,7 @@ def _answer_lines(a: StatedAnswer, level: float) -> list[str]:
     symbol = QUANTITIES["stiffness" if a.quantity == OVERALL else a.quantity].symbol
     lines = [f"{a.key}, {_range(a)}"]
     if not a.converged:
-        lines.append(f"  NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}")
+        lines.append(f"  {NOT_CONVERGED}")
     wanted = f"{symbol} = {a.target:.5g} {unit}".rstrip()
     lines.append(f"  {wanted} is reached there with probability {a.reachable:.3f}{_unreached(a)}")
     lines += [

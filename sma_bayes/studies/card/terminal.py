@@ -9,7 +9,7 @@ from rich.table import Table
 
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
-from sma_bayes.report.screen import FIT_AGAIN, SHOWN, screen, show_end
+from sma_bayes.report.screen import NOT_CONVERGED, SHOWN, screen, show_end
 from sma_bayes.studies.card.schema import CardFindings, ConstitutiveCard, StiffnessTable
 from sma_bayes.studies.card.shown import in_declared_units
 
@@ -41,7 +41,7 @@ def show_card(found: dict[str, Any], out: Path | None) -> None:
     console.tell(*document.declared_differently)
     console.tell(*(f"caution: {text}" for text in document.cautions))
     if not document.converged:
-        console.tell(f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}.")
+        console.tell(f"{NOT_CONVERGED}.")
     show_end(console, found, out)
 
 

@@ -276,12 +276,9 @@ def _fitted(
 ) -> tuple[list[RecordSummary], list[CorrelationAverage], list[QuantityInterval]]:
     """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
     total = sum(len(group) for group in groups)
-    announce(
-        work.tell,
-        expected_s(groups, options, work.jobs),
-        f"{many(total, 'record')}, {_to_do(groups, options)}",
-    )
-    work.tell(0, total, _to_do(groups, options))
+    to_do = _to_do(groups, options)
+    announce(work.tell, expected_s(groups, options, work.jobs), f"{many(total, 'record')}, {to_do}")
+    work.tell(0, total, to_do)
     records: list[RecordSummary] = []
     loops: list[QuantityInterval] = []
     averages = {"measured": Averages(), "replicated": Averages()}

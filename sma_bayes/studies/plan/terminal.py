@@ -10,7 +10,7 @@ from rich.table import Table
 
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import write
-from sma_bayes.report.screen import FIT_AGAIN, screen, show_end
+from sma_bayes.report.screen import NOT_CONVERGED, screen, show_end
 from sma_bayes.studies.plan.schema import PlanFindings, PlannedCandidate
 from sma_bayes.studies.plan.shown import in_declared_units
 from sma_bayes.studies.plan.words import (
@@ -19,6 +19,7 @@ from sma_bayes.studies.plan.words import (
     known_of,
     pair_name,
     quantity_name,
+    rate_unit,
 )
 
 SHOWN: Final = 8
@@ -42,7 +43,7 @@ def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
     console.print(_table(found))
     console.tell(*(f"remark: {remark}" for remark in (*found.declared_differently, *found.remarks)))
     if not found.converged:
-        console.tell(f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}.")
+        console.tell(f"{NOT_CONVERGED}.")
     console.tell(found.advice)
     show_end(console, told, out)
 
@@ -66,14 +67,14 @@ def _table(found: PlanFindings) -> Table:
     shown = [c for c in found.candidates if c.fits][:SHOWN]
     degrees = unit_text(found.temperature_unit)
     lowest, peak = _alike([c.lowest for c in shown]), _alike([c.peak for c in shown])
-    kelvins = "K" if found.temperature_unit == "degC" else degrees
+    per_minute = rate_unit(found.temperature_unit)
     rates = _alike([60.0 * c.rate for c in shown])
     minutes = all(c.hours < 1.0 for c in shown)
     times = _alike([c.hours * (60.0 if minutes else 1.0) for c in shown])
     gains = _alike([c.nats_per_hour for c in shown])
     for i, c in enumerate(shown):
         table.add_row(
-            c.condition, f"{lowest[i]} to {peak[i]} {degrees}", f"{rates[i]} {kelvins}/min", str(c.cycles),
+            c.condition, f"{lowest[i]} to {peak[i]} {degrees}", f"{rates[i]} {per_minute}", str(c.cycles),
             str(c.samples), f"{times[i]} {'min' if minutes else 'h'}", *_told(c, found, gains[i]), ", ".join(c.beyond),
         )  # fmt: skip
     return table

@@ -45,7 +45,12 @@ def rate_text(rate: float, unit: str) -> str:
     >>> rate_text(0.05, "degC")
     '3 K/min'
     """
-    return f"{60.0 * rate:.3g} {'K' if unit == 'degC' else unit_text(unit)}/min"
+    return f"{60.0 * rate:.3g} {rate_unit(unit)}"
+
+
+def rate_unit(unit: str) -> str:
+    """Unit of a rate per minute, of temperatures in a unit."""
+    return f"{'K' if unit == 'degC' else unit_text(unit)}/min"
 
 
 def hours_text(hours: float) -> str:

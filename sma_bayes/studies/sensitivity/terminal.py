@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import FIT_AGAIN, SHOWN, screen, show_end
+from sma_bayes.report.screen import NOT_CONVERGED, SHOWN, screen, show_end
 from sma_bayes.studies.sensitivity.schema import (
     NONE,
     QuantitySensitivity,
@@ -34,7 +34,7 @@ def show_sensitivity(found: dict[str, Any], out: Path | None) -> None:
         console.print(f"and {len(document.records) - SHOWN} records more: see --json or --out")
     console.print()
     if not document.converged:
-        console.tell(f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}")
+        console.tell(NOT_CONVERGED)
     console.tell(*(f"remark: {text}" for text in document.declared_differently))
     console.tell(document.conclusion)
     show_end(console, found, out)

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from sma_bayes.errors import many
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import FIT_AGAIN, screen, show_end
+from sma_bayes.report.screen import NOT_CONVERGED, screen, show_end
 from sma_bayes.runs.declared_units import in_unit, shown_as, shown_product, units_of
 from sma_bayes.studies.gap.schema import HeatParameter
 from sma_bayes.studies.simulate.schema import (
@@ -142,7 +142,7 @@ def _surely(c: ReachOfCondition, probability: float) -> str:
 def closing(document: SimulationFindings) -> str:
     """The last sentence: how far the numbers go."""
     if not document.converged:
-        return f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}."
+        return f"{NOT_CONVERGED}."
     beyond = [f"{r.condition} ({start_text(r)})" for r in document.runs if r.extrapolated_from is not None]
     if beyond:
         return (
