@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Final, Self, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, GetPydanticSchema, Strict, ValidationError, WithJsonSchema
@@ -64,6 +65,58 @@ NumberOrNull = Annotated[
     float | None, _as_it_is(_finite_or_null), WithJsonSchema({"type": ["number", "null"]})
 ]
 """A number; null where it is not told, or is not finite."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnitOf:
+    """What a unit that a part states is of, which decides how people see it; see `sma_bayes.runs.shown`.
+
+    Attributes
+    ----------
+    of : str or callable
+        Key with the channel, quantity or setting that is the first factor, or what tells it of the part: empty where
+        there is none, None where the unit is a product of any of them. `UNDER`: what the part stands under.
+    difference : bool or callable
+        Whether a temperature is the difference of two.
+    """
+
+    of: str | Callable[[Any], str | None] = ""
+    difference: bool | Callable[[Any], bool] = False
+
+
+@dataclass(frozen=True, slots=True)
+class In:
+    """In which unit a number is, or all that a part within this one has in its unit.
+
+    Attributes
+    ----------
+    key : str
+        Key of the part with the unit, where it has one, else of the part around it; or a unit of temperature, or a
+        setting.
+    difference : bool
+        Whether it is the difference of two.
+    unless : str
+        Key that says, where true, that it is in none of these.
+    """
+
+    key: str = "unit"
+    difference: bool = False
+    unless: str = ""
+
+
+UNDER: Final = "."
+TemperatureUnit = Annotated[str, UnitOf()]
+"""A unit of temperature."""
+UnitOfQuantity = Annotated[str, UnitOf("quantity")]
+"""A unit of the quantity that its part names."""
+UnitOfChannel = Annotated[str, UnitOf("channel")]
+"""A unit of the channel that its part names."""
+InUnit = Annotated[T, In()]
+"""In the unit of the part."""
+Temperature = Annotated[T, In("degC")]
+"""A temperature."""
+Kelvins = Annotated[T, In("K")]
+"""A difference of temperatures."""
 
 
 class DocumentPart(BaseModel):
@@ -129,9 +182,9 @@ class DocumentPart(BaseModel):
 class IntervalDocument(DocumentPart):
     """Equal-tailed 90 % interval and median; null where not told."""
 
-    q05: NumberOrNull = Field(description="lower end")
-    median: NumberOrNull = Field(description="median")
-    q95: NumberOrNull = Field(description="upper end")
+    q05: InUnit[NumberOrNull] = Field(description="lower end")
+    median: InUnit[NumberOrNull] = Field(description="median")
+    q95: InUnit[NumberOrNull] = Field(description="upper end")
 
     @property
     def quantiles(self) -> tuple[float, float, float]:

@@ -10,19 +10,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final, TypeVar
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import band_channels
-from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.errors import QuantityError
-from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import (
     ARBITRARY,
-    CHANNELS,
     QUANTITIES,
     SPECIMEN_QUANTITY,
     TEMPERATURE,
@@ -32,31 +29,16 @@ from sma_bayes.quantities import (
 from sma_bayes.records.types import SETTING_UNITS, Record, setting_unit
 from sma_bayes.response.modified_sigmoid import channel_unit
 from sma_bayes.runs.fit_document import (
-    FitFindings,
     HeldSummary,
     Measure,
-    NearestSummary,
-    ParameterSummary,
     RecordSummary,
 )
-from sma_bayes.runs.schema import CorrelationAverage, DeclaredUnits, DocumentPart, Factor
+from sma_bayes.runs.schema import DeclaredUnits
 
-IN_UNIT_OF_CHANNEL: Final = frozenset(
-    {Role.SPAN, Role.OFFSET, Role.LEVEL, Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE, Role.EFFECT}
-)
-"""Roles of parameters that have the unit of their channel, alone or over that of temperature."""
-SCALED: Final = frozenset({"mean", "sd", "median", "low", "high", "scale"})
-"""Numbers of priors that are in the unit of the parameter."""
-SPREADS: Final = frozenset({"sd", "scale"})
-"""Those of them that are differences."""
 WEIGHT: Final = {"g": "gf", "kg": "kgf"}
 """Units of force of the weights of masses, in which loads are declared."""
 SHORT: Final = {"kelvin": "K", "fahrenheit": "degF", "degree_Fahrenheit": "degF"}
 """How units of temperature are written."""
-INTERVAL: Final = ("q05", "median", "q95")
-"""Numbers of an interval."""
-
-P = TypeVar("P", bound=DocumentPart | None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,13 +156,24 @@ def _declared(records: Iterable[RecordSummary | Record]) -> Iterator[tuple[str, 
         else:
             measures: dict[str, Measure | HeldSummary] = {**r.held, **r.quantities}
             for channel, part in measures.items():
-                yield _name(r, channel), part.unit, part.declared_unit
+                yield channel_name(r, channel), part.unit, part.declared_unit
             temperature, declared = r.temperature.unit, r.temperature.declared_unit
             settings, specimen = r.settings_declared_units, _of_specimen(r)
         yield TEMPERATURE.name, temperature, declared
         for setting in SETTING_UNITS:
             if setting in settings:
                 yield setting, setting_unit(setting, specimen=specimen), settings[setting]
+
+
+def channel_name(r: RecordSummary, channel: str) -> str:
+    """What a channel is called, be it measured, derived or held."""
+    if channel in r.quantities:
+        return r.quantities[channel].name
+    return SPECIMEN_QUANTITY.get(channel, channel) if _of_specimen(r) else channel
+
+
+def _of_specimen(r: RecordSummary) -> bool:
+    return bool({m.name for m in r.quantities.values()} & set(SPECIMEN_QUANTITY.values()))
 
 
 def declared_parts(records: Sequence[RecordSummary | Record]) -> dict[str, Any]:
@@ -294,192 +287,7 @@ def shown_product(unit: str, units: Shown) -> ShownUnit:
     return ShownUnit(unit, text, factor)
 
 
-def shown_columns(
-    columns: Mapping[str, Floats], units: Shown, quantity: str, kept: Iterable[str] = ()
-) -> dict[str, Floats]:
-    """Columns of a series of a quantity as they are shown.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        ``temperature_degC``, which is renamed, and numbers in the unit of the quantity.
-    units : mapping of str to ShownUnit
-        See `shown_units`.
-    quantity : str
-    kept : iterable of str
-        Columns in none of these units.
-    """
-    u, degrees = units.get(quantity), units.get(TEMPERATURE.name)
-    temperature = f"{TEMPERATURE.name}_{TEMPERATURE.unit}"
-    shown: dict[str, Floats] = {}
-    for name, values in columns.items():
-        if name == temperature and degrees is not None:
-            shown[f"{TEMPERATURE.name}_{degrees.shown}"] = degrees.values(values)
-        elif u is None or name == temperature or name in kept:
-            shown[name] = values
-        else:
-            shown[name] = u.values(values)
-    return shown
-
-
-def shown_average(a: CorrelationAverage, units: Shown) -> CorrelationAverage:
-    """Averages of correlation factors as they are shown."""
-    u = units.get(a.quantity)
-    if u is None or u.stored != a.unit:
-        return a
-    rmse = None if a.rmse is None else {rule: in_unit(f, u) for rule, f in a.rmse.items()}
-    return a.but(unit=u.shown, rmse=rmse)
-
-
 def declared_units(records: Sequence[RecordSummary]) -> list[str]:
     """Units in which the quantities of these records are shown, where those are not the stored ones."""
     there = {q.name for r in records for q in r.quantities.values()}
     return [u.shown for name, u in shown_units(records).items() if name in there]
-
-
-def in_shown_units(summary: FitFindings, units: Shown) -> FitFindings:
-    """What a fit found with its numbers in the units of `shown_units`.
-
-    Words that a run has stored, such as those of a finding, stay as they are.
-    """
-    if not units:
-        return summary
-    names = {r.condition: r for r in summary.records}
-    return summary.but(
-        records=tuple(_record(r, units) for r in summary.records),
-        loops=tuple(_quantity(q, names.get(q.condition), units) for q in summary.loops),
-        correlation_average=tuple(shown_average(a, units) for a in summary.correlation_average),
-    )
-
-
-def of_parameters(r: RecordSummary, units: Shown) -> dict[str, ShownUnit]:
-    """How the parameters are shown whose unit has that of a channel or of temperature as a factor."""
-    found = {name: _of_parameter(name, p, r, units) for name, p in r.parameters.items()}
-    return {name: u for name, u in found.items() if u.shown != u.stored}
-
-
-def _of_parameter(name: str, p: ParameterSummary, r: RecordSummary, units: Shown) -> ShownUnit:
-    u = _of_channel(r, p.channel, units)
-    own = u is not None and (u.stored != "1" or in_unit_of_channel(name, p.channel, p.role))
-    return shown_as(p.unit, units, _name(r, p.channel) if own else "", difference=p.role != Role.MIDPOINT)
-
-
-def in_unit_of_channel(name: str, channel: str, role: str | None) -> bool:
-    """Whether a parameter has the unit of its channel, alone or over that of temperature, also where that is 1."""
-    sizes = (f"{channel}_sd", f"{channel}_step", f"{channel}_discrepancy")
-    return bool(channel) and (role in IN_UNIT_OF_CHANNEL or name in sizes)
-
-
-def _name(r: RecordSummary, channel: str) -> str:
-    """What a channel is called, be it measured, derived or held."""
-    if channel in r.quantities:
-        return r.quantities[channel].name
-    return SPECIMEN_QUANTITY.get(channel, channel) if _of_specimen(r) else channel
-
-
-def _of_specimen(r: RecordSummary) -> bool:
-    return bool({m.name for m in r.quantities.values()} & set(SPECIMEN_QUANTITY.values()))
-
-
-def _of_channel(r: RecordSummary, channel: str, units: Shown) -> ShownUnit | None:
-    found = units.get(_name(r, channel))
-    stored = r.quantities.get(channel)
-    return None if found is None or (stored is not None and stored.unit != found.stored) else found
-
-
-def _record(r: RecordSummary, units: Shown) -> RecordSummary:
-    by_channel = {c: u for c in CHANNELS if (u := _of_channel(r, c, units)) is not None}
-    degrees, apart = (shown_as(r.temperature.unit, units, difference=d) for d in (False, True))
-
-    def scaled(parts: Mapping[str, P], *names: str) -> dict[str, P]:
-        return {c: in_unit(p, by_channel[c], *names) if c in by_channel else p for c, p in parts.items()}
-
-    def agreement(found: Mapping[str, Mapping[str, Factor]]) -> dict[str, dict[str, Factor]]:
-        return {
-            c: {
-                n: in_unit(f, by_channel[c]) if n == "rmse" and c in by_channel else f
-                for n, f in factors.items()
-            }
-            for c, factors in found.items()
-        }
-
-    def of_channel(p: NearestSummary) -> bool:
-        return p.channel in by_channel and p.unit == by_channel[p.channel].stored
-
-    fit = {
-        c: g.but(sse=_product(g.sse, by_channel[c].factor ** 2), rmse=_product(g.rmse, by_channel[c].factor))
-        if c in by_channel
-        else g
-        for c, g in r.fit.items()
-    }
-    return r.but(
-        quantities={
-            c: m.but(unit=by_channel[c].shown) if c in by_channel else m for c, m in r.quantities.items()
-        },
-        held=scaled(r.held, "mean", "sd"),
-        temperature=in_unit(r.temperature, degrees, "lowest", "highest", sd=apart.value(r.temperature.sd)),
-        calibration={
-            c: k.but(offset=degrees.value(k.offset), offset_sd=apart.value(k.offset_sd))
-            if c == TEMPERATURE.name
-            else k
-            for c, k in scaled(r.calibration, "offset", "offset_sd").items()
-        },
-        discrepancy={
-            c: m.but(at=degrees.value(m.at)) for c, m in scaled(r.discrepancy, "rms", "largest").items()
-        },
-        nearest={
-            n: in_unit(p, shown_as(p.unit, units, _name(r, p.channel) if of_channel(p) else ""))
-            for n, p in r.nearest.items()
-        },
-        transformation={n: in_unit(t, shown_as(t.unit, units)) for n, t in r.transformation.items()},
-        parameters={n: _parameter(p, _of_parameter(n, p, r, units)) for n, p in r.parameters.items()},
-        fit=fit,
-        correlation=agreement(r.correlation),
-        correlation_replicated=agreement(r.correlation_replicated),
-        quantities_of_branch=tuple(_quantity(q, r, units) for q in r.quantities_of_branch),
-    )
-
-
-def _parameter(p: ParameterSummary, u: ShownUnit) -> ParameterSummary:
-    if u.shown == u.stored:
-        return p
-    by = dict.fromkeys(SCALED, u) | dict.fromkeys(SPREADS, replace(u, zero=0.0))
-    prior = {n: by[n].value(v) if n in by and isinstance(v, float) else v for n, v in p.prior.items()}
-    own = in_unit(p, u, "warm_start", "mean", "q05", "median", "q95")
-    spreads = {n: _product(getattr(p, n), u.factor) for n in ("warm_start_sd", "sd")}
-    return own.but(prior=prior, **spreads)
-
-
-def _quantity(q: QuantityInterval, r: RecordSummary | None, units: Shown) -> QuantityInterval:
-    u = None if r is None else _of_channel(r, q.channel, units)
-    unit, factor = q.unit, 1.0
-    if u is not None and (q.name == "loop_area" or (q.unit == u.stored and u.stored != "1")):
-        unit, factor = u.of(q.unit), u.factor
-    degrees = {name: found for name, found in units.items() if name == TEMPERATURE.name}
-    last = shown_as(unit, degrees, difference=True)  # a width, or an area
-    return in_unit(q, ShownUnit(q.unit, last.shown, factor * last.factor))
-
-
-def in_unit(part: P, u: ShownUnit, *names: str, **changed: object) -> P:
-    """A part of a document as it is shown, and its `unit` with it where it has one; None where there is none.
-
-    Parameters
-    ----------
-    part : DocumentPart or None
-    u : ShownUnit
-    *names : str
-        Its numbers in that unit; those of an interval if there are none.
-    **changed
-        Keys that are shown in another way.
-    """
-    if part is None:
-        return part
-    update: dict[str, object] = {n: u.value(getattr(part, n)) for n in names or INTERVAL}
-    unit = getattr(part, "unit", None)
-    if unit:
-        update["unit"] = u.of(unit)
-    return part.but(**(update | changed))
-
-
-def _product(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor

@@ -13,9 +13,11 @@ from sma_bayes.checksum import numbers_checksum
 from sma_bayes.document_part import (
     DocumentPart as DocumentPart,
     IntervalDocument as IntervalDocument,
+    InUnit as InUnit,
     Items as Items,
     Number as Number,
     NumberOrNull as NumberOrNull,
+    UnitOfQuantity as UnitOfQuantity,
 )
 from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.runs.documents import Document
@@ -163,7 +165,7 @@ class CorrelationFactors(DocumentPart):
     adj_r2: Factor | None = Field(
         default=None, description="R² adjusted for the number of parameters [1]; not of what was held out"
     )
-    rmse: Factor = Field(description="sqrt(sse/n) [unit of the channel]")
+    rmse: InUnit[Factor] = Field(description="sqrt(sse/n) [unit of the channel]")
 
 
 class AverageR(Factor):
@@ -183,7 +185,7 @@ class CorrelationAverage(DocumentPart):
     data: str | None = Field(default=None, description="of a fit: `measured` or `replicated`")
     channel: str = Field(description="the channel")
     quantity: str = Field(description="what it is called")
-    unit: str = Field(description="its unit")
+    unit: UnitOfQuantity = Field(description="its unit")
     branch: str = Field(description="the branch; empty for both")
     records: Items[str] = Field(description="keys of the records")
     left_out: Items[str] = Field(description="keys of those that did not converge")
@@ -195,4 +197,6 @@ class CorrelationAverage(DocumentPart):
     )
     r2: dict[str, Factor] | None = Field(default=None, description="by rule: `plain`, `pooled` [1]")
     adj_r2: dict[str, Factor] | None = Field(default=None, description="by rule: `plain`, `pooled` [1]")
-    rmse: dict[str, Factor] | None = Field(default=None, description="by rule: `plain`, `pooled` [`unit`]")
+    rmse: InUnit[dict[str, Factor] | None] = Field(
+        default=None, description="by rule: `plain`, `pooled` [`unit`]"
+    )

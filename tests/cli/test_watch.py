@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 import sma_bayes
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.watch.schema import WatchDocument
-from sma_bayes.studies.watch.shown import in_declared_units
 
 Published = Callable[[str], Any]
 Run = Callable[..., Any]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.document_part import In, InUnit, Kelvins, Temperature, TemperatureUnit, UnitOfQuantity
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
@@ -79,12 +80,12 @@ class StiffnessTable(DocumentPart):
     condition: str = Field(description="id of the condition")
     branch: str = Field(description="`heating` or `cooling`")
     quantity: str = Field(description="what it is called")
-    unit: str = Field(description="its unit")
-    temperature_unit: str = Field(description="unit of temperature")
-    first: Number = Field(description="first temperature [unit of temperature]")
-    step: Number = Field(description="from one to the next [unit of temperature]")
+    unit: UnitOfQuantity = Field(description="its unit")
+    temperature_unit: TemperatureUnit = Field(description="unit of temperature")
+    first: Temperature[Number] = Field(description="first temperature [unit of temperature]")
+    step: Kelvins[Number] = Field(description="from one to the next [unit of temperature]")
     points: int = Field(description="number of temperatures")
-    interpolation_error: Number = Field(
+    interpolation_error: Annotated[Number, In(difference=True)] = Field(
         description="largest error of linear interpolation of the three quantiles [unit]"
     )
     relative_error: Number = Field(description="the same over the stiffness there, largest [1]")
@@ -94,10 +95,10 @@ class StiffnessTable(DocumentPart):
 class TabulatedQuantiles(StiffnessTable):
     """The same with its numbers."""
 
-    temperature: Items[Number] = Field(description="evenly spaced [`temperature_unit`]")
-    q05: Items[Number] = Field(description="lower end of the 90 % interval at each [`unit`]")
-    median: Items[Number] = Field(description="median at each [`unit`]")
-    q95: Items[Number] = Field(description="upper end of the 90 % interval at each [`unit`]")
+    temperature: Temperature[Items[Number]] = Field(description="evenly spaced [`temperature_unit`]")
+    q05: InUnit[Items[Number]] = Field(description="lower end of the 90 % interval at each [`unit`]")
+    median: InUnit[Items[Number]] = Field(description="median at each [`unit`]")
+    q95: InUnit[Items[Number]] = Field(description="upper end of the 90 % interval at each [`unit`]")
 
 
 class StiffnessTables(DocumentPart):

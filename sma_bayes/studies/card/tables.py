@@ -5,8 +5,8 @@ from __future__ import annotations
 from sma_bayes.report.content import INTERVAL, Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Column, Table, table_of
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.card.schema import CardDocument, ConstitutiveCard, StoredCard
-from sma_bayes.studies.card.shown import in_declared_units
 
 
 def card_tables(stored: StoredCard) -> dict[str, Table]:

@@ -10,8 +10,8 @@ from rich.table import Table
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.screen import NOT_CONVERGED, SHOWN, screen, show_end
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.card.schema import CardFindings, ConstitutiveCard, StiffnessTable
-from sma_bayes.studies.card.shown import in_declared_units
 
 
 def show_card(found: dict[str, Any], out: Path | None) -> None:

@@ -13,10 +13,10 @@ from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.documents import COMPARISON
 from sma_bayes.runs.finished_run import read_finished
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.compare.figures.averages import model_average_figure
 from sma_bayes.studies.compare.figures.models import curves_figure, differences_figure, pages
 from sma_bayes.studies.compare.schema import ComparisonDocument, Overall, StoredComparison
-from sma_bayes.studies.compare.shown import in_declared_units
 from sma_bayes.studies.compare.tables import comparison_tables, model_averages, short
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
 

@@ -7,6 +7,7 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.document_part import InUnit, TemperatureUnit, UnitOfQuantity
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     CorrelationAverage,
@@ -56,9 +57,9 @@ class StatedVerdict(DocumentPart):
 class ModelFactors(DocumentPart):
     """Correlation factors of a model over draws of its curve."""
 
-    in_sample: CorrelationFactors = Field(description="with the data to which it was fitted")
-    held_out: CorrelationFactors = Field(description="with all folds, each predicted without itself")
-    by_fold: Items[CorrelationFactors] = Field(description="with each fold by itself")
+    in_sample: InUnit[CorrelationFactors] = Field(description="with the data to which it was fitted")
+    held_out: InUnit[CorrelationFactors] = Field(description="with all folds, each predicted without itself")
+    by_fold: InUnit[Items[CorrelationFactors]] = Field(description="with each fold by itself")
     folds_worse_than_their_mean: int = Field(description="folds whose median R² is negative")
     folds_without_r: int = Field(description="folds in which a draw leaves r undefined")
 
@@ -120,11 +121,13 @@ class ComparedModel(DocumentPart):
     weight: NumberOrNull = Field(
         description="stacking weight, by held-out densities; 0 for one with the numbers of another [1]"
     )
-    rmse_held_out: NumberOrNull = Field(
+    rmse_held_out: InUnit[NumberOrNull] = Field(
         description="root mean square error of the median curve, predicted for held-out folds [`unit`]"
     )
     r_held_out: NumberOrNull = Field(description="Pearson's r of the same [1]")
-    correlation: ModelFactors | None = Field(default=None, description="factors over draws of the curve")
+    correlation: InUnit[ModelFactors | None] = Field(
+        default=None, description="factors over draws of the curve"
+    )
     pareto_k_max: NumberOrNull = Field(description="greatest Pareto k of single samples left out")
     pareto_k_above: int | None = Field(default=None, description="how many of them exceed 0.7")
     pareto_k_anew_max: NumberOrNull = Field(
@@ -178,8 +181,8 @@ class ComparedRecord(StatedVerdict):
     key: str = Field(description="`<condition>-<branch>-<channel>`, as files are named")
     channel: str = Field(description="stiffness where it was measured; else an entry for each channel")
     quantity: str = Field(description="what the channel is called")
-    unit: str = Field(description="its unit")
-    temperature_unit: str = Field(description="unit of temperatures")
+    unit: UnitOfQuantity = Field(description="its unit")
+    temperature_unit: TemperatureUnit = Field(description="unit of temperatures")
     n: int = Field(description="samples")
     noise: str = Field(description="noise model of all models")
     noise_choice: StatedNoiseChoice | None = Field(description="why, where it was chosen; else null")
@@ -189,7 +192,7 @@ class ComparedRecord(StatedVerdict):
     same_curve: Items[Items[str]] = Field(
         description="lists of models that are one curve under several names"
     )
-    models: dict[str, ComparedModel] = Field(description="the models, by name")
+    models: InUnit[dict[str, ComparedModel]] = Field(description="the models, by name")
     converged: bool = Field(description="whether every model converged")
     wall_s: Number = Field(description="time that it took [s]")
 
@@ -217,7 +220,7 @@ class Overall(StatedVerdict):
 
     channel: str = Field(description="the channel")
     quantity: str = Field(description="what it is called")
-    unit: str = Field(description="its unit")
+    unit: UnitOfQuantity = Field(description="its unit")
     records: Items[str] = Field(description="keys of the records")
     models: dict[str, OverallModel] = Field(description="the models, by name")
     verdicts: dict[str, int] = Field(description="how many records had which verdict")

@@ -13,8 +13,8 @@ from sma_bayes.fitting.curves import quantiles
 from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.records.types import Condition, setting_unit
-from sma_bayes.runs.declared_units import in_unit_of_channel
 from sma_bayes.runs.schema import interval_document
+from sma_bayes.runs.shown import in_unit_of_channel
 from sma_bayes.studies.conditions.design import SETTINGS, Design
 from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.conditions.features import Feature

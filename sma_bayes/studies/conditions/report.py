@@ -12,6 +12,7 @@ from sma_bayes.report.choice import Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.runs.documents import CONDITIONS
 from sma_bayes.runs.finished_run import read_finished
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.conditions.figures.conditions import (
     effects_figure,
     held_out_figure,
@@ -19,7 +20,6 @@ from sma_bayes.studies.conditions.figures.conditions import (
     predicted_figure,
 )
 from sma_bayes.studies.conditions.schema import ConditionsDocument, StatedScore, StoredConditions
-from sma_bayes.studies.conditions.shown import in_declared_units
 from sma_bayes.studies.conditions.tables import conditions_tables, preferred_way, share_text
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.document_part import UNDER, In, InUnit, TemperatureUnit, UnitOf, UnitOfQuantity
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
@@ -35,8 +36,8 @@ class ConditionsOptions(DocumentPart):
 class VariedSetting(DocumentPart):
     """A setting that differs between conditions."""
 
-    unit: str = Field(description="its unit")
-    values: Items[Number] = Field(description="in each of `conditions` [unit]")
+    unit: Annotated[str, UnitOf(UNDER)] = Field(description="its unit")
+    values: InUnit[Items[Number]] = Field(description="in each of `conditions` [unit]")
 
 
 class StatedGroup(DocumentPart):
@@ -55,12 +56,19 @@ class StatedGroup(DocumentPart):
     )
 
 
+def _channel_of_unit(feature: NamedFeature | StatedEffect) -> str:
+    """Channel whose unit is a factor of that of a feature; none of shares and ratios."""
+    return "" if feature.unit == "1" else feature.channel
+
+
 class NamedFeature(DocumentPart):
     """Which number sums up a curve."""
 
     name: str = Field(description="which number it is, such as `midpoint`")
     channel: str = Field(description="channel whose curve it sums up; empty where it is not of one channel")
-    unit: str = Field(description="its unit")
+    unit: Annotated[str, UnitOf(_channel_of_unit, difference=lambda f: f.name == "hysteresis_width")] = Field(
+        description="its unit"
+    )
 
 
 class StatedFeature(IntervalDocument, NamedFeature):
@@ -89,21 +97,23 @@ class StatedEffect(DocumentPart):
     feature: str = Field(description="name of the feature")
     branch: str = Field(description="`heating`, `cooling` or `both`")
     channel: str = Field(description="its channel")
-    unit: str = Field(description="unit of the change")
+    unit: Annotated[str, UnitOf(_channel_of_unit, difference=True)] = Field(description="unit of the change")
     kind: Literal["factor", "difference"] = Field(description="`factor` or `difference`")
     setting: str = Field(description="name of the setting")
-    setting_unit: str = Field(description="its unit")
-    from_: Number = Field(alias="from", description="its least value [`setting_unit`]")
-    to: Number = Field(description="its greatest value [`setting_unit`]")
+    setting_unit: Annotated[str, UnitOf("setting")] = Field(description="its unit")
+    from_: Annotated[Number, In("setting_unit")] = Field(
+        alias="from", description="its least value [`setting_unit`]"
+    )
+    to: Annotated[Number, In("setting_unit")] = Field(description="its greatest value [`setting_unit`]")
     conditions: Items[str] = Field(description="ids of the conditions")
-    tested: IntervalDocument | None = Field(
+    tested: InUnit[IntervalDocument | None] = Field(
         description="how the tested conditions differ, without scatter; null where not told"
     )
-    beyond: IntervalDocument | None = Field(
+    beyond: InUnit[IntervalDocument | None] = Field(
         description="what the setting does, conditions scattering about a straight line; null where not told"
     )
     probability_rises: NumberOrNull = Field(description="posterior probability that the feature rises [1]")
-    scatter: IntervalDocument | None = Field(
+    scatter: InUnit[IntervalDocument | None] = Field(
         description="standard deviation of the scatter between conditions [`unit`, of a factor of the logarithm]"
     )
     why: str = Field(default="", description="why `tested` or `beyond` is not told; empty where both are")
@@ -135,30 +145,34 @@ class StatedCoordinate(DocumentPart):
     """A coordinate in which settings act on straight lines."""
 
     name: str = Field(description="which it is")
-    unit: str = Field(default="", description="its unit; 1 of a logarithm")
+    unit: Annotated[str, UnitOf("channel", difference=True)] = Field(
+        default="", description="its unit; 1 of a logarithm"
+    )
     channel: str = Field(
         default="", description="channel whose unit is a factor of that; empty where none is"
     )
     level: IntervalDocument = Field(description="its level at the least value of each setting")
-    changes: dict[str, IntervalDocument] = Field(
+    changes: InUnit[dict[str, IntervalDocument]] = Field(
         description="its change over the range of each setting, by name"
     )
-    scatter: IntervalDocument = Field(description="standard deviation between conditions")
-    scatter_prior: IntervalDocument = Field(description="the same under the prior")
+    scatter: InUnit[IntervalDocument] = Field(description="standard deviation between conditions")
+    scatter_prior: InUnit[IntervalDocument] = Field(description="the same under the prior")
 
 
 class PooledParameter(DocumentPart):
     """A parameter of the curve of a condition, in the unit of the fit."""
 
-    unit: str = Field(default="", description="its unit")
+    unit: Annotated[str, UnitOf("channel", difference=lambda p: p.difference)] = Field(
+        default="", description="its unit"
+    )
     channel: str = Field(
         default="", description="channel whose unit is a factor of that; empty where none is"
     )
     difference: bool = Field(
         default=True, description="of a temperature: whether it is the difference of two"
     )
-    own: IntervalDocument = Field(description="by the condition itself")
-    pooled: IntervalDocument = Field(description="with what the others say about it")
+    own: InUnit[IntervalDocument] = Field(description="by the condition itself")
+    pooled: InUnit[IntervalDocument] = Field(description="with what the others say about it")
 
 
 class StatedPopulation(DocumentPart):
@@ -186,16 +200,16 @@ class PredictedFeature(IntervalDocument, NamedFeature):
 class TemperaturesCovered(DocumentPart):
     """Temperatures that all conditions cover."""
 
-    unit: str = Field(description="unit of temperatures")
-    covered_from: Number = Field(description="lowest [unit]")
-    covered_to: Number = Field(description="highest [unit]")
+    unit: TemperatureUnit = Field(description="unit of temperatures")
+    covered_from: InUnit[Number] = Field(description="lowest [unit]")
+    covered_to: InUnit[Number] = Field(description="highest [unit]")
 
 
 class PredictedChannel(DocumentPart):
     """The predicted curve of a channel."""
 
     quantity: str = Field(description="what the channel is called")
-    unit: str = Field(description="its unit")
+    unit: UnitOfQuantity = Field(description="its unit")
     band: str = Field(description="file of the band, by its path in the folder")
 
 
@@ -230,8 +244,8 @@ class StatedScore(DocumentPart):
     holds_whole: bool | None = Field(
         description="whether the simultaneous 90 % band holds the curve everywhere; null where there is none"
     )
-    width: Number = Field(description="mean width of the 90 % band [unit of the channel]")
-    error: Number = Field(description="mean error of its median [unit of the channel]")
+    width: InUnit[Number] = Field(description="mean width of the 90 % band [unit of the channel]")
+    error: InUnit[Number] = Field(description="mean error of its median [unit of the channel]")
 
 
 class LeftOutCurve(SettingsOfCondition):
@@ -239,15 +253,15 @@ class LeftOutCurve(SettingsOfCondition):
 
     channel: str = Field(description="the channel")
     quantity: str = Field(description="what it is called")
-    unit: str = Field(description="its unit")
-    temperature_unit: str = Field(description="unit of temperatures")
-    span: Number = Field(description="range of its own curve [unit]")
+    unit: UnitOfQuantity = Field(description="its unit")
+    temperature_unit: TemperatureUnit = Field(description="unit of temperatures")
+    span: InUnit[Number] = Field(description="range of its own curve [unit]")
     from_: Items[str] = Field(alias="from", description="ids of the conditions from which it was predicted")
     extrapolates: Items[str] = Field(description="settings beyond the measured range, or `combination`")
     prior_led: bool = Field(description="whether the prior of the scatter decides how wide bands are")
     correction_applied: bool = Field(description="whether the likelihoods corrected the Gaussian form")
     on_log: bool = Field(description="whether width and error are of natural logarithms, as of stiffness")
-    ways: dict[str, StatedScore] = Field(
+    ways: Annotated[dict[str, StatedScore], In(unless="on_log")] = Field(
         description="how well it was predicted: `hierarchical`, `curves by hand`, `parameters by hand`"
     )
     file: str = Field(description="file of the series, by its path in the folder")

@@ -10,6 +10,7 @@ from sma_bayes.quantities import quantity_of
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.screen import FIT_AGAIN, show_text
 from sma_bayes.runs.schema import IntervalDocument
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
     LeftOutCurve,
@@ -17,7 +18,6 @@ from sma_bayes.studies.conditions.schema import (
     StatedEffect,
     StatedScore,
 )
-from sma_bayes.studies.conditions.shown import in_declared_units
 from sma_bayes.studies.conditions.tables import (
     named,
     preferred_way,

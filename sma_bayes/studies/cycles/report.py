@@ -12,9 +12,9 @@ from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.documents import CYCLES
 from sma_bayes.runs.finished_run import read_finished
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.cycles.figures.cycles import curves_figure, numbers_figure, values_figure
 from sma_bayes.studies.cycles.schema import CyclesDocument, StoredCycles
-from sma_bayes.studies.cycles.shown import in_declared_units
 from sma_bayes.studies.cycles.tables import cycles_tables
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.document_part import In, InUnit, Temperature, TemperatureUnit, UnitOf, UnitOfChannel
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
@@ -19,6 +20,14 @@ from sma_bayes.runs.schema import (
     RunAccount,
     StudyFindings,
 )
+
+RATIO: Final = "width"
+"""A number that is a ratio whatever the unit of the channel."""
+
+
+def channel_of_value(name: str, channel: str) -> str:
+    """Channel whose unit a number of a sweep is in; empty for a ratio."""
+    return "" if name == RATIO else "stiffness" if name == "stiffness" else channel
 
 
 class CyclesOptions(DocumentPart):
@@ -36,13 +45,17 @@ class CommonCurve(DocumentPart):
 
     branch: str = Field(description="`heating` or `cooling`")
     channel: str = Field(description="the channel")
-    unit: str = Field(description="its unit")
+    unit: UnitOfChannel = Field(description="its unit")
     model: str = Field(description="name of its response model")
     parameters: dict[str, Number] = Field(description="least-squares estimates of the curve's parameters")
-    midpoint: Number = Field(description="temperature at which it is halfway [unit of temperature]")
-    level: Number = Field(description="level there [`unit`]")
-    span: Number = Field(description="its stroke between the ends of the measured temperatures [`unit`]")
-    noise: Number = Field(description="standard deviation of what curve and numbers leave [`unit`]")
+    midpoint: Temperature[Number] = Field(
+        description="temperature at which it is halfway [unit of temperature]"
+    )
+    level: InUnit[Number] = Field(description="level there [`unit`]")
+    span: InUnit[Number] = Field(
+        description="its stroke between the ends of the measured temperatures [`unit`]"
+    )
+    noise: InUnit[Number] = Field(description="standard deviation of what curve and numbers leave [`unit`]")
     missed: Number = Field(description="the same over the range of the channel [1]")
     lag1_correlation: Number = Field(description="correlation of neighbouring samples in a sweep [1]")
     converged: bool = Field(description="whether curve and numbers have settled")
@@ -80,10 +93,14 @@ class ChangeOfNumber(IntervalDocument):
     branch: str = Field(description="`heating` or `cooling`")
     channel: str = Field(description="the channel")
     number: str = Field(description="`offset`, `stroke`, `shift` or `width`")
-    unit: str = Field(description="unit of the change; a stroke or width changes by its logarithm, 1")
+    unit: Annotated[str, UnitOf(difference=True)] = Field(
+        description="unit of the change; a stroke or width changes by its logarithm, 1"
+    )
     probability: Number = Field(description="that a law acts on it [1]")
-    scatter: IntervalDocument = Field(description="standard deviation of the effect of a sweep [`unit`]")
-    step: IntervalDocument = Field(
+    scatter: InUnit[IntervalDocument] = Field(
+        description="standard deviation of the effect of a sweep [`unit`]"
+    )
+    step: InUnit[IntervalDocument] = Field(
         description="standard deviation of the steps of the walk from cycle to cycle [`unit`]"
     )
 
@@ -126,15 +143,21 @@ class QuantityByCycle(DocumentPart):
         description="`offset` (level halfway), `stroke`, `shift` (against the common curve), `width` (over that of the "
         "common curve), `As`, `Af`, `Ms`, `Mf`, or at a temperature the channel or `stiffness`"
     )
-    unit: str = Field(description="its unit")
-    at: NumberOrNull = Field(
+    unit: Annotated[str, UnitOf(lambda q: channel_of_value(q.name, q.channel))] = Field(
+        description="its unit"
+    )
+    at: Temperature[NumberOrNull] = Field(
         description="temperature [unit of temperature]; null where it is of the whole sweep"
     )
-    own: Items[NumberOrNull] = Field(description="value of the sweep by itself; null where there is none")
-    own_sd: Items[NumberOrNull] = Field(description="its standard deviation")
-    q05: Items[NumberOrNull] = Field(description="lower end of the 90 % interval, pooled over cycles")
-    median: Items[NumberOrNull] = Field(description="median")
-    q95: Items[NumberOrNull] = Field(description="upper end; after the last measured cycle it is predictive")
+    own: InUnit[Items[NumberOrNull]] = Field(
+        description="value of the sweep by itself; null where there is none"
+    )
+    own_sd: Annotated[Items[NumberOrNull], In(difference=True)] = Field(description="its standard deviation")
+    q05: InUnit[Items[NumberOrNull]] = Field(description="lower end of the 90 % interval, pooled over cycles")
+    median: InUnit[Items[NumberOrNull]] = Field(description="median")
+    q95: InUnit[Items[NumberOrNull]] = Field(
+        description="upper end; after the last measured cycle it is predictive"
+    )
 
 
 class ConditionCycles(DocumentPart):
@@ -159,7 +182,7 @@ class CyclesFindings(StudyFindings, DeclaredUnits):
 
     schema_: Literal["sma-bayes/cycles/1"] = Field(alias="schema", description="name and version")
     options: CyclesOptions = Field(description="what was asked for")
-    temperature_unit: str = Field(description="unit of temperatures")
+    temperature_unit: TemperatureUnit = Field(description="unit of temperatures")
     specimen: bool = Field(
         description="whether stress, strain and modulus stand for force, displacement and stiffness"
     )

@@ -10,8 +10,8 @@ from rich.table import Table
 
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.screen import SHOWN, Screen, screen, show_end
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.cycles.schema import ConditionCycles, CyclesDocument, QuantityByCycle
-from sma_bayes.studies.cycles.shown import in_declared_units
 
 COLUMNS: Final = 7
 """Quantities side by side, at most; the report has all of them."""

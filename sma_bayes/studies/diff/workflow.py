@@ -9,9 +9,10 @@ from typing import Any, Final
 import numpy as np
 
 from sma_bayes.errors import SmaBayesError
-from sma_bayes.runs.declared_units import Shown, declared_parts, in_shown_units, shown_as, shown_units
+from sma_bayes.runs.declared_units import Shown, declared_parts, shown_as, shown_units
 from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary
 from sma_bayes.runs.outputs import StoredBand, StoredRun, band_of, read_run
+from sma_bayes.runs.shown import in_shown_units
 from sma_bayes.studies.diff.schema import (
     ComparedBand,
     ComparedParameter,

@@ -20,14 +20,7 @@ from sma_bayes.report.content import (
 )
 from sma_bayes.report.notation import compact, unit_label
 from sma_bayes.response import DEFAULT_MODEL
-from sma_bayes.runs.declared_units import (
-    Shown,
-    ShownUnit,
-    in_shown_units,
-    of_parameters,
-    shown_as,
-    shown_units,
-)
+from sma_bayes.runs.declared_units import Shown, ShownUnit, shown_as, shown_units
 from sma_bayes.runs.fit_document import (
     CalibrationSummary,
     FitFindings,
@@ -37,6 +30,7 @@ from sma_bayes.runs.fit_document import (
 )
 from sma_bayes.runs.outputs import StoredRun
 from sma_bayes.runs.schema import Factor
+from sma_bayes.runs.shown import in_shown_units, of_parameters
 from sma_bayes.studies.fit.truth import is_simulated, known_truth, thermometer_offsets
 
 TWIN_SOURCE: Final = "Tables 3 to 8 as printed"

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.document_part import UNDER, InUnit, UnitOf
 from sma_bayes.runs.schema import (
     DeclaredUnits,
     DocumentPart,
@@ -93,7 +94,7 @@ class RemainderBeside(FlexibleEvidence):
 class QuantityInWords(DocumentPart):
     """Which quantity it is."""
 
-    unit: str = Field(description="its unit")
+    unit: Annotated[str, UnitOf(lambda p: None)] = Field(description="its unit")
     meaning: str = Field(description="what it is")
 
 
@@ -239,14 +240,14 @@ class StatedRemaining(DocumentPart):
 class StatedChannelGap(DocumentPart):
     """Held-out residuals of a channel."""
 
-    unit: str = Field(description="unit of the channel")
+    unit: Annotated[str, UnitOf(UNDER, difference=True)] = Field(description="unit of the channel")
     before_sigma: Number = Field(
         description="root mean square without effects, as innovations in standard deviations of the noise [1]"
     )
     after_sigma: Number = Field(description="the same with what was chosen [1]")
-    before: Number = Field(description="root mean square without effects [`unit`]")
-    after: Number = Field(description="the same with what was chosen [`unit`]")
-    noise: Number = Field(description="standard deviation of the noise [`unit`]")
+    before: InUnit[Number] = Field(description="root mean square without effects [`unit`]")
+    after: InUnit[Number] = Field(description="the same with what was chosen [`unit`]")
+    noise: InUnit[Number] = Field(description="standard deviation of the noise [`unit`]")
     way_to_noise: Number = Field(description="(before − after)/(before − 1) of the innovations [1]")
 
 
@@ -343,9 +344,9 @@ class StatedSuspect(DocumentPart):
 
     condition: str = Field(description="its id")
     quantity: str = Field(description="quantity that is unlike")
-    value: Number = Field(description="its value in this condition [`unit`]")
-    others: Number = Field(description="mean of the others [`unit`]")
-    unit: str = Field(description="its unit")
+    value: InUnit[Number] = Field(description="its value in this condition [`unit`]")
+    others: InUnit[Number] = Field(description="mean of the others [`unit`]")
+    unit: Annotated[str, UnitOf(lambda s: None)] = Field(description="its unit")
     p_value: Number = Field(description="over all that was compared (moderated t) [1]")
 
 
@@ -354,7 +355,7 @@ class NamedChannel(DocumentPart):
 
     name: str = Field(description="its name")
     symbol: str = Field(description="its symbol")
-    unit: str = Field(description="its unit")
+    unit: Annotated[str, UnitOf("name")] = Field(description="its unit")
 
 
 class StudiedCondition(DocumentPart):
@@ -449,6 +450,7 @@ class GapOfModel(DocumentPart):
 class HeatParameter(IntervalDocument, QuantityInWords):
     """A parameter of the heat balance; its interval comes from draws, or from the normal approximation at the mode."""
 
+    unit: Annotated[str, UnitOf(lambda p: "" if p.unit == "degC" else None)] = Field(description="its unit")
     scatter: NumberOrNull = Field(
         default=None,
         description="of `switching`: standard deviation from switching to switching [steps of the record]",

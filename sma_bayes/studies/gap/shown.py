@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.quantities import SPECIMEN_QUANTITY
-from sma_bayes.runs.declared_units import Shown, ShownUnit, in_unit, shown_as, shown_product, units_of
+from sma_bayes.runs.declared_units import Shown, ShownUnit, shown_as, shown_product, units_of
+from sma_bayes.runs.shown import INTERVAL, in_unit, shown_part
 from sma_bayes.studies.gap.outputs import Samples, StoredStudy
 from sma_bayes.studies.gap.schema import (
     AddedEffect,
     EffectParameter,
     GapDocument,
     GapOfModel,
-    StatedChannelGap,
     StatedDisagreement,
     StatedNoise,
     StatedPeriodicity,
-    StatedSuspect,
 )
 
 G = TypeVar("G", bound=GapOfModel)
@@ -32,8 +31,11 @@ PREDICTED = ("measured", "before", "after")
 
 def units_of_study(found: GapDocument) -> Shown:
     """How each quantity and setting is shown."""
-    names = {c.name for c in found.channels.values()}
-    return units_of(found, specimen=bool(names & set(SPECIMEN_QUANTITY.values())))
+    return units_of(found, specimen=_of_specimen(found))
+
+
+def _of_specimen(found: GapOfModel) -> bool:
+    return bool({c.name for c in found.channels.values()} & set(SPECIMEN_QUANTITY.values()))
 
 
 def in_declared_units(found: GapDocument) -> GapDocument:
@@ -44,15 +46,8 @@ def in_declared_units(found: GapDocument) -> GapDocument:
     units = units_of_study(found)
     if not units:
         return found
-    heating = found.heating
-    if heating is not None:
-        heating = part_in_declared_units(heating, units)
-        parameters = {
-            n: in_unit(p, shown_as(p.unit, units) if p.unit == "degC" else shown_product(p.unit, units))
-            for n, p in heating.parameters.items()
-        }
-        heating = heating.model_copy(update={"parameters": parameters})
-    return part_in_declared_units(found, units).model_copy(update={"heating": heating})
+    heating = found.heating and part_in_declared_units(found.heating, units)
+    return part_in_declared_units(found, units).but(heating=heating)
 
 
 def part_in_declared_units(found: G, units: Shown) -> G:
@@ -66,54 +61,38 @@ def part_in_declared_units(found: G, units: Shown) -> G:
         facts = found.channels.get(d.covariate)
         u = shown_as(d.unit, units, d.covariate if facts is None else facts.name)
         residual = of(d.channel, difference=True).value(d.mean_residual)
-        return d.model_copy(
-            update={
-                "from_": u.value(d.from_),
-                "to": u.value(d.to),
-                "unit": u.shown,
-                "mean_residual": residual,
-            }
-        )
+        return d.but(from_=u.value(d.from_), to=u.value(d.to), unit=u.shown, mean_residual=residual)
 
     def line(p: StatedPeriodicity) -> StatedPeriodicity:
-        return p.model_copy(update={"amplitude": of(p.channel, difference=True).value(p.amplitude)})
+        return p.but(amplitude=of(p.channel, difference=True).value(p.amplitude))
 
     def noise(n: StatedNoise) -> StatedNoise:
         return in_unit(n, of(n.channel, difference=True), "sd", "scatter")
 
-    def channel_gap(channel: str, c: StatedChannelGap) -> StatedChannelGap:
-        return in_unit(c, of(channel, difference=True), "before", "after", "noise")
-
-    def suspect(s: StatedSuspect) -> StatedSuspect:
-        return in_unit(s, shown_product(s.unit, units), "value", "others")
-
-    channels = {c: n.model_copy(update={"unit": of(c).shown}) for c, n in found.channels.items()}
-    shown: dict[str, Any] = {
-        "disagreement": tuple(map(place, found.disagreement)),
-        "within_chance": tuple(map(place, found.within_chance)),
-        "periodic": tuple(map(line, found.periodic)),
-        "effects": tuple(_effect(e, units) for e in found.effects),
-        "partial": tuple(_effect(e, units) for e in found.partial),
-        "gap": found.gap.model_copy(
-            update={"channels": {c: channel_gap(c, g) for c, g in found.gap.channels.items()}}
-        ),
-        "suspects": tuple(map(suspect, found.suspects)),
-        "channels": channels,
-        "units": {n: shown_as(u, units, n).shown for n, u in found.units.items()}
-        | {c: n.unit for c, n in channels.items() if c in found.units},
-        "noise": tuple(map(noise, found.noise)),
-    }  # fmt: skip
-    return found.model_copy(update=shown)
+    with_priors = found.but(
+        effects=tuple(_effect(e, units) for e in found.effects),
+        partial=tuple(_effect(e, units) for e in found.partial),
+    )
+    shown = shown_part(with_priors, units, specimen=_of_specimen(found))
+    return shown.but(
+        disagreement=tuple(map(place, found.disagreement)),
+        within_chance=tuple(map(place, found.within_chance)),
+        periodic=tuple(map(line, found.periodic)),
+        units={n: shown_as(u, units, n).shown for n, u in found.units.items()}
+        | {c: n.unit for c, n in shown.channels.items() if c in found.units},
+        noise=tuple(map(noise, found.noise)),
+    )
 
 
 def _effect(e: AddedEffect, units: Shown) -> AddedEffect:
-    return e.model_copy(update={"parameters": {n: _parameter(p, units) for n, p in e.parameters.items()}})
+    """An effect with the quantiles of its priors in the units of its parameters."""
 
+    def of(p: EffectParameter) -> EffectParameter:
+        factor = shown_product(p.unit, units).factor
+        ends = {n: float(v) * factor for n, v in p.prior.items() if n in INTERVAL}
+        return p.but(prior=p.prior | ends)
 
-def _parameter(p: EffectParameter, units: Shown) -> EffectParameter:
-    u = shown_product(p.unit, units)
-    ends = {n: float(v) * u.factor for n, v in p.prior.items() if n in ("q05", "median", "q95")}
-    return in_unit(p, u).model_copy(update={"prior": p.prior | ends})
+    return e.but(parameters={n: of(p) for n, p in e.parameters.items()})
 
 
 def study_in_declared_units(study: StoredStudy) -> StoredStudy:

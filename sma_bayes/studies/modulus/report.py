@@ -12,9 +12,9 @@ from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import MODULUS
 from sma_bayes.runs.finished_run import read_finished
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.modulus.figures.modulus import moduli_figure, shift_figure
 from sma_bayes.studies.modulus.schema import ModulusDocument, StoredModulus
-from sma_bayes.studies.modulus.shown import in_declared_units
 from sma_bayes.studies.modulus.tables import modulus_tables
 
 

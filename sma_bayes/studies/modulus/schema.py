@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.document_part import In, Kelvins, Temperature, TemperatureUnit
 from sma_bayes.records.dmta import DeclaredDamping
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
@@ -73,11 +74,13 @@ class TransitionTemperature(DocumentPart):
     )
     meaning: str = Field(description="the same in words")
     channel: str = Field(description="`storage_modulus`, `loss_modulus` or `tan_delta`")
-    q05: NumberOrNull = Field(description="lower end of the 90 % interval [degC]; null where no draw has it")
-    median: NumberOrNull = Field(description="median [degC]")
-    q95: NumberOrNull = Field(description="upper end [degC]")
-    mean: NumberOrNull = Field(description="mean [degC]")
-    sd: NumberOrNull = Field(description="standard deviation [K]")
+    q05: Temperature[NumberOrNull] = Field(
+        description="lower end of the 90 % interval [degC]; null where no draw has it"
+    )
+    median: Temperature[NumberOrNull] = Field(description="median [degC]")
+    q95: Temperature[NumberOrNull] = Field(description="upper end [degC]")
+    mean: Temperature[NumberOrNull] = Field(description="mean [degC]")
+    sd: Kelvins[NumberOrNull] = Field(description="standard deviation [K]")
     defined: Number = Field(description="share of the draws that have it [1]")
     identified: bool = Field(
         description="whether 95 % of the draws have it, and the measurements go beyond it on both sides"
@@ -88,7 +91,7 @@ class ModulusValue(IntervalDocument):
     """A modulus or tan delta at a temperature."""
 
     channel: str = Field(description="`storage_modulus`, `loss_modulus` or `tan_delta`")
-    at: Number = Field(description="temperature [degC]")
+    at: Temperature[Number] = Field(description="temperature [degC]")
     unit: str = Field(description="its unit")
     log_mean: NumberOrNull = Field(description="mean of its logarithm; null where draws are not positive")
     log_sd: NumberOrNull = Field(description="standard deviation of that [1]")
@@ -101,8 +104,8 @@ class ModulusSweep(DocumentPart):
     test: str = Field(description="file, with its step or sheet where it has several")
     frequency: NumberOrNull = Field(description="frequency [Hz]; null where none is stated")
     branch: Literal["heating", "cooling"] = Field(description="direction of the sweep")
-    temperature_from: Number = Field(description="least measured temperature [degC]")
-    temperature_to: Number = Field(description="greatest measured temperature [degC]")
+    temperature_from: Temperature[Number] = Field(description="least measured temperature [degC]")
+    temperature_to: Temperature[Number] = Field(description="greatest measured temperature [degC]")
     curves: Items[ModulusCurve] = Field(
         description="of the storage modulus, and of the loss modulus if there is one"
     )
@@ -117,8 +120,8 @@ class ShiftPoint(DocumentPart):
 
     sweep: str = Field(description="id of the sweep")
     frequency: Number = Field(description="frequency [Hz]")
-    temperature: Number = Field(description="mean [degC]")
-    sd: Number = Field(description="standard deviation [K]")
+    temperature: Temperature[Number] = Field(description="mean [degC]")
+    sd: Kelvins[Number] = Field(description="standard deviation [K]")
 
 
 class FrequencyShift(DocumentPart):
@@ -127,13 +130,13 @@ class FrequencyShift(DocumentPart):
     branch: str = Field(description="`heating` or `cooling`")
     temperature: str = Field(description="name of the temperature")
     points: Items[ShiftPoint] = Field(description="one for each sweep that has it")
-    shift: IntervalDocument | None = Field(
+    shift: Annotated[IntervalDocument | None, In("K")] = Field(
         description="shift per decade of frequency [K]; null with fewer than two frequencies"
     )
     probability_rises: NumberOrNull = Field(
         description="posterior probability that it rises with frequency [1]"
     )
-    scatter: IntervalDocument | None = Field(
+    scatter: Annotated[IntervalDocument | None, In("K")] = Field(
         description="standard deviation of the scatter between sweeps beyond their own errors [K]"
     )
     activation_energy: IntervalDocument | None = Field(
@@ -150,7 +153,7 @@ class ModulusByFrequency(DocumentPart):
     """Change of the storage modulus with frequency at one temperature."""
 
     branch: str = Field(description="`heating` or `cooling`")
-    at: Number = Field(description="temperature [degC]")
+    at: Temperature[Number] = Field(description="temperature [degC]")
     sweeps: Items[str] = Field(description="ids of the sweeps, by rising frequency")
     factor: IntervalDocument = Field(description="of the storage modulus per decade of frequency [1]")
     probability_rises: Number = Field(description="posterior probability that it rises with frequency [1]")
@@ -163,7 +166,7 @@ class ModulusFindings(DeclaredUnits):
     source: Items[str] = Field(description="files that were read")
     seed: int = Field(description="decides every draw")
     options: ModulusOptions = Field(description="what was asked for")
-    temperature_unit: str = Field(description="unit of temperatures, `degC`")
+    temperature_unit: TemperatureUnit = Field(description="unit of temperatures, `degC`")
     modulus_unit: str = Field(description="unit of moduli, `Pa`")
     versions: dict[str, str] = Field(description="of what computed it")
     data_sha256: str = Field(description="checksum of the files")

@@ -12,8 +12,8 @@ from sma_bayes.errors import many
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
 from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep
-from sma_bayes.studies.modulus.shown import in_declared_units
 
 
 def show_modulus(told: Mapping[str, Any], out: Path) -> None:

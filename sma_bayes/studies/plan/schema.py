@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.document_part import In, Kelvins, Temperature, TemperatureUnit
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
@@ -35,7 +36,7 @@ class KnownQuantity(IntervalDocument):
     shown_zero: Number = Field(
         default=0.0, description="what 0 is shown as, other than 0 only of temperatures [`shown_unit`]"
     )
-    at: NumberOrNull = Field(
+    at: Temperature[NumberOrNull] = Field(
         default=None, description="temperature at which it is [`temperature_unit`]; null for a parameter"
     )
 
@@ -74,12 +75,16 @@ class PlannedCandidate(DocumentPart):
     )
     name: str = Field(description="as declared; empty in a grid")
     condition: str = Field(description="id of the condition whose settings it has")
-    lowest: Number = Field(
+    lowest: Temperature[Number] = Field(
         description="lowest temperature, at which it begins and turns round [`temperature_unit`]"
     )
-    peak: Number = Field(description="peak temperature, at which it turns round [`temperature_unit`]")
-    rate: Number = Field(description="magnitude of dT/dt [`temperature_unit` per s]")
-    load: NumberOrNull = Field(description="load [N, of a specimen Pa]; null where none is known")
+    peak: Temperature[Number] = Field(
+        description="peak temperature, at which it turns round [`temperature_unit`]"
+    )
+    rate: Kelvins[Number] = Field(description="magnitude of dT/dt [`temperature_unit` per s]")
+    load: Annotated[NumberOrNull, In("load")] = Field(
+        description="load [N, of a specimen Pa]; null where none is known"
+    )
     other_load: bool = Field(description="whether that is another load than that of the condition")
     cycles: int = Field(description="number of cycles, up and down")
     samples: int = Field(description="readings of each channel in a sweep")
@@ -104,9 +109,9 @@ class DesignStep(DocumentPart):
     """A part of a design."""
 
     condition: str = Field(description="id of the condition")
-    lowest: Number = Field(description="lowest temperature [`temperature_unit`]")
-    peak: Number = Field(description="peak temperature [`temperature_unit`]")
-    rate: Number = Field(description="magnitude of dT/dt [`temperature_unit` per s]")
+    lowest: Temperature[Number] = Field(description="lowest temperature [`temperature_unit`]")
+    peak: Temperature[Number] = Field(description="peak temperature [`temperature_unit`]")
+    rate: Kelvins[Number] = Field(description="magnitude of dT/dt [`temperature_unit` per s]")
     cycles: int = Field(description="number of cycles")
     samples: int = Field(description="readings of each channel in a sweep")
     hours: Number = Field(description="time on the rig, set-up included [h]")
@@ -137,7 +142,9 @@ class ScatterOfSweeps(DocumentPart):
     sweeps: int = Field(description="from how many sweeps it was learnt; 0 where it is assumed")
     offset: Number = Field(description="standard deviation of the offset [unit of the channel]")
     stroke: Number = Field(description="standard deviation of the logarithm of the stroke [1]")
-    shift: Number = Field(description="standard deviation of the shift of temperature [`temperature_unit`]")
+    shift: Kelvins[Number] = Field(
+        description="standard deviation of the shift of temperature [`temperature_unit`]"
+    )
     width: Number = Field(description="standard deviation of the logarithm of the width [1]")
 
 
@@ -159,7 +166,7 @@ class PlanFindings(StudyFindings, DeclaredUnits):
     asked: str = Field(description="what was asked for")
     kind: Literal["quantity", "parameters", "tell-apart"] = Field(description="what kind of question it is")
     converged: bool = Field(description="whether the fits that it stands on did")
-    temperature_unit: str = Field(description="unit of temperatures")
+    temperature_unit: TemperatureUnit = Field(description="unit of temperatures")
     available: NumberOrNull = Field(description="hours that there are; null where they were not told [h]")
     assumed_scatter: Literal["none", "usual"] = Field(
         description="scatter that is assumed where there is one sweep only"

@@ -28,10 +28,11 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.report.choice import REPORT, figures_for
-from sma_bayes.runs.declared_units import Shown, ShownUnit, declared_parts, of_parameters, shown_units
+from sma_bayes.runs.declared_units import Shown, ShownUnit, declared_parts, shown_units
 from sma_bayes.runs.documents import FIT, GAP, PLAN
 from sma_bayes.runs.fit_document import RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRun, read_run
+from sma_bayes.runs.shown import of_parameters
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.identity import fit_identity, of_fit, study_identity
 from sma_bayes.studies.plan.asked import PARAMETERS, TELL_APART, Asked, able, parse_asked

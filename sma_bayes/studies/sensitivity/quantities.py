@@ -15,7 +15,7 @@ from sma_bayes.fitting.curves import calibrated_parameters
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import unit_text
-from sma_bayes.runs.declared_units import in_unit_of_channel
+from sma_bayes.runs.shown import in_unit_of_channel
 
 Kind = Literal["parameter", "noise", "curve", "transformation"]
 """Parameters of the curve, those of the noise, values of curves, start and finish of the transformation."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.document_part import In, InUnit, Temperature, TemperatureUnit, UnitOf
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
@@ -36,7 +37,7 @@ class DecidingReading(DocumentPart):
     channel: str = Field(description="channel of the reading")
     row: int = Field(description="its row in the data file; the first one where rows were averaged")
     sweep: int = Field(description="its sweep, from 1")
-    temperature: Number = Field(description="temperature that was read [that of the record]")
+    temperature: Temperature[Number] = Field(description="temperature that was read [that of the record]")
     change: NumberOrNull = Field(
         description="of the posterior mean without it, to first order [posterior sd]"
     )
@@ -71,9 +72,11 @@ class QuantitySensitivity(IntervalDocument):
         description="`parameter` of the curve, of the `noise`, value of a `curve`, or `transformation` temperature"
     )
     channel: str = Field(description="that it belongs to; empty for none")
-    unit: str = Field(description="unit of its numbers")
+    unit: Annotated[str, UnitOf("quantity", difference=lambda q: q.difference)] = Field(
+        description="unit of its numbers"
+    )
     meaning: str = Field(description="in words")
-    temperature: NumberOrNull = Field(description="of a value at a temperature; else null")
+    temperature: Temperature[NumberOrNull] = Field(description="of a value at a temperature; else null")
     quantity: str = Field(
         default="", description="quantity whose unit is a factor of `unit`; empty where none is"
     )
@@ -83,10 +86,10 @@ class QuantitySensitivity(IntervalDocument):
     defined: Number = Field(
         description="share of the draws in which it is finite; below 0.5 nothing is told of what moves it [1]"
     )
-    mean: NumberOrNull = Field(
+    mean: InUnit[NumberOrNull] = Field(
         description="posterior mean, draws beyond the 0.5 and 99.5 % quantiles taken to lie there [unit]"
     )
-    sd: NumberOrNull = Field(
+    sd: Annotated[NumberOrNull, In(difference=True)] = Field(
         description="standard deviation of the same: unit of what is called posterior sd"
     )
     prior: NumberOrNull = Field(description="sensitivity to the power of the prior [1]")
@@ -106,7 +109,7 @@ class QuantitySensitivity(IntervalDocument):
         description="the reading that decides most; null where the quantity does not vary, or is defined in few draws"
     )
     sweeps: Items[LeftOutSweepChange] = Field(description="without each sweep; empty where there is one")
-    bootstrap: BootstrapInterval | None = Field(
+    bootstrap: InUnit[BootstrapInterval | None] = Field(
         description="by the bootstrap of sweeps; null of the noise and with fewer than four sweeps"
     )
 
@@ -138,7 +141,7 @@ class RecordSensitivity(DocumentPart):
     n: int = Field(description="readings of each channel")
     rows_averaged: int = Field(description="source rows that a reading stands for, at most")
     draws: int = Field(description="posterior draws")
-    temperature_unit: str = Field(description="unit of temperatures")
+    temperature_unit: TemperatureUnit = Field(description="unit of temperatures")
     memory: bool = Field(
         description="whether noise has a memory, so that a reading counts by what it adds to those before"
     )

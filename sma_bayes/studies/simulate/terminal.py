@@ -11,7 +11,8 @@ from rich.table import Table
 from sma_bayes.errors import many
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.screen import NOT_CONVERGED, screen, show_end
-from sma_bayes.runs.declared_units import in_unit, shown_as, shown_product, units_of
+from sma_bayes.runs.declared_units import units_of
+from sma_bayes.runs.shown import shown_part
 from sma_bayes.studies.gap.schema import HeatParameter
 from sma_bayes.studies.simulate.schema import (
     ReachDocument,
@@ -54,11 +55,7 @@ def balance_text(document: SimulationFindings) -> str:
 
 def shown_parameters(document: SimulationFindings) -> dict[str, HeatParameter]:
     """Parameters of the heat balance as people see them."""
-    units = units_of(document)
-    return {
-        name: in_unit(p, shown_as(p.unit, units) if p.unit == "degC" else shown_product(p.unit, units))
-        for name, p in document.balance.parameters.items()
-    }
+    return dict(shown_part(document.balance, units_of(document)).parameters)
 
 
 def _ends(document: SimulationFindings) -> Table:

@@ -8,9 +8,9 @@ from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import ReportOptions
 from sma_bayes.runs.documents import WATCH
 from sma_bayes.runs.finished_run import read_finished
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.watch.figures.watched import evidence_figure, numbers_figure
 from sma_bayes.studies.watch.schema import WatchDocument
-from sma_bayes.studies.watch.shown import in_declared_units
 from sma_bayes.studies.watch.tables import watch_tables
 
 

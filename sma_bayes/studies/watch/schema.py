@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from sma_bayes.document_part import InUnit, Temperature, TemperatureUnit, UnitOf
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.runs.schema import (
     DeclaredUnits,
@@ -17,6 +18,7 @@ from sma_bayes.runs.schema import (
     NumberOrNull,
     RunAccount,
 )
+from sma_bayes.studies.cycles.schema import channel_of_value
 from sma_bayes.studies.watch.state import ReadFile, WatchState
 
 
@@ -29,13 +31,15 @@ class WatchedNumber(DocumentPart):
         description="`offset` (level halfway), `stroke`, `shift` (against the common curve), `width` (over that of the "
         "common curve), `noise` (root mean square of what these leave)"
     )
-    unit: str = Field(description="its unit")
-    value: Items[Number] = Field(description="of each sweep [`unit`]")
-    normal_low: Items[NumberOrNull] = Field(
+    unit: Annotated[str, UnitOf(lambda n: channel_of_value(n.number, n.channel), difference=True)] = Field(
+        description="its unit"
+    )
+    value: InUnit[Items[Number]] = Field(description="of each sweep [`unit`]")
+    normal_low: InUnit[Items[NumberOrNull]] = Field(
         description="2.5 % quantile of the value that a sweep has while nothing changes [`unit`]; null where the "
         "scatter is not known"
     )
-    normal_high: Items[NumberOrNull] = Field(description="97.5 % quantile of it [`unit`]")
+    normal_high: InUnit[Items[NumberOrNull]] = Field(description="97.5 % quantile of it [`unit`]")
     log10_e: Items[Number] = Field(description="after each watched cycle, log10 of its own e-process")
     alarm: bool = Field(description="whether its e-process has exceeded the number of all of them over alpha")
 
@@ -62,7 +66,9 @@ class AmountDocument(IntervalDocument):
     """How much, at the last cycle, with a 90 % interval."""
 
     name: str = Field(description="`offset`, `gain`, `stroke`, `shift`, `change` or `width`")
-    unit: str = Field(description="its unit; of gain, stroke and width the change of the logarithm, 1")
+    unit: Annotated[
+        str, UnitOf(lambda a: "displacement" if (a.name, a.unit) == ("offset", "1") else None)
+    ] = Field(description="its unit; of gain, stroke and width the change of the logarithm, 1")
 
 
 class CauseDocument(DocumentPart):
@@ -96,13 +102,16 @@ class LimitDocument(DocumentPart):
     branch: str = Field(description="`heating` or `cooling`")
     channel: str = Field(description="the channel")
     quantity: str = Field(description="quantity that the limit is of")
-    at: NumberOrNull = Field(
+    at: Temperature[NumberOrNull] = Field(
         description="temperature [unit of temperature]; null where it is of the whole sweep"
     )
-    unit: str = Field(description="its unit")
-    fitted: Number = Field(description="value of the fitted cycles [`unit`]")
-    now: IntervalDocument = Field(description="value at the last cycle [`unit`]")
-    target: Number = Field(description="the limit [`unit`]")
+    unit: Annotated[
+        str,
+        UnitOf(lambda r: channel_of_value(r.quantity, r.channel), difference=lambda r: r.quantity == "shift"),
+    ] = Field(description="its unit")
+    fitted: InUnit[Number] = Field(description="value of the fitted cycles [`unit`]")
+    now: InUnit[IntervalDocument] = Field(description="value at the last cycle [`unit`]")
+    target: InUnit[Number] = Field(description="the limit [`unit`]")
     remaining: IntervalDocument = Field(description="cycles that remain; null beyond the horizon")
     probability: Number = Field(description="that it is reached within the horizon [1]")
     horizon: int = Field(description="cycles that were looked ahead")
@@ -148,7 +157,7 @@ class WatchFindings(DeclaredUnits, VerdictFindings):
     condition: str = Field(description="id of the condition")
     seed: int = Field(description="decides the draws of cycles that remain")
     alpha: Number = Field(description="probability of an alarm, ever, while nothing changes, at most [1]")
-    temperature_unit: str = Field(description="unit of temperatures")
+    temperature_unit: TemperatureUnit = Field(description="unit of temperatures")
     specimen: bool = Field(
         description="whether stress, strain and modulus stand for force, displacement and stiffness"
     )

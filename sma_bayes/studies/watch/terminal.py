@@ -12,8 +12,8 @@ from sma_bayes.errors import many
 from sma_bayes.quantities import quantity_of
 from sma_bayes.report.notation import unit_label, write
 from sma_bayes.report.screen import FIT_AGAIN, SHOWN, Screen, screen, show_end
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
-from sma_bayes.studies.watch.shown import in_declared_units
 from sma_bayes.studies.watch.tables import scatter_of
 
 LAST: Final = 5

@@ -15,6 +15,7 @@ from sma_bayes.errors import many
 from sma_bayes.fitting.curves import as_interval
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.runs.declared_units import Shown
+from sma_bayes.runs.shown import shown_part
 from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.cycles.sweeps import Strand
 from sma_bayes.studies.watch.evidence import Watched, least_squares_of, onset
@@ -31,7 +32,6 @@ from sma_bayes.studies.watch.schema import (
     WatchedNumber,
     WatchFindings,
 )
-from sma_bayes.studies.watch.shown import amount_shown
 from sma_bayes.studies.watch.state import StrandNumbers, WatchState
 
 FEWEST_SPARE: Final = 2
@@ -229,7 +229,8 @@ def _cause(n: NamedCause, change: Change) -> CauseDocument:
 
 def _amounts(cause: CauseDocument, units: Shown, specimen: bool) -> str:
     return ", ".join(
-        f"{a.name.replace('_', ' ')} {_amount(amount_shown(a, units, specimen))}" for a in cause.amounts
+        f"{a.name.replace('_', ' ')} {_amount(shown_part(a, units, specimen=specimen))}"
+        for a in cause.amounts
     )
 
 

@@ -23,10 +23,9 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.report.notation import unit_label
-from sma_bayes.runs.declared_units import units_of
+from sma_bayes.runs.declared_units import shown_as, units_of
 from sma_bayes.studies.card.law import Moduli, shift, transformation_strain
 from sma_bayes.studies.card.schema import CardSweep, ConstitutiveCard, StoredCard
-from sma_bayes.studies.card.shown import units_of_table
 
 COLOURS: Final = {"heating": "#c8501e", "cooling": "#1f6fb2"}
 _STRESSES: Final = 60
@@ -216,7 +215,8 @@ def stiffness_figure(stored: StoredCard, condition: str) -> Drawing:
     names = ("temperature", "stiffness_q05", "stiffness_median", "stiffness_q95")
     temperature, low, middle, high = (np.array(columns[n], dtype=float)[own] for n in names)
     first = next(t for t in stored.found.stiffness if t.condition == condition)
-    unit, degrees = units_of_table(first, units_of(stored.found))
+    units = units_of(stored.found)
+    unit, degrees = shown_as(first.unit, units, first.quantity), shown_as(first.temperature_unit, units)
     temperature = degrees.values(temperature)
     low, middle, high = (unit.values(v) for v in (low, middle, high))
     figure = empty_sheet(5.2, 3.3)

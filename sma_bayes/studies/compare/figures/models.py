@@ -23,8 +23,8 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.report.notation import unit_label
+from sma_bayes.runs.shown import series_shown
 from sma_bayes.studies.compare.schema import ComparedRecord, StoredComparison
-from sma_bayes.studies.compare.shown import series_columns
 from sma_bayes.studies.compare.tables import short
 
 LOOKS: Final[Mapping[str, tuple[str, str]]] = {
@@ -70,7 +70,9 @@ def curves_figure(stored: StoredComparison, record: ComparedRecord) -> Drawing:
     record : ComparedRecord
         Its entry in ``comparison.json``.
     """
-    curves, samples = (series_columns(stored, place, record) for place in ("curves", "samples"))
+    curves, samples = (
+        series_shown(stored, f"{place}/{record.key}.csv", record.quantity) for place in ("curves", "samples")
+    )
     temperature = f"temperature_{record.temperature_unit}"
     names = drawn_order(c.removesuffix("_q50") for c in curves if c.endswith("_q50"))
     figure = empty_sheet(6.6, 5.2)

@@ -35,6 +35,7 @@ from sma_bayes.report.figures.sheet import (
 )
 from sma_bayes.report.notation import unit_label
 from sma_bayes.runs.schema import IntervalDocument
+from sma_bayes.runs.shown import series_shown
 from sma_bayes.studies.conditions.leave_out import CURVES, PARAMETERS
 from sma_bayes.studies.conditions.schema import (
     LeftOutCurve,
@@ -44,7 +45,6 @@ from sma_bayes.studies.conditions.schema import (
     StatedGroup,
     StoredConditions,
 )
-from sma_bayes.studies.conditions.shown import series_columns
 from sma_bayes.studies.conditions.tables import named, setting_name, setting_text
 
 BOTH: Final = "#555555"
@@ -271,10 +271,10 @@ def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
     ways: list[str] = []
     for h in held:
         ax = axes[channels.index(h.channel), branches.index(h.branch)]
-        columns = series_columns(stored, h.file, h.channel)
+        columns = series_shown(stored, h.file, h.channel)
         beside = h.file.removesuffix(".csv") + "-samples.csv"
         measured = (stored.folder / beside).is_file()
-        samples = series_columns(stored, beside, h.channel) if measured else {}
+        samples = series_shown(stored, beside, h.channel) if measured else {}
         ways += [w for w in h.ways if w in BY_HAND]
         _band(ax, columns, "hierarchical", COLOURS[h.branch])
         t = _temperature(columns)
@@ -322,10 +322,10 @@ def predicted_figure(stored: StoredConditions, condition: str) -> Drawing:
     data: dict[str, Any] = {}
     for p, channel, of in curves:
         ax = axes[channels.index(channel), branches.index(p.branch)]
-        columns = series_columns(stored, of.band, channel)
+        columns = series_shown(stored, of.band, channel)
         seen = []
         for other in p.from_:
-            own = series_columns(stored, f"curves/{other}-{p.branch}-{channel}.csv", channel)
+            own = series_shown(stored, f"curves/{other}-{p.branch}-{channel}.csv", channel)
             ax.plot(_temperature(own), own["own_q50"], color=FAINT, lw=0.8)
             seen.append(own["own_q50"])
         shown = {f"hierarchical_{q}": columns[q] for q in ("q05", "q50", "q95")}

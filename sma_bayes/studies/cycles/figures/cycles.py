@@ -24,9 +24,9 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.report.notation import unit_label
+from sma_bayes.runs.shown import series_shown
 from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.cycles.schema import ConditionCycles, QuantityByCycle, StoredCycles
-from sma_bayes.studies.cycles.shown import curve_columns
 
 NUMBERS: Final = ("offset", "stroke", "shift", "width")
 FORECAST: Final = "#eef1f4"
@@ -63,7 +63,8 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
     colours = colormaps["viridis"](np.linspace(0.0, 0.85, max(last - one.cycles[0] + 1, 2)))
     for curve in one.curves:
         ax = axes[channels.index(curve.channel)][branches.index(curve.branch)]
-        columns = curve_columns(stored, one.condition, curve.branch, curve.channel)
+        file = f"curves/{one.condition}-{curve.branch}-{curve.channel}.csv"
+        columns = series_shown(stored, file, curve.channel)
         cycle, t = columns["cycle"], columns[f"temperature_{unit}"]
         for c in one.cycles:
             own = cycle == c

@@ -26,8 +26,9 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.report.notation import unit_label
+from sma_bayes.runs.declared_units import shown_as, units_of
+from sma_bayes.runs.outputs import floats
 from sma_bayes.studies.sensitivity.schema import QuantitySensitivity, RecordSensitivity, StoredSensitivity
-from sma_bayes.studies.sensitivity.shown import reading_columns
 from sma_bayes.studies.sensitivity.words import reported
 
 LEAST: Final = 1e-3
@@ -130,14 +131,19 @@ def readings_figure(stored: StoredSensitivity, record: RecordSensitivity) -> Dra
         Its entry in ``sensitivity.json``.
     """
     quantities = _headlines(record)
-    channels, temperature, influence = reading_columns(stored, record)
-    channel = np.array(channels)
+    cells = stored.cells(f"readings/{record.key}.csv")
+    channel = np.array(cells["channel"])
+    label, warm = next(item for item in cells.items() if item[0].startswith("temperature_"))
+    degrees = shown_as(label.removeprefix("temperature_"), units_of(stored.found))
+    temperature = degrees.values(floats(warm))
+    names = (q.name for q in record.quantities)
+    influence = dict(zip(names, list(cells.values())[-len(record.quantities) :], strict=True))
     rows = max(1, math.ceil(len(quantities) / 2))
     figure = empty_sheet(7.2, 0.85 + 1.9 * rows)
     axes = panels(figure, rows, 2, left=0.75, right=0.15, bottom=0.5, top=0.62, gap_x=0.7, gap_y=0.5)
     data: dict[str, Any] = {"channel": channel, "temperature": temperature}
     for ax, q in zip(axes.flat, quantities, strict=False):
-        change = data[q.name] = influence[q.name]
+        change = data[q.name] = floats(influence[q.name])
         ax.axhline(0.0, color=FAINT, lw=0.6)
         for name in dict.fromkeys(channel.tolist()):
             own = channel == name

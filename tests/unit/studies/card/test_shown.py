@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.card.schema import CardFindings, StiffnessTable
-from sma_bayes.studies.card.shown import in_declared_units
 
 
 def test_a_table_is_shown_in_the_declared_units_and_stored_as_it_is() -> None:
