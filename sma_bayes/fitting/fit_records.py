@@ -24,7 +24,8 @@ from sma_bayes.progress import duration
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
-from sma_bayes.sampling.ensembles import Plan, sample
+from sma_bayes.sampling.ensembles import Plan
+from sma_bayes.sampling.factors import sample_by_factors
 
 AUTO = "auto"
 """Name of the choice of the noise model from what the warm start leaves."""
@@ -112,7 +113,7 @@ def fit_records(
             theta = posterior.space.constrain(z)
             exact = any(exact_channels(posterior, theta, i) for i in range(len(records)))
             plan = with_what_is_worth_it(plan or Plan(), posterior, start, doubted=doubted or exact)
-            draws = sample(
+            draws = sample_by_factors(
                 posterior,
                 _starts(z, start),
                 posterior.space.prior_sd(),

@@ -41,6 +41,7 @@ from sma_bayes.parameters.space import Parameter, ParameterSpace, ParameterSpec
 from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.sampling.density import DensityFactor
 
 if TYPE_CHECKING:
     from sma_bayes.fitting.abilities import LinearisedPosterior
@@ -170,6 +171,12 @@ class Posterior:
         from sma_bayes.fitting.abilities import LinearisedPosterior  # which stands on this module
 
         return LinearisedPosterior.at(self, z)
+
+    def factors(self) -> tuple[DensityFactor, ...]:
+        """Posteriors of its channels alone, whose product it is; none where channels have anything in common."""
+        from sma_bayes.fitting.channel_factors import channel_factors  # which stands on this module
+
+        return channel_factors(self)
 
     @property
     def sampled_model(self) -> NDArray[np.intp]:

@@ -5,18 +5,20 @@ decides what is drawn:
 
 - a `Shaped` one names coordinates for proposals, and says in which of them it is nearly normal;
 - a `Linearisable` one is the posterior of parameters whose response can be linearised at any point. `Linearised` there
-  it says how wide it is, and in which coordinates it is nearly normal.
+  it says how wide it is, and in which coordinates it is nearly normal;
+- a `Factorisable` one may be the product of densities of some of its coordinates each, which are sampled apart.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from sma_bayes.arrays import Floats
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.sampling.proposals import Coordinates, DrawSource, Mixture
 from sma_bayes.sampling.shape import NormalShape
 
@@ -96,6 +98,33 @@ class Linearisable(Density, Protocol):
 
     def linearised(self, z: Floats) -> Linearised:
         """The density linearised at a point (D,)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DensityFactor:
+    """A density of some coordinates, one of those whose product a density is.
+
+    Attributes
+    ----------
+    name : str
+        For people and files.
+    density : Density
+    at : ndarray of int
+        Its coordinates among those of the product, in order.
+    """
+
+    name: str
+    density: Density
+    at: Ints
+
+
+@runtime_checkable
+class Factorisable(Density, Protocol):
+    """A density that may be a product."""
+
+    def factors(self) -> tuple[DensityFactor, ...]:
+        """Densities whose product it is, but for a constant; none where it is no product that is known."""
         ...
 
 

@@ -109,9 +109,7 @@ class Draws:
     evaluations : int
         Evaluations of the density, all stages together.
     method : str
-        ``independence``, ``independence after an audit`` (with a proposal that an audit found wanting, mended),
-        ``independence after differential evolution``, ``independence and differential evolution``, or, where the plan
-        asks for it, ``differential evolution`` or ``stretch``.
+        One of `METHODS`, or, where the plan asks for it, ``differential evolution`` or ``stretch``.
     modes : tuple of Mode
     efficiency, greatest_weight : float
         Of the importance weights of all proposals (see `Weights`).
@@ -138,6 +136,15 @@ class Draws:
     ln_evidence_sd: float
     audit: Audit | None
 
+
+INDEPENDENCE, MENDED, REFITTED, MIXED = METHODS = (
+    "independence",
+    "independence after an audit",
+    "independence after differential evolution",
+    "independence and differential evolution",
+)
+"""Moves that made the draws, in the order in which they are tried: those of a first proposal, of one that an audit
+found wanting and that was mended, of one fitted to what differential evolution had found, and both together."""
 
 AHEAD = 16
 """Steps of independence moves whose proposals are drawn and evaluated at once, where other moves are made between."""
@@ -352,7 +359,7 @@ class _Run:
         self, name: str, adapted: Adapted, modes: tuple[Mode, ...], seed: np.random.SeedSequence
     ) -> Draws | None:
         """Independence moves that pass their audit, if need be with the proposal mended; None if they don't suffice."""
-        method = "independence" if name in TRIES else "independence after differential evolution"
+        method = INDEPENDENCE if name in TRIES else REFITTED
         draws = self._independence(name, adapted, modes, seed, method)
         if not isinstance(draws, Audited):
             return draws
@@ -362,7 +369,7 @@ class _Run:
             self.evaluations += adapted.evaluations
             if not adapted.carries or self.spent:
                 return None
-            method = method if name not in TRIES else "independence after an audit"
+            method = method if name not in TRIES else MENDED
             draws = self._independence(
                 f"{name}-mended-{again}", adapted, modes, run_seed, method, longest=LONGER_MENDED
             )
@@ -504,7 +511,7 @@ class _Run:
             )
             for g, seed in enumerate(seeds)
         ]  # fmt: skip
-        return self._until_mixed(groups, modes, "independence and differential evolution", rng)
+        return self._until_mixed(groups, modes, MIXED, rng)
 
     def _until_mixed(
         self, groups: Sequence[_Ensemble], modes: tuple[Mode, ...], method: str, rng: np.random.Generator
