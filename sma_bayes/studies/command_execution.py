@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import partial, wraps
 from importlib import import_module
 from inspect import Parameter, signature
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import typer
 
@@ -17,8 +17,6 @@ from sma_bayes.account import Account
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.progress import LINE_S, Bar, log_lines
 from sma_bayes.studies import command_options as opt
-
-T = TypeVar("T")
 
 COMMON: Final = {
     "seed": (opt.Seed, 0), "jobs": (opt.Jobs, None), "figures": (opt.Figures, "report"),
@@ -29,7 +27,7 @@ COMMON: Final = {
 
 
 def calls(
-    function: str, show: str, *, without: tuple[str, ...] = ()
+    function: str, show: str, *, without: tuple[str, ...] = (), tasks: bool = True
 ) -> Callable[[Callable[..., dict[str, Any] | None]], Callable[..., None]]:
     """Make a command of a function that has only the options of its verb.
 
@@ -44,7 +42,9 @@ def calls(
     show : str
         Name in `terminal` beside it of what tells that to people; it takes what was found, and the folder `out`.
     without : tuple of str
-        Common options that the verb has not.
+        Common options that the verb has not, or has in another place.
+    tasks : bool
+        Whether its steps are tasks that take about the same time.
     """
 
     def of(command: Callable[..., dict[str, Any] | None]) -> Callable[..., None]:
@@ -61,7 +61,7 @@ def calls(
             options = {name: value for name, value in options.items() if value is not None}
             account, jobs = Account(), given.get("jobs")
             carry_out = getattr(import_module(f"{folder}.workflow"), function)
-            with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose) as progress:
+            with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose, tasks=tasks) as progress:
                 if "path" in options:
                     from sma_bayes.records.campaign import read_campaign
 
@@ -80,24 +80,6 @@ def calls(
         return carried_out
 
     return of
-
-
-@contextmanager
-def working_on(
-    read: Callable[[], T],
-    scheduler: str | None,
-    jobs: int | None,
-    silent: bool,
-    verbose: bool,
-    *,
-    tasks: bool = True,
-) -> Iterator[tuple[T, dict[str, Any]]]:
-    """What `read` gives, and what says to all that is done with it where, to whom to tell and on which account."""
-    account = Account()
-    with workers(scheduler, jobs), progress_shown(silent, verbose, tasks=tasks) as progress:
-        with account.timed("read"):
-            campaign = read()
-        yield campaign, {"jobs": jobs, "progress": progress, "account": account}
 
 
 @contextmanager

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
+from sma_bayes.account import Account
 from sma_bayes.studies import command_options as opt
-from sma_bayes.studies.command_execution import finish, working_on
+from sma_bayes.studies.command_execution import finish, progress_shown, workers
 
 
 def command(
@@ -41,8 +42,10 @@ def command(
     from sma_bayes.studies.fit.workflow import fit_campaign
     from sma_bayes.studies.identity import is_run_of
 
-    read = partial(twin_campaign if paper else simulated_campaign, seed)
-    with working_on(read, scheduler, jobs, quiet or as_json, verbose) as (campaign, shared):
+    account = Account()
+    with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose) as progress:
+        with account.timed("read"):
+            campaign = (twin_campaign if paper else simulated_campaign)(seed)
         summary = fit_campaign(
             campaign,
             out,
@@ -50,7 +53,9 @@ def command(
             noise=noise,
             resume=resume or is_run_of(out, campaign),
             figures="none" if no_figures else figures,
-            **shared,
+            jobs=jobs,
+            progress=progress,
+            account=account,
         )
     if not paper:
         for name, text in measurement_files(seed).items():

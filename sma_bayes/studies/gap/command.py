@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Annotated
 
 import typer
 
 from sma_bayes.studies import command_options as opt
-from sma_bayes.studies.command_execution import finish, working_on
+from sma_bayes.studies.command_execution import calls
 
 
+@calls("study_gap", "show_gap", without=("seed", "jobs"), tasks=False)
 def command(
     path: opt.SourceArgument,
     out: opt.Out,
@@ -23,32 +23,5 @@ def command(
         str, typer.Option(help="Only 'auto': the study estimates the noise by itself.")
     ] = "auto",
     pool: opt.PoolChoice = "none",
-    figures: opt.Figures = "report",
-    no_figures: opt.NoFigures = False,
-    scheduler: opt.Scheduler = None,
-    resume: opt.Resume = False,
-    quiet: opt.Quiet = False,
-    verbose: opt.Verbose = False,
-    as_json: opt.Json = False,
 ) -> None:
     """Find where model and measurement disagree, name what is missing, add it, and show the gap shrink."""
-    from sma_bayes.records.campaign import read_campaign
-    from sma_bayes.studies.gap.terminal import show_gap
-    from sma_bayes.studies.gap.workflow import study_gap
-    from sma_bayes.studies.options import pool_named
-
-    read = partial(read_campaign, path, data_dir=data)
-    with working_on(read, scheduler, jobs, quiet or as_json, verbose, tasks=False) as (campaign, shared):
-        found = study_gap(
-            campaign,
-            out,
-            seed=seed,
-            noise=noise,
-            model=model,
-            priors=priors,
-            pool=pool_named(pool),
-            resume=resume,
-            figures="none" if no_figures else figures,
-            **shared,
-        )
-    finish(found, quiet, as_json, lambda: show_gap(found, out))
