@@ -14,7 +14,7 @@ from scipy.special import expit
 from sma_bayes.arrays import Floats
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
-from sma_bayes.studies.compare.comparison import compare_record
+from sma_bayes.studies.compare.comparison import finished_comparison, start_comparison
 from sma_bayes.studies.compare.contenders import of_channel
 
 dynesty = pytest.importorskip("dynesty")
@@ -39,9 +39,10 @@ def test_both_evidences_agree_with_nested_sampling() -> None:
         Condition("c"), Branch.HEATING, {"temperature": t}, {"stiffness": k}, np.arange(25) + 1, units
     )
     only = [name, "polynomial_corrected"]
-    found = compare_record(
+    begun = start_comparison(
         of_channel(record, "stiffness"), read_priors("modified_sigmoid"), noise="independent", only=only
     )
+    found = finished_comparison(begun)
     fitted = found.fitted[name]
     priors = [p.prior for p in fitted.posterior.space.parameters]
 

@@ -26,7 +26,7 @@ from scipy.stats import binom
 from sma_bayes.paper.twin import Recipe, recipes, twin_campaign
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
-from sma_bayes.studies.compare.comparison import compare_record
+from sma_bayes.studies.compare.comparison import finished_comparison, start_comparison
 from sma_bayes.studies.compare.contenders import of_channel
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
 
@@ -101,7 +101,9 @@ def verdict_on(task: tuple[str, int]) -> str:
     kind, seed = task
     only = ("modified_sigmoid", "logistic_refitted", "polynomial_corrected") if kind == "buried" else ()
     priors = read_priors("modified_sigmoid")
-    return compare_record(record_of(kind, seed), priors, seed=seed, only=only).verdict.verdict
+    return finished_comparison(
+        start_comparison(record_of(kind, seed), priors, seed=seed, only=only)
+    ).verdict.verdict
 
 
 @pytest.mark.parametrize(

@@ -240,7 +240,7 @@ class StartedComparison:
     wall_s: float
 
 
-def compare_record(
+def start_comparison(
     record: Record,
     priors: PriorSet,
     *,
@@ -248,9 +248,8 @@ def compare_record(
     seed: int = 0,
     only: Sequence[str] = (),
     model: str = DEFAULT_MODEL,
-    progress: Callable[[str], None] | None = None,
-) -> Comparison:
-    """Fit all contenders to a record, predict what was held out, and judge.
+) -> StartedComparison:
+    """Find the modes of all contenders and the noise of a record.
 
     Parameters
     ----------
@@ -265,8 +264,6 @@ def compare_record(
         Names of contenders to compare; all by default.
     model : str
         Name of the response model that was asked for; it takes part in any case.
-    progress : callable, optional
-        Told in a few words which contender is being fitted.
 
     Raises
     ------
@@ -275,20 +272,6 @@ def compare_record(
     PriorError
         If a prior is missing or wrong.
     """
-    begun = start_comparison(record, priors, noise=noise, seed=seed, only=only, model=model)
-    return finished_comparison(begun, progress)
-
-
-def start_comparison(
-    record: Record,
-    priors: PriorSet,
-    *,
-    noise: str = AUTO,
-    seed: int = 0,
-    only: Sequence[str] = (),
-    model: str = DEFAULT_MODEL,
-) -> StartedComparison:
-    """Find the modes of all contenders and the noise of a record; see `compare_record`."""
     clock = time.perf_counter()
     (channel,) = record.channels
     root = np.random.SeedSequence([seed, 17, *f"{record.key} {channel}".encode()])
@@ -334,7 +317,7 @@ def start_comparison(
 def finished_comparison(
     begun: StartedComparison, progress: Callable[[str], None] | None = None
 ) -> Comparison:
-    """Fit what was started, predict what was held out, and judge; see `compare_record`."""
+    """Fit what was started, predict what was held out, and judge; `progress` is told which contender is fitted."""
     clock = time.perf_counter()
     setting, running = begun.setting, begun.running
     fitted: dict[str, FittedContender] = {}

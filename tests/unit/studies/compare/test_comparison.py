@@ -17,10 +17,15 @@ from sma_bayes.assess.held_out import folds_of, part
 from sma_bayes.errors import MeasurementError
 from sma_bayes.fitting.noise_choice import discrepancy_bases
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.parameters.priors_file import PriorSet, read_priors
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.sampling.importance import WeightedDraws
-from sma_bayes.studies.compare.comparison import Comparison, FittedContender, compare_record
+from sma_bayes.studies.compare.comparison import (
+    Comparison,
+    FittedContender,
+    finished_comparison,
+    start_comparison,
+)
 from sma_bayes.studies.compare.contenders import (
     contenders,
     joined as joined_records,
@@ -32,6 +37,13 @@ from sma_bayes.studies.compare.document import record_document
 
 PRIORS = read_priors("modified_sigmoid")
 LINE = next(c for c in contenders() if c.name == "polynomial_corrected")
+
+
+def compare_record(
+    record: Record, priors: PriorSet, progress: Callable[[str], None] | None = None, **options: Any
+) -> Comparison:
+    """A comparison from start to end."""
+    return finished_comparison(start_comparison(record, priors, **options), progress)
 
 
 def noisy_line(n: int, seed: int) -> Record:
