@@ -130,7 +130,7 @@ def _columns(a: ValuesOfRecord) -> list[tuple[str, list[str]]]:
         symbol = QUANTITIES["stiffness" if q.name == OVERALL else q.name].symbol
         unit = unit_text(q.unit) or "1"
         cells = [
-            "-" if m is None else _with_ends(*write_interval(m, *ends).plain)
+            "-" if m is None else "{} ({} to {})".format(*write_interval(m, *ends).plain)
             for m, *ends in zip(q.median, q.low, q.high, strict=True)
         ]
         columns.append((f"{q.name.replace('_', ' ')} {symbol} [{unit}]", cells))
@@ -138,10 +138,6 @@ def _columns(a: ValuesOfRecord) -> list[tuple[str, list[str]]]:
             readings = [_between(*ends) for ends in zip(q.pred_low, q.pred_high, strict=True)]
             columns.append((f"a reading of {symbol} [{unit}]", readings))
     return columns
-
-
-def _with_ends(median: str, low: str, high: str) -> str:
-    return f"{median} ({low} to {high})"
 
 
 def _between(low: float | None, high: float | None) -> str:

@@ -15,7 +15,7 @@ from sma_bayes.arrays import Bools, Floats
 from sma_bayes.assess.at import IntervalAt, credible_at, interval, predictive_at
 from sma_bayes.assess.bands import bias_draws
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.assess.inverse import Passage, Stretch, finer, met, passages, search_grid
+from sma_bayes.assess.inverse import Passage, finer, met, passages, search_grid
 from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, UnknownNameError, require_known
 from sma_bayes.limits import DEGREES
 from sma_bayes.quantities import (
@@ -442,7 +442,10 @@ def _answer(
         best, top = surely.best
         most = BestTemperature(temperature=best, probability=top, extrapolated=not low <= best <= high)
         return MetAt(
-            intervals=tuple(_stretch(s, low, high) for s in surely.at_least(level)),
+            intervals=tuple(
+                StatedStretch.about(s, extrapolated=bool(s.low < low or s.high > high))
+                for s in surely.at_least(level)
+            ),
             best=most if top > 0.0 else None,
         )
 
@@ -587,7 +590,3 @@ def _passage(p: Passage, level: float, low: float, high: float) -> StatedPassage
         high=found.high,
         extrapolated=bool(found.low < low or found.high > high),
     )
-
-
-def _stretch(s: Stretch, low: float, high: float) -> StatedStretch:
-    return StatedStretch.about(s, extrapolated=bool(s.low < low or s.high > high))

@@ -17,7 +17,6 @@ from sma_bayes.runs.schema import interval_document
 from sma_bayes.runs.shown import in_unit_of_channel
 from sma_bayes.studies.conditions.design import SETTINGS, Design
 from sma_bayes.studies.conditions.effects import SettingEffect
-from sma_bayes.studies.conditions.features import Feature
 from sma_bayes.studies.conditions.leave_out import HIERARCHICAL, LeftOutChannel
 from sma_bayes.studies.conditions.population import Population
 from sma_bayes.studies.conditions.prediction import Prediction, predicted_features
@@ -52,7 +51,9 @@ def study_parts(study: ConditionStudy, *, specimen: bool) -> dict[str, Any]:
     return {
         "converged": study.converged,
         "groups": tuple(_group(d, specimen) for d in study.designs),
-        "features": tuple(_feature(f) for f in study.features),
+        "features": tuple(
+            StatedFeature.about(f, condition=f.condition.id, **f.quantiles()) for f in study.features
+        ),
         "effects": tuple(_effect(e, study, specimen) for e in study.effects),
         "populations": tuple(_population(p) for p in study.populations),
         "predictions": tuple(_prediction(p) for p in study.predictions),
@@ -83,10 +84,6 @@ def _group(design: Design, specimen: bool) -> StatedGroup:
         columns=1 + len(design.varied),
         aliased={v: design.aliased(v) for v in design.varied if design.aliased(v)},
     )
-
-
-def _feature(feature: Feature) -> StatedFeature:
-    return StatedFeature.about(feature, condition=feature.condition.id, **feature.quantiles())
 
 
 def _effect(effect: SettingEffect, study: ConditionStudy, specimen: bool) -> StatedEffect:

@@ -111,7 +111,9 @@ def record_summary(
         checks=checks,
         left_out_sweeps=sweeps,
         noise=_noise(fit),
-        sampler=_sampler(fit),
+        sampler=SamplerSummary.about(
+            fit.draws, modes=len(fit.draws.modes), draws=int(np.prod(fit.draws.z.shape[:3]))
+        ),
         sampling=_audit(fit),
         ln_evidence=fit.draws.ln_evidence,
         ln_evidence_sd=fit.draws.ln_evidence_sd,
@@ -138,12 +140,6 @@ def _noise(fit: Fit) -> NoiseSummary:
         reason=choice.reason if choice else "",
         lag1=dict(choice.lag1) if choice else {},
         ln_evidence=dict(choice.ln_evidence) if choice else {},
-    )
-
-
-def _sampler(fit: Fit) -> SamplerSummary:
-    return SamplerSummary.about(
-        fit.draws, modes=len(fit.draws.modes), draws=int(np.prod(fit.draws.z.shape[:3]))
     )
 
 

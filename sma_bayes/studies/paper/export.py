@@ -18,7 +18,6 @@ from typing import Any, Final
 from sma_bayes.errors import OutputError, require_known
 from sma_bayes.latex import longtable, tex_row, wrapped
 from sma_bayes.paper.correlation import ImpliedCorrelationRow, implied_average, implied_correlations
-from sma_bayes.paper.effects import Amount
 from sma_bayes.paper.errata import PRINTED_TABLES, Erratum, address, errata, printed_table
 from sma_bayes.paper.tables import CellStatus, PrintedCell, PrintedTable
 from sma_bayes.quantities import unit_text
@@ -117,13 +116,10 @@ def erratum_entry(erratum: Erratum) -> ErratumEntry:
         erratum,
         confidence=erratum.confidence.value,
         cells=tuple(address(table, cell) for table, cell in erratum.doubted()),
-        effect=tuple(recomputed_amount(a) for a in erratum.effect()),
+        effect=tuple(
+            RecomputedAmount.about(a, what=a.name, claimed=a.claimed or None) for a in erratum.effect()
+        ),
     )
-
-
-def recomputed_amount(amount: Amount) -> RecomputedAmount:
-    """One recomputed number."""
-    return RecomputedAmount.about(amount, what=amount.name, claimed=amount.claimed or None)
 
 
 def sheets(selection: Selection) -> tuple[Sheet, ...]:
