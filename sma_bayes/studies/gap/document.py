@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -90,14 +90,12 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
     found = tuple(_disagreement(d) for d in study.disagreements)
     effects = tuple(_effect(outcome, e) for e in study.effects)
     none, named = study.verdict == "none", study.verdict == "named"
-    return GapOfModel(
-        verdict=study.verdict,
-        p_value=study.p_value,
+    return GapOfModel.about(
+        study,
         p_value_extrapolated=study.steps[0].look.extrapolated,
         converged=outcome.converged,
         disagreement=() if none else found,
         within_chance=found if none else (),
-        periodic=study.periodic,
         effects=effects if named else (),
         partial=() if named else effects,
         candidates=tuple(
@@ -105,10 +103,9 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
             for c in sorted(study.steps[0].candidates, key=lambda c: _order(study, c.effect.id))
         ),
         rounds=tuple(_round(s) for s in study.steps),
-        remaining=StatedRemaining(
+        remaining=StatedRemaining.about(
+            study.left.best.term,
             p_value=study.left.p_value,
-            covariate=study.left.best.term.covariate,
-            channel=study.left.best.term.channel,
             ln_bayes_factor=study.left.best.ln_bayes_factor,
             share=study.remainder if study.effects else None,
             share_without_shape=1.0 - study.carried if study.effects else None,
@@ -139,19 +136,11 @@ def heat_balance(outcome: GapOutcome, units: Shown) -> HeatingFindings:
 
 def _gap(gap: Gap, fitted: FittedHypothesis) -> StatedGap:
     units = fitted.hypothesis.histories[0].units
-    return StatedGap(
+    return StatedGap.about(
+        gap,
         metric=METRIC,
-        before=gap.before,
-        after=gap.after,
-        floor=gap.floor,
-        shrink=gap.shrink,
         noise=NOISE_ALONE,
-        way_to_noise=gap.way_to_noise,
-        channels={
-            c: StatedChannelGap(unit=units[c], **asdict(of), way_to_noise=of.way_to_noise)
-            for c, of in gap.channels.items()
-        },
-        held_out=gap.held_out,
+        channels={c: StatedChannelGap.about(of, unit=units[c]) for c, of in gap.channels.items()},
         chosen_without=tuple(tuple(c) for c in gap.chosen),
     )
 
@@ -163,11 +152,8 @@ def _sweeps(study: GapStudy) -> StatedSweeps:
     if study.verdict != "none":
         law = cycle_law(found, np.random.default_rng(0))
     numbers = tuple(
-        StatedSweep(
-            condition=s.condition,
-            branch=s.branch,
-            channel=s.channel,
-            cycle=s.cycle,
+        StatedSweep.about(
+            s,
             **dict(zip(NUMBERS, s.values, strict=True)),
             **{f"{name}_sd": sd for name, sd in zip(NUMBERS, s.sds, strict=True)},
         )
@@ -177,25 +163,15 @@ def _sweeps(study: GapStudy) -> StatedSweeps:
 
 
 def _disagreement(d: Disagreement) -> StatedDisagreement:
-    stretch: dict[str, Any] = {"from": d.start, "to": d.stop}
-    return StatedDisagreement(
-        condition=d.condition,
-        branch=d.branch,
-        channel=d.channel,
-        covariate=d.covariate,
-        **stretch,
-        unit=d.unit,
-        size_sigma=d.size_sigma,
-        mean_residual=d.mean,
-    )
+    return StatedDisagreement.about(d, from_=d.start, to=d.stop, mean_residual=d.mean)
 
 
 def _condition(history: History) -> StudiedCondition:
     settings = {k: v for k, v in asdict(history.condition).items() if k != "id" and v is not None}
-    return StudiedCondition(
+    return StudiedCondition.about(
+        history,
         id=history.condition.id,
         settings=settings,
-        n=history.n,
         cycles=int(np.unique(history.inputs["cycle"]).size),
         rows_averaged=history.averaged,
     )
@@ -223,14 +199,11 @@ def _effect(outcome: GapOutcome, effect: Effect) -> AddedEffect:
     place, step, chosen = added(outcome.study)[effect.id]
     experiment = outcome.experiments.get(effect.id)
     beside = chosen.beside
-    class_: dict[str, Any] = {"class": step.class_}
-    return AddedEffect(
+    return AddedEffect.about(
+        effect,
         **dict(_refitted(chosen)),
-        title=effect.title,
-        equation=effect.equation,
-        reference=effect.reference,
         round=place,
-        **class_,
+        class_=step.class_,
         probability=probability(step, chosen),
         shape_apart=beside is not None and beside.shape_apart,
         remainder=None if beside is None else _remainder(beside),
@@ -241,16 +214,13 @@ def _effect(outcome: GapOutcome, effect: Effect) -> AddedEffect:
 
 def _refitted(c: Candidate) -> RefittedCandidate:
     again = None if c.in_own_noise is None else c.in_own_noise.beside
-    return RefittedCandidate(
+    return RefittedCandidate.about(
+        c,
         id=c.effect.id,
-        ln_bayes_factor=c.ln_bayes_factor,
-        guard=c.guard,
-        guard_covariate=c.guard_covariate,
         ln_bayes_factor_beside=None if c.beside is None else c.beside.over,
         share=None if c.beside is None else c.beside.carried,
         share_in_own_noise=None if again is None else again.carried,
         ln_bayes_factor_beyond_shape=None if c.beside is None else c.beside.beyond_shape,
-        one_stage=c.one_stage,
     )
 
 
@@ -263,9 +233,7 @@ def _remainder(beside: EvidenceBeside) -> RemainderBeside | None:
 
 
 def _flexible(found: TermWorth) -> FlexibleEvidence:
-    return FlexibleEvidence(
-        covariate=found.term.covariate, channel=found.term.channel, ln_bayes_factor=found.ln_bayes_factor
-    )
+    return FlexibleEvidence.about(found.term, ln_bayes_factor=found.ln_bayes_factor)
 
 
 def _order(study: GapStudy, name: str) -> int:
@@ -284,9 +252,8 @@ def _parameters(outcome: GapOutcome, effect: Effect) -> dict[str, EffectParamete
     at = hypothesis.effect_positions[effect.id].tolist()
     for i, p in zip(at, effect.parameters(hypothesis.scales), strict=True):
         z = free.index(i)
-        out[p.name] = EffectParameter(
-            unit=p.unit,
-            meaning=p.meaning,
+        out[p.name] = EffectParameter.about(
+            p,
             **interval(outcome.flat[:, i]),
             rhat=convergence.rhat[z],
             ess_bulk=convergence.ess_bulk[z],
@@ -307,9 +274,8 @@ def _candidate(outcome: GapOutcome, candidate: Candidate) -> JudgedCandidate:
     place, _, candidate = added(study).get(candidate.effect.id, (1, study.steps[0], candidate))
     score = outcome.scores.get(candidate.effect.id)
     status, why = judgement(study, candidate)
-    return JudgedCandidate(
-        id=candidate.effect.id,
-        title=candidate.effect.title,
+    return JudgedCandidate.about(
+        candidate.effect,
         round=place,
         refitted=candidate.fitted is not None,
         ln_bayes_factor=None if candidate.untestable else candidate.ln_bayes_factor,
@@ -328,12 +294,11 @@ def _unmet(study: GapStudy, candidate: Candidate) -> tuple[str, ...]:
 
 
 def _round(step: Step) -> StatedRound:
-    class_: dict[str, Any] = {"class": step.class_}
-    return StatedRound(
+    return StatedRound.about(
+        step,
         p_value=step.look.p_value,
         flexible=tuple(_flexible(g) for g in step.look.gains[:5]),
         added=None if step.chosen is None else step.chosen.effect.id,
-        **class_,
         candidates=tuple(_refitted(c) for c in step.candidates if c.fitted is not None),
         shape=_shape(step.flexible),
     )
