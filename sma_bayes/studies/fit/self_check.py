@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
-from sma_bayes.arrays import Floats
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.rank_uniformity import FALSE_ALARMS, places, rejected, uniformity
 from sma_bayes.errors import OutputError, SmaBayesError
@@ -44,8 +44,9 @@ from sma_bayes.records.types import Record
 from sma_bayes.runs.fit_document import RankSummary, SelfCheckSummary
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.store import write_csv
-from sma_bayes.sampling.importance import few_draws
+from sma_bayes.sampling.importance import WeightedDraws
 from sma_bayes.sampling.weighted import resampled
+from sma_bayes.studies.fit.common_shape import CommonShape, refitted
 from sma_bayes.studies.options import FitOptions
 from sma_bayes.studies.sensitivity.quantities import (
     QuantityDraws,
@@ -61,6 +62,8 @@ DRAWS: Final = 500
 """Draws of each refit; the place of a truth among them is uniform however few there are."""
 BATCH: Final = 25
 """Replicates of one task."""
+PILOTS: Final = 8
+"""Further replicates, of no other account, whose refits tell the shape that all have in common."""
 FEWEST: Final = 20
 """Replicates below which nothing is told."""
 LOST: Final = 0.05
@@ -86,6 +89,8 @@ class ReplicateTask:
     stiffness : bool
         Whether the fit gives a stiffness.
     seed : tuple of int
+    common : CommonShape or None
+        Of the posteriors of refits, once it is known.
     """
 
     posterior: Posterior
@@ -95,6 +100,7 @@ class ReplicateTask:
     at: tuple[float, ...]
     stiffness: bool
     seed: tuple[int, ...]
+    common: CommonShape | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,31 +186,51 @@ def augmented(posterior: Posterior, observed: dict[str, Floats]) -> Posterior:
 
 def tasks_of(draws: RecordDraws, stiffness: bool, replicates: int, seed: int) -> list[ReplicateTask]:
     """Replicates of one record, shared out; truths are taken evenly from its draws."""
-    posterior, theta = draws.posterior, before_calibration(draws)
     at = np.linspace(0, draws.size, replicates, endpoint=False).astype(int)
+    return [
+        _task(draws, stiffness, at[first : first + BATCH], (seed, 12, first))
+        for first in range(0, replicates, BATCH)
+    ]
+
+
+def pilot_task(draws: RecordDraws, stiffness: bool, seed: int) -> ReplicateTask:
+    """Replicates whose refits tell what those of all others are like."""
+    at = np.linspace(0, draws.size, PILOTS, endpoint=False).astype(int)
+    return _task(draws, stiffness, at, (seed, 13))
+
+
+def _task(draws: RecordDraws, stiffness: bool, some: Ints, seed: tuple[int, ...]) -> ReplicateTask:
+    posterior, theta = draws.posterior, before_calibration(draws)
+    weights: Weights = ({c: w[some] for c, w in draws.weights.items()},) if draws.weights else ()
     start = np.median(posterior.space.unconstrain(theta), axis=0)
-    stated = stated_temperatures(draws)
-    tasks = []
-    for first in range(0, replicates, BATCH):
-        some = at[first : first + BATCH]
-        weights: Weights = ({c: w[some] for c, w in draws.weights.items()},) if draws.weights else ()
-        own = (seed, 12, first, *draws.key.encode())
-        tasks.append(ReplicateTask(posterior, theta[some], weights, start, stated, stiffness, own))
-    return tasks
+    own = (*seed, *draws.key.encode())
+    return ReplicateTask(posterior, theta[some], weights, start, stated_temperatures(draws), stiffness, own)
+
+
+def _refits(task: ReplicateTask) -> Iterator[tuple[Posterior, WeightedDraws, np.random.Generator]]:
+    """Posterior of each replicate together with the record, draws of it, and a generator for what follows."""
+    simulate_seed, *seeds = np.random.SeedSequence(task.seed).spawn(1 + len(task.theta))
+    again = task.posterior.replicate(np.random.default_rng(simulate_seed), task.theta, weights=task.weights)
+    for i, seed in enumerate(seeds):
+        fit_seed, rank_seed = seed.spawn(2)
+        both = augmented(task.posterior, {c: y[i] for c, y in again.items()})
+        draws = refitted(both, task.start, both.space.prior_sd(), fit_seed, DRAWS, task.common)
+        yield both, draws, np.random.default_rng(rank_seed)
+
+
+def common_shape(task: ReplicateTask) -> CommonShape | None:
+    """What the posteriors of refits have in common."""
+    with threadpool_limits(limits=1), np.errstate(all="ignore"):
+        found = [draws for _, draws, _ in _refits(task)]
+        return CommonShape.of(found, np.random.default_rng(np.random.SeedSequence([*task.seed, 1])))
 
 
 def ranked(task: ReplicateTask) -> RecordRanks:
     """Simulate, fit again and rank."""
     posterior = task.posterior
-    simulate_seed, *seeds = np.random.SeedSequence(task.seed).spawn(1 + len(task.theta))
     with threadpool_limits(limits=1), np.errstate(all="ignore"):
-        again = posterior.replicate(np.random.default_rng(simulate_seed), task.theta, weights=task.weights)
         found, quantities = [], None
-        for i, seed in enumerate(seeds):
-            fit_seed, rank_seed = seed.spawn(2)
-            rng = np.random.default_rng(rank_seed)
-            both = augmented(posterior, {c: y[i] for c, y in again.items()})
-            draws = few_draws(both, task.start, both.space.prior_sd(), fit_seed, DRAWS)
+        for i, (both, draws, rng) in enumerate(_refits(task)):
             if not draws.converged:
                 continue
             z, log_weight = draws.z, draws.log_weight
@@ -222,9 +248,10 @@ def ranked(task: ReplicateTask) -> RecordRanks:
             )
             quantities = quantities_of(joined, task.at, stiffness=task.stiffness)
             found.append(places(np.stack([q.draws for q in quantities], axis=1), log_weight, rng))
+    replicates = len(task.theta)
     if quantities is None:
-        return RecordRanks((), np.empty((0, 0)), len(seeds))
-    return RecordRanks(quantities, np.stack(found), len(seeds) - len(found))
+        return RecordRanks((), np.empty((0, 0)), replicates)
+    return RecordRanks(quantities, np.stack(found), replicates - len(found))
 
 
 def summarised(ranks: RecordRanks, replicates: int) -> SelfCheckSummary:
@@ -284,7 +311,17 @@ def checked(
         None if path is None else _read(path, draws, tasks[0], replicates)
         for path, (draws, _), tasks in zip(paths, records, shared, strict=True)
     ]
-    todo = [t for tasks, done in zip(shared, known, strict=True) if done is None for t in tasks]
+    open_ = [n for n, done in enumerate(known) if done is None]
+    if tell is not None and open_:
+        tell(0, sum(len(shared[n]) for n in open_), "self-check: first refits")
+    shapes = run(
+        common_shape,
+        [pilot_task(*records[n], seed) for n in open_],
+        jobs,
+        account=account,
+        stage="self_check",
+    )
+    todo = [replace(t, common=shape) for n, shape in zip(open_, shapes, strict=True) for t in shared[n]]
     results = run(ranked, todo, jobs, account=account, stage="self_check")
     count = 0
     for (draws, _), tasks, done, path in zip(records, shared, known, paths, strict=True):

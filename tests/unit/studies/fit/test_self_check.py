@@ -46,14 +46,14 @@ def test_a_right_fit_passes(draws: RecordDraws) -> None:
 
 
 def test_a_sampler_that_narrows_is_seen(draws: RecordDraws, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = self_check.few_draws
+    whole = self_check.refitted
 
     def narrowed(*call: object) -> object:
         found = whole(*call)  # type: ignore[arg-type]
         middle = np.exp(found.log_weight) @ found.z
         return replace(found, z=middle + 0.6 * (found.z - middle))
 
-    monkeypatch.setattr(self_check, "few_draws", narrowed)
+    monkeypatch.setattr(self_check, "refitted", narrowed)
     (found,) = checked([(draws, False)], REPLICATES, 0, jobs=1)
     assert not found.passed
     spread = [q.spread for q in found.quantities if q.kind == "parameter"]
